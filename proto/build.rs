@@ -1,0 +1,56 @@
+//! Compiles the `.proto` files with protox, so that no `protoc` binary is needed.
+
+use prost::Message as _;
+use std::{error::Error, fs, path::PathBuf};
+
+/// Messages that people write in campaign files: they also read from and write to TOML.
+const WRITTEN_BY_PEOPLE: [&str; 6] = [
+    "World",
+    "ImageFormat",
+    "ControllerSpace",
+    "Search",
+    "TaxonomyFormat",
+    "CampaignSpec",
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let files = protox::compile(
+        [
+            "murmuration/v1/campaign.proto",
+            "murmuration/v1/worker.proto",
+            "murmuration/v1/checkpoint.proto",
+        ],
+        ["."],
+    )?;
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    fs::write(out.join("descriptors.bin"), files.encode_to_vec())?;
+
+    let mut config = tonic_prost_build::configure().build_transport(true);
+    for message in WRITTEN_BY_PEOPLE {
+        config = config
+            .type_attribute(
+                format!("murmuration.v1.{message}"),
+                "#[derive(serde::Serialize, serde::Deserialize)]",
+            )
+            .type_attribute(
+                format!("murmuration.v1.{message}"),
+                "#[serde(default, deny_unknown_fields)]",
+            );
+    }
+    config
+        .field_attribute(
+            "murmuration.v1.CampaignSpec.model",
+            "#[serde(with = \"crate::toml_names::model\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.CampaignSpec.method",
+            "#[serde(with = \"crate::toml_names::method\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.ControllerSpace.angles",
+            "#[serde(skip_serializing_if = \"Vec::is_empty\")]",
+        )
+        .compile_fds(files)?;
+    println!("cargo:rerun-if-changed=murmuration");
+    Ok(())
+}

@@ -1,0 +1,332 @@
+//! Everything that decides a campaign's outcome, validated as a whole.
+
+use crate::{CapabilityModel, ControllerSpace, ImageFormat, Invalid, Search, World, invalid, v1};
+use std::fmt;
+
+/// How controllers are proposed, and what novelty is measured on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Uniform samples in every generation; novelty on the hand-crafted features, for comparison only.
+    Random,
+    /// Novelty search on the five hand-crafted features (Brown et al.).
+    HandCrafted,
+}
+
+impl Method {
+    /// Every method.
+    pub const ALL: [Self; 2] = [Self::Random, Self::HandCrafted];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::HandCrafted => "hand-crafted",
+        }
+    }
+
+    fn one_of() -> String {
+        Self::ALL
+            .map(|method| format!("\"{}\"", method.name()))
+            .join(" or ")
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Method {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        Self::ALL
+            .into_iter()
+            .find(|method| method.name() == name)
+            .ok_or_else(|| Invalid::new("method", format!("\"{name}\""), Self::one_of()))
+    }
+}
+
+impl TryFrom<i32> for Method {
+    type Error = Invalid;
+
+    /// Takes an enum value as it comes out of a message's field.
+    fn try_from(number: i32) -> Result<Self, Invalid> {
+        match v1::Method::try_from(number) {
+            Ok(v1::Method::Random) => Ok(Self::Random),
+            Ok(v1::Method::HandCrafted) => Ok(Self::HandCrafted),
+            Ok(v1::Method::Unspecified) => Err(Invalid::new("method", "nothing", Self::one_of())),
+            Err(_) => Err(Invalid::new("method", number, Self::one_of())),
+        }
+    }
+}
+
+impl From<Method> for v1::Method {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::Random => Self::Random,
+            Method::HandCrafted => Self::HandCrafted,
+        }
+    }
+}
+
+/// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CampaignName(String);
+
+impl CampaignName {
+    /// The name as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl TryFrom<String> for CampaignName {
+    type Error = Invalid;
+
+    fn try_from(name: String) -> Result<Self, Invalid> {
+        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if (1..=64).contains(&name.len()) && name.chars().all(fits) {
+            return Ok(Self(name));
+        }
+        let shown: String = name.chars().take(64).collect();
+        Err(Invalid::new(
+            "name",
+            format!("{shown:?}"),
+            "1 to 64 letters, digits, '-' and '_'",
+        ))
+    }
+}
+
+/// Everything that decides a campaign's outcome: the same specification gives the same archive, bit for bit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CampaignSpec {
+    name: CampaignName,
+    seed: u64,
+    method: Method,
+    filter: bool,
+    world: World,
+    image: ImageFormat,
+    controllers: ControllerSpace,
+    search: Search,
+    medoids: u32,
+}
+
+impl CampaignSpec {
+    /// Reads a campaign file (TOML; the fields are those of the message `CampaignSpec`).
+    ///
+    /// # Errors
+    /// Says where the text is not TOML, which field it does not know, or which value is not allowed.
+    pub fn from_toml(text: &str) -> Result<Self, SpecFileError> {
+        let message: v1::CampaignSpec = toml::from_str(text)?;
+        Ok(message.try_into()?)
+    }
+
+    /// Writes it as a campaign file with every field spelled out; [`CampaignSpec::from_toml`] reads the same back.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(&v1::CampaignSpec::from(self)).unwrap_or_default()
+    }
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(&self) -> &CampaignName {
+        &self.name
+    }
+
+    /// Seed of every random stream, 0 to 2^63 - 1.
+    #[must_use]
+    pub const fn seed(&self) -> u64 {
+        self.seed
+    }
+
+    /// The robots' capability model.
+    #[must_use]
+    pub const fn model(&self) -> CapabilityModel {
+        self.controllers.model()
+    }
+
+    /// How controllers are proposed.
+    #[must_use]
+    pub const fn method(&self) -> Method {
+        self.method
+    }
+
+    /// Whether proposals must pass the heuristic filter.
+    #[must_use]
+    pub const fn filter(&self) -> bool {
+        self.filter
+    }
+
+    /// The arena.
+    #[must_use]
+    pub const fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The pictures.
+    #[must_use]
+    pub const fn image(&self) -> &ImageFormat {
+        &self.image
+    }
+
+    /// The controllers that may be proposed.
+    #[must_use]
+    pub const fn controllers(&self) -> &ControllerSpace {
+        &self.controllers
+    }
+
+    /// The parameters of the search.
+    #[must_use]
+    pub const fn search(&self) -> &Search {
+        &self.search
+    }
+
+    /// Number of medoids in the taxonomy.
+    #[must_use]
+    pub const fn medoids(&self) -> u32 {
+        self.medoids
+    }
+}
+
+impl TryFrom<v1::CampaignSpec> for CampaignSpec {
+    type Error = Invalid;
+
+    fn try_from(message: v1::CampaignSpec) -> Result<Self, Invalid> {
+        let model = CapabilityModel::try_from(message.model)?;
+        let world = World::try_from(message.world.unwrap_or_default()).map_err(|e| e.within("world"))?;
+        let search = Search::try_from(message.search.unwrap_or_default()).map_err(|e| e.within("search"))?;
+        let default_medoids = match model {
+            CapabilityModel::SingleSensor => 12,
+            CapabilityModel::TwoSensor => 16,
+        };
+        let medoids = message
+            .taxonomy
+            .unwrap_or_default()
+            .medoids
+            .unwrap_or(default_medoids);
+        let most_medoids = search.evaluations().min(1000) as u32;
+        Ok(Self {
+            name: message
+                .name
+                .unwrap_or_else(|| model.name().to_owned())
+                .try_into()?,
+            seed: invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?,
+            method: message.method.try_into()?,
+            filter: message.filter.unwrap_or(false),
+            image: ImageFormat::for_world(message.image.unwrap_or_default(), &world)
+                .map_err(|e| e.within("image"))?,
+            controllers: ControllerSpace::for_model(message.controllers.unwrap_or_default(), model)
+                .map_err(|e| e.within("controllers"))?,
+            medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
+            world,
+            search,
+        })
+    }
+}
+
+impl From<&CampaignSpec> for v1::CampaignSpec {
+    fn from(spec: &CampaignSpec) -> Self {
+        Self {
+            name: Some(spec.name.0.clone()),
+            seed: Some(spec.seed),
+            model: v1::CapabilityModel::from(spec.model()) as i32,
+            method: v1::Method::from(spec.method) as i32,
+            filter: Some(spec.filter),
+            world: Some(spec.world.into()),
+            image: Some(spec.image.into()),
+            controllers: Some((&spec.controllers).into()),
+            search: Some(spec.search.into()),
+            taxonomy: Some(v1::TaxonomyFormat {
+                medoids: Some(spec.medoids),
+            }),
+        }
+    }
+}
+
+/// Why a campaign file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SpecFileError {
+    /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
+    #[error("{0}")]
+    Syntax(#[from] toml::de::Error),
+    /// A value that is not allowed.
+    #[error("{0}")]
+    Value(#[from] Invalid),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[track_caller]
+    fn check_refused(text: &str, said: &str) {
+        let error = CampaignSpec::from_toml(text).unwrap_err().to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    const MINIMAL: &str = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n";
+
+    #[test]
+    fn the_defaults_are_the_papers() {
+        let spec = CampaignSpec::from_toml(MINIMAL).unwrap();
+        assert_eq!(spec.search().evaluations(), 10_000);
+        assert_eq!((spec.medoids(), spec.search().neighbours()), (12, 15));
+        assert_eq!(spec.name().as_str(), "single-sensor");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        check_refused("model = ", "line 1");
+        check_refused(
+            "method = \"random\"",
+            "model = nothing: must be \"single-sensor\" or \"two-sensor\"",
+        );
+        check_refused("model = \"three-sensor\"", "three-sensor");
+        check_refused(&format!("{MINIMAL}sed = 3"), "unknown field `sed`");
+        check_refused(&format!("{MINIMAL}name = \"a b\""), "name = \"a b\"");
+        check_refused(
+            &format!("{MINIMAL}[search]\npopulation = 0"),
+            "search.population = 0: must be a whole number from 1",
+        );
+        check_refused(
+            &format!("{MINIMAL}[search]\nmutation = nan"),
+            "search.mutation = NaN",
+        );
+        check_refused(
+            &format!("{MINIMAL}[search]\npopulation = 1\ngenerations = 3"),
+            "taxonomy.medoids = 12",
+        );
+        check_refused(
+            &format!("{MINIMAL}[world]\nwidth = 30"),
+            "world.width = 30: must be at least 2 (radius + padding) = 40",
+        );
+        check_refused(
+            &format!("{MINIMAL}[image]\nresolution = 501"),
+            "image.resolution = 501: must be a whole number from 1 to 500",
+        );
+        check_refused(
+            &format!("{MINIMAL}[controllers]\nangles = [1.0]"),
+            "controllers.angles",
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn a_written_specification_reads_back(seed in 0..=i64::MAX as u64, width in 50.0..10_000.0f64, two: bool, filter: bool) {
+            let model = if two { "two-sensor" } else { "single-sensor" };
+            let text = format!("model = \"{model}\"\nmethod = \"random\"\nseed = {seed}\nfilter = {filter}\n[world]\nwidth = {width}");
+            let spec = CampaignSpec::from_toml(&text).unwrap();
+            prop_assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+        }
+
+        #[test]
+        fn any_text_is_read_or_refused(text in ".{0,200}") {
+            let _ = CampaignSpec::from_toml(&text);
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! The contract: messages, services, and the validated vocabulary built on them.
+//!
+//! [`v1`] is what travels on the wire and may hold anything. The types beside it are what the rest of
+//! the project works with: they come into being only through `TryFrom<message>` (or through a constructor
+//! that checks as much), so that behind the edge no invalid value exists.
+//!
+//! Knows about nothing else in the workspace.
+#![deny(missing_docs)]
+
+mod campaign_spec;
+mod capability;
+mod controller;
+mod evaluation;
+mod image_format;
+mod invalid;
+mod random;
+mod record;
+mod replay;
+mod search;
+mod space;
+mod toml_names;
+mod world;
+
+pub use campaign_spec::{CampaignName, CampaignSpec, Method, SpecFileError};
+pub use capability::CapabilityModel;
+pub use controller::Controller;
+pub use evaluation::{Evaluation, FEATURE_NAMES, Features};
+pub use image_format::ImageFormat;
+pub use invalid::Invalid;
+pub use random::{Purpose, Stream};
+pub use replay::{Pose, Replay};
+pub use search::Search;
+pub use space::ControllerSpace;
+pub use world::World;
+
+/// The generated messages and services of the package `murmuration.v1`.
+#[allow(missing_docs, clippy::all)]
+pub mod v1 {
+    tonic::include_proto!("murmuration.v1");
+}
+
+/// The package's file descriptors (an encoded `FileDescriptorSet`), for the reflection service.
+pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
+
+/// Version of the function (controller, world, seed) -> evaluation.
+///
+/// It changes whenever one bit of any evaluation would. Coordinator and workers must agree on it.
+pub const SIMULATOR_VERSION: &str = "1";

@@ -1,0 +1,35 @@
+//! Enums of the messages as people write them in campaign files.
+
+/// `model = "single-sensor"`.
+pub(crate) mod model {
+    use crate::{CapabilityModel, v1};
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+
+    pub(crate) fn serialize<S: Serializer>(number: &i32, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(CapabilityModel::try_from(*number).map_or("", CapabilityModel::name))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i32, D::Error> {
+        let model: CapabilityModel = String::deserialize(deserializer)?
+            .parse()
+            .map_err(D::Error::custom)?;
+        Ok(v1::CapabilityModel::from(model) as i32)
+    }
+}
+
+/// `method = "hand-crafted"`.
+pub(crate) mod method {
+    use crate::{Method, v1};
+    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
+
+    pub(crate) fn serialize<S: Serializer>(number: &i32, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(Method::try_from(*number).map_or("", Method::name))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<i32, D::Error> {
+        let method: Method = String::deserialize(deserializer)?
+            .parse()
+            .map_err(D::Error::custom)?;
+        Ok(v1::Method::from(method) as i32)
+    }
+}

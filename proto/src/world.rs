@@ -1,0 +1,129 @@
+//! The arena and the bodies in it.
+
+use crate::{Invalid, invalid, record::record, v1};
+
+record! {
+    /// Where a swarm lives, and for how long (paper, "Simulation and Data").
+    ///
+    /// Lengths are in world units; the defaults are the paper's.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct World {
+        /// Width, 1 to 10,000.
+        width: f64,
+        /// Height, 1 to 10,000.
+        height: f64,
+        /// Distance that the walls are set in from the edges, 0 or more.
+        padding: f64,
+        /// Number of agents, 1 to 10,000.
+        agents: u32,
+        /// Radius of an agent's body, over 0.
+        radius: f64,
+        /// Radius of a wheel, over 0.
+        wheel_radius: f64,
+        /// Time of one step, over 0.
+        dt: f64,
+        /// Number of steps, 1 to 10,000,000.
+        horizon: u32,
+        /// Whether collisions add the authors' seeded jitter.
+        jitter: bool,
+    }
+}
+
+impl World {
+    /// Longest side of a world, in units.
+    pub const MAX_SIDE: f64 = 10_000.0;
+    /// Most agents in a world.
+    pub const MAX_AGENTS: u32 = 10_000;
+
+    /// Half the world's diagonal: the R of the paper's Table 1.
+    #[must_use]
+    pub fn half_diagonal(&self) -> f64 {
+        (self.width * self.width + self.height * self.height).sqrt() / 2.0
+    }
+
+    /// Distance between an agent's centre and an edge when it touches the wall.
+    #[must_use]
+    pub fn margin(&self) -> f64 {
+        self.radius + self.padding
+    }
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self {
+            width: 500.0,
+            height: 500.0,
+            padding: 15.0,
+            agents: 24,
+            radius: 5.0,
+            wheel_radius: 2.0,
+            dt: 1.0,
+            horizon: 1200,
+            jitter: false,
+        }
+    }
+}
+
+impl TryFrom<v1::World> for World {
+    type Error = Invalid;
+
+    fn try_from(message: v1::World) -> Result<Self, Invalid> {
+        let default = Self::default();
+        let side = |field, value: Option<f64>, otherwise| {
+            invalid::real(field, value.unwrap_or(otherwise), 1.0..=Self::MAX_SIDE)
+        };
+        let width = side("width", message.width, default.width)?;
+        let height = side("height", message.height, default.height)?;
+        let world = Self {
+            width,
+            height,
+            padding: invalid::real(
+                "padding",
+                message.padding.unwrap_or(default.padding),
+                0.0..=Self::MAX_SIDE,
+            )?,
+            agents: invalid::whole(
+                "agents",
+                message.agents.unwrap_or(default.agents),
+                1..=Self::MAX_AGENTS,
+            )?,
+            radius: invalid::positive("radius", message.radius.unwrap_or(default.radius), 1000.0)?,
+            wheel_radius: invalid::positive(
+                "wheel_radius",
+                message.wheel_radius.unwrap_or(default.wheel_radius),
+                1000.0,
+            )?,
+            dt: invalid::positive("dt", message.dt.unwrap_or(default.dt), 1000.0)?,
+            horizon: invalid::whole(
+                "horizon",
+                message.horizon.unwrap_or(default.horizon),
+                1..=10_000_000,
+            )?,
+            jitter: message.jitter.unwrap_or(default.jitter),
+        };
+        let needed = 2.0 * world.margin();
+        if needed > width.min(height) {
+            let allowed =
+                format!("at least 2 (radius + padding) = {needed}, or no agent fits between the walls");
+            let field = if width < height { "width" } else { "height" };
+            return Err(Invalid::new(field, width.min(height), allowed));
+        }
+        Ok(world)
+    }
+}
+
+impl From<World> for v1::World {
+    fn from(world: World) -> Self {
+        Self {
+            width: Some(world.width),
+            height: Some(world.height),
+            padding: Some(world.padding),
+            agents: Some(world.agents),
+            radius: Some(world.radius),
+            wheel_radius: Some(world.wheel_radius),
+            dt: Some(world.dt),
+            horizon: Some(world.horizon),
+            jitter: Some(world.jitter),
+        }
+    }
+}

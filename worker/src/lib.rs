@@ -1,0 +1,8 @@
+//! A pure function with a network face: (controller, world, seed) -> evaluation.
+#![deny(missing_docs)]
+
+pub mod case;
+pub mod evaluate;
+pub mod features;
+pub mod rasterise;
+pub mod simulate;
