@@ -5,4 +5,5 @@ pub mod case;
 pub mod evaluate;
 pub mod features;
 pub mod rasterise;
+pub mod replay;
 pub mod simulate;

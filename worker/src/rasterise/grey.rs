@@ -1,0 +1,123 @@
+//! From white pixels to grey values: averages of cells, and the stretch to the full range.
+
+use super::canvas::Canvas;
+
+/// The cells of a picture: pixel p of a side of `size` pixels belongs to cell floor(p * resolution / size).
+#[derive(Debug, Clone)]
+pub(super) struct Cells {
+    resolution: usize,
+    /// Cell of each x, and of each y.
+    cell: [Vec<u32>; 2],
+    /// Pixels across each cell, by axis.
+    extent: [Vec<u32>; 2],
+}
+
+impl Cells {
+    /// Cells for a canvas of `size` pixels, at least `resolution` on each side.
+    pub(super) fn new(size: [usize; 2], resolution: usize) -> Self {
+        let cell = size.map(|size| {
+            (0..size)
+                .map(|p| (p * resolution / size) as u32)
+                .collect::<Vec<_>>()
+        });
+        let extent = [0, 1].map(|axis: usize| {
+            let mut extent = vec![0; resolution];
+            for &index in &cell[axis] {
+                extent[index as usize] += 1;
+            }
+            extent
+        });
+        Self {
+            resolution,
+            cell,
+            extent,
+        }
+    }
+
+    /// 255 times the share of white in each cell, rounded half to even; index `x * resolution + y`.
+    pub(super) fn average(&self, canvas: &Canvas) -> Vec<u8> {
+        let mut white = vec![0u32; self.resolution * self.resolution];
+        canvas.for_each_white(|x, y| {
+            white[self.cell[0][x] as usize * self.resolution + self.cell[1][y] as usize] += 1;
+        });
+        let columns = white.chunks_exact(self.resolution).zip(&self.extent[0]);
+        columns
+            .flat_map(|(column, &width)| {
+                let cells = column.iter().zip(&self.extent[1]);
+                cells.map(move |(&white, &height)| share(white, width * height))
+            })
+            .collect()
+    }
+}
+
+/// round-half-to-even(255 * `white` / `area`), for `white <= area`, `area` over 0.
+fn share(white: u32, area: u32) -> u8 {
+    let (white, area) = (255 * u64::from(white), u64::from(area));
+    let (whole, rest) = (white / area, white % area);
+    let up = 2 * rest > area || (2 * rest == area && whole % 2 == 1);
+    (whole + u64::from(up)) as u8
+}
+
+/// The values stretched so that they run from 0 to (nearly) 255; all 0 where they are all the same.
+///
+/// As the authors' pictures were stretched on their way to a file, rounding included.
+pub(super) fn stretched(values: &[u8]) -> Vec<u8> {
+    let low = values.iter().copied().min().unwrap_or(0);
+    let high = values.iter().copied().max().unwrap_or(0);
+    let mut table = [0; 256];
+    for value in low..=high {
+        table[usize::from(value)] = stretch(value, low, high);
+    }
+    values.iter().map(|&value| table[usize::from(value)]).collect()
+}
+
+fn stretch(value: u8, low: u8, high: u8) -> u8 {
+    if low == high {
+        return 0;
+    }
+    let t = f64::from(value - low) / f64::from(high - low);
+    // Truncations, as theirs: 1/255 * 255 loses one for some.
+    let level = f64::from(((t * 256.0) as u32).min(255));
+    (level * (1.0 / 255.0) * 255.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_of_a_hundred_pixels_are_the_authors() {
+        for white in 0..=100u32 {
+            let theirs = (255.0 * f64::from(white) / 100.0).round_ties_even();
+            assert_eq!(f64::from(share(white, 100)), theirs, "{white} of 100");
+        }
+        // The ties, as their pictures have them (2.55 * 50 in f64 would give 127).
+        assert_eq!(
+            [10, 30, 50, 70, 90].map(|white| share(white, 100)),
+            [26, 76, 128, 178, 230]
+        );
+    }
+
+    #[test]
+    fn ties_go_to_the_even_value() {
+        assert_eq!(
+            [share(1, 2), share(1, 510), share(3, 510), share(5, 510)],
+            [128, 0, 2, 2]
+        );
+    }
+
+    #[test]
+    fn stretching_uses_the_whole_range() {
+        assert_eq!(stretched(&[3, 5, 4]), [0, 255, 128]);
+        assert_eq!(stretched(&[0, 255]), [0, 255]);
+        assert_eq!(stretched(&[7, 7]), [0, 0]);
+    }
+
+    #[test]
+    fn cells_of_unequal_size_are_shares_too() {
+        let mut canvas = Canvas::new([5, 3]);
+        canvas.paint((0..3).flat_map(|x| [[x, 0], [x, 2]]));
+        // Cells are 3 and 2 wide, 2 and 1 high.
+        assert_eq!(Cells::new([5, 3], 2).average(&canvas), [128, 255, 0, 0]);
+    }
+}

@@ -1,0 +1,59 @@
+//! Differential drive: what a pair of wheel speeds does to a pose in one step (paper, Eq. 1).
+
+use murmuration_proto::{Controller, World};
+
+/// The motion of one step under one sensor state.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Gait {
+    /// Distance along the old heading.
+    pub(super) ahead: f64,
+    /// Change of heading, radians.
+    pub(super) turn: f64,
+    /// (cos, sin) of `turn`.
+    pub(super) rotation: [f64; 2],
+}
+
+/// The gait of each sensor state: off, on; or indexed by 2 S1 + S2.
+///
+/// The two middle rows of the paper's Eq. 4 are exchanged against this; its pictures follow this order.
+pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
+    let mut gaits = [Gait::default(); 4];
+    for (gait, speeds) in gaits.iter_mut().zip(controller.speeds().chunks_exact(2)) {
+        let turn = (speeds[0] - speeds[1]) / (2.0 * world.radius()) * world.dt();
+        *gait = Gait {
+            ahead: world.wheel_radius() / 2.0 * (speeds[0] + speeds[1]) * world.dt(),
+            turn,
+            rotation: direction(turn),
+        };
+    }
+    gaits
+}
+
+impl Gait {
+    /// Where an agent at `from` that heads along the unit vector `heading` gets to.
+    #[inline(always)]
+    pub(super) fn drive(&self, from: [f64; 2], heading: [f64; 2]) -> [f64; 2] {
+        [
+            from[0] + self.ahead * heading[0],
+            from[1] + self.ahead * heading[1],
+        ]
+    }
+}
+
+/// The unit vector at `angle` radians.
+pub(super) fn direction(angle: f64) -> [f64; 2] {
+    [libm::cos(angle), libm::sin(angle)]
+}
+
+/// `vector` turned by an angle given as its (cos, sin).
+#[inline(always)]
+pub(super) fn rotate([x, y]: [f64; 2], [cos, sin]: [f64; 2]) -> [f64; 2] {
+    [x * cos - y * sin, x * sin + y * cos]
+}
+
+/// A vector of length nearly 1, with the length nearer to 1: one Newton step of the inverse square root.
+#[inline(always)]
+pub(super) fn renormalised([x, y]: [f64; 2]) -> [f64; 2] {
+    let factor = 1.5 - 0.5 * (x * x + y * y);
+    [x * factor, y * factor]
+}

@@ -1,0 +1,241 @@
+//! The swarm: agents stepped one after the other, each seeing the positions as they are at that moment.
+//!
+//! One step of one agent (paper, Eq. 1 and "Simulation and Data"; order as in the authors' simulator): drive with
+//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of others, sense.
+
+mod collide;
+mod drive;
+mod positions;
+mod sight;
+mod start;
+
+pub use start::Start;
+
+use collide::Collisions;
+use drive::{Gait, rotate};
+use murmuration_proto::{Controller, Invalid, World};
+use positions::Positions;
+use pulp::{Arch, Simd, WithSimd};
+
+/// Steps between two renormalisations of the headings.
+const RENORMALISE_EVERY: u32 = 256;
+
+/// A swarm of one controller in its world, to be stepped and looked at.
+///
+/// Its bits depend on controller, world and start alone: not on the CPU, nor on how the steps are grouped.
+#[derive(Debug, Clone)]
+pub struct Swarm {
+    arch: Arch,
+    walls: Walls,
+    gaits: [Gait; 4],
+    /// (cos, sin) of the second sensor's angle.
+    second_sensor: Option<[f64; 2]>,
+    collisions: Collisions,
+    positions: Positions,
+    bodies: Vec<Body>,
+    steps: u32,
+}
+
+/// An agent as it is between two steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Agent {
+    /// x and y, world units; y points down the screen.
+    pub position: [f64; 2],
+    /// Unit vector straight ahead.
+    pub heading: [f64; 2],
+    /// Heading in radians, not wrapped.
+    pub theta: f64,
+    /// What the last step moved it by, walls and collisions included; zero at the start.
+    pub displacement: [f64; 2],
+    /// What it sensed last: 0 or 1; with two sensors 2 S1 + S2, where S1 looks straight ahead. 0 at the start.
+    pub sensed: u8,
+}
+
+/// What an agent carries besides its position.
+#[derive(Debug, Clone, Copy)]
+struct Body {
+    position: [f64; 2],
+    heading: [f64; 2],
+    theta: f64,
+    displacement: [f64; 2],
+    sensed: u8,
+}
+
+/// Where the centre of an agent may be before collisions.
+#[derive(Debug, Clone, Copy)]
+struct Walls {
+    low: f64,
+    high: [f64; 2],
+}
+
+impl Swarm {
+    /// A swarm at its start, on the fastest instructions that this CPU has.
+    ///
+    /// # Errors
+    /// Where `start` does not have one pose for each of the world's agents.
+    pub fn new(controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
+        Self::on(Arch::new(), controller, world, start)
+    }
+
+    /// As [`Swarm::new`], on the instructions of `arch`: the bits are the same.
+    ///
+    /// # Errors
+    /// As [`Swarm::new`].
+    pub fn on(arch: Arch, controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
+        let poses = start.poses_for(world)?;
+        Ok(Self {
+            arch,
+            walls: Walls {
+                low: world.margin(),
+                high: [world.width() - world.margin(), world.height() - world.margin()],
+            },
+            gaits: drive::gaits(controller, world),
+            second_sensor: controller.angle().map(drive::direction),
+            collisions: Collisions::new(world, start),
+            positions: poses.iter().map(|&[x, y, _]| [x, y]).collect(),
+            bodies: poses.iter().map(Body::at).collect(),
+            steps: 0,
+        })
+    }
+
+    /// Steps every agent once.
+    pub fn step(&mut self) {
+        self.advance(1);
+    }
+
+    /// Steps every agent `steps` times.
+    pub fn advance(&mut self, steps: u32) {
+        let arch = self.arch;
+        match self.second_sensor {
+            None => arch.dispatch(Run {
+                swarm: self,
+                steps,
+                rays: |heading| [heading],
+            }),
+            Some(angle) => arch.dispatch(Run {
+                swarm: self,
+                steps,
+                rays: |heading| [heading, rotate(heading, angle)],
+            }),
+        }
+    }
+
+    /// Steps done since the start.
+    #[must_use]
+    pub const fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// The agents, in index order.
+    pub fn agents(&self) -> impl ExactSizeIterator<Item = Agent> + Clone {
+        self.bodies.iter().map(|body| Agent {
+            position: body.position,
+            heading: body.heading,
+            theta: body.theta,
+            displacement: body.displacement,
+            sensed: body.sensed,
+        })
+    }
+
+    /// Where the sensors of an agent with `heading` look, as unit vectors: S1, then S2 if there is one.
+    pub fn sensor_directions(&self, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> + use<> {
+        let second = self.second_sensor.map(|angle| rotate(heading, angle));
+        std::iter::once(heading).chain(second)
+    }
+
+    /// How often a push was one that the authors' simulator adds its jitter to, whether or not the world has it.
+    #[must_use]
+    pub const fn jitter_events(&self) -> u64 {
+        self.collisions.jitter_events()
+    }
+
+    #[inline(always)]
+    fn run<S: Simd, const SENSORS: usize>(
+        &mut self,
+        simd: S,
+        steps: u32,
+        rays: impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
+    ) {
+        for _ in 0..steps {
+            for i in 0..self.bodies.len() {
+                self.step_agent(simd, i, &rays);
+            }
+            self.steps += 1;
+            if self.steps.is_multiple_of(RENORMALISE_EVERY) {
+                for body in &mut self.bodies {
+                    body.heading = drive::renormalised(body.heading);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn step_agent<S: Simd, const SENSORS: usize>(
+        &mut self,
+        simd: S,
+        i: usize,
+        rays: &impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
+    ) {
+        let body = &mut self.bodies[i];
+        let gait = &self.gaits[usize::from(body.sensed % 4)];
+        let before = body.position;
+        let mut at = self.walls.clamp(gait.drive(before, body.heading));
+        body.heading = rotate(body.heading, gait.rotation);
+        body.theta += gait.turn;
+
+        let rays = rays(body.heading);
+        let view = sight::look(simd, &self.positions, i, at, rays, self.collisions.reach());
+        body.sensed = view.sensed;
+        if view.crowded {
+            at = self.collisions.push_out(simd, &self.positions, i, at);
+            body.sensed = sight::look(simd, &self.positions, i, at, rays, self.collisions.reach()).sensed;
+        }
+        body.position = at;
+        body.displacement = [at[0] - before[0], at[1] - before[1]];
+        self.positions.set(simd, i, at);
+    }
+}
+
+/// Some steps of a swarm, as something that can be compiled for several kinds of CPU.
+///
+/// Everything below it is inlined by force: only what is inlined is compiled for the kind at hand.
+struct Run<'a, R> {
+    swarm: &'a mut Swarm,
+    steps: u32,
+    rays: R,
+}
+
+impl<const SENSORS: usize, R> WithSimd for Run<'_, R>
+where
+    R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.swarm.run(simd, self.steps, self.rays);
+    }
+}
+
+impl Body {
+    fn at(&[x, y, theta]: &[f64; 3]) -> Self {
+        Self {
+            position: [x, y],
+            heading: drive::direction(theta),
+            theta,
+            displacement: [0.0; 2],
+            sensed: 0,
+        }
+    }
+}
+
+impl Walls {
+    #[inline(always)]
+    fn clamp(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let clamp = |value: f64, high: f64| {
+            let value = if value < self.low { self.low } else { value };
+            if value > high { high } else { value }
+        };
+        [clamp(x, self.high[0]), clamp(y, self.high[1])]
+    }
+}
