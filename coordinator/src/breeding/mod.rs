@@ -1,0 +1,143 @@
+//! Proposals: which controllers a generation evaluates (paper, "Evolution and Clustering").
+//!
+//! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller
+//! space. Every other is bred from the generation before it: parents win tournaments by novelty, a child is
+//! crossed over and mutated. With the filter, a controller that fails it is drawn or bred anew.
+//!
+//! A generation is a pure function of what [`propose`] is given. All of its random numbers come from one stream,
+//! that of (the campaign's seed, [`Purpose::Propose`], the generation), in this order: the controllers one after
+//! the other, and for each attempt at one either
+//!
+//! * its genes in order (a sample), or
+//! * the first tournament; whether to cross over; if so the second tournament and the cut; then, gene by gene,
+//!   whether it mutates and if so how (a child).
+
+mod selection;
+mod variation;
+
+use crate::filter::Score;
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Method, Purpose, Stream};
+
+/// Attempts at one controller before the search is given up as hopeless.
+///
+/// The filter discards about a fifth of the space, so a sample never comes near. Children can, where hardly
+/// anything mutates and every parent fails.
+pub const MOST_ATTEMPTS: u32 = 100_000;
+
+/// The controllers of a generation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Proposal {
+    /// As many as the population, in the order of the individuals.
+    pub controllers: Vec<Controller>,
+    /// How many others the filter discarded on the way; 0 without it.
+    pub filtered: u64,
+}
+
+/// An individual of the generation before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parent {
+    /// Its controller.
+    pub controller: Controller,
+    /// Its novelty (paper, Eq. 1), higher being fitter.
+    pub novelty: f64,
+}
+
+/// Why a generation cannot be proposed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum ProposeError {
+    /// A generation after the first must be bred, and there is nothing to breed it from.
+    #[error("generation {generation} has no parents")]
+    NoParents {
+        /// The generation, from 0.
+        generation: u32,
+    },
+    /// A parent is of another capability model than the campaign.
+    #[error("parent {parent} is a {given} controller in a campaign of the {expected} model")]
+    ForeignParent {
+        /// Its place among the parents, from 0.
+        parent: usize,
+        /// Its model.
+        given: CapabilityModel,
+        /// The campaign's model.
+        expected: CapabilityModel,
+    },
+    /// The filter discarded [`MOST_ATTEMPTS`] controllers in a row.
+    #[error(
+        "the filter discarded {MOST_ATTEMPTS} controllers in a row in generation {generation}: \
+         turn it off, or let more genes mutate"
+    )]
+    AllFiltered {
+        /// The generation, from 0.
+        generation: u32,
+    },
+}
+
+/// The controllers of `generation` (from 0), as many as the population; `parents` are the individuals of the
+/// generation before, in order, and are looked at only where there is breeding.
+///
+/// # Errors
+/// [`ProposeError`] if a generation must be bred without parents or from parents of another model, or if the
+/// filter lets nothing through.
+pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Result<Proposal, ProposeError> {
+    if generation == 0 || spec.method() == Method::Random {
+        return fill(spec, generation, |stream| spec.controllers().sample(stream));
+    }
+    if parents.is_empty() {
+        return Err(ProposeError::NoParents { generation });
+    }
+    let expected = spec.model();
+    for (parent, given) in parents.iter().map(|parent| parent.controller.model()).enumerate() {
+        if given != expected {
+            return Err(ProposeError::ForeignParent {
+                parent,
+                given,
+                expected,
+            });
+        }
+    }
+    fill(spec, generation, |stream| breed(spec, parents, stream))
+}
+
+/// A population of what `attempt` makes and the filter, if there is one, lets through.
+fn fill(
+    spec: &CampaignSpec,
+    generation: u32,
+    mut attempt: impl FnMut(&mut Stream) -> Controller,
+) -> Result<Proposal, ProposeError> {
+    let mut stream = Stream::derive(spec.seed(), Purpose::Propose, generation.into());
+    let mut controllers = Vec::new();
+    let mut filtered = 0;
+    let mut in_a_row = 0;
+    while controllers.len() < spec.search().population() as usize {
+        let controller = attempt(&mut stream);
+        if !spec.filter() || Score::of(&controller).passes() {
+            controllers.push(controller);
+            in_a_row = 0;
+            continue;
+        }
+        filtered += 1;
+        in_a_row += 1;
+        if in_a_row == MOST_ATTEMPTS {
+            return Err(ProposeError::AllFiltered { generation });
+        }
+    }
+    Ok(Proposal {
+        controllers,
+        filtered,
+    })
+}
+
+fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut Stream) -> Controller {
+    let search = spec.search();
+    let first = selection::tournament(parents, search, stream);
+    let mut genes = first.controller.genes().to_vec();
+    if stream.chance(search.crossover()) {
+        let second = selection::tournament(parents, search, stream);
+        variation::cross_over(&mut genes, second.controller.genes(), stream);
+    }
+    variation::mutate(&mut genes, spec.controllers(), search, stream);
+    spec.controllers().controller(&genes)
+}
+
+#[cfg(test)]
+mod tests;
