@@ -1,26 +1,11 @@
 //! Novelty by brute force and by a k-d tree, in the same run: what `Lookup::for_size` rests on.
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::novelty::{Behaviours, Lookup, novelty_by};
-use murmuration_proto::{Purpose, Stream};
-use std::{hint::black_box, time::Duration};
+mod archive;
 
-/// `points` behaviours of five values: clumps of differing width, as an archive has them.
-fn archive(points: usize) -> Behaviours {
-    let mut stream = Stream::derive(1, Purpose::Start, points as u64);
-    let mut behaviours = Behaviours::new(5);
-    for i in 0..points {
-        let clump = (i % 12) as f64;
-        let vector: [f64; 5] = std::array::from_fn(|d| {
-            let centre = (clump * (d + 1) as f64 * 0.37) % 1.0;
-            centre + stream.between(-0.02, 0.02) * (1.0 + clump)
-        });
-        if let Err(misfit) = behaviours.push(&vector) {
-            eprintln!("{misfit}");
-        }
-    }
-    behaviours
-}
+use archive::archive;
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use murmuration_coordinator::novelty::{Lookup, novelty_by};
+use std::{hint::black_box, time::Duration};
 
 /// Compares the two for the newest `queries` of `points`, each asking for `k` neighbours.
 fn compare(c: &mut Criterion, name: &str, cases: impl IntoIterator<Item = (usize, usize, usize)>) {

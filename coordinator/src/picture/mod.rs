@@ -10,6 +10,7 @@ mod indexed;
 mod sketch;
 mod trajectory;
 
+pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::grey_png;
 pub use trajectory::{Paper, trajectory_png};

@@ -1,0 +1,55 @@
+//! Medoids to begin with.
+
+use crate::novelty::Behaviours;
+use murmuration_proto::Stream;
+
+/// `k` different points (at most as many as there are): the first uniformly, each of the others with a
+/// probability proportional to its distance from the nearest one chosen (k-means++ for a loss of distances that
+/// are not squared).
+///
+/// Points that coincide with a chosen one are never drawn. Where nothing else is left the lowest free indices
+/// are taken.
+pub(super) fn seed(points: &Behaviours, k: usize, stream: &mut Stream) -> Vec<usize> {
+    let mut seeds = Vec::with_capacity(k);
+    let mut distances = vec![f64::INFINITY; points.len()];
+    while seeds.len() < k {
+        let drawn = match seeds.is_empty() {
+            true => Some(stream.below(points.len() as u64) as usize),
+            false => draw(&distances, stream),
+        };
+        let Some(drawn) = drawn else {
+            break;
+        };
+        seeds.push(drawn);
+        points.each_squared_distance(drawn, |point, squared| {
+            distances[point] = distances[point].min(squared.sqrt());
+        });
+    }
+    let free: Vec<usize> = (0..points.len())
+        .filter(|point| !seeds.contains(point))
+        .take(k - seeds.len())
+        .collect();
+    seeds.extend(free);
+    seeds
+}
+
+/// A point drawn with a probability proportional to its distance; `None` if all are 0.
+fn draw(distances: &[f64], stream: &mut Stream) -> Option<usize> {
+    let total = distances.iter().fold(0.0, |sum, distance| sum + distance);
+    if total <= 0.0 {
+        return None;
+    }
+    let mark = stream.unit() * total;
+    let mut sum = 0.0;
+    let mut drawn = None;
+    for (point, &distance) in distances.iter().enumerate() {
+        if distance > 0.0 {
+            drawn = Some(point);
+            sum += distance;
+            if sum > mark {
+                break;
+            }
+        }
+    }
+    drawn
+}

@@ -1,0 +1,96 @@
+//! Numbers and dates as people read them.
+
+/// `12,345,678`.
+pub(super) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Four significant digits or so: `0.01235`, `1.235`, `1,235`.
+pub(super) fn short(number: f64) -> String {
+    match number.abs() {
+        size if size >= 1e15 || !size.is_finite() || (size < 1e-4 && size > 0.0) => format!("{number:.2e}"),
+        size if size >= 1000.0 && number > 0.0 => grouped(number.round() as u64),
+        size if size >= 100.0 => format!("{number:.1}"),
+        size if size >= 10.0 => format!("{number:.2}"),
+        size if size >= 1.0 || size == 0.0 => format!("{number:.3}"),
+        size if size >= 0.1 => format!("{number:.4}"),
+        _ => format!("{number:.5}"),
+    }
+}
+
+/// `part` of `whole` in percent: `12.3 %`; `0 %` of nothing.
+pub(super) fn percent(part: u64, whole: u64) -> String {
+    match whole {
+        0 => "0 %".to_owned(),
+        _ => format!("{:.1} %", 100.0 * part as f64 / whole as f64),
+    }
+}
+
+/// `2026-11-21`: the day of a time in milliseconds since 1970-01-01 UTC, in the Gregorian calendar.
+pub(super) fn day(ms: u64) -> String {
+    const DAYS_IN_400_YEARS: u64 = 146_097;
+    let is_leap =
+        |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
+    let days = ms / 86_400_000;
+    let mut year = 1970 + days / DAYS_IN_400_YEARS * 400;
+    let mut left = days % DAYS_IN_400_YEARS;
+    while left >= 365 + u64::from(is_leap(year)) {
+        left -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let february = 28 + u64::from(is_leap(year));
+    let mut month = 1;
+    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
+        if left < length {
+            break;
+        }
+        left -= length;
+        month += 1;
+    }
+    format!("{year}-{month:02}-{:02}", left + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(
+            [0, 999, 1000, 1_234_567].map(grouped),
+            ["0", "999", "1,000", "1,234,567"]
+        );
+        let texts = [
+            0.0, 0.012_346, 0.5, 1.234_56, 12.345, 123.45, 1234.5, -2.5, 1e-9, 1e20,
+        ]
+        .map(short);
+        assert_eq!(
+            texts,
+            [
+                "0.000", "0.01235", "0.5000", "1.235", "12.35", "123.5", "1,235", "-2.500", "1.00e-9",
+                "1.00e20"
+            ]
+        );
+        assert_eq!([percent(1, 8), percent(0, 0)], ["12.5 %", "0 %"]);
+    }
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        let check = |seconds: u64, expected: &str| assert_eq!(day(seconds * 1000 + 999), expected);
+        check(0, "1970-01-01");
+        check(86_399, "1970-01-01");
+        check(951_782_400, "2000-02-29");
+        check(951_868_800, "2000-03-01");
+        check(1_735_603_200, "2024-12-31");
+        check(4_107_542_400, "2100-03-01");
+        check(1_795_219_200, "2026-11-21");
+    }
+}

@@ -1,0 +1,296 @@
+// Draws the behaviour space, and brings one cluster out: on the map, the small maps, the cards and the legend.
+const { archive, clusterColours, fit } = window.murmuration;
+const canvas = document.getElementById("space");
+const pen = canvas.getContext("2d");
+const pins = document.getElementById("pins");
+const tip = document.getElementById("tip");
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const count = archive.x.length;
+const genes = archive.genes.length / Math.max(count, 1);
+const PIN = 46;
+const ROOM = 34;
+const REACH = 14;
+let chosen = -1;
+let hovered = -1;
+
+// Order of drawing: by cluster, so that a colour is set once a cluster.
+const order = Uint32Array.from(archive.x.keys()).sort((a, b) => archive.cluster[a] - archive.cluster[b]);
+
+function place(i) {
+  const room = Math.min(ROOM, canvas.clientWidth / 14);
+  return [
+    room + (archive.x[i] / 65535) * (canvas.clientWidth - 2 * room),
+    canvas.clientHeight - room - (archive.y[i] / 65535) * (canvas.clientHeight - 2 * room),
+  ];
+}
+
+function paint() {
+  fit(canvas);
+  const dense = canvas.width / Math.max(canvas.clientWidth, 1);
+  pen.setTransform(dense, 0, 0, dense, 0, 0);
+  pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+  const radius = count > 30000 ? 1.2 : count > 3000 ? 1.8 : 2.6;
+  const grey = dark.matches ? "#4a4b48" : "#cfccc3";
+  const clusters = clusterColours.map((_, cluster) => cluster).sort((a, b) => (a === chosen) - (b === chosen));
+  for (const cluster of clusters) {
+    const faded = chosen >= 0 && cluster !== chosen;
+    pen.fillStyle = faded ? grey : clusterColours[cluster];
+    pen.globalAlpha = faded ? 0.5 : chosen === cluster ? 0.95 : 0.6;
+    paintCluster(cluster, radius);
+  }
+  paintLeaders();
+  if (hovered >= 0) {
+    const [x, y] = place(hovered);
+    pen.globalAlpha = 1;
+    pen.lineWidth = 2;
+    pen.strokeStyle = dark.matches ? "#ffffff" : "#1d1d1b";
+    pen.beginPath();
+    pen.arc(x, y, radius + 3, 0, 2 * Math.PI);
+    pen.stroke();
+  }
+}
+
+function paintCluster(cluster, radius) {
+  for (let at = starts[cluster]; at < starts[cluster + 1]; at++) {
+    const [x, y] = place(order[at]);
+    if (count > 30000) {
+      pen.fillRect(x - radius, y - radius, 2 * radius, 2 * radius);
+    } else {
+      pen.beginPath();
+      pen.arc(x, y, radius, 0, 2 * Math.PI);
+      pen.fill();
+    }
+  }
+}
+
+const starts = new Uint32Array(clusterColours.length + 1);
+for (const cluster of archive.cluster) starts[cluster + 1]++;
+for (let cluster = 0; cluster < clusterColours.length; cluster++) starts[cluster + 1] += starts[cluster];
+
+// Pins: the grey image and the number of each medoid, beside its point.
+const labels = archive.medoids.map((_, cluster) => {
+  const link = document.createElement("a");
+  link.href = `#behaviour-${cluster + 1}`;
+  link.className = "pin";
+  link.dataset.place = cluster;
+  link.style.setProperty("--cluster", clusterColours[cluster]);
+  const image = document.createElement("img");
+  const card = document.getElementById(`behaviour-${cluster + 1}`);
+  image.src = card.querySelector("img.grey").src;
+  image.alt = "";
+  const number = document.createElement("span");
+  number.textContent = cluster + 1;
+  link.setAttribute("aria-label", `Behaviour ${cluster + 1}`);
+  link.append(image, number);
+  pins.append(link);
+  return { link, x: 0, y: 0 };
+});
+
+// Pins push each other and the points apart until they no longer overlap.
+function arrange() {
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  const small = width < 620 || labels.length > 40;
+  pins.classList.toggle("small", small);
+  const size = small ? 20 : PIN;
+  const points = archive.medoids.map(place);
+  labels.forEach((label, i) => {
+    const [dx, dy] = [points[i][0] - width / 2, points[i][1] - height / 2];
+    const far = small ? 0 : PIN / Math.max(Math.hypot(dx, dy), 1);
+    label.x = points[i][0] + dx * far + 0.01 * i;
+    label.y = points[i][1] + dy * far;
+  });
+  for (let round = 0; round < 300; round++) {
+    for (const [i, a] of labels.entries()) {
+      for (const b of labels.slice(0, i)) push(a, b, size + 6, 0.5);
+      if (!small) for (const [x, y] of points) push(a, { x, y, fixed: true }, size / 2 + 10, 0.6);
+      a.x = Math.min(Math.max(a.x, size / 2 + 2), width - size / 2 - 2);
+      a.y = Math.min(Math.max(a.y, size / 2 + 2), height - size / 2 - 2);
+    }
+  }
+  for (const { link, x, y } of labels) {
+    link.style.left = `${x - size / 2}px`;
+    link.style.top = `${y - size / 2}px`;
+  }
+}
+
+function push(a, b, apart, part) {
+  const [dx, dy] = [a.x - b.x, a.y - b.y];
+  const distance = Math.hypot(dx, dy);
+  if (distance >= apart) return;
+  const move = (part * (apart - distance)) / Math.max(distance, 0.01);
+  a.x += dx * move;
+  a.y += dy * move;
+  if (!b.fixed) {
+    b.x -= dx * move;
+    b.y -= dy * move;
+  }
+}
+
+function paintLeaders() {
+  pen.lineWidth = 1.25;
+  labels.forEach(({ x, y }, cluster) => {
+    const [px, py] = place(archive.medoids[cluster]);
+    pen.globalAlpha = chosen >= 0 && chosen !== cluster ? 0.25 : 0.9;
+    pen.strokeStyle = dark.matches ? "#a9a79f" : "#5f5e58";
+    pen.beginPath();
+    pen.moveTo(px, py);
+    pen.lineTo(x, y);
+    pen.stroke();
+    pen.fillStyle = dark.matches ? "#ecebe6" : "#1d1d1b";
+    pen.beginPath();
+    pen.arc(px, py, 3.5, 0, 2 * Math.PI);
+    pen.fill();
+  });
+}
+
+// Small maps: where one cluster lies among all points.
+function paintSmall(small, cluster) {
+  fit(small);
+  const brush = small.getContext("2d");
+  const { width, height } = small;
+  brush.clearRect(0, 0, width, height);
+  const edge = 0.06 * width;
+  const dot = Math.max(width / 90, 1);
+  const stamp = (i) =>
+    brush.fillRect(
+      edge + (archive.x[i] / 65535) * (width - 2 * edge) - dot / 2,
+      height - edge - (archive.y[i] / 65535) * (height - 2 * edge) - dot / 2,
+      dot,
+      dot,
+    );
+  const every = Math.max(Math.floor(count / 6000), 1);
+  brush.fillStyle = dark.matches ? "#45463f" : "#d9d6cd";
+  for (let at = 0; at < count; at += every) stamp(order[at]);
+  brush.fillStyle = clusterColours[cluster];
+  for (let at = starts[cluster]; at < starts[cluster + 1]; at += every) stamp(order[at]);
+  const centre = archive.medoids[cluster];
+  brush.fillStyle = dark.matches ? "#ffffff" : "#1d1d1b";
+  brush.beginPath();
+  brush.arc(
+    edge + (archive.x[centre] / 65535) * (width - 2 * edge),
+    height - edge - (archive.y[centre] / 65535) * (height - 2 * edge),
+    width / 32,
+    0,
+    2 * Math.PI,
+  );
+  brush.fill();
+}
+
+function choose(cluster) {
+  if (chosen === cluster) return;
+  chosen = cluster;
+  for (const marked of document.querySelectorAll(".pin, .legend a")) {
+    marked.classList.toggle("faded", cluster >= 0 && Number(marked.dataset.place) !== cluster);
+  }
+  schedule();
+}
+
+let waiting = false;
+function schedule() {
+  if (waiting) return;
+  waiting = true;
+  requestAnimationFrame(() => {
+    waiting = false;
+    paint();
+  });
+}
+
+// The point nearest to the pointer, through a grid of cells.
+let grid = null;
+function buildGrid() {
+  const columns = Math.max(Math.ceil(canvas.clientWidth / REACH), 1);
+  const rows = Math.max(Math.ceil(canvas.clientHeight / REACH), 1);
+  const cellOf = new Uint32Array(count);
+  const begins = new Uint32Array(columns * rows + 1);
+  for (let i = 0; i < count; i++) {
+    const [x, y] = place(i);
+    const column = Math.min(Math.max(Math.floor(x / REACH), 0), columns - 1);
+    cellOf[i] = Math.min(Math.max(Math.floor(y / REACH), 0), rows - 1) * columns + column;
+    begins[cellOf[i] + 1]++;
+  }
+  for (let cell = 0; cell < columns * rows; cell++) begins[cell + 1] += begins[cell];
+  const next = begins.slice();
+  const members = new Uint32Array(count);
+  for (let i = 0; i < count; i++) members[next[cellOf[i]]++] = i;
+  grid = { columns, rows, begins, members };
+}
+
+function nearest(x, y) {
+  let best = -1;
+  let closest = REACH;
+  const [column, row] = [Math.floor(x / REACH), Math.floor(y / REACH)];
+  for (let r = Math.max(row - 1, 0); r <= Math.min(row + 1, grid.rows - 1); r++) {
+    for (let c = Math.max(column - 1, 0); c <= Math.min(column + 1, grid.columns - 1); c++) {
+      const cell = r * grid.columns + c;
+      for (let at = grid.begins[cell]; at < grid.begins[cell + 1]; at++) {
+        const [px, py] = place(grid.members[at]);
+        const distance = Math.hypot(px - x, py - y);
+        if (distance < closest) [best, closest] = [grid.members[at], distance];
+      }
+    }
+  }
+  return best;
+}
+
+function describe(i) {
+  const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) => gene / 10000);
+  const lines = [
+    `Individual ${archive.index[i].toLocaleString("en")} · behaviour ${archive.cluster[i] + 1}`,
+    `[${values.join(", ")}]`,
+    `novelty ${archive.novelty[i].toPrecision(4)} · generation ${archive.generation[i]}`,
+  ];
+  tip.replaceChildren(
+    ...lines.map((line) => {
+      const row = document.createElement("div");
+      row.textContent = line;
+      return row;
+    }),
+  );
+}
+
+canvas.addEventListener("pointermove", (event) => {
+  const i = nearest(event.offsetX, event.offsetY);
+  if (i === hovered) return;
+  hovered = i;
+  tip.hidden = i < 0;
+  if (i >= 0) {
+    describe(i);
+    const [x, y] = place(i);
+    tip.style.left = `${Math.max(Math.min(x + 14, canvas.clientWidth - tip.offsetWidth - 4), 4)}px`;
+    tip.style.top = `${y + 18 + tip.offsetHeight > canvas.clientHeight ? y - tip.offsetHeight - 12 : y + 16}px`;
+  }
+  choose(i >= 0 ? archive.cluster[i] : -1);
+  schedule();
+});
+canvas.addEventListener("pointerleave", () => {
+  hovered = -1;
+  tip.hidden = true;
+  choose(-1);
+  schedule();
+});
+
+for (const marked of document.querySelectorAll(".pin, .legend a, .card")) {
+  const cluster = Number(marked.dataset.place);
+  marked.addEventListener("pointerenter", () => choose(cluster));
+  marked.addEventListener("pointerleave", () => choose(-1));
+  marked.addEventListener("focusin", () => choose(cluster));
+  marked.addEventListener("focusout", () => choose(-1));
+}
+
+function layOut() {
+  fit(canvas);
+  arrange();
+  buildGrid();
+  paint();
+  for (const small of document.querySelectorAll("canvas.where")) {
+    paintSmall(small, Number(small.closest(".card").dataset.place));
+  }
+}
+let resizing = 0;
+addEventListener("resize", () => {
+  clearTimeout(resizing);
+  resizing = setTimeout(layOut, 120);
+});
+dark.addEventListener("change", layOut);
+layOut();

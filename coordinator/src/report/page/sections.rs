@@ -1,0 +1,159 @@
+//! The sections under the taxonomy: map, novelty, filter, specification, how to read it.
+
+use super::copyable;
+use crate::{
+    picture::colours,
+    report::{
+        Report, ReportError, commands,
+        numbers::{grouped, percent, short},
+        plots,
+    },
+};
+use maud::{Markup, PreEscaped, html};
+
+/// The behaviour space in two dimensions.
+pub(super) fn map(report: &Report) -> Markup {
+    let [across, up] = &report.map.axis_titles;
+    let (count, shown) = (report.individuals.len(), super::data::shown_points(report).len());
+    html! {
+        section #map aria-labelledby="map-title" {
+            h2 #map-title { "Map of the behaviour space" }
+            p.lead {
+                "Every point is one controller that was tried; near points behaved alike. Colours are clusters, numbers the "
+                "behaviours above. The space has five dimensions and is flattened to two here, so that points that lie "
+                "apart may look close. "
+                @if shown < count { (grouped(shown as u64)) " of " (grouped(count as u64)) " points are drawn, evenly chosen. " }
+                span.scripted { "Point at a cluster, a number or a card to bring one cluster out." }
+            }
+            div.map.scripted {
+                canvas #space role="img" aria-label={
+                    "Map of " (grouped(count as u64)) " controllers in " (report.medoids.len()) " clusters; across: "
+                    (across) ", up: " (up)
+                } {}
+                div #pins {}
+                div #tip role="status" hidden {}
+                p.across { (across) }
+                p.up { (up) }
+            }
+            noscript { p { "The map needs scripts; map.svg beside this page shows the same." } }
+            ul.legend aria-label="Clusters" {
+                @for place in 0..report.medoids.len() {
+                    li { a href={ "#behaviour-" (place + 1) } data-place=(place)
+                        style={ "--cluster:" (colours::hex(colours::cluster(place))) } {
+                        span.swatch { (place + 1) } (percent(report.medoids[place].cluster_size, count as u64))
+                    } }
+                }
+            }
+        }
+    }
+}
+
+/// Best and mean novelty over generations.
+pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
+    let ends = report.generations.first().zip(report.generations.last());
+    Ok(html! {
+        section #novelty aria-labelledby="novelty-title" {
+            h2 #novelty-title { "Novelty over generations" }
+            p.lead {
+                "Novelty is the mean distance to the " (report.spec.search().neighbours())
+                " nearest behaviours in the archive. It falls as the archive fills: a late behaviour that is still novel is far "
+                "from everything seen before."
+                @if let Some((first, last)) = ends {
+                    " The mean went from " (short(first.mean_novelty)) " to " (short(last.mean_novelty)) "."
+                }
+            }
+            (plot("Best and mean novelty over generations", |size| plots::novelty(&report.generations, size))?)
+        }
+    })
+}
+
+/// What the heuristic filter turned away.
+pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
+    let away: u64 = report.generations.iter().map(|step| step.filtered).sum();
+    let proposed = away + report.individuals.len() as u64;
+    Ok(html! {
+        section #filtered aria-labelledby="filtered-title" {
+            h2 #filtered-title { "What was filtered" }
+            @if report.spec.filter() {
+                p.lead {
+                    "The heuristic filter looks at a controller alone, before it is simulated, and turns away those that cannot "
+                    "lead to an interesting behaviour: too slow, spinning in place, blind to the others. It turned away "
+                    strong { (grouped(away)) " of " (grouped(proposed)) " proposals" } " (" (percent(away, proposed)) ")."
+                }
+                (plot("Proposals turned away over generations", |size| plots::filtered(&report.generations, size))?)
+            } @else {
+                p.lead { "Nothing: the heuristic filter was off, and every proposed controller was simulated." }
+            }
+        }
+    })
+}
+
+/// A plot for wide and for narrow pages; the style sheet shows the one that fits.
+fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<String, ReportError>) -> Result<Markup, ReportError> {
+    Ok(html! {
+        div.plot role="img" aria-label=(name) {
+            div.wide { (PreEscaped(draw(plots::WIDE)?)) }
+            div.narrow { (PreEscaped(draw(plots::NARROW)?)) }
+        }
+    })
+}
+
+/// What was asked for, and how to do it again.
+pub(super) fn specification(report: &Report) -> Markup {
+    html! {
+        section #specification aria-labelledby="specification-title" {
+            h2 #specification-title { "Specification" }
+            p.lead {
+                "Everything that decides the outcome. Saved as spec.toml (it lies beside this page), it gives the same archive "
+                "again, bit for bit, on any number of workers:"
+            }
+            (copyable("command", commands::RUN_AGAIN))
+            p { "With simulator version " (report.simulator_version) ", expect this archive digest:" }
+            (copyable("digest", &report.digest))
+            details {
+                summary { "spec.toml" }
+                pre tabindex="0" { code { (report.spec.to_toml()) } }
+            }
+        }
+    }
+}
+
+/// What the words and pictures mean.
+pub(super) fn reading(report: &Report) -> Markup {
+    let entry = |word: &str, meaning: Markup| html! { div { dt { (word) } dd { (meaning) } } };
+    html! {
+        section #reading aria-labelledby="reading-title" {
+            h2 #reading-title { "How to read this" }
+            dl.words {
+                (entry("Behaviour", html! {
+                    "A medoid: the one controller of its cluster that is nearest to all the others. The cards are ordered by the "
+                    "size of the cluster."
+                }))
+                (entry("Grey image", html! {
+                    "The last " (report.spec.image().window()) " steps as " (report.spec.image().resolution()) " × "
+                    (report.spec.image().resolution()) " grey values, without colours: what an algorithm sees of the swarm."
+                }))
+                (entry("Controller", html! {
+                    "Left and right wheel speed when the sensor sees nobody, then when it sees another robot"
+                    @if report.spec.model().angles() > 0 {
+                        "; with two sensors, the four pairs are none, second, first and both, followed by the angle of the second "
+                        "sensor in radians"
+                    }
+                    ". Speeds go from −1 to 1."
+                }))
+                (entry("Novelty", html! {
+                    "How far a behaviour is from its nearest neighbours in the whole archive. High means rare."
+                }))
+                (entry("Mean distance", html! {
+                    "How far the members of a cluster are from its medoid on average. Low means that the picture speaks for all "
+                    "of them; high, that the cluster is mixed. Over the whole archive these distances add up to "
+                    (short(report.loss)) "."
+                }))
+                (entry("A caution", html! {
+                    "One start was simulated for each controller. Another start can lead to another behaviour: try another seed "
+                    "before you draw conclusions."
+                }))
+            }
+        }
+    }
+}

@@ -1,0 +1,265 @@
+//! The plots as SVG: novelty and filtering over generations, and the map of the behaviour space.
+
+use super::{GenerationSummary, Report, ReportError};
+use crate::picture::colours::{self, Rgb};
+use plotters::{
+    coord::Shift,
+    prelude::*,
+    style::text_anchor::{HPos, Pos, VPos},
+};
+
+/// Size in pixels for a wide page and for papers.
+pub(super) const WIDE: (u32, u32) = (1080, 320);
+/// Size in pixels for a narrow page.
+pub(super) const NARROW: (u32, u32) = (360, 260);
+
+// The page's style sheet knows these colours by value and replaces them in the dark.
+const INK: RGBColor = RGBColor(0x1d, 0x1d, 0x1b);
+const MUTED: RGBColor = RGBColor(0x5f, 0x5e, 0x58);
+const GRID: RGBColor = RGBColor(0xe4, 0xe1, 0xd8);
+const BEST: RGBColor = RGBColor(0x1f, 0x5f, 0x8b);
+const MEAN: RGBColor = RGBColor(0xb0, 0x62, 0x1c);
+
+/// Most points of a line and most individuals of a map that are drawn one by one.
+const MOST_STEPS: usize = 1500;
+const MOST_POINTS: usize = 20_000;
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Failed = DrawingAreaErrorKind<std::io::Error>;
+
+/// Best and mean novelty over generations.
+pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Result<String, ReportError> {
+    let steps = condensed(generations);
+    let best = steps
+        .iter()
+        .map(|step| (f64::from(step.generation), step.best_novelty))
+        .collect();
+    let mean = steps
+        .iter()
+        .map(|step| (f64::from(step.generation), step.mean_novelty))
+        .collect();
+    let lines = [("best", BEST, best), ("mean", MEAN, mean)];
+    draw("novelty.svg", size, |area| {
+        over_generations(area, &lines, "novelty")
+    })
+}
+
+/// Proposals turned away over generations.
+pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> Result<String, ReportError> {
+    let steps = condensed(generations);
+    let filtered = steps
+        .iter()
+        .map(|step| (f64::from(step.generation), step.filtered as f64))
+        .collect();
+    let lines = [("", BEST, filtered)];
+    draw("the filter's plot", size, |area| {
+        over_generations(area, &lines, "turned away")
+    })
+}
+
+/// All individuals in the colours of their clusters, and the medoids with their numbers.
+pub(super) fn map(report: &Report) -> Result<String, ReportError> {
+    draw("map.svg", (1080, 720), |area| behaviour_space(area, report))
+}
+
+fn draw(
+    plot: &'static str,
+    size: (u32, u32),
+    fill: impl FnOnce(&Area<'_>) -> Result<(), Failed>,
+) -> Result<String, ReportError> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+    let drawn = fill(&area).and_then(|()| area.present());
+    drop(area);
+    drawn.map_err(|error| ReportError::Plot {
+        plot,
+        reason: error.to_string(),
+    })?;
+    Ok(svg)
+}
+
+type Line = (&'static str, RGBColor, Vec<(f64, f64)>);
+
+fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), Failed> {
+    let values = || {
+        lines
+            .iter()
+            .flat_map(|(_, _, points)| points)
+            .filter(|(_, value)| value.is_finite())
+    };
+    let last = values().fold(1.0, |most: f64, &(generation, _)| most.max(generation));
+    let top = values().fold(0.0, |most: f64, &(_, value)| most.max(value));
+    let top = if top > 0.0 { top * 1.08 } else { 1.0 };
+    let narrow = area.dim_in_pixel().0 < 600;
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(12)
+        .margin_right(if lines.len() > 1 { 52 } else { 16 })
+        .x_label_area_size(40)
+        .y_label_area_size(62)
+        .build_cartesian_2d(0.0..last, 0.0..top)?;
+    let text = |colour: RGBColor| ("sans-serif", 13).into_font().color(&colour);
+    chart
+        .configure_mesh()
+        .disable_x_mesh()
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .axis_style(GRID)
+        .label_style(text(MUTED))
+        .axis_desc_style(text(INK))
+        .x_labels(if narrow { 4 } else { 10 })
+        .y_labels(5)
+        .x_label_formatter(&|generation| format!("{generation:.0}"))
+        .y_label_formatter(&|value| axis_number(*value))
+        .x_desc("generation")
+        .y_desc(title)
+        .draw()?;
+    for (name, colour, points) in lines {
+        let points: Vec<_> = points
+            .iter()
+            .copied()
+            .filter(|(_, value)| value.is_finite())
+            .collect();
+        let end = points.last().copied();
+        chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
+        if let Some(end) = end {
+            let style = text(*colour).pos(Pos::new(HPos::Left, VPos::Center));
+            let label = EmptyElement::at(end) + Text::new((*name).to_owned(), (8, 0), style);
+            chart.plotting_area().draw(&label)?;
+        }
+    }
+    Ok(())
+}
+
+fn axis_number(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let short = text.trim_end_matches('0').trim_end_matches('.');
+    if short == "0" && value > 0.0 {
+        format!("{value:.0e}")
+    } else {
+        short.to_owned()
+    }
+}
+
+fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
+    area.fill(&WHITE)?;
+    let points = &report.map.points;
+    let bounds = |axis: usize| {
+        let values = points.iter().map(|point| point[axis]);
+        let low = values.clone().fold(f64::INFINITY, f64::min);
+        let high = values.fold(f64::NEG_INFINITY, f64::max);
+        let room = if high > low { 0.05 * (high - low) } else { 1.0 };
+        low - room..high + room
+    };
+    let text = |colour: RGBColor, size: u32| ("sans-serif", size).into_font().color(&colour);
+    let mut chart = ChartBuilder::on(area)
+        .margin(16)
+        .x_label_area_size(44)
+        .y_label_area_size(64)
+        .build_cartesian_2d(bounds(0), bounds(1))?;
+    chart
+        .configure_mesh()
+        .disable_mesh()
+        .axis_style(GRID)
+        .label_style(text(MUTED, 13))
+        .axis_desc_style(text(INK, 14))
+        .x_label_formatter(&|value| format!("{value:.3}"))
+        .y_label_formatter(&|value| format!("{value:.3}"))
+        .x_desc(report.map.axis_titles[0].as_str())
+        .y_desc(report.map.axis_titles[1].as_str())
+        .draw()?;
+    let stride = points.len().div_ceil(MOST_POINTS).max(1);
+    chart.draw_series(
+        points
+            .iter()
+            .zip(&report.clusters)
+            .step_by(stride)
+            .map(|(&[x, y], &cluster)| {
+                Circle::new(
+                    (x, y),
+                    2,
+                    rgb(colours::cluster(cluster as usize)).mix(0.6).filled(),
+                )
+            }),
+    )?;
+    for (place, medoid) in report.medoids.iter().enumerate() {
+        let [x, y] = points[medoid.index as usize];
+        let centred = text(WHITE, 12).pos(Pos::new(HPos::Center, VPos::Center));
+        let mark = EmptyElement::at((x, y))
+            + Circle::new((0, 0), 11, WHITE.filled())
+            + Circle::new((0, 0), 10, INK.filled())
+            + Text::new((place + 1).to_string(), (0, 0), centred);
+        chart.plotting_area().draw(&mark)?;
+    }
+    Ok(())
+}
+
+const fn rgb([red, green, blue]: Rgb) -> RGBColor {
+    RGBColor(red, green, blue)
+}
+
+/// At most [`MOST_STEPS`] generations: neighbours become one, with the highest best, the mean of the means and the sum
+/// of what was filtered.
+fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
+    let together = generations.len().div_ceil(MOST_STEPS).max(1);
+    let one = |group: &[GenerationSummary]| GenerationSummary {
+        generation: group[0].generation,
+        best_novelty: group
+            .iter()
+            .map(|step| step.best_novelty)
+            .fold(f64::NEG_INFINITY, f64::max),
+        mean_novelty: group.iter().map(|step| step.mean_novelty).sum::<f64>() / group.len() as f64,
+        filtered: group.iter().map(|step| step.filtered).sum(),
+    };
+    generations.chunks(together).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(count: u32) -> Vec<GenerationSummary> {
+        let step = |generation: u32| GenerationSummary {
+            generation,
+            best_novelty: 1.0 / f64::from(generation + 1),
+            mean_novelty: 0.5 / f64::from(generation + 1),
+            filtered: 2,
+        };
+        (0..count).map(step).collect()
+    }
+
+    #[test]
+    fn long_runs_are_condensed_without_losing_peaks_or_counts() {
+        let mut long = run(100_000);
+        long[77_777].best_novelty = 9.0;
+        let short = condensed(&long);
+        assert!(short.len() <= MOST_STEPS);
+        assert_eq!(short.iter().map(|step| step.filtered).sum::<u64>(), 200_000);
+        assert!(short.iter().any(|step| step.best_novelty == 9.0));
+        assert_eq!(condensed(&run(5)), run(5));
+    }
+
+    #[test]
+    fn plots_are_drawn_whatever_the_numbers() {
+        let odd = [f64::NAN, f64::INFINITY, 0.0, 1e300, 1e-300].map(|novelty| GenerationSummary {
+            generation: 0,
+            best_novelty: novelty,
+            mean_novelty: novelty,
+            filtered: u64::MAX,
+        });
+        for generations in [
+            &[][..],
+            &run(1),
+            &run(300),
+            &odd[..1],
+            &odd[1..2],
+            &odd[2..3],
+            &odd[3..4],
+            &odd[4..],
+        ] {
+            for size in [WIDE, NARROW] {
+                assert!(novelty(generations, size).unwrap().trim_end().ends_with("</svg>"));
+                assert!(filtered(generations, size).unwrap().contains("turned away"));
+            }
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! The archive, the taxonomy and the generations as CSV: a header, then numbers that read back exactly.
+
+use super::{Entry, Report};
+use murmuration_proto::{CapabilityModel, FEATURE_NAMES};
+use std::io::{self, Write};
+
+/// One row an individual, by index. Clusters count from 1, as the cards do.
+pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        file,
+        "index,cluster,map_x,map_y,{}",
+        entry_columns(report.spec.model())
+    )?;
+    let rows = report
+        .individuals
+        .iter()
+        .zip(&report.clusters)
+        .zip(&report.map.points);
+    for (index, ((entry, cluster), [x, y])) in rows.enumerate() {
+        write!(file, "{index},{},{x},{y},", cluster + 1)?;
+        write_entry(entry, file)?;
+    }
+    Ok(())
+}
+
+/// One row a medoid, largest cluster first.
+pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        file,
+        "behaviour,index,cluster_size,mean_distance,{}",
+        entry_columns(report.spec.model())
+    )?;
+    for (place, medoid) in report.medoids.iter().enumerate() {
+        write!(
+            file,
+            "{},{},{},{},",
+            place + 1,
+            medoid.index,
+            medoid.cluster_size,
+            medoid.mean_distance
+        )?;
+        write_entry(&report.individuals[medoid.index as usize], file)?;
+    }
+    Ok(())
+}
+
+/// One row a generation.
+pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    writeln!(file, "generation,best_novelty,mean_novelty,filtered")?;
+    for row in &report.generations {
+        let (generation, best, mean) = (row.generation, row.best_novelty, row.mean_novelty);
+        writeln!(file, "{generation},{best},{mean},{}", row.filtered)?;
+    }
+    Ok(())
+}
+
+fn entry_columns(model: CapabilityModel) -> String {
+    let speeds = (0..model.speeds() / 2).map(|state| format!("vl{state},vr{state}"));
+    let angles = (0..model.angles()).map(|_| "angle".to_owned());
+    let genes: Vec<String> = speeds.chain(angles).collect();
+    format!(
+        "generation,seed,novelty,{},{}",
+        FEATURE_NAMES.join(","),
+        genes.join(",")
+    )
+}
+
+fn write_entry(entry: &Entry, file: &mut dyn Write) -> io::Result<()> {
+    write!(file, "{},{},{}", entry.generation, entry.seed, entry.novelty)?;
+    for value in entry.features.iter().chain(entry.controller.genes()) {
+        write!(file, ",{value}")?;
+    }
+    writeln!(file)
+}
