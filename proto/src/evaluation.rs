@@ -67,6 +67,12 @@ impl Evaluation {
         &self.image
     }
 
+    /// The picture alone.
+    #[must_use]
+    pub fn into_image(self) -> Vec<u8> {
+        self.image
+    }
+
     /// Whether the two are the same bits.
     #[must_use]
     pub fn same_bits(&self, other: &Self) -> bool {

@@ -2,6 +2,7 @@
 #![deny(missing_docs)]
 
 pub mod case;
+pub mod client;
 pub mod evaluate;
 pub mod features;
 pub mod rasterise;

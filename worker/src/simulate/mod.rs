@@ -15,7 +15,8 @@ use collide::Collisions;
 use drive::{Gait, rotate};
 use murmuration_proto::{Controller, Invalid, World};
 use positions::Positions;
-use pulp::{Arch, Simd, WithSimd};
+pub use pulp::Arch;
+use pulp::{Simd, WithSimd};
 
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
