@@ -1,10 +1,23 @@
 //! Campaigns: the search, its archive and taxonomy, the leases that farm it out, and the command line.
+//!
+//! ARCHITECTURE.md has the map. Knows `proto`, and `worker` only to start workers in-process and for the
+//! `simulate` command.
 #![deny(missing_docs)]
 
 pub mod breeding;
+pub mod campaign;
+pub mod cli;
+pub mod digest;
+pub mod dispatch;
 pub mod filter;
+pub mod leases;
+pub mod local;
 pub mod medoids;
 pub mod novelty;
 pub mod picture;
 pub mod projection;
 pub mod report;
+pub mod server;
+pub mod service;
+pub mod store;
+pub mod taxonomy;

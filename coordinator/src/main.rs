@@ -1,2 +1,7 @@
-//! placeholder
-fn main() {}
+//! The `murmuration` binary: coordinator and command line.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    murmuration_coordinator::cli::main()
+}

@@ -1,0 +1,327 @@
+//! The registry: every campaign of the store, and those at work in this process.
+
+use super::{
+    CampaignId, CampaignState, Change, NotAllowed,
+    live::{Live, Progress},
+    search,
+};
+use crate::{
+    breeding::ProposeError,
+    dispatch::{Dispatch, JobError},
+    novelty::Misfit,
+    store::{CampaignRecord, Store, StoreError},
+};
+use murmuration_proto::{CampaignSpec, SIMULATOR_VERSION};
+use std::{
+    collections::BTreeMap,
+    sync::Arc,
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+use tokio::{
+    sync::{Mutex, watch},
+    task::JoinHandle,
+};
+
+/// Why a campaign stopped, or could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// Its state does not allow the change.
+    #[error("{0}")]
+    NotAllowed(#[from] NotAllowed),
+    /// A generation could not be evaluated.
+    #[error("{0}")]
+    Job(#[from] JobError),
+    /// A generation could not be proposed.
+    #[error("{0}")]
+    Propose(#[from] ProposeError),
+    /// A worker returned features that cannot be compared.
+    #[error("a worker returned an impossible evaluation: {0}")]
+    Misfit(#[from] Misfit),
+    /// Its archive comes from another simulator, whose evaluations differ.
+    #[error(
+        "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \
+         run it with that version, or start a new campaign",
+        SIMULATOR_VERSION
+    )]
+    OtherSimulator {
+        /// The campaign.
+        id: CampaignId,
+        /// Version of the simulator that it was begun with.
+        theirs: String,
+    },
+    /// A bug: the search itself broke off.
+    #[error(
+        "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
+    )]
+    Broken,
+}
+
+/// A campaign as it stands: what is on disk, and what is happening.
+#[derive(Debug, Clone)]
+pub struct CampaignStatus {
+    /// What is on disk.
+    pub record: CampaignRecord,
+    /// Whether this process works on it.
+    pub active: bool,
+    /// Evaluations of the generation in work that have arrived.
+    pub evaluated_in_generation: u32,
+    /// Evaluations a second over the last seconds.
+    pub evaluations_per_second: f64,
+    /// Workers connected to this coordinator.
+    pub workers: usize,
+}
+
+/// Handle on the registry; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Campaigns {
+    store: Store,
+    dispatch: Dispatch,
+    /// Campaigns that were started in this process, until somebody looks after they ended. Held while one is
+    /// started or stopped, so that no campaign is ever searched twice at once.
+    at_work: Arc<Mutex<BTreeMap<CampaignId, AtWork>>>,
+}
+
+#[derive(Debug)]
+struct AtWork {
+    stop: watch::Sender<bool>,
+    progress: watch::Receiver<Progress>,
+    task: JoinHandle<()>,
+}
+
+impl Campaigns {
+    /// A registry over a store, with nothing at work.
+    #[must_use]
+    pub fn new(store: Store, dispatch: Dispatch) -> Self {
+        Self {
+            store,
+            dispatch,
+            at_work: Arc::default(),
+        }
+    }
+
+    /// Stores a campaign and starts it.
+    ///
+    /// # Errors
+    /// If it cannot be stored.
+    pub async fn create(&self, spec: CampaignSpec) -> Result<CampaignStatus, CampaignError> {
+        let store = self.store.clone();
+        let created_ms = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64);
+        let record = search::blocking(move || {
+            let id = store.create_campaign(&spec, created_ms)?;
+            store.campaign(id.as_str())
+        })
+        .await??;
+        let id = record.id.clone();
+        self.start(&mut *self.at_work.lock().await, record)?;
+        self.status(id.as_str()).await
+    }
+
+    /// Continues every campaign that was running when its coordinator ended.
+    ///
+    /// # Errors
+    /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
+    pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
+        let store = self.store.clone();
+        let records = search::blocking(move || store.campaigns()).await??;
+        let mut at_work = self.at_work.lock().await;
+        for record in records
+            .into_iter()
+            .filter(|record| record.state == CampaignState::Running)
+        {
+            let id = record.id.clone();
+            match self.start(&mut at_work, record) {
+                Ok(()) => tracing::info!(campaign = %id, "resumed"),
+                Err(error) => tracing::error!(campaign = %id, %error, "cannot be resumed"),
+            }
+        }
+        Ok(())
+    }
+
+    /// Pauses, resumes or cancels a campaign; its new status is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or its state does not allow the change.
+    pub async fn change(&self, id: &str, change: Change) -> Result<CampaignStatus, CampaignError> {
+        let mut at_work = self.at_work.lock().await;
+        let mut record = self.record(id).await?;
+        let id = record.id.clone();
+        let failed = at_work
+            .get(&id)
+            .is_some_and(|work| work.progress.borrow().failed.is_some());
+        let from = if failed {
+            CampaignState::Failed
+        } else {
+            record.state
+        };
+        let state = from.after(change).ok_or_else(|| NotAllowed {
+            id: id.clone(),
+            change,
+            state: from,
+        })?;
+        let busy = at_work.get(&id).is_some_and(|work| !work.task.is_finished());
+        if change == Change::Resume && busy {
+            drop(at_work);
+            return self.status(id.as_str()).await;
+        }
+        if let Some(work) = at_work.remove(&id) {
+            work.end().await;
+        }
+        let store = self.store.clone();
+        record = search::blocking(move || {
+            // It may have completed while it was being stopped.
+            if store.campaign(record.id.as_str())?.state != CampaignState::Completed {
+                store.set_state(&record.id, state, "")?;
+            }
+            store.campaign(record.id.as_str())
+        })
+        .await??;
+        if record.state == CampaignState::Running {
+            self.start(&mut at_work, record)?;
+        }
+        drop(at_work);
+        self.status(id.as_str()).await
+    }
+
+    /// Every campaign, oldest first.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
+        let store = self.store.clone();
+        let at_work: BTreeMap<_, _> = self
+            .at_work
+            .lock()
+            .await
+            .iter()
+            .map(|(id, work)| (id.clone(), work.snapshot()))
+            .collect();
+        let records = search::blocking(move || store.campaigns()).await??;
+        Ok(records
+            .into_iter()
+            .map(|record| self.merged(at_work.get(&record.id).cloned(), record))
+            .collect())
+    }
+
+    /// One campaign; `latest` is the newest.
+    ///
+    /// # Errors
+    /// If there is none of that id or the store cannot be read.
+    pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let id = self.record(id).await?.id;
+        let snapshot = self.at_work.lock().await.get(&id).map(AtWork::snapshot);
+        let record = self.record(id.as_str()).await?;
+        Ok(self.merged(snapshot, record))
+    }
+
+    /// Waits until a campaign's status may have changed, at most a second.
+    pub async fn changed(&self, id: &CampaignId) {
+        let progress = self
+            .at_work
+            .lock()
+            .await
+            .get(id)
+            .map(|work| work.progress.clone());
+        let change = async {
+            match progress {
+                Some(mut progress) if progress.has_changed().is_ok() => {
+                    // An error means that the search has ended, which is a change.
+                    let _ = progress.changed().await;
+                }
+                _ => std::future::pending().await,
+            }
+        };
+        let _ = tokio::time::timeout(Duration::from_secs(1), change).await;
+    }
+
+    /// Stops everything at work without changing what the store says of it: it resumes with the next coordinator.
+    pub async fn stop(&self) {
+        let mut at_work = self.at_work.lock().await;
+        while let Some((_, work)) = at_work.pop_first() {
+            work.end().await;
+        }
+    }
+
+    async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
+        let (store, id) = (self.store.clone(), id.to_owned());
+        Ok(search::blocking(move || store.campaign(&id)).await??)
+    }
+
+    fn start(
+        &self,
+        at_work: &mut BTreeMap<CampaignId, AtWork>,
+        record: CampaignRecord,
+    ) -> Result<(), CampaignError> {
+        if record.simulator_version != SIMULATOR_VERSION {
+            return Err(CampaignError::OtherSimulator {
+                id: record.id,
+                theirs: record.simulator_version,
+            });
+        }
+        let (stop, stopped) = watch::channel(false);
+        let (sender, progress) = watch::channel(Progress::default());
+        let live = Live::new(sender, stopped, record.spec.search().population());
+        let search = search::run(
+            self.store.clone(),
+            self.dispatch.clone(),
+            record.id.clone(),
+            Arc::new(record.spec),
+            live,
+        );
+        let task = tokio::spawn(search);
+        at_work.insert(record.id, AtWork { stop, progress, task });
+        Ok(())
+    }
+
+    /// The snapshot must have been taken before the record was read: then a search that had ended by the time
+    /// of the snapshot has its last word in the record.
+    fn merged(&self, snapshot: Option<Snapshot>, mut record: CampaignRecord) -> CampaignStatus {
+        let Snapshot { active, progress } = snapshot.unwrap_or_default();
+        if let Some(error) = progress.failed {
+            record.state = CampaignState::Failed;
+            record.error = error;
+        }
+        CampaignStatus {
+            active,
+            evaluated_in_generation: if active {
+                progress.evaluated_in_generation
+            } else {
+                0
+            },
+            evaluations_per_second: if active {
+                progress.evaluations_per_second
+            } else {
+                0.0
+            },
+            workers: *self.dispatch.workers().borrow(),
+            record,
+        }
+    }
+}
+
+/// A search at work, at one instant.
+#[derive(Debug, Clone, Default)]
+struct Snapshot {
+    active: bool,
+    progress: Progress,
+}
+
+impl AtWork {
+    fn snapshot(&self) -> Snapshot {
+        Snapshot {
+            active: !self.task.is_finished(),
+            progress: self.progress.borrow().clone(),
+        }
+    }
+
+    /// Stops the search between two commits and waits until it has stopped.
+    async fn end(self) {
+        self.stop.send_replace(true);
+        // A search that panicked has ended too.
+        let _ = self.task.await;
+    }
+}

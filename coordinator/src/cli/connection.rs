@@ -1,0 +1,85 @@
+//! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
+
+use super::{CliError, Global, loopback};
+use crate::{
+    dispatch,
+    local::LocalCluster,
+    server::Options,
+    store::{DataDirectory, StoreError},
+};
+use murmuration_proto::v1::campaign_service_client::CampaignServiceClient;
+use std::time::Duration;
+use tonic::transport::{Channel, Endpoint};
+
+/// Largest message taken from a coordinator: a replay of many agents.
+const MAX_MESSAGE: usize = 128 << 20;
+
+pub(super) type Client = CampaignServiceClient<Channel>;
+
+/// A coordinator that answers, for as long as this value lives.
+pub(super) struct Connection {
+    pub(super) client: Client,
+    /// Present if this process had to start one.
+    own: Option<LocalCluster>,
+}
+
+impl Connection {
+    /// Reaches the coordinator that was named, or the one that holds the data directory, or starts one over it
+    /// with `workers` workers (which goes on with no campaign by itself).
+    pub(super) async fn open(global: &Global, workers: usize) -> Result<Self, CliError> {
+        if let Some(url) = &global.coordinator {
+            return Ok(Self {
+                client: connect(url).await?,
+                own: None,
+            });
+        }
+        match DataDirectory::hold_existing(&global.data) {
+            Ok(data) => Self::start(data, workers).await,
+            Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => Ok(Self {
+                client: connect(&holder.address).await?,
+                own: None,
+            }),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Starts a coordinator over a data directory that this process holds.
+    pub(super) async fn start(data: DataDirectory, workers: usize) -> Result<Self, CliError> {
+        let options = Options {
+            data,
+            listen: loopback(0),
+            resume: false,
+            dispatch: dispatch::Options::default(),
+        };
+        let own = LocalCluster::start(options, workers).await?;
+        let client = connect(&own.coordinator().url()).await?;
+        Ok(Self {
+            client,
+            own: Some(own),
+        })
+    }
+
+    /// Whether this process runs the coordinator, so that nothing goes on after it.
+    pub(super) const fn is_own(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// Ends what was started.
+    pub(super) async fn close(self) -> Result<(), CliError> {
+        match self.own {
+            Some(own) => Ok(own.shutdown().await?),
+            None => Ok(()),
+        }
+    }
+}
+
+async fn connect(url: &str) -> Result<Client, CliError> {
+    let endpoint = Endpoint::from_shared(url.to_owned())
+        .map_err(|_| CliError::Input(format!("\"{url}\" is not a URL such as http://127.0.0.1:7700")))?
+        .connect_timeout(Duration::from_secs(5));
+    let channel = endpoint
+        .connect()
+        .await
+        .map_err(|error| CliError::no_coordinator(url, &error))?;
+    Ok(CampaignServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE))
+}

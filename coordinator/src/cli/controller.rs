@@ -1,0 +1,76 @@
+//! Controllers as people type them.
+
+use super::CliError;
+use murmuration_proto::{CapabilityModel, Controller, Invalid};
+use std::f64::consts::PI;
+
+/// Reads `0.6,1,0.4,0.5` or `[0.6, 1.0, 0.4, 0.5]`; nine values make a two-sensor controller, whose angle may be
+/// written like `-pi/3` or `2pi/3`.
+pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
+    let inner = text.trim().trim_start_matches('[').trim_end_matches(']');
+    let genes = inner
+        .split([',', ' '])
+        .filter(|gene| !gene.is_empty())
+        .map(|gene| number(gene).ok_or_else(|| Invalid::new("controller", format!("\"{text}\""), FORM)))
+        .collect::<Result<Vec<_>, _>>()?;
+    let model = CapabilityModel::ALL
+        .into_iter()
+        .find(|model| model.genes() == genes.len())
+        .ok_or_else(|| Invalid::new("controller", format!("{} values", genes.len()), FORM))?;
+    Ok(Controller::new(model, &genes)?)
+}
+
+const FORM: &str = "4 wheel speeds such as 0.6,1,0.4,0.5 (single-sensor), or 8 and an angle such as \
+                    0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 (two-sensor)";
+
+/// A number, or a multiple of pi such as `pi`, `-pi/3`, `2pi/3`.
+fn number(text: &str) -> Option<f64> {
+    if let Ok(number) = text.parse() {
+        return Some(number);
+    }
+    let (sign, unsigned) = text.strip_prefix('-').map_or((1.0, text), |rest| (-1.0, rest));
+    let (factor, rest) = unsigned.split_once("pi")?;
+    let factor: f64 = if factor.is_empty() {
+        1.0
+    } else {
+        factor.trim_end_matches('*').parse().ok()?
+    };
+    let divisor: f64 = if rest.is_empty() {
+        1.0
+    } else {
+        rest.strip_prefix('/')?.parse().ok()?
+    };
+    Some(sign * factor * PI / divisor)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check(text: &str, genes: &[f64]) {
+        assert_eq!(parse(text).unwrap().genes(), genes);
+    }
+
+    #[test]
+    fn controllers_are_read_as_papers_print_them() {
+        check("0.6,1,0.4,0.5", &[0.6, 1.0, 0.4, 0.5]);
+        check("[-0.7, -1.0, 1.0, -1.0]", &[-0.7, -1.0, 1.0, -1.0]);
+        check(
+            "0 0 0 0 0 0 0 0 -pi/3",
+            &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -PI / 3.0],
+        );
+        check(
+            "0,0,0,0,0,0,0,0,2pi/3",
+            &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0 * PI / 3.0],
+        );
+    }
+
+    #[test]
+    fn what_is_no_controller_is_named() {
+        for bad in ["", "1,2,3", "0.1,0.2,x,0.4", "0,0,0,2", "0,0,0,nan", "pie,0,0,0"] {
+            let error = parse(bad).unwrap_err().to_string();
+            assert!(error.starts_with("controller"), "{error}");
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! What a command tells a person when it cannot do what was asked.
+
+use crate::{picture::PictureError, report::ReportError, server::ServerError, store::StoreError};
+use murmuration_proto::{Invalid, SpecFileError};
+use std::{
+    fmt, io,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+use tonic::{Code, Status};
+
+/// Why a command failed, in words for the person who typed it.
+#[derive(Debug)]
+pub enum CliError {
+    /// Bad usage or input: exit code 2.
+    Input(String),
+    /// It was asked well and failed: exit code 1.
+    Failed(String),
+}
+
+impl CliError {
+    /// A file named by the person that cannot be read.
+    pub(super) fn unreadable(path: &Path, error: &io::Error) -> Self {
+        Self::Input(format!("cannot read {}: {error}", path.display()))
+    }
+
+    /// A file that cannot be written.
+    pub(super) fn unwritable(path: &Path, error: &io::Error) -> Self {
+        Self::Failed(format!("cannot write {}: {error}", path.display()))
+    }
+
+    /// A campaign file that cannot be used.
+    pub(super) fn spec(path: &Path, error: &SpecFileError) -> Self {
+        Self::Input(format!("{}: {error}", path.display()))
+    }
+
+    /// No answer from the coordinator at `url`.
+    pub(super) fn no_coordinator(url: &str, error: &dyn std::error::Error) -> Self {
+        let reason = error
+            .source()
+            .map_or_else(|| error.to_string(), ToString::to_string);
+        Self::Failed(format!(
+            "no coordinator answers at {url} ({reason}): is `murmuration serve` running there?"
+        ))
+    }
+
+    /// A command for a running coordinator where there is only a data directory.
+    pub(super) fn busy(error: StoreError, hint: &str) -> Self {
+        match error {
+            StoreError::InUse { .. } => Self::Failed(format!("{error}: {hint}")),
+            error => error.into(),
+        }
+    }
+
+    /// Its exit code.
+    #[must_use]
+    pub fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Failed(_) => ExitCode::from(1),
+            Self::Input(_) => ExitCode::from(2),
+        }
+    }
+}
+
+impl fmt::Display for CliError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input(said) | Self::Failed(said) => f.write_str(said),
+        }
+    }
+}
+
+impl From<Invalid> for CliError {
+    fn from(invalid: Invalid) -> Self {
+        Self::Input(invalid.to_string())
+    }
+}
+
+impl From<PictureError> for CliError {
+    fn from(error: PictureError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<ReportError> for CliError {
+    fn from(error: ReportError) -> Self {
+        Self::Failed(error.to_string())
+    }
+}
+
+impl From<StoreError> for CliError {
+    fn from(error: StoreError) -> Self {
+        let said = error.to_string();
+        match error {
+            StoreError::NoDirectory(_) | StoreError::NoCampaign(_) | StoreError::NoIndividual { .. } => {
+                Self::Input(said)
+            }
+            _ => Self::Failed(said),
+        }
+    }
+}
+
+impl From<ServerError> for CliError {
+    fn from(error: ServerError) -> Self {
+        match error {
+            ServerError::Store(error) => error.into(),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+impl From<Status> for CliError {
+    fn from(status: Status) -> Self {
+        let said = match status.code() {
+            Code::Unavailable => format!("the coordinator cannot be reached: {}", status.message()),
+            _ => status.message().to_owned(),
+        };
+        match status.code() {
+            Code::InvalidArgument | Code::NotFound => Self::Input(said),
+            _ => Self::Failed(said),
+        }
+    }
+}
+
+/// Where `murmuration` keeps the report of a campaign.
+pub(super) fn report_folder(data: &Path, campaign: &str) -> PathBuf {
+    data.join("reports").join(campaign)
+}

@@ -1,0 +1,96 @@
+//! `filter`: how the heuristic filter scores controllers.
+
+use super::{CliError, controller, json};
+use crate::filter::{CUTOFF, METRICS, Score};
+use murmuration_proto::Controller;
+use serde_json::{Map, Value, json};
+use std::{
+    fs,
+    io::{self, Read as _},
+    path::{Path, PathBuf},
+};
+
+/// Arguments of `filter`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  murmuration filter 0.6,1,0.4,0.5 -- -0.7,0.3,1,1
+  murmuration filter --file controllers.txt --json")]
+pub(super) struct Filter {
+    /// Controllers: 4 wheel speeds, or 8 and an angle
+    #[arg(required_unless_present = "file", allow_hyphen_values = true)]
+    controllers: Vec<String>,
+    /// Also read controllers from a file, one a line (- for stdin)
+    #[arg(long, value_name = "FILE")]
+    file: Option<PathBuf>,
+}
+
+impl Filter {
+    pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
+        let mut texts = self.controllers;
+        if let Some(path) = &self.file {
+            texts.extend(lines(path)?);
+        }
+        let controllers = texts
+            .iter()
+            .map(|text| controller::parse(text))
+            .collect::<Result<Vec<_>, _>>()?;
+        if as_json {
+            controllers
+                .iter()
+                .map(to_json)
+                .for_each(|scored| json::print(&scored));
+        } else {
+            print_table(&controllers);
+        }
+        Ok(())
+    }
+}
+
+fn lines(path: &Path) -> Result<Vec<String>, CliError> {
+    let read = if path == Path::new("-") {
+        let mut text = String::new();
+        io::stdin().read_to_string(&mut text).map(|_| text)
+    } else {
+        fs::read_to_string(path)
+    };
+    let text = read.map_err(|error| CliError::unreadable(path, &error))?;
+    Ok(text
+        .lines()
+        .filter(|line| !line.trim().is_empty())
+        .map(str::to_owned)
+        .collect())
+}
+
+fn to_json(controller: &Controller) -> Value {
+    let score = Score::of(controller);
+    let metrics: Map<String, Value> = METRICS
+        .iter()
+        .zip(score.metrics())
+        .map(|(metric, &value)| (metric.name.replace(' ', "_"), value.into()))
+        .collect();
+    json!({
+        "schema": 1,
+        "controller": controller.genes(),
+        "metrics": metrics,
+        "score": score.total(),
+        "cutoff": CUTOFF,
+        "passes": score.passes(),
+    })
+}
+
+/// Each metric, a star where it is under its threshold.
+fn print_table(controllers: &[Controller]) {
+    let names = METRICS.map(|metric| format!("{:>17}", metric.name)).concat();
+    println!("{names}{:>9}  {:<9}CONTROLLER", "score", "");
+    for controller in controllers {
+        let score = Score::of(controller);
+        for (metric, value) in METRICS.iter().zip(score.metrics()) {
+            let star = if *value < metric.threshold { "*" } else { " " };
+            print!("{value:>16.3}{star}");
+        }
+        let verdict = if score.passes() { "passes" } else { "discarded" };
+        println!("{:>9.3}  {verdict:<9} {controller}", score.total());
+    }
+    eprintln!("* under its threshold: counts as -5; a score under {CUTOFF} is discarded");
+}

@@ -1,0 +1,90 @@
+//! What programs read: one versioned schema for each kind of thing.
+
+use murmuration_proto::{CampaignSpec, CapabilityModel, v1};
+use serde_json::{Value, json};
+
+/// Version of every object printed here; it rises when a field changes its meaning or goes.
+const SCHEMA: u32 = 1;
+
+/// Prints one value on one line.
+pub(super) fn print(value: &Value) {
+    println!("{value}");
+}
+
+pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
+    let spec = campaign
+        .spec
+        .clone()
+        .map(CampaignSpec::try_from)
+        .and_then(Result::ok);
+    let search = spec.as_ref().map(|spec| *spec.search());
+    let done = search.map(|search| u64::from(campaign.generations_done) * u64::from(search.population()));
+    json!({
+        "schema": SCHEMA,
+        "campaign": campaign.id,
+        "state": campaign.state().as_str_name().trim_start_matches("CAMPAIGN_STATE_").to_lowercase(),
+        "active": campaign.active,
+        "error": campaign.error,
+        "created_ms": campaign.created_ms,
+        "generations_done": campaign.generations_done,
+        "generations": search.map(|search| search.generations()),
+        "evaluations_done": done.map(|done| done + u64::from(campaign.evaluated_in_generation)),
+        "evaluations": search.map(|search| search.evaluations()),
+        "evaluations_per_second": campaign.evaluations_per_second,
+        "best_novelty": campaign.best_novelty,
+        "mean_novelty": campaign.mean_novelty,
+        "workers": campaign.workers,
+        "spec": spec.map(|spec| spec.to_toml()),
+    })
+}
+
+pub(super) fn individual(individual: &v1::Individual) -> Value {
+    use base64::{Engine as _, engine::general_purpose::STANDARD};
+    json!({
+        "schema": SCHEMA,
+        "index": individual.index,
+        "generation": individual.generation,
+        "controller": individual.controller,
+        "seed": individual.seed,
+        "features": individual.features,
+        "novelty": individual.novelty,
+        "image": individual.image.as_deref().map(|image| STANDARD.encode(image)),
+    })
+}
+
+/// How a run ended.
+pub(super) fn outcome(
+    campaign: &str,
+    digest: &v1::GetDigestResponse,
+    report: Option<&str>,
+    seconds: f64,
+) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "campaign": campaign,
+        "digest": digest.digest,
+        "report": report,
+        "evaluations": digest.evaluations,
+        "seconds": seconds,
+    })
+}
+
+pub(super) fn digest(campaign: &str, digest: &v1::GetDigestResponse) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "campaign": campaign,
+        "digest": digest.digest,
+        "evaluations": digest.evaluations,
+    })
+}
+
+/// A figure of `murmuration bench`.
+pub(super) fn bench(model: CapabilityModel, what: &str, per_second: f64, ratio: f64) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "model": model.name(),
+        "what": what,
+        "evaluations_per_second_per_core": per_second,
+        "ratio_to_scalar": ratio,
+    })
+}

@@ -1,0 +1,167 @@
+//! The command line. stdout is data, everything else goes to stderr.
+//!
+//! Exit codes: 0 done; 1 failed; 2 bad usage or input.
+
+mod bench;
+mod campaigns;
+mod connection;
+mod controller;
+mod error;
+mod filter;
+mod follow;
+mod json;
+mod report;
+mod run;
+mod serve;
+mod simulate;
+
+pub use error::CliError;
+
+use clap::{CommandFactory as _, Parser, Subcommand};
+use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
+use tracing_subscriber::EnvFilter;
+
+const EXAMPLES: &str = "\
+Examples:
+  murmuration run examples/quick.toml              search, and write a report, in half a minute
+  murmuration run examples/single-sensor.toml      the paper's single-sensor campaign
+  murmuration simulate --controller 0.6,1,0.4,0.5 --gif milling.gif
+  murmuration list                                 what there is
+  murmuration resume latest                        go on after an interruption
+  murmuration serve --workers 0                    a coordinator for workers elsewhere
+
+Exit codes: 0 done, 1 failed, 2 bad usage or input.";
+
+/// Which collective behaviours can a swarm of such robots show? Searches for them and answers with a taxonomy.
+#[derive(Debug, Parser)]
+#[command(name = "murmuration", version, after_help = EXAMPLES, arg_required_else_help = true)]
+struct Arguments {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command understands.
+#[derive(Debug, clap::Args)]
+struct Global {
+    /// Data directory
+    #[arg(
+        long,
+        global = true,
+        env = "MURMURATION_DATA",
+        default_value = "murmuration-data",
+        value_name = "DIR"
+    )]
+    data: PathBuf,
+    /// URL of a running coordinator, instead of a data directory of this machine
+    #[arg(long, global = true, env = "MURMURATION_COORDINATOR", value_name = "URL")]
+    coordinator: Option<String>,
+    /// Print JSON on stdout, for programs
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a campaign to its report, everything in this process
+    Run(run::Run),
+    /// Go on with a campaign that was paused, interrupted or failed
+    Resume(run::Resume),
+    /// Serve campaigns to clients and leases to workers
+    Serve(serve::Serve),
+    /// Hand a campaign to a running coordinator
+    Submit(campaigns::Submit),
+    /// Follow a campaign until it stops
+    Watch(campaigns::Name),
+    /// List the campaigns
+    List,
+    /// Show a campaign, or one individual of its archive
+    Show(campaigns::Show),
+    /// Stop a campaign, to continue later
+    Pause(campaigns::Name),
+    /// End a campaign for good; its archive stays
+    Cancel(campaigns::Name),
+    /// Print the digest of a campaign's archive
+    Digest(campaigns::Name),
+    /// Write the report of a completed campaign
+    Report(report::ReportCommand),
+    /// Simulate one controller, or a reference case
+    Simulate(simulate::Simulate),
+    /// Score controllers with the heuristic filter
+    Filter(filter::Filter),
+    /// Measure this machine
+    #[command(subcommand)]
+    Bench(bench::Bench),
+    /// Print completions for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Parses the command line and does what it says.
+#[must_use]
+pub fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    log(&arguments.command);
+    let done = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| CliError::Failed(format!("cannot start threads: {error}")))
+        .and_then(|runtime| runtime.block_on(execute(arguments)));
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliError> {
+    match command {
+        Command::Run(run) => run.execute(&global).await,
+        Command::Resume(resume) => resume.execute(&global).await,
+        Command::Serve(serve) => serve.execute(&global).await,
+        Command::Submit(submit) => submit.execute(&global).await,
+        Command::Watch(name) => campaigns::watch(&global, &name.campaign).await,
+        Command::List => campaigns::list(&global).await,
+        Command::Show(show) => show.execute(&global).await,
+        Command::Pause(name) => campaigns::pause(&global, &name.campaign).await,
+        Command::Cancel(name) => campaigns::cancel(&global, &name.campaign).await,
+        Command::Digest(name) => campaigns::digest(&global, &name.campaign).await,
+        Command::Report(report) => report.execute(&global).await,
+        Command::Simulate(simulate) => simulate.execute(global.json),
+        Command::Filter(filter) => filter.execute(global.json),
+        Command::Bench(bench) => bench.execute(global.json),
+        Command::Completions { shell } => {
+            clap_complete::generate(
+                shell,
+                &mut Arguments::command(),
+                "murmuration",
+                &mut std::io::stdout(),
+            );
+            Ok(())
+        }
+    }
+}
+
+/// Servers tell what they do; other commands only what goes wrong.
+fn log(command: &Command) {
+    let default = if matches!(command, Command::Serve(_)) {
+        "info"
+    } else {
+        "error"
+    };
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_env_filter(filter)
+        .init();
+}
+
+/// Addresses on which a coordinator of this machine alone listens.
+fn loopback(port: u16) -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], port))
+}

@@ -1,0 +1,166 @@
+//! `run` and `resume`: a campaign to its report.
+
+use super::{
+    CliError, Global,
+    connection::Connection,
+    follow::{Show, follow},
+    json,
+    report::write_report,
+};
+use crate::store::DataDirectory;
+use indicatif::HumanCount;
+use murmuration_proto::{CampaignSpec, v1};
+use std::{
+    fs,
+    num::NonZeroUsize,
+    path::{Path, PathBuf},
+    thread,
+    time::Instant,
+};
+
+/// Arguments of `run`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Run {
+    /// Campaign file (see examples/)
+    spec: PathBuf,
+    #[command(flatten)]
+    workers: Workers,
+}
+
+/// Arguments of `resume`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Resume {
+    /// Campaign id, or `latest`
+    campaign: String,
+    #[command(flatten)]
+    workers: Workers,
+}
+
+/// How many workers to start in this process.
+#[derive(Debug, clap::Args)]
+pub(super) struct Workers {
+    /// Workers in this process, one thread each [default: number of cores]
+    #[arg(long, value_name = "N")]
+    workers: Option<usize>,
+}
+
+impl Workers {
+    pub(super) fn count(&self) -> usize {
+        let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        self.workers.unwrap_or_else(cores)
+    }
+
+    /// At least one, where nobody else could do the work.
+    fn some(&self) -> Result<usize, CliError> {
+        match self.count() {
+            0 => Err(CliError::Input(
+                "--workers 0: without workers nothing would be evaluated".to_owned(),
+            )),
+            count => Ok(count),
+        }
+    }
+}
+
+impl Run {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let spec = read_spec(&self.spec)?;
+        let workers = self.workers.some()?;
+        if let Some(url) = &global.coordinator {
+            let hint =
+                format!("`run` does everything in this process; for the coordinator at {url} use `submit`");
+            return Err(CliError::Input(hint));
+        }
+        let data = DataDirectory::hold(&global.data)
+            .map_err(|error| CliError::busy(error, "hand the campaign to it with `murmuration submit`"))?;
+        let mut connection = Connection::start(data, workers).await?;
+        let request = v1::CreateCampaignRequest {
+            spec: Some((&spec).into()),
+        };
+        let campaign = connection.client.create_campaign(request).await?.into_inner();
+        eprintln!(
+            "campaign {} · {} · {} · {} evaluations · {workers} workers",
+            campaign.id,
+            spec.model(),
+            spec.method(),
+            HumanCount(spec.search().evaluations()),
+        );
+        to_report(connection, global, &campaign.id).await
+    }
+}
+
+impl Resume {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let mut connection = Connection::open(global, self.workers.some()?).await?;
+        let request = v1::ResumeCampaignRequest {
+            campaign: self.campaign,
+        };
+        let campaign = connection.client.resume_campaign(request).await?.into_inner();
+        if connection.is_own() {
+            eprintln!(
+                "campaign {} goes on after generation {}",
+                campaign.id, campaign.generations_done
+            );
+            return to_report(connection, global, &campaign.id).await;
+        }
+        super::campaigns::changed(
+            global,
+            &campaign,
+            "goes on",
+            &format!("murmuration watch {}", campaign.id),
+        );
+        Ok(())
+    }
+}
+
+/// Reads a campaign file.
+pub(super) fn read_spec(path: &Path) -> Result<CampaignSpec, CliError> {
+    let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
+    CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))
+}
+
+/// Follows a campaign of this process to its end, writes its report and says where.
+async fn to_report(mut connection: Connection, global: &Global, campaign: &str) -> Result<(), CliError> {
+    let begun = Instant::now();
+    let outcome = tokio::select! {
+        last = follow(&mut connection.client, campaign, Show::Person) => finish(&mut connection, global, last?).await,
+        signal = super::serve::termination() => Err(CliError::Failed(format!(
+            "{signal}; everything up to the last complete generation is kept: `murmuration resume {campaign}`"
+        ))),
+    };
+    connection.close().await?;
+    let (digest, report) = outcome?;
+    let seconds = begun.elapsed().as_secs_f64();
+    let path = report.display().to_string();
+    if global.json {
+        json::print(&json::outcome(campaign, &digest, Some(&path), seconds));
+    } else {
+        println!("campaign  {campaign}");
+        println!("digest    {}", digest.digest);
+        println!("report    {path}");
+        eprintln!("{seconds:.1} s; open the report in a browser");
+    }
+    Ok(())
+}
+
+async fn finish(
+    connection: &mut Connection,
+    global: &Global,
+    last: v1::Campaign,
+) -> Result<(v1::GetDigestResponse, PathBuf), CliError> {
+    match last.state() {
+        v1::CampaignState::Completed => {}
+        v1::CampaignState::Failed => {
+            return Err(CliError::Failed(format!("campaign {}: {}", last.id, last.error)));
+        }
+        _ => {
+            return Err(CliError::Failed(format!(
+                "campaign {} was stopped by someone else",
+                last.id
+            )));
+        }
+    }
+    let folder = super::error::report_folder(&global.data, &last.id);
+    let report = write_report(&mut connection.client, &last.id, &folder).await?;
+    let request = v1::GetDigestRequest { campaign: last.id };
+    Ok((connection.client.get_digest(request).await?.into_inner(), report))
+}

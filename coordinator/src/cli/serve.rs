@@ -1,0 +1,59 @@
+//! `serve`: a coordinator that stays.
+
+use super::{CliError, Global, loopback, run::Workers};
+use crate::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
+use std::net::SocketAddr;
+
+/// Port on which coordinators listen unless told otherwise.
+const PORT: u16 = 7700;
+
+/// Arguments of `serve`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Serve {
+    /// Where to listen; this machine alone unless told otherwise
+    #[arg(long, default_value_t = loopback(PORT))]
+    listen: SocketAddr,
+    #[command(flatten)]
+    workers: Workers,
+}
+
+impl Serve {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let data = DataDirectory::hold(&global.data)
+            .map_err(|error| CliError::busy(error, "one coordinator serves a data directory at a time"))?;
+        let options = Options {
+            data,
+            listen: self.listen,
+            resume: true,
+            dispatch: dispatch::Options::default(),
+        };
+        let cluster = LocalCluster::start(options, self.workers.count()).await?;
+        let url = cluster.coordinator().url();
+        eprintln!("serving {} at {url}", global.data.display());
+        eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}");
+        eprintln!("  workers:   murmuration-worker --coordinator {url}");
+        let signal = termination().await;
+        eprintln!("{signal}; running campaigns go on with the next `murmuration serve`");
+        cluster.shutdown().await?;
+        Ok(())
+    }
+}
+
+/// Waits for Ctrl-C or SIGTERM; which of them came.
+pub(super) async fn termination() -> &'static str {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        if let Ok(mut terminated) = signal(SignalKind::terminate()) {
+            tokio::select! {
+                _ = terminated.recv() => return "terminated",
+                Ok(()) = tokio::signal::ctrl_c() => return "interrupted",
+            }
+        }
+    }
+    match tokio::signal::ctrl_c().await {
+        Ok(()) => "interrupted",
+        // Without a way to hear of it, run until killed.
+        Err(_) => std::future::pending().await,
+    }
+}

@@ -1,0 +1,140 @@
+//! `simulate`: one controller, or a reference case, on this machine.
+
+use super::{CliError, controller, json, run::read_spec};
+use crate::picture::{self, Animation, Paper};
+use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World, v1};
+use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
+use std::{
+    fs,
+    num::NonZeroU32,
+    path::{Path, PathBuf},
+};
+
+/// Side of the trajectory picture, pixels.
+const TRAJECTORY_SIZE: u32 = 1000;
+/// Pixels that each pixel of the grey image becomes.
+const GREY_SCALE: u32 = 10;
+
+/// Arguments of `simulate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  murmuration simulate --controller 0.6,1,0.4,0.5 --gif milling.gif
+  murmuration simulate --controller [0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3] --seed 3 --png nested-cycle.png
+  murmuration simulate --case tests/vectors/milling_s0.json --json")]
+pub(super) struct Simulate {
+    /// Wheel speeds (and angle) of a controller: 0.6,1,0.4,0.5
+    #[arg(
+        long,
+        required_unless_present = "case",
+        conflicts_with = "case",
+        allow_hyphen_values = true
+    )]
+    controller: Option<String>,
+    /// Capability model; known from the controller's length, checked if given
+    #[arg(long, requires = "controller")]
+    model: Option<CapabilityModel>,
+    /// Seed of the start
+    #[arg(long, default_value_t = 1, conflicts_with = "case")]
+    seed: u64,
+    /// Campaign file whose world and image format to use [default: the paper's]
+    #[arg(long, value_name = "SPEC.toml", conflicts_with = "case")]
+    spec: Option<PathBuf>,
+    /// Reference case to simulate: prints the same keys with its own values
+    #[arg(long, value_name = "FILE")]
+    case: Option<PathBuf>,
+    /// Write the whole run as an animated GIF
+    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    gif: Option<PathBuf>,
+    /// Write the paths of the last steps as a large colour picture
+    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    png: Option<PathBuf>,
+    /// Write the grey behaviour image that an embedder sees, enlarged
+    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    image: Option<PathBuf>,
+}
+
+impl Simulate {
+    pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
+        match (&self.case, &self.controller) {
+            (Some(case), _) => simulate_case(case),
+            (None, Some(controller)) => self.simulate_controller(&controller::parse(controller)?, as_json),
+            (None, None) => Err(CliError::Input("give --controller or --case".to_owned())),
+        }
+    }
+
+    fn simulate_controller(&self, controller: &Controller, as_json: bool) -> Result<(), CliError> {
+        if let Some(model) = self.model.filter(|&model| model != controller.model()) {
+            let allowed = format!("{} values for the {model} model", model.genes());
+            return Err(Invalid::new("controller", controller, allowed).into());
+        }
+        let (world, format) = match &self.spec {
+            Some(path) => read_spec(path).map(|spec| (*spec.world(), *spec.image()))?,
+            None => (World::default(), ImageFormat::default()),
+        };
+        let start = Start::seeded(self.seed);
+        let evaluation = evaluate(controller, &world, &format, &start)?;
+        self.write_pictures(controller, &world, &format, &start, evaluation.image())?;
+        if as_json {
+            json::print(&json::individual(&v1::Individual {
+                controller: controller.genes().to_vec(),
+                seed: self.seed,
+                features: evaluation.features().to_vec(),
+                image: Some(evaluation.into_image()),
+                ..v1::Individual::default()
+            }));
+        } else {
+            println!("controller           {controller}");
+            for (name, value) in FEATURE_NAMES.iter().zip(evaluation.features()) {
+                println!("{name:<20} {value}");
+            }
+        }
+        Ok(())
+    }
+
+    fn write_pictures(
+        &self,
+        controller: &Controller,
+        world: &World,
+        format: &ImageFormat,
+        start: &Start,
+        image: &[u8],
+    ) -> Result<(), CliError> {
+        if let Some(path) = &self.gif {
+            let animation = Animation::default();
+            let stride = NonZeroU32::new(world.horizon() / animation.frames).unwrap_or(NonZeroU32::MIN);
+            let gif = picture::animation_gif(&replay(controller, world, start, stride)?, world, &animation)?;
+            write(path, &gif)?;
+        }
+        if let Some(path) = &self.png {
+            let stride = NonZeroU32::new(world.horizon() / 1200).unwrap_or(NonZeroU32::MIN);
+            let replay = replay(controller, world, start, stride)?;
+            write(
+                path,
+                &picture::trajectory_png(&replay, world, format.window(), TRAJECTORY_SIZE, Paper::Light)?,
+            )?;
+        }
+        if let Some(path) = &self.image {
+            write(path, &picture::grey_png(image, format.resolution(), GREY_SCALE)?)?;
+        }
+        Ok(())
+    }
+}
+
+fn simulate_case(path: &Path) -> Result<(), CliError> {
+    let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
+    let named = |error| CliError::Input(format!("{}: {error}", path.display()));
+    println!(
+        "{}",
+        Case::from_json(&text)
+            .and_then(|case| case.run())
+            .map_err(named)?
+    );
+    Ok(())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    fs::write(path, bytes).map_err(|error| CliError::unwritable(path, &error))?;
+    eprintln!("wrote {}", path.display());
+    Ok(())
+}

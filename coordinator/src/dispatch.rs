@@ -1,0 +1,401 @@
+//! The dispatcher: one task that owns the lease table and talks to every worker.
+//!
+//! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
+//! no results once a job is over and writes nothing to disk.
+
+mod job;
+
+pub use job::{EvaluationJob, JobError, ReplayJob};
+
+use crate::leases::{Grant, JobId, LeaseNumber, LeaseTable, Progress, Refused, WorkerId};
+use job::{Output, Work};
+use murmuration_proto::{Evaluation, Replay, v1};
+use std::{
+    collections::BTreeMap,
+    sync::{
+        Arc,
+        atomic::{AtomicU32, Ordering},
+    },
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
+use tokio::{
+    sync::{mpsc, oneshot, watch},
+    time::MissedTickBehavior,
+};
+use tonic::Status;
+
+/// How the dispatcher treats its workers.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// How often a worker must send something.
+    pub heartbeat_interval: Duration,
+    /// How long a worker may be silent before it counts as lost.
+    pub silence_limit: Duration,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            heartbeat_interval: Duration::from_secs(1),
+            silence_limit: Duration::from_secs(5),
+        }
+    }
+}
+
+/// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
+pub const OUTBOX: usize = 1024;
+
+/// Where a worker's messages go. An error ends its stream.
+pub type Outbox = mpsc::Sender<Result<v1::CoordinatorMessage, Status>>;
+
+/// A handle on the dispatcher; cheap to clone. The dispatcher ends when the last one is dropped.
+#[derive(Debug, Clone)]
+pub struct Dispatch {
+    commands: mpsc::Sender<Command>,
+    workers: watch::Receiver<usize>,
+}
+
+/// What a worker says once it has been welcomed, validated.
+#[derive(Debug)]
+pub enum WorkerReport {
+    /// Ready for so many further evaluations.
+    Credits(usize),
+    /// The outcome of a lease.
+    Result {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// What came of it.
+        outcome: v1::batch_result::Outcome,
+    },
+    /// Alive.
+    Heartbeat,
+    /// Takes no more leases.
+    Drain,
+    /// Its stream has ended.
+    Gone,
+}
+
+#[derive(Debug)]
+enum Command {
+    Submit {
+        work: Work,
+        done: Arc<AtomicU32>,
+        reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
+    },
+    Join {
+        name: String,
+        capacity: usize,
+        outbox: Outbox,
+        reply: oneshot::Sender<WorkerId>,
+    },
+    Report {
+        worker: WorkerId,
+        report: WorkerReport,
+    },
+}
+
+impl Dispatch {
+    /// Starts a dispatcher on the current runtime.
+    #[must_use]
+    pub fn start(options: Options) -> Self {
+        let (commands, inbox) = mpsc::channel(1024);
+        let (count, workers) = watch::channel(0);
+        let epoch = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_nanos() as u64);
+        let service = Service {
+            options,
+            epoch,
+            table: LeaseTable::new(),
+            jobs: BTreeMap::new(),
+            workers: BTreeMap::new(),
+            count,
+        };
+        tokio::spawn(service.run(inbox));
+        Self { commands, workers }
+    }
+
+    /// Has the workers evaluate a job; `done` counts the evaluations that have arrived. Results are in the
+    /// order of the tasks. Dropping the future withdraws the job.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn evaluate(
+        &self,
+        job: EvaluationJob,
+        done: Arc<AtomicU32>,
+    ) -> Result<Vec<Evaluation>, JobError> {
+        let outputs = self.submit(Work::Evaluations(job), done).await?;
+        Ok(outputs.into_iter().filter_map(Output::into_evaluation).collect())
+    }
+
+    /// Has a worker simulate one individual again, to be watched.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn replay(&self, job: ReplayJob) -> Result<Replay, JobError> {
+        let outputs = self.submit(Work::Replay(job), Arc::default()).await?;
+        outputs
+            .into_iter()
+            .find_map(Output::into_replay)
+            .ok_or(JobError::ShuttingDown)
+    }
+
+    /// Number of workers that take work, now and whenever it changes.
+    #[must_use]
+    pub fn workers(&self) -> watch::Receiver<usize> {
+        self.workers.clone()
+    }
+
+    /// Takes in a worker that runs `capacity` evaluations at once. `None` if the dispatcher has ended.
+    pub(crate) async fn join(&self, name: String, capacity: usize, outbox: Outbox) -> Option<WorkerId> {
+        let (reply, answer) = oneshot::channel();
+        self.commands
+            .send(Command::Join {
+                name,
+                capacity,
+                outbox,
+                reply,
+            })
+            .await
+            .ok()?;
+        answer.await.ok()
+    }
+
+    /// Passes on what a worker says.
+    pub(crate) async fn report(&self, worker: WorkerId, report: WorkerReport) {
+        // A dispatcher that has ended needs no reports.
+        let _ = self.commands.send(Command::Report { worker, report }).await;
+    }
+
+    async fn submit(&self, work: Work, done: Arc<AtomicU32>) -> Result<Vec<Output>, JobError> {
+        let (reply, answer) = oneshot::channel();
+        let command = Command::Submit { work, done, reply };
+        self.commands
+            .send(command)
+            .await
+            .map_err(|_| JobError::ShuttingDown)?;
+        answer.await.map_err(|_| JobError::ShuttingDown)?
+    }
+}
+
+/// The dispatcher itself: everything here is owned by its one task.
+struct Service {
+    options: Options,
+    epoch: u64,
+    table: LeaseTable<Output>,
+    jobs: BTreeMap<JobId, Job>,
+    workers: BTreeMap<WorkerId, Worker>,
+    count: watch::Sender<usize>,
+}
+
+struct Job {
+    work: Work,
+    done: Arc<AtomicU32>,
+    reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
+}
+
+struct Worker {
+    name: String,
+    outbox: Outbox,
+}
+
+impl Service {
+    async fn run(mut self, mut inbox: mpsc::Receiver<Command>) {
+        let mut tick = tokio::time::interval(self.options.silence_limit / 10);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                command = inbox.recv() => match command {
+                    Some(command) => self.take(command),
+                    None => return,
+                },
+                _ = tick.tick() => self.lose_silent_workers(),
+            }
+            self.forget_withdrawn_jobs();
+            self.send_leases();
+            let count = self.table.workers();
+            self.count
+                .send_if_modified(|known| std::mem::replace(known, count) != count);
+        }
+    }
+
+    fn take(&mut self, command: Command) {
+        match command {
+            Command::Submit { work, done, reply } => {
+                let id = self.table.submit(work.tasks());
+                self.jobs.insert(id, Job { work, done, reply });
+            }
+            Command::Join {
+                name,
+                capacity,
+                outbox,
+                reply,
+            } => self.welcome(name, capacity, outbox, reply),
+            Command::Report { worker, report } => {
+                self.table.hear(worker, Instant::now());
+                match report {
+                    WorkerReport::Credits(count) => self.table.add_credits(worker, count),
+                    WorkerReport::Heartbeat => {}
+                    WorkerReport::Drain => self.table.drain(worker),
+                    WorkerReport::Gone => self.lose(worker, None),
+                    WorkerReport::Result {
+                        epoch,
+                        lease,
+                        outcome,
+                    } if epoch == self.epoch => {
+                        self.take_result(worker, lease, outcome);
+                    }
+                    WorkerReport::Result { .. } => tracing::debug!(?worker, "a result from an earlier epoch"),
+                }
+            }
+        }
+    }
+
+    fn welcome(&mut self, name: String, capacity: usize, outbox: Outbox, reply: oneshot::Sender<WorkerId>) {
+        let welcome = v1::coordinator_message::Message::Welcome(v1::Welcome {
+            epoch: self.epoch,
+            heartbeat_interval_ms: self.options.heartbeat_interval.as_millis() as u32,
+            silence_limit_ms: self.options.silence_limit.as_millis() as u32,
+        });
+        let id = self.table.join(capacity, Instant::now());
+        tracing::info!(worker = name, capacity, "worker joined");
+        self.workers.insert(id, Worker { name, outbox });
+        self.send(id, welcome);
+        if reply.send(id).is_err() {
+            self.lose(id, None);
+        }
+    }
+
+    fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: v1::batch_result::Outcome) {
+        use v1::batch_result::Outcome;
+        let Some(id) = self.table.leased(lease) else {
+            return;
+        };
+        let Some(job) = self.jobs.get(&id) else { return };
+        match outcome {
+            Outcome::Failure(failure) if failure.class() == v1::FailureClass::Fatal => {
+                self.end(id, Err(JobError::Fatal(failure.message)));
+            }
+            Outcome::Failure(failure) => {
+                tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
+                self.table.come_back(lease);
+            }
+            outcome => match job.work.outputs(outcome) {
+                Ok(outputs) => self.keep(worker, lease, outputs),
+                Err(invalid) => self.lose(worker, Some(Status::invalid_argument(invalid.to_string()))),
+            },
+        }
+    }
+
+    fn keep(&mut self, worker: WorkerId, lease: LeaseNumber, outputs: Vec<Output>) {
+        match self.table.complete(lease, outputs) {
+            Ok(Progress::Kept { job, fresh }) => self.count_done(job, fresh),
+            Ok(Progress::JobDone { job, results }) => self.end(job, Ok(results)),
+            Ok(Progress::Disagreement { job, task }) => {
+                let worker = self
+                    .workers
+                    .get(&worker)
+                    .map_or("?", |worker| &worker.name)
+                    .to_owned();
+                tracing::error!(worker, task, "two workers disagree about one evaluation");
+                self.end(job, Err(JobError::Disagreement { task, worker }));
+            }
+            Err(Refused::UnknownLease) => {}
+            Err(refused @ Refused::WrongCount { .. }) => {
+                self.lose(worker, Some(Status::invalid_argument(refused.to_string())));
+            }
+        }
+    }
+
+    fn count_done(&self, job: JobId, fresh: usize) {
+        if let Some(job) = self.jobs.get(&job) {
+            job.done.fetch_add(fresh as u32, Ordering::Relaxed);
+        }
+    }
+
+    fn end(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
+        self.table.forget(id);
+        if let Some(job) = self.jobs.remove(&id) {
+            // Whoever waited may have stopped waiting.
+            let _ = job.reply.send(result);
+        }
+    }
+
+    fn forget_withdrawn_jobs(&mut self) {
+        let withdrawn: Vec<_> = self
+            .jobs
+            .iter()
+            .filter(|(_, job)| job.reply.is_closed())
+            .map(|(&id, _)| id)
+            .collect();
+        for id in withdrawn {
+            self.table.forget(id);
+            self.jobs.remove(&id);
+        }
+    }
+
+    fn lose_silent_workers(&mut self) {
+        for id in self.table.silent(Instant::now(), self.options.silence_limit) {
+            let said = format!(
+                "nothing heard for {:?}: leases given to others",
+                self.options.silence_limit
+            );
+            self.lose(id, Some(Status::deadline_exceeded(said)));
+        }
+    }
+
+    /// The one way in which a worker goes; `reason` is told to it, if it still listens.
+    fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
+        self.table.lose(id);
+        let Some(worker) = self.workers.remove(&id) else {
+            return;
+        };
+        match reason {
+            Some(status) => {
+                tracing::warn!(worker = worker.name, reason = status.message(), "worker dropped");
+                let _ = worker.outbox.try_send(Err(status));
+            }
+            None => tracing::info!(worker = worker.name, "worker left"),
+        }
+    }
+
+    fn send_leases(&mut self) {
+        while let Some(Grant {
+            worker,
+            lease,
+            job,
+            tasks,
+        }) = self.table.grant()
+        {
+            let Some(content) = self.jobs.get(&job) else {
+                continue;
+            };
+            let message = v1::coordinator_message::Message::Lease(v1::Lease {
+                id: Some(v1::LeaseId {
+                    epoch: self.epoch,
+                    number: lease.0,
+                }),
+                work: Some(content.work.batch(&tasks)),
+            });
+            self.send(worker, message);
+        }
+    }
+
+    fn send(&mut self, id: WorkerId, message: v1::coordinator_message::Message) {
+        let message = v1::CoordinatorMessage {
+            message: Some(message),
+        };
+        let sent = self.workers.get(&id).is_some_and(|worker| worker.outbox.try_send(Ok(message)).is_ok());
+        if !sent {
+            self.lose(
+                id,
+                Some(Status::resource_exhausted(
+                    "this worker does not read its messages",
+                )),
+            );
+        }
+    }
+}

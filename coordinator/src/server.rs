@@ -1,0 +1,171 @@
+//! The coordinator as a whole: options in, a listening server out, a clean end.
+
+use crate::{
+    campaign::{CampaignError, Campaigns},
+    dispatch::{self, Dispatch},
+    service::{CampaignApi, WorkerApi},
+    store::{DataDirectory, Store, StoreError},
+};
+use murmuration_proto::{
+    FILE_DESCRIPTORS,
+    v1::{campaign_service_server::CampaignServiceServer, worker_service_server::WorkerServiceServer},
+};
+use std::{io, net::SocketAddr, time::Duration};
+use tokio::{net::TcpListener, sync::oneshot, task::JoinHandle};
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::transport::Server;
+
+/// Largest message taken from a worker: a full batch of the largest pictures.
+const MAX_WORKER_MESSAGE: usize = 96 << 20;
+/// How long a clean end may wait for open streams.
+const SHUTDOWN_LIMIT: Duration = Duration::from_secs(5);
+
+/// What a coordinator needs to know.
+#[derive(Debug)]
+pub struct Options {
+    /// The data directory, held by this process.
+    pub data: DataDirectory,
+    /// Where to listen; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// Whether to continue the campaigns that were running when their coordinator ended.
+    pub resume: bool,
+    /// How workers are treated.
+    pub dispatch: dispatch::Options,
+}
+
+/// Why a coordinator could not start, or broke.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerError {
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}; `--listen` takes another address, port 0 any free port")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The store cannot be used.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// Campaigns could not be resumed.
+    #[error("{0}")]
+    Campaign(#[from] CampaignError),
+    /// The network side broke.
+    #[error("the server broke off: {0}")]
+    Transport(#[from] tonic::transport::Error),
+    /// The reflection service could not read our own descriptors (a bug).
+    #[error("the reflection service cannot start: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
+}
+
+/// A running coordinator. Dropping it ends it roughly; [`Coordinator::shutdown`] ends it cleanly.
+#[derive(Debug)]
+pub struct Coordinator {
+    address: SocketAddr,
+    campaigns: Campaigns,
+    stop: Option<oneshot::Sender<()>>,
+    server: JoinHandle<Result<(), tonic::transport::Error>>,
+    /// Held for as long as the server runs.
+    _data: DataDirectory,
+}
+
+impl Coordinator {
+    /// Opens the store, listens, and serves.
+    ///
+    /// # Errors
+    /// See [`ServerError`].
+    pub async fn start(options: Options) -> Result<Self, ServerError> {
+        let listen_error = |source| ServerError::Listen {
+            address: options.listen,
+            source,
+        };
+        let listener = TcpListener::bind(options.listen).await.map_err(listen_error)?;
+        let address = listener.local_addr().map_err(listen_error)?;
+        let store = Store::open(&options.data)?;
+        let dispatch = Dispatch::start(options.dispatch);
+        let campaigns = Campaigns::new(store.clone(), dispatch.clone());
+
+        let (health_reporter, health) = tonic_health::server::health_reporter();
+        let reflection = tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+            .build_v1()?;
+        let campaign_api = CampaignApi {
+            campaigns: campaigns.clone(),
+            store,
+            dispatch: dispatch.clone(),
+        };
+        let campaign_service = CampaignServiceServer::new(campaign_api);
+        let worker_service =
+            WorkerServiceServer::new(WorkerApi { dispatch }).max_decoding_message_size(MAX_WORKER_MESSAGE);
+        health_reporter
+            .set_serving::<CampaignServiceServer<CampaignApi>>()
+            .await;
+        health_reporter
+            .set_serving::<WorkerServiceServer<WorkerApi>>()
+            .await;
+
+        let (stop, stopped) = oneshot::channel();
+        let server = Server::builder()
+            .tcp_nodelay(true)
+            .http2_keepalive_interval(Some(Duration::from_secs(2)))
+            .http2_keepalive_timeout(Some(Duration::from_secs(3)))
+            .add_service(campaign_service)
+            .add_service(worker_service)
+            .add_service(health)
+            .add_service(reflection)
+            .serve_with_incoming_shutdown(TcpListenerStream::new(listener), async {
+                // A dropped sender stops the server too.
+                let _ = stopped.await;
+            });
+        let server = tokio::spawn(server);
+        options.data.announce(&format!("http://{address}"))?;
+        if options.resume {
+            campaigns.resume_interrupted().await?;
+        }
+        Ok(Self {
+            address,
+            campaigns,
+            stop: Some(stop),
+            server,
+            _data: options.data,
+        })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Its URL, for clients and workers.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Stops the searches between two commits; running campaigns stay running in the store.
+    pub async fn stop_searches(&self) {
+        self.campaigns.stop().await;
+    }
+
+    /// Stops the searches between two commits, then the server. Running campaigns stay running in the store.
+    ///
+    /// # Errors
+    /// If the server had already broken.
+    pub async fn shutdown(mut self) -> Result<(), ServerError> {
+        self.stop_searches().await;
+        if let Some(stop) = self.stop.take() {
+            // It may have ended already.
+            let _ = stop.send(());
+        }
+        match tokio::time::timeout(SHUTDOWN_LIMIT, &mut self.server).await {
+            Ok(Ok(ended)) => Ok(ended?),
+            // A panic was logged where it happened; streams still open after the limit are cut.
+            Ok(Err(_)) | Err(_) => {
+                self.server.abort();
+                Ok(())
+            }
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! The service for clients: campaigns, archives, taxonomies, replays.
+
+use crate::{
+    campaign::{Campaigns, Change, blocking},
+    digest::digest,
+    dispatch::{Dispatch, ReplayJob},
+    store::{CampaignRecord, Store, StoreError},
+    taxonomy::Taxonomy,
+};
+use murmuration_proto::{CampaignSpec, Invalid, v1};
+use std::{pin::Pin, time::Duration};
+use tokio::sync::mpsc;
+use tokio_stream::{Stream, wrappers::ReceiverStream};
+use tonic::{Request, Response, Status};
+
+/// Bytes of images in one chunk of an archive, about.
+const CHUNK_BYTES: usize = 1 << 20;
+/// Most poses in one replay (12 bytes each).
+const MAX_POSES: u64 = 4_000_000;
+/// Least time between two messages to one watcher.
+const WATCH_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Implements `murmuration.v1.CampaignService`.
+#[derive(Debug, Clone)]
+pub struct CampaignApi {
+    /// The registry.
+    pub campaigns: Campaigns,
+    /// What is on disk.
+    pub store: Store,
+    /// Who simulates replays.
+    pub dispatch: Dispatch,
+}
+
+type Answer<T> = Result<Response<T>, Status>;
+type Streamed<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+impl CampaignApi {
+    async fn change(&self, id: &str, change: Change) -> Answer<v1::Campaign> {
+        Ok(Response::new(self.campaigns.change(id, change).await?.into()))
+    }
+
+    async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
+        Ok(self.campaigns.status(id).await?.record)
+    }
+
+    async fn read<T: Send + 'static>(
+        &self,
+        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, Status> {
+        let store = self.store.clone();
+        Ok(blocking(move || query(&store)).await??)
+    }
+}
+
+#[tonic::async_trait]
+impl v1::campaign_service_server::CampaignService for CampaignApi {
+    async fn create_campaign(&self, request: Request<v1::CreateCampaignRequest>) -> Answer<v1::Campaign> {
+        let message = request.into_inner().spec;
+        let message = message.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
+        let spec = CampaignSpec::try_from(message)?;
+        Ok(Response::new(self.campaigns.create(spec).await?.into()))
+    }
+
+    async fn get_campaign(&self, request: Request<v1::GetCampaignRequest>) -> Answer<v1::Campaign> {
+        let status = self.campaigns.status(&request.get_ref().campaign).await?;
+        Ok(Response::new(status.into()))
+    }
+
+    async fn list_campaigns(
+        &self,
+        _: Request<v1::ListCampaignsRequest>,
+    ) -> Answer<v1::ListCampaignsResponse> {
+        let campaigns = self.campaigns.list().await?.into_iter().map(Into::into).collect();
+        Ok(Response::new(v1::ListCampaignsResponse { campaigns }))
+    }
+
+    type WatchCampaignStream = Streamed<v1::Campaign>;
+
+    async fn watch_campaign(
+        &self,
+        request: Request<v1::WatchCampaignRequest>,
+    ) -> Answer<Self::WatchCampaignStream> {
+        let campaigns = self.campaigns.clone();
+        let id = self.record(&request.get_ref().campaign).await?.id;
+        let (messages, stream) = mpsc::channel(1);
+        tokio::spawn(async move {
+            loop {
+                let status = campaigns.status(id.as_str()).await;
+                let goes_on = status.as_ref().is_ok_and(|status| status.active);
+                let message = status.map(Into::into).map_err(Into::into);
+                if messages.send(message).await.is_err() || !goes_on {
+                    return;
+                }
+                tokio::select! {
+                    () = messages.closed() => return,
+                    () = async { tokio::join!(campaigns.changed(&id), tokio::time::sleep(WATCH_INTERVAL)); } => {}
+                }
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn pause_campaign(&self, request: Request<v1::PauseCampaignRequest>) -> Answer<v1::Campaign> {
+        self.change(&request.get_ref().campaign, Change::Pause).await
+    }
+
+    async fn resume_campaign(&self, request: Request<v1::ResumeCampaignRequest>) -> Answer<v1::Campaign> {
+        self.change(&request.get_ref().campaign, Change::Resume).await
+    }
+
+    async fn cancel_campaign(&self, request: Request<v1::CancelCampaignRequest>) -> Answer<v1::Campaign> {
+        self.change(&request.get_ref().campaign, Change::Cancel).await
+    }
+
+    async fn list_generations(
+        &self,
+        request: Request<v1::ListGenerationsRequest>,
+    ) -> Answer<v1::ListGenerationsResponse> {
+        let id = self.record(&request.get_ref().campaign).await?.id;
+        let generations = self.read(move |store| store.generations(&id)).await?;
+        let generations = generations.into_iter().map(Into::into).collect();
+        Ok(Response::new(v1::ListGenerationsResponse { generations }))
+    }
+
+    type GetArchiveStream = Streamed<v1::ArchiveChunk>;
+
+    async fn get_archive(&self, request: Request<v1::GetArchiveRequest>) -> Answer<Self::GetArchiveStream> {
+        let v1::GetArchiveRequest { campaign, images } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let chunk = if images {
+            (CHUNK_BYTES / record.spec.image().pixels()).clamp(1, 1000)
+        } else {
+            1000
+        } as u64;
+        let (messages, stream) = mpsc::channel(2);
+        let api = self.clone();
+        tokio::spawn(async move {
+            let mut next = 0;
+            loop {
+                let (id, model) = (record.id.clone(), record.spec.model());
+                let read = api
+                    .read(move |store| store.individuals(&id, model, next..next + chunk, images))
+                    .await;
+                let last = read
+                    .as_ref()
+                    .map_or(true, |individuals| (individuals.len() as u64) < chunk);
+                let message = read.map(|individuals| v1::ArchiveChunk {
+                    individuals: individuals.into_iter().map(Into::into).collect(),
+                });
+                if messages.send(message).await.is_err() || last {
+                    return;
+                }
+                next += chunk;
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn get_digest(&self, request: Request<v1::GetDigestRequest>) -> Answer<v1::GetDigestResponse> {
+        let record = self.record(&request.get_ref().campaign).await?;
+        let found = self
+            .read(move |store| digest(store, &record.id, record.spec.model()))
+            .await?;
+        Ok(Response::new(v1::GetDigestResponse {
+            digest: found.digest,
+            evaluations: found.evaluations,
+        }))
+    }
+
+    async fn get_taxonomy(&self, request: Request<v1::GetTaxonomyRequest>) -> Answer<v1::Taxonomy> {
+        let record = self.record(&request.get_ref().campaign).await?;
+        let said = format!(
+            "campaign {} has no taxonomy yet: it is {}",
+            record.id,
+            record.state.name()
+        );
+        let taxonomy = self
+            .read(move |store| Taxonomy::read(store, &record.id, record.spec.model()))
+            .await?;
+        Ok(Response::new(
+            taxonomy.ok_or_else(|| Status::failed_precondition(said))?.into(),
+        ))
+    }
+
+    async fn get_individual(&self, request: Request<v1::GetIndividualRequest>) -> Answer<v1::Individual> {
+        let v1::GetIndividualRequest { campaign, index } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let found = self
+            .read(move |store| store.individual(&record.id, record.spec.model(), index))
+            .await?;
+        Ok(Response::new(found.into()))
+    }
+
+    async fn get_replay(&self, request: Request<v1::GetReplayRequest>) -> Answer<v1::Replay> {
+        let v1::GetReplayRequest {
+            campaign,
+            index,
+            stride,
+        } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let world = *record.spec.world();
+        let poses = (u64::from(world.horizon()) / u64::from(stride.max(1)) + 2) * u64::from(world.agents());
+        if stride == 0 || poses > MAX_POSES {
+            let least = u64::from(world.horizon()) * u64::from(world.agents()) / MAX_POSES + 1;
+            return Err(Invalid::new("stride", stride, format!("{least} or more for this world")).into());
+        }
+        let found = self
+            .read(move |store| store.individual(&record.id, record.spec.model(), index))
+            .await?;
+        let job = ReplayJob {
+            controller: found.controller,
+            world,
+            seed: found.seed,
+            stride,
+        };
+        Ok(Response::new(self.dispatch.replay(job).await?.into()))
+    }
+}

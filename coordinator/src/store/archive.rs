@@ -1,0 +1,289 @@
+//! Rows of the archive: individuals, their images, generations, taxonomies.
+
+use super::{Store, StoreError, campaigns::number_of};
+use crate::{
+    campaign::{CampaignId, CampaignState},
+    medoids::Clustering,
+};
+use murmuration_proto::{CapabilityModel, Controller, Features};
+use rusqlite::{OptionalExtension as _, Row, params};
+use std::ops::Range;
+
+/// One evaluated controller, with its image where it was asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArchivedIndividual {
+    /// Place in the archive, from 0.
+    pub index: u64,
+    /// Generation, from 0.
+    pub generation: u32,
+    /// The genome.
+    pub controller: Controller,
+    /// Seed of its start.
+    pub seed: u64,
+    /// Hand-crafted features.
+    pub features: Features,
+    /// Mean distance to its nearest neighbours in the archive as it stood after its generation.
+    pub novelty: f64,
+    /// Grey values, index x * resolution + y.
+    pub image: Option<Vec<u8>>,
+}
+
+/// What a generation did, as it is stored.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GenerationRecord {
+    /// From 0.
+    pub generation: u32,
+    /// Highest novelty among its individuals.
+    pub best_novelty: f64,
+    /// Their mean novelty.
+    pub mean_novelty: f64,
+    /// Proposals that the filter turned away while it was made.
+    pub filtered: u64,
+}
+
+/// A taxonomy as it is stored; everything else about it follows from the archive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredTaxonomy {
+    /// Archive indices of the medoids, largest cluster first.
+    pub medoids: Vec<u64>,
+    /// For each individual, the place in `medoids` of the nearest.
+    pub clusters: Vec<u32>,
+    /// Sum of the distances to the nearest medoids.
+    pub loss: f64,
+}
+
+impl Store {
+    /// Commits one complete generation: its record and its individuals, images included, in one transaction.
+    ///
+    /// # Errors
+    /// If it cannot be written; then none of it was.
+    pub fn commit_generation(
+        &self,
+        campaign: &CampaignId,
+        record: &GenerationRecord,
+        individuals: &[ArchivedIndividual],
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            transaction.execute(
+                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered)
+                 VALUES (?1, ?2, ?3, ?4, ?5)",
+                params![
+                    number,
+                    record.generation,
+                    record.best_novelty,
+                    record.mean_novelty,
+                    record.filtered as i64
+                ],
+            )?;
+            let mut individual = transaction.prepare(
+                "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+            )?;
+            let mut image =
+                transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
+            for row in individuals {
+                let index = row.index as i64;
+                individual.execute(params![
+                    number,
+                    index,
+                    row.generation,
+                    floats_to_blob(row.controller.genes()),
+                    row.seed.cast_signed(),
+                    floats_to_blob(&row.features),
+                    row.novelty,
+                ])?;
+                if let Some(pixels) = &row.image {
+                    image.execute(params![number, index, pixels])?;
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Individuals whose index is in `range`, in order, as far as there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn individuals(
+        &self,
+        campaign: &CampaignId,
+        model: CapabilityModel,
+        range: Range<u64>,
+        with_images: bool,
+    ) -> Result<Vec<ArchivedIndividual>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image
+                 FROM individuals i LEFT JOIN images m
+                    ON ?4 AND m.campaign = i.campaign AND m.place = i.place
+                 WHERE i.campaign = ?1 AND i.place >= ?2 AND i.place < ?3 ORDER BY i.place",
+            )?;
+            let bounds = params![number, clamped(range.start), clamped(range.end), with_images];
+            let mut rows = statement.query(bounds)?;
+            let mut individuals = Vec::new();
+            while let Some(row) = rows.next()? {
+                individuals.push(individual(row, model)?);
+            }
+            Ok(individuals)
+        })
+    }
+
+    /// One individual with its image.
+    ///
+    /// # Errors
+    /// [`StoreError::NoIndividual`], or if it cannot be read.
+    pub fn individual(
+        &self,
+        campaign: &CampaignId,
+        model: CapabilityModel,
+        index: u64,
+    ) -> Result<ArchivedIndividual, StoreError> {
+        let range = index..index.saturating_add(1);
+        match self.individuals(campaign, model, range, true)?.pop() {
+            Some(found) => Ok(found),
+            None => {
+                let len = self.archive_len(campaign)?;
+                Err(StoreError::NoIndividual {
+                    campaign: campaign.as_str().to_owned(),
+                    index,
+                    len,
+                })
+            }
+        }
+    }
+
+    /// Number of individuals in the archive.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn archive_len(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let count: i64 = connection.query_row(
+                "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
+                [number],
+                |row| row.get(0),
+            )?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
+    /// Every complete generation, in order.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn generations(&self, campaign: &CampaignId) -> Result<Vec<GenerationRecord>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare(
+                "SELECT generation, best_novelty, mean_novelty, filtered FROM generations
+                 WHERE campaign = ?1 ORDER BY generation",
+            )?;
+            let rows = statement.query_map([number], |row| {
+                Ok(GenerationRecord {
+                    generation: row.get(0)?,
+                    best_novelty: row.get(1)?,
+                    mean_novelty: row.get(2)?,
+                    filtered: row.get::<_, i64>(3)?.unsigned_abs(),
+                })
+            })?;
+            rows.map(|row| Ok(row?)).collect()
+        })
+    }
+
+    /// Stores the taxonomy and completes the campaign, in one transaction.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn complete(&self, campaign: &CampaignId, taxonomy: &Clustering) -> Result<(), StoreError> {
+        let medoids: Vec<u8> = taxonomy
+            .medoids
+            .iter()
+            .flat_map(|&index| (index as u64).to_le_bytes())
+            .collect();
+        let clusters: Vec<u8> = taxonomy
+            .clusters
+            .iter()
+            .flat_map(|place| place.to_le_bytes())
+            .collect();
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            transaction.execute(
+                "INSERT INTO taxonomies (campaign, medoids, clusters, loss) VALUES (?1, ?2, ?3, ?4)",
+                params![number, medoids, clusters, taxonomy.loss],
+            )?;
+            transaction.execute(
+                "UPDATE campaigns SET state = ?2, error = '' WHERE number = ?1",
+                params![number, CampaignState::Completed.name()],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// The taxonomy of a completed campaign; `None` before that.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let found: Option<(Vec<u8>, Vec<u8>, f64)> = connection
+                .query_row(
+                    "SELECT medoids, clusters, loss FROM taxonomies WHERE campaign = ?1",
+                    [number],
+                    |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
+                )
+                .optional()?;
+            Ok(found.map(|(medoids, clusters, loss)| StoredTaxonomy {
+                medoids: medoids
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|bytes| u64::from_le_bytes(*bytes))
+                    .collect(),
+                clusters: clusters
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|bytes| u32::from_le_bytes(*bytes))
+                    .collect(),
+                loss,
+            }))
+        })
+    }
+}
+
+fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividual, StoreError> {
+    let index: i64 = row.get(0)?;
+    let damaged = |what: &dyn std::fmt::Display| StoreError::damaged(format!("individual {index}: {what}"));
+    let genes = blob_to_floats(&row.get::<_, Vec<u8>>(2)?);
+    let features = blob_to_floats(&row.get::<_, Vec<u8>>(4)?);
+    Ok(ArchivedIndividual {
+        index: index.unsigned_abs(),
+        generation: row.get(1)?,
+        controller: Controller::new(model, &genes).map_err(|error| damaged(&error))?,
+        seed: row.get::<_, i64>(3)?.cast_unsigned(),
+        features: Features::try_from(features).map_err(|_| damaged(&"not five features"))?,
+        novelty: row.get(5)?,
+        image: row.get(6)?,
+    })
+}
+
+/// SQLite's integers end at 2^63 - 1.
+fn clamped(index: u64) -> i64 {
+    i64::try_from(index).unwrap_or(i64::MAX)
+}
+
+fn floats_to_blob(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+fn blob_to_floats(blob: &[u8]) -> Vec<f64> {
+    blob.as_chunks()
+        .0
+        .iter()
+        .map(|bytes| f64::from_le_bytes(*bytes))
+        .collect()
+}

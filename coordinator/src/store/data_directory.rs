@@ -1,0 +1,123 @@
+//! The data directory: held by one process at a time, which leaves its address there for others.
+
+use super::StoreError;
+use std::{
+    fmt, fs,
+    io::{self, Read as _, Seek as _, Write as _},
+    path::{Path, PathBuf},
+};
+
+/// A data directory that this process holds until the value is dropped (or the process dies).
+#[derive(Debug)]
+pub struct DataDirectory {
+    path: PathBuf,
+    lock: fs::File,
+}
+
+/// Who holds a data directory.
+#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
+pub struct Holder {
+    /// Its process id; 0 if it has not said yet.
+    pub process: u32,
+    /// Where its coordinator listens, `http://HOST:PORT`; empty if it has not said yet.
+    pub address: String,
+}
+
+impl fmt::Display for Holder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.process, self.address.as_str()) {
+            (0, _) => write!(f, "another murmuration process"),
+            (process, "") => write!(f, "process {process}"),
+            (process, address) => write!(f, "process {process} at {address}"),
+        }
+    }
+}
+
+impl DataDirectory {
+    /// Name of the lock file.
+    const LOCK: &str = "lock.json";
+
+    /// Holds `path`, creating the folder if it does not exist.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`] if another process holds it; otherwise says which file cannot be used.
+    pub fn hold(path: &Path) -> Result<Self, StoreError> {
+        let failed = |doing, path: &Path| {
+            let path = path.to_path_buf();
+            move |source| StoreError::File { doing, path, source }
+        };
+        fs::create_dir_all(path).map_err(failed("create the data directory", path))?;
+        let lock_path = path.join(Self::LOCK);
+        let lock = fs::File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&lock_path)
+            .map_err(failed("open the lock file", &lock_path))?;
+        match lock.try_lock() {
+            Ok(()) => {
+                let held = Self {
+                    path: path.to_path_buf(),
+                    lock,
+                };
+                held.announce("")?;
+                Ok(held)
+            }
+            Err(fs::TryLockError::WouldBlock) => Err(StoreError::InUse {
+                path: path.to_path_buf(),
+                holder: read_holder(lock),
+            }),
+            Err(fs::TryLockError::Error(source)) => Err(failed("lock", &lock_path)(source)),
+        }
+    }
+
+    /// Like [`DataDirectory::hold`], but the folder must exist.
+    ///
+    /// # Errors
+    /// As `hold`, and [`StoreError::NoDirectory`].
+    pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
+        if path.join(super::Store::FILE).exists() {
+            Self::hold(path)
+        } else {
+            Err(StoreError::NoDirectory(path.to_path_buf()))
+        }
+    }
+
+    /// Says where the coordinator of this process listens.
+    ///
+    /// # Errors
+    /// If the lock file cannot be written.
+    pub fn announce(&self, address: &str) -> Result<(), StoreError> {
+        let holder = Holder {
+            process: std::process::id(),
+            address: address.to_owned(),
+        };
+        let write = |mut file: &fs::File| -> io::Result<()> {
+            file.set_len(0)?;
+            file.rewind()?;
+            file.write_all(&serde_json::to_vec(&holder)?)
+        };
+        write(&self.lock).map_err(|source| StoreError::File {
+            doing: "write the lock file",
+            path: self.path.join(Self::LOCK),
+            source,
+        })
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+/// What the holder has written; it may be just writing it.
+fn read_holder(mut lock: fs::File) -> Holder {
+    let mut text = String::new();
+    match lock.read_to_string(&mut text) {
+        Ok(_) => serde_json::from_str(&text).unwrap_or_default(),
+        Err(_) => Holder::default(),
+    }
+}

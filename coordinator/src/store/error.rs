@@ -1,0 +1,142 @@
+//! What can go wrong with the store, in words for the person whose data it is.
+
+use rusqlite::{ErrorCode, ffi};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+/// Why the store could not do what was asked; nothing was changed.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Another process holds the data directory.
+    #[error("data directory {path} is in use by {holder}")]
+    InUse {
+        /// The data directory.
+        path: PathBuf,
+        /// Who holds it, as far as it says.
+        holder: super::Holder,
+    },
+    /// The data directory does not exist and was not to be created.
+    #[error(
+        "there is no data directory {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
+    )]
+    NoDirectory(PathBuf),
+    /// A file or folder of the data directory cannot be used.
+    #[error("cannot {doing} {path}: {source}")]
+    File {
+        /// What was tried.
+        doing: &'static str,
+        /// With which file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The database was written by a newer version of Murmuration.
+    #[error(
+        "{path} has schema version {found}, this murmuration knows up to {known}: it was written by a newer \
+         version, please use that one (nothing was changed)"
+    )]
+    Newer {
+        /// The database.
+        path: PathBuf,
+        /// Its schema version.
+        found: u32,
+        /// The newest that is understood.
+        known: u32,
+    },
+    /// The file is no SQLite database, or it is damaged.
+    #[error("{path} is not a sound database ({reason}): restore a copy, or move it away to start afresh")]
+    Damaged {
+        /// The database.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The disk has no room.
+    #[error(
+        "the disk that holds {path} is full: make room, then `murmuration resume latest` (nothing was lost)"
+    )]
+    DiskFull {
+        /// The database.
+        path: PathBuf,
+    },
+    /// The file may not be written.
+    #[error(
+        "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
+    )]
+    ReadOnly {
+        /// The database.
+        path: PathBuf,
+    },
+    /// Nothing of that name is stored.
+    #[error("there is no campaign \"{0}\": `murmuration list` shows those there are")]
+    NoCampaign(String),
+    /// An index beyond the archive.
+    #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
+    NoIndividual {
+        /// The campaign.
+        campaign: String,
+        /// The index asked for.
+        index: u64,
+        /// Individuals in the archive.
+        len: u64,
+    },
+    /// Anything else that SQLite reports.
+    #[error("{path}: {source}")]
+    Sqlite {
+        /// The database.
+        path: PathBuf,
+        /// What SQLite said.
+        source: rusqlite::Error,
+    },
+}
+
+impl StoreError {
+    pub(super) fn from_sqlite(source: rusqlite::Error, path: &Path) -> Self {
+        let path = path.to_path_buf();
+        let code = source
+            .sqlite_error()
+            .map(|error| (error.code, error.extended_code));
+        match code {
+            Some((ErrorCode::DiskFull, _)) | Some((_, ffi::SQLITE_IOERR_WRITE)) => Self::DiskFull { path },
+            Some((ErrorCode::ReadOnly | ErrorCode::PermissionDenied | ErrorCode::CannotOpen, _)) => {
+                Self::ReadOnly { path }
+            }
+            Some((ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt, _)) => Self::Damaged {
+                path,
+                reason: source.to_string(),
+            },
+            _ => Self::Sqlite { path, source },
+        }
+    }
+
+    /// A stored value that this version would never have written.
+    pub(super) fn damaged(what: impl Into<String>) -> Self {
+        Self::Damaged {
+            path: PathBuf::new(),
+            reason: what.into(),
+        }
+    }
+
+    /// Fills in the path, where the code that met the error did not know it.
+    pub(super) fn at(self, path: &Path) -> Self {
+        match self {
+            Self::Sqlite { source, .. } => Self::from_sqlite(source, path),
+            Self::Damaged { reason, .. } => Self::Damaged {
+                path: path.to_path_buf(),
+                reason,
+            },
+            other => other,
+        }
+    }
+}
+
+impl From<rusqlite::Error> for StoreError {
+    fn from(source: rusqlite::Error) -> Self {
+        Self::Sqlite {
+            path: PathBuf::new(),
+            source,
+        }
+    }
+}

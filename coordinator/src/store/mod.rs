@@ -1,0 +1,80 @@
+//! What is on disk: one SQLite database in a data directory, changed by whole transactions only.
+//!
+//! Limits: knows rows, not searches. Everything acknowledged to anybody has been committed with
+//! `synchronous = FULL` first, so a `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
+
+mod archive;
+mod campaigns;
+mod data_directory;
+mod error;
+mod schema;
+
+pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
+pub use campaigns::CampaignRecord;
+pub use data_directory::{DataDirectory, Holder};
+pub use error::StoreError;
+
+use rusqlite::{Connection, Transaction};
+use std::{
+    path::Path,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+/// The open store; clones share one connection.
+#[derive(Debug, Clone)]
+pub struct Store {
+    /// One connection: SQLite has one writer, and every statement here is short.
+    connection: Arc<Mutex<Connection>>,
+    path: Arc<Path>,
+}
+
+impl Store {
+    /// Name of the database in its data directory.
+    pub const FILE: &str = "murmuration.sqlite";
+
+    /// Opens or creates the database in `directory`, which must be held (see [`DataDirectory::hold`]).
+    ///
+    /// # Errors
+    /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
+    pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
+        let path = directory.path().join(Self::FILE);
+        let named = |source| StoreError::from_sqlite(source, &path);
+        let mut connection = Connection::open(&path).map_err(named)?;
+        let version = schema::version(&connection, &path)?;
+        connection
+            .execute_batch(
+                "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
+                 PRAGMA busy_timeout = 5000;",
+            )
+            .map_err(named)?;
+        schema::migrate(&mut connection, version).map_err(named)?;
+        Ok(Self {
+            connection: Arc::new(Mutex::new(connection)),
+            path: path.into(),
+        })
+    }
+
+    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`.
+    fn write<T>(
+        &self,
+        change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        let transaction = connection
+            .transaction()
+            .map_err(|source| StoreError::from_sqlite(source, &self.path))?;
+        let value = change(&transaction).map_err(|error| error.at(&self.path))?;
+        transaction
+            .commit()
+            .map_err(|source| StoreError::from_sqlite(source, &self.path))?;
+        Ok(value)
+    }
+
+    fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {
+        let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        query(&connection).map_err(|error| error.at(&self.path))
+    }
+}
+
+#[cfg(test)]
+mod tests;

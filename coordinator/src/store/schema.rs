@@ -1,0 +1,73 @@
+//! The tables, and the way from older versions of them.
+
+use super::StoreError;
+use rusqlite::Connection;
+use std::path::Path;
+
+/// Each entry takes the schema from its index to the next version. Entries are never edited once released.
+const MIGRATIONS: [&str; 1] = ["
+    CREATE TABLE campaigns (
+        number INTEGER PRIMARY KEY,
+        id TEXT NOT NULL UNIQUE,
+        spec TEXT NOT NULL,
+        simulator_version TEXT NOT NULL,
+        state TEXT NOT NULL,
+        error TEXT NOT NULL,
+        created_ms INTEGER NOT NULL
+    ) STRICT;
+    CREATE TABLE generations (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        generation INTEGER NOT NULL,
+        best_novelty REAL NOT NULL,
+        mean_novelty REAL NOT NULL,
+        filtered INTEGER NOT NULL,
+        PRIMARY KEY (campaign, generation)
+    ) STRICT, WITHOUT ROWID;
+    CREATE TABLE individuals (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        place INTEGER NOT NULL,
+        generation INTEGER NOT NULL,
+        controller BLOB NOT NULL,
+        seed INTEGER NOT NULL,
+        features BLOB NOT NULL,
+        novelty REAL NOT NULL,
+        PRIMARY KEY (campaign, place)
+    ) STRICT, WITHOUT ROWID;
+    CREATE TABLE images (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        place INTEGER NOT NULL,
+        image BLOB NOT NULL,
+        UNIQUE (campaign, place)
+    ) STRICT;
+    CREATE TABLE taxonomies (
+        campaign INTEGER PRIMARY KEY REFERENCES campaigns (number),
+        medoids BLOB NOT NULL,
+        clusters BLOB NOT NULL,
+        loss REAL NOT NULL
+    ) STRICT;
+"];
+
+/// The newest schema version.
+const VERSION: u32 = MIGRATIONS.len() as u32;
+
+/// The version of the database, which this murmuration must know; looking changes nothing.
+pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, StoreError> {
+    let found = connection
+        .pragma_query_value(None, "user_version", |row| row.get(0))
+        .map_err(|source| StoreError::from_sqlite(source, path))?;
+    if found > VERSION {
+        return Err(StoreError::Newer { path: path.to_path_buf(), found, known: VERSION });
+    }
+    Ok(found)
+}
+
+/// Brings the database from version `from` to the newest, one committed step after the other.
+pub(super) fn migrate(connection: &mut Connection, from: u32) -> rusqlite::Result<()> {
+    for (version, migration) in (1..).zip(MIGRATIONS).skip(from as usize) {
+        let transaction = connection.transaction()?;
+        transaction.execute_batch(migration)?;
+        transaction.pragma_update(None, "user_version", version)?;
+        transaction.commit()?;
+    }
+    Ok(())
+}
