@@ -79,6 +79,12 @@ pub enum WorkerReport {
 
 #[derive(Debug)]
 enum Command {
+    Work(Request),
+    Stop,
+}
+
+#[derive(Debug)]
+enum Request {
     Submit {
         work: Work,
         done: Arc<AtomicU32>,
@@ -143,6 +149,12 @@ impl Dispatch {
             .ok_or(JobError::ShuttingDown)
     }
 
+    /// Ends every worker's stream and every job.
+    pub async fn stop(&self) {
+        // One that has ended needs no telling.
+        let _ = self.commands.send(Command::Stop).await;
+    }
+
     /// Number of workers that take work, now and whenever it changes.
     #[must_use]
     pub fn workers(&self) -> watch::Receiver<usize> {
@@ -153,12 +165,12 @@ impl Dispatch {
     pub(crate) async fn join(&self, name: String, capacity: usize, outbox: Outbox) -> Option<WorkerId> {
         let (reply, answer) = oneshot::channel();
         self.commands
-            .send(Command::Join {
+            .send(Command::Work(Request::Join {
                 name,
                 capacity,
                 outbox,
                 reply,
-            })
+            }))
             .await
             .ok()?;
         answer.await.ok()
@@ -167,12 +179,12 @@ impl Dispatch {
     /// Passes on what a worker says.
     pub(crate) async fn report(&self, worker: WorkerId, report: WorkerReport) {
         // A dispatcher that has ended needs no reports.
-        let _ = self.commands.send(Command::Report { worker, report }).await;
+        let _ = self.commands.send(Command::Work(Request::Report { worker, report })).await;
     }
 
     async fn submit(&self, work: Work, done: Arc<AtomicU32>) -> Result<Vec<Output>, JobError> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::Submit { work, done, reply };
+        let command = Command::Work(Request::Submit { work, done, reply });
         self.commands
             .send(command)
             .await
@@ -209,8 +221,8 @@ impl Service {
         loop {
             tokio::select! {
                 command = inbox.recv() => match command {
-                    Some(command) => self.take(command),
-                    None => return,
+                    None | Some(Command::Stop) => break,
+                    Some(Command::Work(request)) => self.take(request),
                 },
                 _ = tick.tick() => self.lose_silent_workers(),
             }
@@ -220,21 +232,25 @@ impl Service {
             self.count
                 .send_if_modified(|known| std::mem::replace(known, count) != count);
         }
+        let workers: Vec<_> = self.workers.keys().copied().collect();
+        for worker in workers {
+            self.lose(worker, Some(Status::unavailable("the coordinator is shutting down")));
+        }
     }
 
-    fn take(&mut self, command: Command) {
-        match command {
-            Command::Submit { work, done, reply } => {
+    fn take(&mut self, request: Request) {
+        match request {
+            Request::Submit { work, done, reply } => {
                 let id = self.table.submit(work.tasks());
                 self.jobs.insert(id, Job { work, done, reply });
             }
-            Command::Join {
+            Request::Join {
                 name,
                 capacity,
                 outbox,
                 reply,
             } => self.welcome(name, capacity, outbox, reply),
-            Command::Report { worker, report } => {
+            Request::Report { worker, report } => {
                 self.table.hear(worker, Instant::now());
                 match report {
                     WorkerReport::Credits(count) => self.table.add_credits(worker, count),

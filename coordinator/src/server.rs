@@ -63,6 +63,7 @@ pub enum ServerError {
 pub struct Coordinator {
     address: SocketAddr,
     campaigns: Campaigns,
+    dispatch: Dispatch,
     stop: Option<oneshot::Sender<()>>,
     server: JoinHandle<Result<(), tonic::transport::Error>>,
     /// Held for as long as the server runs.
@@ -97,7 +98,9 @@ impl Coordinator {
         };
         let campaign_service = CampaignServiceServer::new(campaign_api);
         let worker_service =
-            WorkerServiceServer::new(WorkerApi { dispatch }).max_decoding_message_size(MAX_WORKER_MESSAGE);
+            WorkerServiceServer::new(WorkerApi {
+                dispatch: dispatch.clone(),
+            }).max_decoding_message_size(MAX_WORKER_MESSAGE);
         health_reporter
             .set_serving::<CampaignServiceServer<CampaignApi>>()
             .await;
@@ -126,6 +129,7 @@ impl Coordinator {
         Ok(Self {
             address,
             campaigns,
+            dispatch,
             stop: Some(stop),
             server,
             _data: options.data,
@@ -155,6 +159,7 @@ impl Coordinator {
     /// If the server had already broken.
     pub async fn shutdown(mut self) -> Result<(), ServerError> {
         self.stop_searches().await;
+        self.dispatch.stop().await;
         if let Some(stop) = self.stop.take() {
             // It may have ended already.
             let _ = stop.send(());

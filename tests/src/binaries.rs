@@ -1,0 +1,136 @@
+//! The real binaries, in real processes.
+
+use std::{
+    io::{BufRead as _, BufReader, Read as _},
+    path::{Path, PathBuf},
+    process::{Child, Command, Stdio},
+    sync::OnceLock,
+};
+
+/// Path of a binary of the workspace, built in the profile of the tests that ask.
+pub fn binary(name: &str) -> PathBuf {
+    static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+    let folder = FOLDER.get_or_init(|| {
+        // target/PROFILE/deps/TEST -> target/PROFILE
+        let test = std::env::current_exe().unwrap();
+        let folder = test.ancestors().nth(2).unwrap().to_owned();
+        let mut build = Command::new(env!("CARGO"));
+        build.args(["build", "--quiet", "--workspace", "--bins"]).arg("--manifest-path");
+        build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
+        build.arg("--target-dir").arg(folder.parent().unwrap());
+        if !cfg!(debug_assertions) {
+            build.arg("--release");
+        }
+        assert!(build.status().unwrap().success(), "the binaries do not build");
+        folder
+    });
+    folder.join(name)
+}
+
+/// A `murmuration` command line over one data directory.
+#[derive(Debug, Clone)]
+pub struct Murmuration {
+    data: PathBuf,
+}
+
+/// A command that has ended.
+#[derive(Debug)]
+pub struct Finished {
+    /// Exit code; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed as data.
+    pub stdout: String,
+    /// What it said to people.
+    pub stderr: String,
+}
+
+/// A command that runs; killed with SIGKILL when dropped.
+#[derive(Debug)]
+pub struct Running {
+    child: Child,
+}
+
+impl Murmuration {
+    /// Commands over the data directory `data`.
+    #[must_use]
+    pub fn over(data: &Path) -> Self {
+        Self { data: data.to_owned() }
+    }
+
+    /// Runs a command to its end.
+    #[must_use]
+    pub fn run(&self, arguments: &[&str]) -> Finished {
+        let output = self.command(arguments).output().unwrap();
+        Finished {
+            code: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Starts a command, its stderr captured.
+    #[must_use]
+    pub fn start(&self, arguments: &[&str]) -> Running {
+        let mut command = self.command(arguments);
+        Running { child: command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap() }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(binary("murmuration"));
+        command.args(arguments).env("MURMURATION_DATA", &self.data).env("RUST_BACKTRACE", "0").stdin(Stdio::null());
+        command
+    }
+}
+
+impl Running {
+    /// Starts a worker process for the coordinator at `url`.
+    #[must_use]
+    pub fn worker(url: &str) -> Self {
+        let mut command = Command::new(binary("murmuration-worker"));
+        command.args(["--coordinator", url, "--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null());
+        Self { child: command.spawn().unwrap() }
+    }
+
+    /// Reads its stderr until a line that contains `sign`; that line.
+    ///
+    /// Lines are read from one reader for each call: what follows the sign in the pipe may be lost.
+    pub fn wait_for(&mut self, sign: &str) -> String {
+        let stderr = self.child.stderr.as_mut().expect("started with its stderr captured");
+        let mut said = String::new();
+        for line in BufReader::new(stderr).lines() {
+            let line = line.unwrap();
+            if line.contains(sign) {
+                return line;
+            }
+            said += &line;
+            said.push('\n');
+        }
+        panic!("it ended without saying {sign:?}:\n{said}");
+    }
+
+    /// SIGKILL, and waits until it is dead. Panics if it had ended by itself: then the fault did not fire.
+    pub fn kill(mut self) {
+        assert_eq!(self.child.try_wait().unwrap(), None, "it had ended before it was killed");
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// SIGTERM, and waits for its exit code.
+    pub fn terminate(mut self) -> Option<i32> {
+        let signalled = Command::new("kill").arg(self.child.id().to_string()).status().unwrap();
+        assert!(signalled.success());
+        let mut rest = String::new();
+        if let Some(stderr) = self.child.stderr.as_mut() {
+            stderr.read_to_string(&mut rest).unwrap();
+        }
+        self.child.wait().unwrap().code()
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,100 @@
+//! A coordinator with in-process workers over a temporary data directory.
+
+use murmuration_coordinator::{
+    dispatch,
+    local::LocalCluster,
+    server::Options,
+    store::DataDirectory,
+};
+use murmuration_proto::{
+    CampaignSpec,
+    v1::{self, campaign_service_client::CampaignServiceClient},
+};
+use std::{path::Path, time::Duration};
+use tonic::transport::Channel;
+
+/// A running cluster.
+#[derive(Debug)]
+pub struct Cluster {
+    local: LocalCluster,
+    /// A client connected to it.
+    pub client: CampaignServiceClient<Channel>,
+}
+
+/// A campaign small enough for tests: 5 generations of 20 controllers, 200 steps each; `more` is added to the file.
+#[must_use]
+pub fn small_spec(more: &str) -> CampaignSpec {
+    let text = format!(
+        "name = \"small\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n{more}\n\
+         [world]\nhorizon = 200\n[search]\npopulation = 20\ngenerations = 5\n[taxonomy]\nmedoids = 4\n"
+    );
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
+/// Dispatch options that notice a silent worker within a second.
+#[must_use]
+pub fn quick_dispatch() -> dispatch::Options {
+    dispatch::Options { heartbeat_interval: Duration::from_millis(100), silence_limit: Duration::from_millis(500) }
+}
+
+impl Cluster {
+    /// Starts a coordinator over `data` and `workers` workers; running campaigns of the directory go on.
+    pub async fn start(data: &Path, workers: usize) -> Self {
+        let options = Options {
+            data: DataDirectory::hold(data).unwrap(),
+            listen: ([127, 0, 0, 1], 0).into(),
+            resume: true,
+            dispatch: quick_dispatch(),
+        };
+        let local = LocalCluster::start(options, workers).await.unwrap();
+        let client = CampaignServiceClient::connect(local.coordinator().url()).await.unwrap();
+        Self { local, client }
+    }
+
+    /// URL of its coordinator.
+    #[must_use]
+    pub fn url(&self) -> String {
+        self.local.coordinator().url()
+    }
+
+    /// A channel to it, for clients of other services.
+    pub async fn channel(&self) -> Channel {
+        Channel::from_shared(self.url()).unwrap().connect().await.unwrap()
+    }
+
+    /// Starts a campaign; its id.
+    pub async fn create(&mut self, spec: &CampaignSpec) -> String {
+        let request = v1::CreateCampaignRequest { spec: Some(spec.into()) };
+        self.client.create_campaign(request).await.unwrap().into_inner().id
+    }
+
+    /// Watches a campaign until it stops; its last status.
+    pub async fn finish(&mut self, campaign: &str) -> v1::Campaign {
+        let request = v1::WatchCampaignRequest { campaign: campaign.to_owned() };
+        let mut statuses = self.client.watch_campaign(request).await.unwrap().into_inner();
+        let mut last = None;
+        while let Some(status) = statuses.message().await.unwrap() {
+            last = Some(status);
+        }
+        last.expect("a watched campaign says something")
+    }
+
+    /// The digest of a campaign's archive.
+    pub async fn digest(&mut self, campaign: &str) -> String {
+        let request = v1::GetDigestRequest { campaign: campaign.to_owned() };
+        self.client.get_digest(request).await.unwrap().into_inner().digest
+    }
+
+    /// Runs a campaign to its end, which must be completion; its digest.
+    pub async fn run(&mut self, spec: &CampaignSpec) -> String {
+        let campaign = self.create(spec).await;
+        let last = self.finish(&campaign).await;
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        self.digest(&campaign).await
+    }
+
+    /// Stops it.
+    pub async fn stop(self) {
+        self.local.shutdown().await.unwrap();
+    }
+}

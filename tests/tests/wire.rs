@@ -1,0 +1,211 @@
+//! What comes over the wire from strangers: refused at the edge, with words, and nothing is lost.
+
+use murmuration_proto::{
+    SIMULATOR_VERSION,
+    v1::{self, coordinator_message::Message as Answer, worker_message::Message},
+};
+use murmuration_tests::{Cluster, Impostor, small_spec};
+use tonic::Code;
+use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient};
+use tonic_reflection::pb::v1::{
+    ServerReflectionRequest, server_reflection_client::ServerReflectionClient,
+    server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
+};
+
+/// Runs `disturb` beside one honest worker; the campaign must end with the digest of an undisturbed run.
+async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) -> F) {
+    let spec = small_spec("seed = 9");
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let undisturbed = cluster.run(&spec).await;
+    cluster.stop().await;
+
+    // The honest worker joins only after the fault, so that the fault is sure to get work.
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let campaign = cluster.create(&spec).await;
+    disturb(cluster.url()).await;
+    let options = murmuration_worker::client::Options {
+        coordinator: cluster.url(),
+        name: "honest".to_owned(),
+        threads: std::num::NonZeroUsize::MIN,
+    };
+    let (stop, stopped) = tokio::sync::watch::channel(false);
+    let worker = tokio::spawn(murmuration_worker::client::run(options, stopped));
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    assert_eq!(cluster.digest(&campaign).await, undisturbed);
+    stop.send_replace(true);
+    worker.await.unwrap().unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_vanishes_with_a_lease_costs_nothing() {
+    check_undisturbed(async |url| {
+        let mut impostor = Impostor::connect(&url).await;
+        impostor.lease(10).await;
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_falls_silent_is_dropped_and_told_so() {
+    check_undisturbed(async |url| {
+        let mut impostor = Impostor::connect(&url).await;
+        impostor.lease(10).await;
+        let status = impostor.receive().await.unwrap_err();
+        assert_eq!(status.code(), Code::DeadlineExceeded);
+        assert!(status.message().contains("nothing heard"), "{status}");
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn impossible_results_are_refused_by_name() {
+    let good = || v1::Evaluation { features: vec![0.0; 5], image: vec![0; 2500] };
+    let cases = [
+        (v1::Evaluation { features: vec![f64::NAN; 5], ..good() }, 0, "features.average_speed = NaN: must be finite"),
+        (v1::Evaluation { features: vec![0.0; 4], ..good() }, 0, "features = 4 values: must be 5 values"),
+        (v1::Evaluation { image: vec![0; 2499], ..good() }, 0, "image = 2499 bytes: must be 2500 bytes"),
+        (good(), 1, "results for a lease of"),
+    ];
+    check_undisturbed(async |url| {
+        for (evaluation, extra, said) in cases {
+            let mut impostor = Impostor::connect(&url).await;
+            let (lease, batch) = impostor.lease(4).await;
+            impostor.answer(lease, evaluation, batch.tasks.len() + extra).await;
+            let status = impostor.receive().await.unwrap_err();
+            assert_eq!(status.code(), Code::InvalidArgument);
+            assert!(status.message().contains(said), "{:?} does not say {said:?}", status.message());
+        }
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn results_for_leases_that_never_were_are_ignored() {
+    check_undisturbed(async |url| {
+        let impostor = Impostor::connect(&url).await;
+        let evaluation = v1::Evaluation { features: vec![0.0; 5], image: vec![0; 2500] };
+        for lease in [v1::LeaseId { epoch: 1, number: 1 }, v1::LeaseId { epoch: u64::MAX, number: 3 }] {
+            impostor.answer(lease, evaluation.clone(), 1).await;
+        }
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lie_that_another_worker_contradicts_fails_the_campaign_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let lie = |speed| v1::Evaluation { features: vec![speed, 0.0, 0.0, 0.0, 0.0], image: vec![0; 2500] };
+    let url = cluster.url();
+    // The first falls silent, its lease goes to the second, and then both answer.
+    let mut first = Impostor::connect(&url).await;
+    let (lease, batch) = first.lease(5).await;
+    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
+    let mut second = Impostor::connect(&url).await;
+    assert_eq!(first.receive().await.unwrap_err().code(), Code::DeadlineExceeded);
+    let (again, same) = second.lease(5).await;
+    assert_eq!(batch, same);
+    second.answer(again, lie(1.0), same.tasks.len()).await;
+    let third = Impostor::connect(&url).await;
+    third.answer(lease, lie(2.0), batch.tasks.len()).await;
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Failed);
+    assert!(last.error.contains("disagree about evaluation"), "{}", last.error);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn another_simulator_version_is_told_which_one_to_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let status = Impostor::say_hello(&cluster.url(), Impostor::hello("0")).await.unwrap_err();
+    assert_eq!(status.code(), Code::FailedPrecondition);
+    let said = format!("needs workers with simulator version {SIMULATOR_VERSION}, worker \"impostor\" has version 0");
+    assert!(status.message().contains(&said), "{status}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn messages_out_of_order_or_range_end_the_stream() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let status = Impostor::say_hello(&cluster.url(), Message::Heartbeat(v1::Heartbeat {})).await.unwrap_err();
+    assert_eq!(status.message(), "the first message must be Hello");
+    let mut impostor = Impostor::connect(&cluster.url()).await;
+    impostor.send(Message::Credits(v1::Credits { evaluations: u32::MAX })).await;
+    let status = impostor.receive().await.unwrap_err();
+    assert_eq!(status.message(), "credits.evaluations = 4294967295: must be from 1 to 65536");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_draining_worker_gets_no_more_leases() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let mut leaving = Impostor::connect(&cluster.url()).await;
+    leaving.send(Message::Credits(v1::Credits { evaluations: 5 })).await;
+    leaving.send(Message::Drain(v1::Drain {})).await;
+    cluster.create(&small_spec("")).await;
+    // The silence limit ends the stream; before that nothing may have come.
+    match leaving.receive().await {
+        Err(status) => assert_eq!(status.code(), Code::DeadlineExceeded),
+        Ok(Some(Answer::Lease(_))) => panic!("a lease for a draining worker"),
+        Ok(other) => panic!("unexpected: {other:?}"),
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn clients_are_told_which_field_is_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let mut spec = v1::CampaignSpec::from(&small_spec(""));
+    spec.search.as_mut().unwrap().population = Some(0);
+    let request = v1::CreateCampaignRequest { spec: Some(spec) };
+    let status = cluster.client.create_campaign(request).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
+    assert!(status.message().starts_with("search.population = 0: must be"), "{status}");
+
+    let request = v1::GetCampaignRequest { campaign: "nobody".to_owned() };
+    let status = cluster.client.get_campaign(request).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+
+    let campaign = cluster.create(&small_spec("")).await;
+    let request = v1::GetReplayRequest { campaign: campaign.clone(), index: 0, stride: 0 };
+    let status = cluster.client.get_replay(request).await.unwrap_err();
+    assert!(status.message().starts_with("stride = 0: must be 1 or more"), "{status}");
+    let request = v1::GetTaxonomyRequest { campaign };
+    let status = cluster.client.get_taxonomy(request).await.unwrap_err();
+    assert_eq!(status.code(), Code::FailedPrecondition);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_and_reflection_answer_any_client() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let mut health = HealthClient::new(cluster.channel().await);
+    for service in ["", "murmuration.v1.CampaignService", "murmuration.v1.WorkerService"] {
+        let request = HealthCheckRequest { service: service.to_owned() };
+        let answer = health.check(request).await.unwrap().into_inner();
+        assert_eq!(answer.status(), ServingStatus::Serving, "{service}");
+    }
+
+    let mut reflection = ServerReflectionClient::new(cluster.channel().await);
+    let request = ServerReflectionRequest {
+        host: String::new(),
+        message_request: Some(MessageRequest::ListServices(String::new())),
+    };
+    let mut answers = reflection.server_reflection_info(tokio_stream::once(request)).await.unwrap().into_inner();
+    let answer = answers.message().await.unwrap().unwrap().message_response;
+    let Some(MessageResponse::ListServicesResponse(list)) = answer else { panic!("no list: {answer:?}") };
+    let names: Vec<_> = list.service.iter().map(|service| service.name.as_str()).collect();
+    for name in ["murmuration.v1.CampaignService", "murmuration.v1.WorkerService", "grpc.health.v1.Health"] {
+        assert!(names.contains(&name), "{names:?}");
+    }
+    cluster.stop().await;
+}
