@@ -32,7 +32,7 @@ pub fn trajectory_png(
     let mut sketch = Sketch::new(world, size)?;
     sketch.walls(world);
     let frames: Vec<&[Pose]> = replay.frames().collect();
-    let width = (size as f32 / 340.0).max(1.0);
+    let width = (size as f32 / 290.0).max(1.0);
     for (first, last, part) in ages(replay.steps(), window) {
         sketch.paths(&frames[first..=last], part, width);
     }
