@@ -50,8 +50,8 @@ fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
         .partition_point(|&step| step < start)
         .min(steps.len().saturating_sub(2));
     let mut runs: Vec<(usize, usize, u32)> = Vec::new();
-    for frame in begins..steps.len().saturating_sub(1) {
-        let done = u64::from(steps[frame].saturating_sub(start));
+    for (frame, pair) in steps.windows(2).enumerate().skip(begins) {
+        let done = u64::from(pair[0].saturating_sub(start));
         let age = (done * u64::from(AGES) / u64::from((end - start).max(1))) as u32;
         match runs.last_mut() {
             Some(run) if run.2 == age => run.1 = frame + 1,
