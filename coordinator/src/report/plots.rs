@@ -130,13 +130,13 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
     Ok(())
 }
 
+/// At most four decimals, none that say nothing.
 fn axis_number(value: f64) -> String {
     let text = format!("{value:.4}");
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    if short == "0" && value > 0.0 {
-        format!("{value:.0e}")
-    } else {
-        short.to_owned()
+    match text.trim_end_matches('0').trim_end_matches('.') {
+        "0" | "-0" if value == 0.0 => "0".to_owned(),
+        "0" | "-0" => format!("{value:.0e}"),
+        short => short.to_owned(),
     }
 }
 
@@ -162,8 +162,8 @@ fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
         .axis_style(GRID)
         .label_style(text(MUTED, 16))
         .axis_desc_style(text(INK, 17))
-        .x_label_formatter(&|value| format!("{value:.3}"))
-        .y_label_formatter(&|value| format!("{value:.3}"))
+        .x_label_formatter(&|value| axis_number(*value))
+        .y_label_formatter(&|value| axis_number(*value))
         .x_desc(report.map.axis_titles[0].as_str())
         .y_desc(report.map.axis_titles[1].as_str())
         .draw()?;
