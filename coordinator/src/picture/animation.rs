@@ -146,8 +146,11 @@ mod tests {
         sample::{ring, world},
     };
 
-    /// Plays a GIF: its size and, for each frame, the delay and the whole picture (places in the palette), and the palette.
-    fn play(file: &[u8]) -> ((u16, u16), Vec<(u16, Vec<u8>)>, Vec<u8>) {
+    /// The delay and the whole picture, places in the palette.
+    type Shown = (u16, Vec<u8>);
+
+    /// Plays a GIF: its size, its frames and the palette.
+    fn play(file: &[u8]) -> ((u16, u16), Vec<Shown>, Vec<u8>) {
         let mut decoder = gif::DecodeOptions::new().read_info(file).unwrap();
         let palette = decoder.global_palette().unwrap().to_vec();
         let size = (decoder.width(), decoder.height());

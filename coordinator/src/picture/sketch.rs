@@ -51,8 +51,8 @@ impl Sketch {
             world.width() as f32 * self.scale,
             world.height() as f32 * self.scale,
         );
-        // Without padding the walls are the picture's edge; half a pixel in, the line is still seen.
-        let inset = near.max(0.5);
+        // On the middle of pixels a line is sharp, and without padding it is still inside the picture.
+        let inset = near.floor() + 0.5;
         let Some(rect) = Rect::from_ltrb(inset, inset, width - inset, height - inset) else {
             return;
         };

@@ -32,7 +32,7 @@ pub fn trajectory_png(
     let mut sketch = Sketch::new(world, size)?;
     sketch.walls(world);
     let frames: Vec<&[Pose]> = replay.frames().collect();
-    let width = (size as f32 / 340.0).max(1.0);
+    let width = (size as f32 / 290.0).max(1.0);
     for (first, last, part) in ages(replay.steps(), window) {
         sketch.paths(&frames[first..=last], part, width);
     }
@@ -50,8 +50,8 @@ fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
         .partition_point(|&step| step < start)
         .min(steps.len().saturating_sub(2));
     let mut runs: Vec<(usize, usize, u32)> = Vec::new();
-    for frame in begins..steps.len().saturating_sub(1) {
-        let done = u64::from(steps[frame].saturating_sub(start));
+    for (frame, pair) in steps.windows(2).enumerate().skip(begins) {
+        let done = u64::from(pair[0].saturating_sub(start));
         let age = (done * u64::from(AGES) / u64::from((end - start).max(1))) as u32;
         match runs.last_mut() {
             Some(run) if run.2 == age => run.1 = frame + 1,

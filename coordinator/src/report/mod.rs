@@ -1,6 +1,6 @@
 //! The report of a campaign: one self-contained page with the taxonomy, and the files that papers are made from.
 //!
-//! A report is plain data in ([`Report`]) and a folder of files out ([`write`]). It does not simulate, project or
+//! A report is plain data in ([`Report`]) and a folder of files out ([`write()`]). It does not simulate, project or
 //! cluster; whoever calls it has done so.
 
 mod commands;

@@ -13,16 +13,17 @@ pub(super) fn grouped(number: u64) -> String {
     text
 }
 
-/// Four significant digits or so: `0.01235`, `1.235`, `1,235`.
+/// Three significant digits or so: `0.0123`, `1.23`, `1,235`.
 pub(super) fn short(number: f64) -> String {
     match number.abs() {
-        size if size >= 1e15 || !size.is_finite() || (size < 1e-4 && size > 0.0) => format!("{number:.2e}"),
+        size if size >= 1e15 || !size.is_finite() => format!("{number:.2e}"),
         size if size >= 1000.0 && number > 0.0 => grouped(number.round() as u64),
-        size if size >= 100.0 => format!("{number:.1}"),
-        size if size >= 10.0 => format!("{number:.2}"),
-        size if size >= 1.0 || size == 0.0 => format!("{number:.3}"),
-        size if size >= 0.1 => format!("{number:.4}"),
-        _ => format!("{number:.5}"),
+        size if size >= 100.0 => format!("{number:.0}"),
+        size if size >= 10.0 => format!("{number:.1}"),
+        size if size >= 1.0 || size == 0.0 => format!("{number:.2}"),
+        size if size >= 0.1 => format!("{number:.3}"),
+        size if size >= 0.001 => format!("{number:.4}"),
+        _ => format!("{number:.1e}"),
     }
 }
 
@@ -75,8 +76,7 @@ mod tests {
         assert_eq!(
             texts,
             [
-                "0.000", "0.01235", "0.5000", "1.235", "12.35", "123.5", "1,235", "-2.500", "1.00e-9",
-                "1.00e20"
+                "0.00", "0.0123", "0.500", "1.23", "12.3", "123", "1,235", "-2.50", "1.0e-9", "1.00e20"
             ]
         );
         assert_eq!([percent(1, 8), percent(0, 0)], ["12.5 %", "0 %"]);

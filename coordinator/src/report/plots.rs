@@ -9,7 +9,7 @@ use plotters::{
 };
 
 /// Size in pixels for a wide page and for papers.
-pub(super) const WIDE: (u32, u32) = (1080, 320);
+pub(super) const WIDE: (u32, u32) = (1180, 340);
 /// Size in pixels for a narrow page.
 pub(super) const NARROW: (u32, u32) = (360, 260);
 
@@ -93,11 +93,11 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
     let narrow = area.dim_in_pixel().0 < 600;
     let mut chart = ChartBuilder::on(area)
         .margin_top(12)
-        .margin_right(if lines.len() > 1 { 52 } else { 16 })
-        .x_label_area_size(40)
-        .y_label_area_size(62)
+        .margin_right(if lines.len() > 1 { 56 } else { 16 })
+        .x_label_area_size(46)
+        .y_label_area_size(68)
         .build_cartesian_2d(0.0..last, 0.0..top)?;
-    let text = |colour: RGBColor| ("sans-serif", 13).into_font().color(&colour);
+    let text = |colour: RGBColor| ("sans-serif", 16).into_font().color(&colour);
     chart
         .configure_mesh()
         .disable_x_mesh()
@@ -130,13 +130,13 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
     Ok(())
 }
 
+/// At most four decimals, none that say nothing.
 fn axis_number(value: f64) -> String {
     let text = format!("{value:.4}");
-    let short = text.trim_end_matches('0').trim_end_matches('.');
-    if short == "0" && value > 0.0 {
-        format!("{value:.0e}")
-    } else {
-        short.to_owned()
+    match text.trim_end_matches('0').trim_end_matches('.') {
+        "0" | "-0" if value == 0.0 => "0".to_owned(),
+        "0" | "-0" => format!("{value:.0e}"),
+        short => short.to_owned(),
     }
 }
 
@@ -160,10 +160,10 @@ fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
         .configure_mesh()
         .disable_mesh()
         .axis_style(GRID)
-        .label_style(text(MUTED, 13))
-        .axis_desc_style(text(INK, 14))
-        .x_label_formatter(&|value| format!("{value:.3}"))
-        .y_label_formatter(&|value| format!("{value:.3}"))
+        .label_style(text(MUTED, 16))
+        .axis_desc_style(text(INK, 17))
+        .x_label_formatter(&|value| axis_number(*value))
+        .y_label_formatter(&|value| axis_number(*value))
         .x_desc(report.map.axis_titles[0].as_str())
         .y_desc(report.map.axis_titles[1].as_str())
         .draw()?;
@@ -183,7 +183,7 @@ fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
     )?;
     for (place, medoid) in report.medoids.iter().enumerate() {
         let [x, y] = points[medoid.index as usize];
-        let centred = text(WHITE, 12).pos(Pos::new(HPos::Center, VPos::Center));
+        let centred = text(WHITE, 14).pos(Pos::new(HPos::Center, VPos::Center));
         let mark = EmptyElement::at((x, y))
             + Circle::new((0, 0), 11, WHITE.filled())
             + Circle::new((0, 0), 10, INK.filled())

@@ -214,7 +214,7 @@ fn a_full_page_stays_small() {
 }
 
 /// Writes samples into the folder that `SAMPLE_REPORT` names, to be looked at:
-/// `SAMPLE_REPORT=/tmp/samples cargo test --release -p murmuration-coordinator a_sample_to_look_at -- --ignored`
+/// `SAMPLE_REPORT=samples cargo test --release -p murmuration-coordinator a_sample_to_look_at -- --ignored`
 #[test]
 #[ignore = "for people to look at"]
 fn a_sample_to_look_at() {

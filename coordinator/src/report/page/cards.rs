@@ -68,7 +68,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                 div.sights {
                     figure {
                         img.grey src=(inline_png(&pictures.image)) alt={ "Grey image of behaviour " (number) };
-                        figcaption { "as the search saw it" }
+                        figcaption { "grey image" }
                     }
                     figure.scripted {
                         canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}

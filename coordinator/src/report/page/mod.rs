@@ -71,9 +71,9 @@ fn header(report: &Report) -> Markup {
             p.eyebrow { "Taxonomy of behaviours · " (report.campaign) }
             h1 {
                 @if agents == 1 {
-                    "Which behaviours can " (robots(report)) " show?"
+                    "Which behaviours can " span.nowrap { (robots(report)) } " show?"
                 } @else {
-                    "Which collective behaviours can a swarm of " (robots(report)) " show?"
+                    "Which collective behaviours can a swarm of " span.nowrap { (robots(report)) } " show?"
                 }
             }
             p.answer {

@@ -87,7 +87,7 @@ class Player {
     pen.globalAlpha = 0.55;
     pen.strokeStyle = "#9c9a94";
     pen.lineWidth = 1;
-    const inset = Math.max(world.padding * scale, 0.5);
+    const inset = Math.floor(world.padding * scale) + 0.5;
     pen.strokeRect(inset, inset, canvas.width - 2 * inset, canvas.height - 2 * inset);
     if (run.agents <= MOST_TRAILS) this.drawTrails(frame, across, down);
     this.drawBodies(Math.max(world.radius * scale, 1.2), across, down);
@@ -98,7 +98,7 @@ class Player {
     const begin = Math.max(this.step - TRAIL_STEPS, 0);
     const first = run.frameAt(begin);
     const frames = frame - first + 1;
-    pen.lineWidth = Math.max(this.canvas.width / 300, 1);
+    pen.lineWidth = Math.max(this.canvas.width / 260, 1);
     for (let age = 0; age < TRAIL_AGES; age++) {
       const from = first + Math.floor((age * frames) / TRAIL_AGES);
       const to = first + Math.floor(((age + 1) * frames) / TRAIL_AGES);

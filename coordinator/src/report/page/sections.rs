@@ -76,8 +76,8 @@ pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
             h2 #filtered-title { "What was filtered" }
             @if report.spec.filter() {
                 p.lead {
-                    "The heuristic filter looks at a controller alone, before it is simulated, and turns away those that cannot "
-                    "lead to an interesting behaviour: too slow, spinning in place, blind to the others. It turned away "
+                    "The heuristic filter looks at a controller alone, before it is simulated, and turns away those that are "
+                    "unlikely to lead anywhere: too slow, spinning in place, or ignoring what they see. It turned away "
                     strong { (grouped(away)) " of " (grouped(proposed)) " proposals" } " (" (percent(away, proposed)) ")."
                 }
                 (plot("Proposals turned away over generations", |size| plots::filtered(&report.generations, size))?)
