@@ -10,7 +10,7 @@
 //! The result is a local optimum: no exchange of one medoid lowers the loss by more than a rounding error.
 //!
 //! Time grows with the square of the number of points. Measured with 12 medoids in five dimensions on two
-//! shared cores (`cargo bench --bench medoids`): 0.02 s for 1,000 points, 1.7 s for 10,000.
+//! shared cores (`cargo bench --bench medoids`): 0.02 s for 1,000 points, 1 to 2 s for 10,000.
 
 mod assignment;
 mod seeding;
