@@ -1,0 +1,34 @@
+# The two commands that matter: `make demo` and `make test`.
+
+CARGO ?= cargo
+export CARGO_TERM_COLOR ?= auto
+
+.PHONY: demo test lint build toolchain bench clean
+
+# Builds, runs the paper's single-sensor campaign, and says where its report is.
+demo: build
+	./target/release/murmuration run examples/single-sensor.toml
+
+# Everything that must hold before a change lands.
+test: lint build
+	$(CARGO) test --release --workspace
+
+lint: toolchain
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
+
+build: toolchain
+	$(CARGO) build --release --workspace --bins
+
+# Performance figures of this machine, each beside a baseline of the same run.
+bench: build
+	./target/release/murmuration bench simulate
+	$(CARGO) bench --workspace
+
+toolchain:
+	@command -v $(CARGO) >/dev/null || { echo "Rust 1.89 or newer is needed: https://rustup.rs" >&2; exit 1; }
+	@command -v cc >/dev/null || { echo "A C compiler is needed for SQLite (Debian: apt-get install gcc)" >&2; exit 1; }
+
+clean:
+	$(CARGO) clean
