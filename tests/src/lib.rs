@@ -1,7 +1,6 @@
 //! The single-node harness: a whole cluster in one process on ephemeral loopback ports, and the real binaries
 //! for what must survive the death of a process. For tests: whatever goes wrong here is a panic.
 #![deny(missing_docs)]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test harness fails by panicking")]
 
 mod binaries;
 mod cluster;
