@@ -179,7 +179,10 @@ impl Dispatch {
     /// Passes on what a worker says.
     pub(crate) async fn report(&self, worker: WorkerId, report: WorkerReport) {
         // A dispatcher that has ended needs no reports.
-        let _ = self.commands.send(Command::Work(Request::Report { worker, report })).await;
+        let _ = self
+            .commands
+            .send(Command::Work(Request::Report { worker, report }))
+            .await;
     }
 
     async fn submit(&self, work: Work, done: Arc<AtomicU32>) -> Result<Vec<Output>, JobError> {
@@ -234,7 +237,10 @@ impl Service {
         }
         let workers: Vec<_> = self.workers.keys().copied().collect();
         for worker in workers {
-            self.lose(worker, Some(Status::unavailable("the coordinator is shutting down")));
+            self.lose(
+                worker,
+                Some(Status::unavailable("the coordinator is shutting down")),
+            );
         }
     }
 
@@ -404,7 +410,10 @@ impl Service {
         let message = v1::CoordinatorMessage {
             message: Some(message),
         };
-        let sent = self.workers.get(&id).is_some_and(|worker| worker.outbox.try_send(Ok(message)).is_ok());
+        let sent = self
+            .workers
+            .get(&id)
+            .is_some_and(|worker| worker.outbox.try_send(Ok(message)).is_ok());
         if !sent {
             self.lose(
                 id,

@@ -6,6 +6,7 @@
 
 pub mod breeding;
 pub mod campaign;
+pub mod checkpoints;
 pub mod cli;
 pub mod digest;
 pub mod dispatch;

@@ -2,13 +2,17 @@
 
 use crate::{
     campaign::{CampaignError, Campaigns},
+    checkpoints::{CheckpointError, Checkpoints},
     dispatch::{self, Dispatch},
-    service::{CampaignApi, WorkerApi},
+    service::{CampaignApi, CheckpointApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_proto::{
     FILE_DESCRIPTORS,
-    v1::{campaign_service_server::CampaignServiceServer, worker_service_server::WorkerServiceServer},
+    v1::{
+        campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
+        worker_service_server::WorkerServiceServer,
+    },
 };
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::{net::TcpListener, sync::oneshot, task::JoinHandle};
@@ -29,6 +33,8 @@ pub struct Options {
     pub listen: SocketAddr,
     /// Whether to continue the campaigns that were running when their coordinator ended.
     pub resume: bool,
+    /// Where checkpoints are kept: a URL, or `None` for the data directory.
+    pub checkpoints: Option<String>,
     /// How workers are treated.
     pub dispatch: dispatch::Options,
 }
@@ -47,6 +53,9 @@ pub enum ServerError {
     /// The store cannot be used.
     #[error("{0}")]
     Store(#[from] StoreError),
+    /// Checkpoints cannot be kept where they should be.
+    #[error("{0}")]
+    Checkpoints(#[from] CheckpointError),
     /// Campaigns could not be resumed.
     #[error("{0}")]
     Campaign(#[from] CampaignError),
@@ -83,6 +92,8 @@ impl Coordinator {
         let listener = TcpListener::bind(options.listen).await.map_err(listen_error)?;
         let address = listener.local_addr().map_err(listen_error)?;
         let store = Store::open(&options.data)?;
+        let checkpoints =
+            Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         let dispatch = Dispatch::start(options.dispatch);
         let campaigns = Campaigns::new(store.clone(), dispatch.clone());
 
@@ -97,12 +108,16 @@ impl Coordinator {
             dispatch: dispatch.clone(),
         };
         let campaign_service = CampaignServiceServer::new(campaign_api);
-        let worker_service =
-            WorkerServiceServer::new(WorkerApi {
-                dispatch: dispatch.clone(),
-            }).max_decoding_message_size(MAX_WORKER_MESSAGE);
+        let worker_service = WorkerServiceServer::new(WorkerApi {
+            dispatch: dispatch.clone(),
+        })
+        .max_decoding_message_size(MAX_WORKER_MESSAGE);
         health_reporter
             .set_serving::<CampaignServiceServer<CampaignApi>>()
+            .await;
+        let checkpoint_service = CheckpointServiceServer::new(CheckpointApi { checkpoints });
+        health_reporter
+            .set_serving::<CheckpointServiceServer<CheckpointApi>>()
             .await;
         health_reporter
             .set_serving::<WorkerServiceServer<WorkerApi>>()
@@ -115,6 +130,7 @@ impl Coordinator {
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
             .add_service(campaign_service)
             .add_service(worker_service)
+            .add_service(checkpoint_service)
             .add_service(health)
             .add_service(reflection)
             .serve_with_incoming_shutdown(TcpListenerStream::new(listener), async {

@@ -9,6 +9,7 @@
 
 mod campaign_spec;
 mod capability;
+mod checkpoint;
 mod controller;
 mod evaluation;
 mod image_format;
@@ -23,6 +24,7 @@ mod world;
 
 pub use campaign_spec::{CampaignName, CampaignSpec, Method, SpecFileError};
 pub use capability::CapabilityModel;
+pub use checkpoint::{CheckpointDigest, Lineage};
 pub use controller::Controller;
 pub use evaluation::{Evaluation, FEATURE_NAMES, Features};
 pub use image_format::ImageFormat;

@@ -15,7 +15,9 @@ pub fn binary(name: &str) -> PathBuf {
         let test = std::env::current_exe().unwrap();
         let folder = test.ancestors().nth(2).unwrap().to_owned();
         let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--workspace", "--bins"]).arg("--manifest-path");
+        build
+            .args(["build", "--quiet", "--workspace", "--bins"])
+            .arg("--manifest-path");
         build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
         build.arg("--target-dir").arg(folder.parent().unwrap());
         if !cfg!(debug_assertions) {
@@ -54,7 +56,9 @@ impl Murmuration {
     /// Commands over the data directory `data`.
     #[must_use]
     pub fn over(data: &Path) -> Self {
-        Self { data: data.to_owned() }
+        Self {
+            data: data.to_owned(),
+        }
     }
 
     /// Runs a command to its end.
@@ -72,12 +76,22 @@ impl Murmuration {
     #[must_use]
     pub fn start(&self, arguments: &[&str]) -> Running {
         let mut command = self.command(arguments);
-        Running { child: command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap() }
+        Running {
+            child: command
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap(),
+        }
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(binary("murmuration"));
-        command.args(arguments).env("MURMURATION_DATA", &self.data).env("RUST_BACKTRACE", "0").stdin(Stdio::null());
+        command
+            .args(arguments)
+            .env("MURMURATION_DATA", &self.data)
+            .env("RUST_BACKTRACE", "0")
+            .stdin(Stdio::null());
         command
     }
 }
@@ -87,15 +101,24 @@ impl Running {
     #[must_use]
     pub fn worker(url: &str) -> Self {
         let mut command = Command::new(binary("murmuration-worker"));
-        command.args(["--coordinator", url, "--threads", "1"]).stdout(Stdio::null()).stderr(Stdio::null());
-        Self { child: command.spawn().unwrap() }
+        command
+            .args(["--coordinator", url, "--threads", "1"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        Self {
+            child: command.spawn().unwrap(),
+        }
     }
 
     /// Reads its stderr until a line that contains `sign`; that line.
     ///
     /// Lines are read from one reader for each call: what follows the sign in the pipe may be lost.
     pub fn wait_for(&mut self, sign: &str) -> String {
-        let stderr = self.child.stderr.as_mut().expect("started with its stderr captured");
+        let stderr = self
+            .child
+            .stderr
+            .as_mut()
+            .expect("started with its stderr captured");
         let mut said = String::new();
         for line in BufReader::new(stderr).lines() {
             let line = line.unwrap();
@@ -110,14 +133,21 @@ impl Running {
 
     /// SIGKILL, and waits until it is dead. Panics if it had ended by itself: then the fault did not fire.
     pub fn kill(mut self) {
-        assert_eq!(self.child.try_wait().unwrap(), None, "it had ended before it was killed");
+        assert_eq!(
+            self.child.try_wait().unwrap(),
+            None,
+            "it had ended before it was killed"
+        );
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
 
     /// SIGTERM, and waits for its exit code.
     pub fn terminate(mut self) -> Option<i32> {
-        let signalled = Command::new("kill").arg(self.child.id().to_string()).status().unwrap();
+        let signalled = Command::new("kill")
+            .arg(self.child.id().to_string())
+            .status()
+            .unwrap();
         assert!(signalled.success());
         let mut rest = String::new();
         if let Some(stderr) = self.child.stderr.as_mut() {

@@ -1,11 +1,6 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
-use murmuration_coordinator::{
-    dispatch,
-    local::LocalCluster,
-    server::Options,
-    store::DataDirectory,
-};
+use murmuration_coordinator::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
 use murmuration_proto::{
     CampaignSpec,
     v1::{self, campaign_service_client::CampaignServiceClient},
@@ -34,7 +29,10 @@ pub fn small_spec(more: &str) -> CampaignSpec {
 /// Dispatch options that notice a silent worker within a second.
 #[must_use]
 pub fn quick_dispatch() -> dispatch::Options {
-    dispatch::Options { heartbeat_interval: Duration::from_millis(100), silence_limit: Duration::from_millis(500) }
+    dispatch::Options {
+        heartbeat_interval: Duration::from_millis(100),
+        silence_limit: Duration::from_millis(500),
+    }
 }
 
 impl Cluster {
@@ -44,10 +42,13 @@ impl Cluster {
             data: DataDirectory::hold(data).unwrap(),
             listen: ([127, 0, 0, 1], 0).into(),
             resume: true,
+            checkpoints: None,
             dispatch: quick_dispatch(),
         };
         let local = LocalCluster::start(options, workers).await.unwrap();
-        let client = CampaignServiceClient::connect(local.coordinator().url()).await.unwrap();
+        let client = CampaignServiceClient::connect(local.coordinator().url())
+            .await
+            .unwrap();
         Self { local, client }
     }
 
@@ -64,13 +65,22 @@ impl Cluster {
 
     /// Starts a campaign; its id.
     pub async fn create(&mut self, spec: &CampaignSpec) -> String {
-        let request = v1::CreateCampaignRequest { spec: Some(spec.into()) };
-        self.client.create_campaign(request).await.unwrap().into_inner().id
+        let request = v1::CreateCampaignRequest {
+            spec: Some(spec.into()),
+        };
+        self.client
+            .create_campaign(request)
+            .await
+            .unwrap()
+            .into_inner()
+            .id
     }
 
     /// Watches a campaign until it stops; its last status.
     pub async fn finish(&mut self, campaign: &str) -> v1::Campaign {
-        let request = v1::WatchCampaignRequest { campaign: campaign.to_owned() };
+        let request = v1::WatchCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
         let mut statuses = self.client.watch_campaign(request).await.unwrap().into_inner();
         let mut last = None;
         while let Some(status) = statuses.message().await.unwrap() {
@@ -81,7 +91,9 @@ impl Cluster {
 
     /// The digest of a campaign's archive.
     pub async fn digest(&mut self, campaign: &str) -> String {
-        let request = v1::GetDigestRequest { campaign: campaign.to_owned() };
+        let request = v1::GetDigestRequest {
+            campaign: campaign.to_owned(),
+        };
         self.client.get_digest(request).await.unwrap().into_inner().digest
     }
 

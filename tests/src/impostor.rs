@@ -26,7 +26,10 @@ impl Impostor {
     pub async fn say_hello(url: &str, hello: Message) -> Result<Self, Status> {
         let mut client = WorkerServiceClient::connect(url.to_owned()).await.unwrap();
         let (outbox, messages) = mpsc::channel(64);
-        outbox.send(v1::WorkerMessage { message: Some(hello) }).await.unwrap();
+        outbox
+            .send(v1::WorkerMessage { message: Some(hello) })
+            .await
+            .unwrap();
         let inbox = client.work(ReceiverStream::new(messages)).await?.into_inner();
         let mut impostor = Self { outbox, inbox };
         match impostor.receive().await? {
@@ -37,7 +40,9 @@ impl Impostor {
 
     /// Connects like an honest worker.
     pub async fn connect(url: &str) -> Self {
-        Self::say_hello(url, Self::hello(SIMULATOR_VERSION)).await.unwrap()
+        Self::say_hello(url, Self::hello(SIMULATOR_VERSION))
+            .await
+            .unwrap()
     }
 
     /// The Hello of a worker with this simulator version.
@@ -52,7 +57,12 @@ impl Impostor {
 
     /// Sends a message.
     pub async fn send(&self, message: Message) {
-        self.outbox.send(v1::WorkerMessage { message: Some(message) }).await.unwrap();
+        self.outbox
+            .send(v1::WorkerMessage {
+                message: Some(message),
+            })
+            .await
+            .unwrap();
     }
 
     /// The next message, `None` at the end of the stream.
@@ -67,17 +77,24 @@ impl Impostor {
     pub async fn lease(&mut self, evaluations: u32) -> (v1::LeaseId, v1::EvaluationBatch) {
         self.send(Message::Credits(v1::Credits { evaluations })).await;
         match self.receive().await.unwrap() {
-            Some(Answer::Lease(v1::Lease { id: Some(id), work: Some(v1::lease::Work::Evaluations(batch)) })) => {
-                (id, batch)
-            }
+            Some(Answer::Lease(v1::Lease {
+                id: Some(id),
+                work: Some(v1::lease::Work::Evaluations(batch)),
+            })) => (id, batch),
             other => panic!("not a lease: {other:?}"),
         }
     }
 
     /// Answers a lease with `evaluation` for each of `tasks` tasks.
     pub async fn answer(&self, lease: v1::LeaseId, evaluation: v1::Evaluation, tasks: usize) {
-        let evaluations = v1::Evaluations { evaluations: vec![evaluation; tasks] };
+        let evaluations = v1::Evaluations {
+            evaluations: vec![evaluation; tasks],
+        };
         let outcome = Some(v1::batch_result::Outcome::Evaluations(evaluations));
-        self.send(Message::Result(v1::BatchResult { lease: Some(lease), outcome })).await;
+        self.send(Message::Result(v1::BatchResult {
+            lease: Some(lease),
+            outcome,
+        }))
+        .await;
     }
 }

@@ -13,7 +13,9 @@ use std::{
 /// A campaign of some seconds, so that there is something to interrupt.
 fn longer_spec(folder: &Path) -> String {
     let text = small_spec("seed = 5").to_toml();
-    let text = text.replace("generations = 5", "generations = 60").replace("horizon = 200", "horizon = 600");
+    let text = text
+        .replace("generations = 5", "generations = 60")
+        .replace("horizon = 200", "horizon = 600");
     let path = folder.join("longer.toml");
     fs::write(&path, text).unwrap();
     path.display().to_string()
@@ -27,7 +29,9 @@ fn digest(murmuration: &Murmuration) -> String {
 
 fn generations_done(murmuration: &Murmuration) -> u64 {
     let shown = murmuration.run(&["show", "latest", "--json"]).stdout;
-    serde_json::from_str::<serde_json::Value>(&shown).unwrap()["generations_done"].as_u64().unwrap()
+    serde_json::from_str::<serde_json::Value>(&shown).unwrap()["generations_done"]
+        .as_u64()
+        .unwrap()
 }
 
 #[test]
@@ -48,7 +52,10 @@ fn killed_again_and_again_it_ends_the_same() {
         process.kill();
         kills += 1;
         command = vec!["resume", "latest", "--workers", "1"];
-        assert!(generations_done(&killed) < 60, "it was killed too late to be interrupted");
+        assert!(
+            generations_done(&killed) < 60,
+            "it was killed too late to be interrupted"
+        );
     }
     assert_eq!(killed.run(&["resume", "latest"]).code, Some(0));
     assert_eq!(digest(&killed), digest(&undisturbed));
@@ -74,7 +81,10 @@ impl Mount {
     fn new(at: &Path, size: &str) -> Option<Self> {
         fs::create_dir_all(at).unwrap();
         let options = format!("size={size}");
-        let mounted = Command::new("mount").args(["-t", "tmpfs", "-o", &options, "tmpfs"]).arg(at).output();
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", &options, "tmpfs"])
+            .arg(at)
+            .output();
         if mounted.is_ok_and(|output| output.status.success()) {
             return Some(Self(at.to_owned()));
         }
@@ -84,7 +94,14 @@ impl Mount {
 
     fn remount(&self, options: &str) {
         let options = format!("remount,{options}");
-        assert!(Command::new("mount").args(["-o", &options]).arg(&self.0).status().unwrap().success());
+        assert!(
+            Command::new("mount")
+                .args(["-o", &options])
+                .arg(&self.0)
+                .status()
+                .unwrap()
+                .success()
+        );
     }
 }
 
@@ -100,11 +117,18 @@ fn a_full_disk_stops_it_by_name_and_room_lets_it_go_on() {
     let folder = tempfile::tempdir().unwrap();
     let spec = longer_spec(folder.path());
     let data = folder.path().join("small-disk");
-    let Some(mount) = Mount::new(&data, "2m") else { return };
+    let Some(mount) = Mount::new(&data, "2m") else {
+        return;
+    };
     let murmuration = Murmuration::over(&data);
     let run = murmuration.run(&["run", &spec]);
     assert_eq!(run.code, Some(1), "{}", run.stderr);
-    assert!(run.stderr.contains("is full: make room, then `murmuration resume latest`"), "{}", run.stderr);
+    assert!(
+        run.stderr
+            .contains("is full: make room, then `murmuration resume latest`"),
+        "{}",
+        run.stderr
+    );
     assert!(!run.stderr.contains("panicked"), "{}", run.stderr);
 
     mount.remount("size=100m");
@@ -122,7 +146,9 @@ fn a_read_only_disk_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let spec = longer_spec(folder.path());
     let data = folder.path().join("read-only");
-    let Some(mount) = Mount::new(&data, "2m") else { return };
+    let Some(mount) = Mount::new(&data, "2m") else {
+        return;
+    };
     mount.remount("ro");
     let run = Murmuration::over(&data).run(&["run", &spec]);
     assert_eq!(run.code, Some(1), "{}", run.stderr);

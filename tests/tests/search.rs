@@ -28,10 +28,15 @@ async fn every_part_of_a_specification_matters() {
     }
     let random = small_spec("").to_toml().replace("hand-crafted", "random");
     digests.push(digest_with(&CampaignSpec::from_toml(&random).unwrap(), 2).await);
-    let two = small_spec("").to_toml().replace("\"single-sensor\"", "\"two-sensor\"");
+    let two = small_spec("")
+        .to_toml()
+        .replace("\"single-sensor\"", "\"two-sensor\"");
     digests.push(digest_with(&CampaignSpec::from_toml(&two).unwrap(), 2).await);
     for (i, digest) in digests.iter().enumerate() {
-        assert!(!digests[..i].contains(digest), "two different specifications share a digest");
+        assert!(
+            !digests[..i].contains(digest),
+            "two different specifications share a digest"
+        );
     }
 }
 
@@ -57,16 +62,39 @@ async fn pause_resume_and_cancel_keep_the_archive() {
     // Without workers nothing is evaluated, so that the campaign stands still while it is paused.
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let pause = || v1::PauseCampaignRequest { campaign: campaign.clone() };
-    let resume = || v1::ResumeCampaignRequest { campaign: campaign.clone() };
-    let cancel = || v1::CancelCampaignRequest { campaign: campaign.clone() };
+    let pause = || v1::PauseCampaignRequest {
+        campaign: campaign.clone(),
+    };
+    let resume = || v1::ResumeCampaignRequest {
+        campaign: campaign.clone(),
+    };
+    let cancel = || v1::CancelCampaignRequest {
+        campaign: campaign.clone(),
+    };
 
     let paused = cluster.client.pause_campaign(pause()).await.unwrap().into_inner();
-    assert_eq!((paused.state(), paused.active), (v1::CampaignState::Paused, false));
+    assert_eq!(
+        (paused.state(), paused.active),
+        (v1::CampaignState::Paused, false)
+    );
     let error = cluster.client.pause_campaign(pause()).await.unwrap_err();
-    assert_eq!((error.code(), error.message()), (Code::FailedPrecondition, "cannot pause campaign small-1: it is paused"));
-    let resumed = cluster.client.resume_campaign(resume()).await.unwrap().into_inner();
-    assert_eq!((resumed.state(), resumed.active), (v1::CampaignState::Running, true));
+    assert_eq!(
+        (error.code(), error.message()),
+        (
+            Code::FailedPrecondition,
+            "cannot pause campaign small-1: it is paused"
+        )
+    );
+    let resumed = cluster
+        .client
+        .resume_campaign(resume())
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(
+        (resumed.state(), resumed.active),
+        (v1::CampaignState::Running, true)
+    );
     cluster.client.cancel_campaign(cancel()).await.unwrap();
     let error = cluster.client.resume_campaign(resume()).await.unwrap_err();
     assert_eq!(error.message(), "cannot resume campaign small-1: it is cancelled");
@@ -80,27 +108,52 @@ async fn the_archive_the_taxonomy_and_the_replays_fit_together() {
     let campaign = cluster.create(&small_spec("")).await;
     cluster.finish(&campaign).await;
 
-    let request = v1::GetArchiveRequest { campaign: campaign.clone(), images: true };
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.clone(),
+        images: true,
+    };
     let mut chunks = cluster.client.get_archive(request).await.unwrap().into_inner();
     let mut archive = Vec::new();
     while let Some(chunk) = chunks.message().await.unwrap() {
         archive.extend(chunk.individuals);
     }
     assert_eq!(archive.len(), 100);
-    assert!(archive.iter().enumerate().all(|(i, individual)| individual.index == i as u64));
+    assert!(
+        archive
+            .iter()
+            .enumerate()
+            .all(|(i, individual)| individual.index == i as u64)
+    );
 
-    let request = v1::GetTaxonomyRequest { campaign: campaign.clone() };
+    let request = v1::GetTaxonomyRequest {
+        campaign: campaign.clone(),
+    };
     let taxonomy = cluster.client.get_taxonomy(request).await.unwrap().into_inner();
     assert_eq!((taxonomy.medoids.len(), taxonomy.clusters.len()), (4, 100));
-    assert_eq!(taxonomy.medoids.iter().map(|medoid| medoid.cluster_size).sum::<u64>(), 100);
-    let total: f64 = taxonomy.medoids.iter().map(|medoid| medoid.mean_distance * medoid.cluster_size as f64).sum();
+    assert_eq!(
+        taxonomy
+            .medoids
+            .iter()
+            .map(|medoid| medoid.cluster_size)
+            .sum::<u64>(),
+        100
+    );
+    let total: f64 = taxonomy
+        .medoids
+        .iter()
+        .map(|medoid| medoid.mean_distance * medoid.cluster_size as f64)
+        .sum();
     assert!((total - taxonomy.loss).abs() < 1e-9);
     for medoid in taxonomy.medoids {
         let medoid = medoid.individual.unwrap();
         assert_eq!(medoid, archive[medoid.index as usize]);
     }
 
-    let request = v1::GetReplayRequest { campaign, index: 7, stride: 50 };
+    let request = v1::GetReplayRequest {
+        campaign,
+        index: 7,
+        stride: 50,
+    };
     let replay = cluster.client.get_replay(request).await.unwrap().into_inner();
     assert_eq!((replay.steps, replay.agents), (vec![0, 50, 100, 150, 200], 24));
     cluster.stop().await;

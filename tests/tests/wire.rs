@@ -6,7 +6,9 @@ use murmuration_proto::{
 };
 use murmuration_tests::{Cluster, Impostor, small_spec};
 use tonic::Code;
-use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient};
+use tonic_health::pb::{
+    HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
+};
 use tonic_reflection::pb::v1::{
     ServerReflectionRequest, server_reflection_client::ServerReflectionClient,
     server_reflection_request::MessageRequest, server_reflection_response::MessageResponse,
@@ -62,21 +64,51 @@ async fn a_worker_that_falls_silent_is_dropped_and_told_so() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn impossible_results_are_refused_by_name() {
-    let good = || v1::Evaluation { features: vec![0.0; 5], image: vec![0; 2500] };
+    let good = || v1::Evaluation {
+        features: vec![0.0; 5],
+        image: vec![0; 2500],
+    };
     let cases = [
-        (v1::Evaluation { features: vec![f64::NAN; 5], ..good() }, 0, "features.average_speed = NaN: must be finite"),
-        (v1::Evaluation { features: vec![0.0; 4], ..good() }, 0, "features = 4 values: must be 5 values"),
-        (v1::Evaluation { image: vec![0; 2499], ..good() }, 0, "image = 2499 bytes: must be 2500 bytes"),
+        (
+            v1::Evaluation {
+                features: vec![f64::NAN; 5],
+                ..good()
+            },
+            0,
+            "features.average_speed = NaN: must be finite",
+        ),
+        (
+            v1::Evaluation {
+                features: vec![0.0; 4],
+                ..good()
+            },
+            0,
+            "features = 4 values: must be 5 values",
+        ),
+        (
+            v1::Evaluation {
+                image: vec![0; 2499],
+                ..good()
+            },
+            0,
+            "image = 2499 bytes: must be 2500 bytes",
+        ),
         (good(), 1, "results for a lease of"),
     ];
     check_undisturbed(async |url| {
         for (evaluation, extra, said) in cases {
             let mut impostor = Impostor::connect(&url).await;
             let (lease, batch) = impostor.lease(4).await;
-            impostor.answer(lease, evaluation, batch.tasks.len() + extra).await;
+            impostor
+                .answer(lease, evaluation, batch.tasks.len() + extra)
+                .await;
             let status = impostor.receive().await.unwrap_err();
             assert_eq!(status.code(), Code::InvalidArgument);
-            assert!(status.message().contains(said), "{:?} does not say {said:?}", status.message());
+            assert!(
+                status.message().contains(said),
+                "{:?} does not say {said:?}",
+                status.message()
+            );
         }
     })
     .await;
@@ -86,8 +118,17 @@ async fn impossible_results_are_refused_by_name() {
 async fn results_for_leases_that_never_were_are_ignored() {
     check_undisturbed(async |url| {
         let impostor = Impostor::connect(&url).await;
-        let evaluation = v1::Evaluation { features: vec![0.0; 5], image: vec![0; 2500] };
-        for lease in [v1::LeaseId { epoch: 1, number: 1 }, v1::LeaseId { epoch: u64::MAX, number: 3 }] {
+        let evaluation = v1::Evaluation {
+            features: vec![0.0; 5],
+            image: vec![0; 2500],
+        };
+        for lease in [
+            v1::LeaseId { epoch: 1, number: 1 },
+            v1::LeaseId {
+                epoch: u64::MAX,
+                number: 3,
+            },
+        ] {
             impostor.answer(lease, evaluation.clone(), 1).await;
         }
     })
@@ -99,7 +140,10 @@ async fn a_lie_that_another_worker_contradicts_fails_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let lie = |speed| v1::Evaluation { features: vec![speed, 0.0, 0.0, 0.0, 0.0], image: vec![0; 2500] };
+    let lie = |speed| v1::Evaluation {
+        features: vec![speed, 0.0, 0.0, 0.0, 0.0],
+        image: vec![0; 2500],
+    };
     let url = cluster.url();
     // The first falls silent, its lease goes to the second, and then both answer.
     let mut first = Impostor::connect(&url).await;
@@ -122,9 +166,13 @@ async fn a_lie_that_another_worker_contradicts_fails_the_campaign_aloud() {
 async fn another_simulator_version_is_told_which_one_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
-    let status = Impostor::say_hello(&cluster.url(), Impostor::hello("0")).await.unwrap_err();
+    let status = Impostor::say_hello(&cluster.url(), Impostor::hello("0"))
+        .await
+        .unwrap_err();
     assert_eq!(status.code(), Code::FailedPrecondition);
-    let said = format!("needs workers with simulator version {SIMULATOR_VERSION}, worker \"impostor\" has version 0");
+    let said = format!(
+        "needs workers with simulator version {SIMULATOR_VERSION}, worker \"impostor\" has version 0"
+    );
     assert!(status.message().contains(&said), "{status}");
     cluster.stop().await;
 }
@@ -133,12 +181,21 @@ async fn another_simulator_version_is_told_which_one_to_run() {
 async fn messages_out_of_order_or_range_end_the_stream() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
-    let status = Impostor::say_hello(&cluster.url(), Message::Heartbeat(v1::Heartbeat {})).await.unwrap_err();
+    let status = Impostor::say_hello(&cluster.url(), Message::Heartbeat(v1::Heartbeat {}))
+        .await
+        .unwrap_err();
     assert_eq!(status.message(), "the first message must be Hello");
     let mut impostor = Impostor::connect(&cluster.url()).await;
-    impostor.send(Message::Credits(v1::Credits { evaluations: u32::MAX })).await;
+    impostor
+        .send(Message::Credits(v1::Credits {
+            evaluations: u32::MAX,
+        }))
+        .await;
     let status = impostor.receive().await.unwrap_err();
-    assert_eq!(status.message(), "credits.evaluations = 4294967295: must be from 1 to 65536");
+    assert_eq!(
+        status.message(),
+        "credits.evaluations = 4294967295: must be from 1 to 65536"
+    );
     cluster.stop().await;
 }
 
@@ -147,7 +204,9 @@ async fn a_draining_worker_gets_no_more_leases() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let mut leaving = Impostor::connect(&cluster.url()).await;
-    leaving.send(Message::Credits(v1::Credits { evaluations: 5 })).await;
+    leaving
+        .send(Message::Credits(v1::Credits { evaluations: 5 }))
+        .await;
     leaving.send(Message::Drain(v1::Drain {})).await;
     cluster.create(&small_spec("")).await;
     // The silence limit ends the stream; before that nothing may have come.
@@ -168,16 +227,28 @@ async fn clients_are_told_which_field_is_wrong() {
     let request = v1::CreateCampaignRequest { spec: Some(spec) };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
-    assert!(status.message().starts_with("search.population = 0: must be"), "{status}");
+    assert!(
+        status.message().starts_with("search.population = 0: must be"),
+        "{status}"
+    );
 
-    let request = v1::GetCampaignRequest { campaign: "nobody".to_owned() };
+    let request = v1::GetCampaignRequest {
+        campaign: "nobody".to_owned(),
+    };
     let status = cluster.client.get_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::NotFound);
 
     let campaign = cluster.create(&small_spec("")).await;
-    let request = v1::GetReplayRequest { campaign: campaign.clone(), index: 0, stride: 0 };
+    let request = v1::GetReplayRequest {
+        campaign: campaign.clone(),
+        index: 0,
+        stride: 0,
+    };
     let status = cluster.client.get_replay(request).await.unwrap_err();
-    assert!(status.message().starts_with("stride = 0: must be 1 or more"), "{status}");
+    assert!(
+        status.message().starts_with("stride = 0: must be 1 or more"),
+        "{status}"
+    );
     let request = v1::GetTaxonomyRequest { campaign };
     let status = cluster.client.get_taxonomy(request).await.unwrap_err();
     assert_eq!(status.code(), Code::FailedPrecondition);
@@ -189,8 +260,14 @@ async fn health_and_reflection_answer_any_client() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
     let mut health = HealthClient::new(cluster.channel().await);
-    for service in ["", "murmuration.v1.CampaignService", "murmuration.v1.WorkerService"] {
-        let request = HealthCheckRequest { service: service.to_owned() };
+    for service in [
+        "",
+        "murmuration.v1.CampaignService",
+        "murmuration.v1.WorkerService",
+    ] {
+        let request = HealthCheckRequest {
+            service: service.to_owned(),
+        };
         let answer = health.check(request).await.unwrap().into_inner();
         assert_eq!(answer.status(), ServingStatus::Serving, "{service}");
     }
@@ -200,11 +277,21 @@ async fn health_and_reflection_answer_any_client() {
         host: String::new(),
         message_request: Some(MessageRequest::ListServices(String::new())),
     };
-    let mut answers = reflection.server_reflection_info(tokio_stream::once(request)).await.unwrap().into_inner();
+    let mut answers = reflection
+        .server_reflection_info(tokio_stream::once(request))
+        .await
+        .unwrap()
+        .into_inner();
     let answer = answers.message().await.unwrap().unwrap().message_response;
-    let Some(MessageResponse::ListServicesResponse(list)) = answer else { panic!("no list: {answer:?}") };
+    let Some(MessageResponse::ListServicesResponse(list)) = answer else {
+        panic!("no list: {answer:?}")
+    };
     let names: Vec<_> = list.service.iter().map(|service| service.name.as_str()).collect();
-    for name in ["murmuration.v1.CampaignService", "murmuration.v1.WorkerService", "grpc.health.v1.Health"] {
+    for name in [
+        "murmuration.v1.CampaignService",
+        "murmuration.v1.WorkerService",
+        "grpc.health.v1.Health",
+    ] {
         assert!(names.contains(&name), "{names:?}");
     }
     cluster.stop().await;

@@ -7,7 +7,9 @@ use crate::{
     server::Options,
     store::{DataDirectory, StoreError},
 };
-use murmuration_proto::v1::campaign_service_client::CampaignServiceClient;
+use murmuration_proto::v1::{
+    campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
+};
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
 
@@ -15,10 +17,12 @@ use tonic::transport::{Channel, Endpoint};
 const MAX_MESSAGE: usize = 128 << 20;
 
 pub(super) type Client = CampaignServiceClient<Channel>;
+pub(super) type CheckpointClient = CheckpointServiceClient<Channel>;
 
 /// A coordinator that answers, for as long as this value lives.
 pub(super) struct Connection {
     pub(super) client: Client,
+    pub(super) checkpoints: CheckpointClient,
     /// Present if this process had to start one.
     own: Option<LocalCluster>,
 }
@@ -28,34 +32,41 @@ impl Connection {
     /// with `workers` workers (which goes on with no campaign by itself).
     pub(super) async fn open(global: &Global, workers: usize) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
-            return Ok(Self {
-                client: connect(url).await?,
-                own: None,
-            });
+            return Self::to(url, None).await;
         }
         match DataDirectory::hold_existing(&global.data) {
-            Ok(data) => Self::start(data, workers).await,
-            Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => Ok(Self {
-                client: connect(&holder.address).await?,
-                own: None,
-            }),
+            Ok(data) => Self::start(global, data, workers).await,
+            Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
+                Self::to(&holder.address, None).await
+            }
             Err(error) => Err(error.into()),
         }
     }
 
     /// Starts a coordinator over a data directory that this process holds.
-    pub(super) async fn start(data: DataDirectory, workers: usize) -> Result<Self, CliError> {
+    pub(super) async fn start(
+        global: &Global,
+        data: DataDirectory,
+        workers: usize,
+    ) -> Result<Self, CliError> {
         let options = Options {
             data,
             listen: loopback(0),
             resume: false,
+            checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
         let own = LocalCluster::start(options, workers).await?;
-        let client = connect(&own.coordinator().url()).await?;
+        let url = own.coordinator().url();
+        Self::to(&url, Some(own)).await
+    }
+
+    async fn to(url: &str, own: Option<LocalCluster>) -> Result<Self, CliError> {
+        let channel = connect(url).await?;
         Ok(Self {
-            client,
-            own: Some(own),
+            client: Client::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE),
+            checkpoints: CheckpointClient::new(channel),
+            own,
         })
     }
 
@@ -73,13 +84,12 @@ impl Connection {
     }
 }
 
-async fn connect(url: &str) -> Result<Client, CliError> {
+async fn connect(url: &str) -> Result<Channel, CliError> {
     let endpoint = Endpoint::from_shared(url.to_owned())
         .map_err(|_| CliError::Input(format!("\"{url}\" is not a URL such as http://127.0.0.1:7700")))?
         .connect_timeout(Duration::from_secs(5));
-    let channel = endpoint
+    endpoint
         .connect()
         .await
-        .map_err(|error| CliError::no_coordinator(url, &error))?;
-    Ok(CampaignServiceClient::new(channel).max_decoding_message_size(MAX_MESSAGE))
+        .map_err(|error| CliError::no_coordinator(url, &error))
 }

@@ -92,9 +92,10 @@ impl From<StoreError> for CliError {
     fn from(error: StoreError) -> Self {
         let said = error.to_string();
         match error {
-            StoreError::NoDirectory(_) | StoreError::NoCampaign(_) | StoreError::NoIndividual { .. } => {
-                Self::Input(said)
-            }
+            StoreError::NoDirectory(_)
+            | StoreError::NoCampaign(_)
+            | StoreError::NoCheckpoint(_)
+            | StoreError::NoIndividual { .. } => Self::Input(said),
             _ => Self::Failed(said),
         }
     }

@@ -78,6 +78,21 @@ pub(super) fn digest(campaign: &str, digest: &v1::GetDigestResponse) -> Value {
     })
 }
 
+pub(super) fn checkpoint(checkpoint: &v1::Checkpoint) -> Value {
+    let metrics: std::collections::BTreeMap<_, _> = checkpoint.metrics.iter().collect();
+    json!({
+        "schema": SCHEMA,
+        "checkpoint": checkpoint.digest,
+        "size": checkpoint.size,
+        "parent": checkpoint.parent,
+        "data_digest": checkpoint.data_digest,
+        "label_digest": checkpoint.label_digest,
+        "configuration": checkpoint.configuration,
+        "metrics": metrics,
+        "created_ms": checkpoint.created_ms,
+    })
+}
+
 /// A figure of `murmuration bench`.
 pub(super) fn bench(model: CapabilityModel, what: &str, per_second: f64, ratio: f64) -> Value {
     json!({

@@ -4,6 +4,7 @@
 
 mod bench;
 mod campaigns;
+mod checkpoints;
 mod connection;
 mod controller;
 mod error;
@@ -57,6 +58,9 @@ struct Global {
     /// URL of a running coordinator, instead of a data directory of this machine
     #[arg(long, global = true, env = "MURMURATION_COORDINATOR", value_name = "URL")]
     coordinator: Option<String>,
+    /// Where checkpoints are kept, such as s3://BUCKET/PREFIX [default: a folder in the data directory]
+    #[arg(long, global = true, env = "MURMURATION_CHECKPOINT_STORE", value_name = "URL")]
+    checkpoint_store: Option<String>,
     /// Print JSON on stdout, for programs
     #[arg(long, global = true)]
     json: bool,
@@ -90,6 +94,9 @@ enum Command {
     Simulate(simulate::Simulate),
     /// Score controllers with the heuristic filter
     Filter(filter::Filter),
+    /// Published embedders
+    #[command(subcommand)]
+    Checkpoints(checkpoints::CheckpointsCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -134,6 +141,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Report(report) => report.execute(&global).await,
         Command::Simulate(simulate) => simulate.execute(global.json),
         Command::Filter(filter) => filter.execute(global.json),
+        Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

@@ -72,7 +72,7 @@ impl Run {
         }
         let data = DataDirectory::hold(&global.data)
             .map_err(|error| CliError::busy(error, "hand the campaign to it with `murmuration submit`"))?;
-        let mut connection = Connection::start(data, workers).await?;
+        let mut connection = Connection::start(global, data, workers).await?;
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec).into()),
         };

@@ -25,6 +25,7 @@ impl Serve {
             data,
             listen: self.listen,
             resume: true,
+            checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
         let cluster = LocalCluster::start(options, self.workers.count()).await?;

@@ -1,5 +1,6 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
+use super::Streamed;
 use crate::{
     campaign::{Campaigns, Change, blocking},
     digest::digest,
@@ -8,9 +9,9 @@ use crate::{
     taxonomy::Taxonomy,
 };
 use murmuration_proto::{CampaignSpec, Invalid, v1};
-use std::{pin::Pin, time::Duration};
+use std::time::Duration;
 use tokio::sync::mpsc;
-use tokio_stream::{Stream, wrappers::ReceiverStream};
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
 /// Bytes of images in one chunk of an archive, about.
@@ -32,7 +33,6 @@ pub struct CampaignApi {
 }
 
 type Answer<T> = Result<Response<T>, Status>;
-type Streamed<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
 
 impl CampaignApi {
     async fn change(&self, id: &str, change: Change) -> Answer<v1::Campaign> {

@@ -78,7 +78,9 @@ impl From<StoreError> for Status {
     fn from(error: StoreError) -> Self {
         let said = error.to_string();
         match error {
-            StoreError::NoCampaign(_) | StoreError::NoIndividual { .. } => Self::not_found(said),
+            StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
+                Self::not_found(said)
+            }
             StoreError::DiskFull { .. } => Self::resource_exhausted(said),
             StoreError::Damaged { .. } => Self::data_loss(said),
             StoreError::InUse { .. }

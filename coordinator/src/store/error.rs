@@ -72,6 +72,9 @@ pub enum StoreError {
     /// Nothing of that name is stored.
     #[error("there is no campaign \"{0}\": `murmuration list` shows those there are")]
     NoCampaign(String),
+    /// No checkpoint of that digest is stored.
+    #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
+    NoCheckpoint(String),
     /// An index beyond the archive.
     #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
     NoIndividual {

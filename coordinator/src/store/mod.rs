@@ -5,12 +5,14 @@
 
 mod archive;
 mod campaigns;
+mod checkpoints;
 mod data_directory;
 mod error;
 mod schema;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
 pub use campaigns::CampaignRecord;
+pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
 pub use error::StoreError;
 

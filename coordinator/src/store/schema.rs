@@ -5,7 +5,8 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 1] = ["
+const MIGRATIONS: [&str; 2] = [
+    "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
         id TEXT NOT NULL UNIQUE,
@@ -45,7 +46,21 @@ const MIGRATIONS: [&str; 1] = ["
         clusters BLOB NOT NULL,
         loss REAL NOT NULL
     ) STRICT;
-"];
+",
+    "
+    CREATE TABLE checkpoints (
+        number INTEGER PRIMARY KEY,
+        digest TEXT NOT NULL UNIQUE,
+        size INTEGER NOT NULL,
+        parent TEXT NOT NULL,
+        data_digest TEXT NOT NULL,
+        label_digest TEXT NOT NULL,
+        configuration TEXT NOT NULL,
+        metrics TEXT NOT NULL,
+        created_ms INTEGER NOT NULL
+    ) STRICT;
+",
+];
 
 /// The newest schema version.
 const VERSION: u32 = MIGRATIONS.len() as u32;
@@ -56,7 +71,11 @@ pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, Store
         .pragma_query_value(None, "user_version", |row| row.get(0))
         .map_err(|source| StoreError::from_sqlite(source, path))?;
     if found > VERSION {
-        return Err(StoreError::Newer { path: path.to_path_buf(), found, known: VERSION });
+        return Err(StoreError::Newer {
+            path: path.to_path_buf(),
+            found,
+            known: VERSION,
+        });
     }
     Ok(found)
 }

@@ -1,0 +1,230 @@
+//! Checkpoints: bytes in an object store under their digest, descriptions in the database.
+
+use crate::store::{CheckpointRecord, Store, StoreError};
+use bytes::Bytes;
+use murmuration_proto::{CheckpointDigest, Lineage};
+use object_store::{ObjectStore, ObjectStoreExt as _, local::LocalFileSystem, path::Path as ObjectPath};
+use std::{
+    path::Path,
+    sync::Arc,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// Most bytes of one checkpoint.
+pub const MAX_BYTES: u64 = 64 << 20;
+
+/// Where published embedders are kept; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Checkpoints {
+    store: Store,
+    objects: Arc<dyn ObjectStore>,
+    prefix: ObjectPath,
+}
+
+/// Why a checkpoint cannot be stored or read.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The place named is none that checkpoints can be kept in.
+    #[error("checkpoints cannot be kept at {location}: {reason}")]
+    Location {
+        /// Folder or URL.
+        location: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The database says no.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The object store says no.
+    #[error("checkpoint store: {0}")]
+    Objects(#[from] object_store::Error),
+    /// The bytes are not those that the digest names.
+    #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
+    Mismatch {
+        /// The digest asked for or announced.
+        wanted: CheckpointDigest,
+        /// The digest of the bytes.
+        found: CheckpointDigest,
+    },
+    /// The waiting thread broke (a bug).
+    #[error("reading the store broke off unexpectedly (this is a bug)")]
+    Broken,
+}
+
+impl Checkpoints {
+    /// Keeps checkpoints at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools'
+    /// environment variables), or, if there is none, in the folder `checkpoints` of the data directory.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Location`] where that is no place for them.
+    pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
+        let folder = data.join("checkpoints");
+        let refused = |reason: &dyn std::fmt::Display| CheckpointError::Location {
+            location: location.map_or_else(|| folder.display().to_string(), str::to_owned),
+            reason: reason.to_string(),
+        };
+        let (objects, prefix): (Arc<dyn ObjectStore>, _) = match location {
+            Some(url) => {
+                let url = url.parse().map_err(|error| refused(&error))?;
+                let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
+                let variables = variables.map(|(name, value)| (name.to_ascii_lowercase(), value));
+                let (objects, prefix) =
+                    object_store::parse_url_opts(&url, variables).map_err(|error| refused(&error))?;
+                (objects.into(), prefix)
+            }
+            None => {
+                std::fs::create_dir_all(&folder).map_err(|error| refused(&error))?;
+                let objects = LocalFileSystem::new_with_prefix(&folder).map_err(|error| refused(&error))?;
+                (Arc::new(objects.with_fsync(true)), ObjectPath::default())
+            }
+        };
+        Ok(Self {
+            store,
+            objects,
+            prefix,
+        })
+    }
+
+    /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing.
+    ///
+    /// # Errors
+    /// If it cannot be stored.
+    pub async fn publish(&self, lineage: Lineage, bytes: Bytes) -> Result<CheckpointRecord, CheckpointError> {
+        let digest = CheckpointDigest::of(&bytes);
+        let created_ms = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64);
+        let record = CheckpointRecord {
+            digest,
+            size: bytes.len() as u64,
+            lineage,
+            created_ms,
+        };
+        self.objects.put(&self.object(digest), bytes.into()).await?;
+        self.on_disk(move |store| {
+            store.add_checkpoint(&record)?;
+            store.checkpoint(record.digest)
+        })
+        .await
+    }
+
+    /// The description of a checkpoint.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCheckpoint`] if there is none of that digest.
+    pub async fn describe(&self, digest: CheckpointDigest) -> Result<CheckpointRecord, CheckpointError> {
+        self.on_disk(move |store| store.checkpoint(digest)).await
+    }
+
+    /// Every checkpoint, oldest first.
+    ///
+    /// # Errors
+    /// If the database cannot be read.
+    pub async fn list(&self) -> Result<Vec<CheckpointRecord>, CheckpointError> {
+        self.on_disk(Store::checkpoints).await
+    }
+
+    /// The ONNX bytes of a checkpoint, checked against its digest.
+    ///
+    /// # Errors
+    /// If there is none of that digest, or its bytes are gone or damaged.
+    pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
+        self.describe(digest).await?;
+        let bytes = self.objects.get(&self.object(digest)).await?.bytes().await?;
+        match CheckpointDigest::of(&bytes) {
+            found if found == digest => Ok(bytes),
+            found => Err(CheckpointError::Mismatch {
+                wanted: digest,
+                found,
+            }),
+        }
+    }
+
+    fn object(&self, digest: CheckpointDigest) -> ObjectPath {
+        self.prefix.clone().join(format!("{digest}.onnx"))
+    }
+
+    async fn on_disk<T: Send + 'static>(
+        &self,
+        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, CheckpointError> {
+        let store = self.store.clone();
+        let answer = tokio::task::spawn_blocking(move || query(&store)).await;
+        Ok(answer.map_err(|_| CheckpointError::Broken)??)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::DataDirectory;
+
+    fn open() -> (tempfile::TempDir, Checkpoints) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+        let checkpoints = Checkpoints::open(store, folder.path(), None).unwrap();
+        (folder, checkpoints)
+    }
+
+    #[tokio::test]
+    async fn what_is_published_is_fetched_under_its_digest() {
+        let (_folder, checkpoints) = open();
+        let bytes = Bytes::from_static(b"a model");
+        let lineage = Lineage {
+            configuration: "x = 1".into(),
+            ..Lineage::default()
+        };
+        let record = checkpoints.publish(lineage.clone(), bytes.clone()).await.unwrap();
+        assert_eq!((record.digest, record.size), (CheckpointDigest::of(&bytes), 7));
+        assert_eq!(checkpoints.fetch(record.digest).await.unwrap(), bytes);
+        // Publishing the same bytes again changes nothing.
+        let again = checkpoints.publish(Lineage::default(), bytes).await.unwrap();
+        assert_eq!(
+            (again.lineage, checkpoints.list().await.unwrap().len()),
+            (lineage, 1)
+        );
+    }
+
+    #[tokio::test]
+    async fn damaged_bytes_are_not_handed_out() {
+        let (folder, checkpoints) = open();
+        let digest = checkpoints
+            .publish(Lineage::default(), Bytes::from_static(b"a model"))
+            .await
+            .unwrap()
+            .digest;
+        std::fs::write(
+            folder.path().join(format!("checkpoints/{digest}.onnx")),
+            b"another",
+        )
+        .unwrap();
+        let error = checkpoints.fetch(digest).await.unwrap_err();
+        assert!(
+            matches!(error, CheckpointError::Mismatch { wanted, .. } if wanted == digest),
+            "{error}"
+        );
+    }
+
+    #[tokio::test]
+    async fn a_checkpoint_that_is_not_there_is_named() {
+        let (_folder, checkpoints) = open();
+        let digest = CheckpointDigest::of(b"nothing");
+        let said = checkpoints.fetch(digest).await.unwrap_err().to_string();
+        assert!(said.contains(&digest.to_string()), "{said}");
+    }
+
+    #[test]
+    fn a_place_that_is_none_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+        for location in ["nonsense", "gopher://x/y"] {
+            let said = Checkpoints::open(store.clone(), folder.path(), Some(location))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                said.starts_with(&format!("checkpoints cannot be kept at {location}")),
+                "{said}"
+            );
+        }
+    }
+}

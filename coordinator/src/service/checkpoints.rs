@@ -1,0 +1,127 @@
+//! The service for checkpoints: trainers publish, workers fetch, people look.
+
+use super::Streamed;
+use crate::{
+    checkpoints::{CheckpointError, Checkpoints, MAX_BYTES},
+    store::CheckpointRecord,
+};
+use bytes::{Bytes, BytesMut};
+use murmuration_proto::{CheckpointDigest, Invalid, Lineage, v1};
+use tonic::{Request, Response, Status, Streaming};
+
+/// Bytes in one chunk.
+const CHUNK: usize = 1 << 20;
+
+/// Implements `murmuration.v1.CheckpointService`.
+#[derive(Debug, Clone)]
+pub struct CheckpointApi {
+    /// Where checkpoints are kept.
+    pub checkpoints: Checkpoints,
+}
+
+#[tonic::async_trait]
+impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
+    async fn list_checkpoints(
+        &self,
+        _: Request<v1::ListCheckpointsRequest>,
+    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
+        let checkpoints = self
+            .checkpoints
+            .list()
+            .await?
+            .into_iter()
+            .map(Into::into)
+            .collect();
+        Ok(Response::new(v1::ListCheckpointsResponse { checkpoints }))
+    }
+
+    async fn get_checkpoint(
+        &self,
+        request: Request<v1::GetCheckpointRequest>,
+    ) -> Result<Response<v1::Checkpoint>, Status> {
+        let digest = request.get_ref().digest.parse::<CheckpointDigest>()?;
+        Ok(Response::new(self.checkpoints.describe(digest).await?.into()))
+    }
+
+    type FetchCheckpointStream = Streamed<v1::CheckpointChunk>;
+
+    async fn fetch_checkpoint(
+        &self,
+        request: Request<v1::FetchCheckpointRequest>,
+    ) -> Result<Response<Self::FetchCheckpointStream>, Status> {
+        let digest = request.get_ref().digest.parse::<CheckpointDigest>()?;
+        let mut rest = self.checkpoints.fetch(digest).await?;
+        let mut chunks = Vec::with_capacity(rest.len().div_ceil(CHUNK));
+        while !rest.is_empty() {
+            let data = rest.split_to(CHUNK.min(rest.len())).to_vec();
+            chunks.push(Ok(v1::CheckpointChunk { data }));
+        }
+        Ok(Response::new(Box::pin(tokio_stream::iter(chunks))))
+    }
+
+    async fn publish_checkpoint(
+        &self,
+        request: Request<Streaming<v1::PublishCheckpointRequest>>,
+    ) -> Result<Response<v1::Checkpoint>, Status> {
+        let mut parts = request.into_inner();
+        let first = parts.message().await?.and_then(|first| first.part);
+        let Some(v1::publish_checkpoint_request::Part::Description(description)) = first else {
+            return Err(Status::invalid_argument(
+                "the first message must be the description",
+            ));
+        };
+        let announced = description.digest.parse::<CheckpointDigest>()?;
+        let lineage = Lineage::try_from(description)?;
+        let bytes = collect(&mut parts).await?;
+        let found = CheckpointDigest::of(&bytes);
+        if found != announced {
+            return Err(CheckpointError::Mismatch {
+                wanted: announced,
+                found,
+            }
+            .into());
+        }
+        Ok(Response::new(
+            self.checkpoints.publish(lineage, bytes).await?.into(),
+        ))
+    }
+}
+
+async fn collect(parts: &mut Streaming<v1::PublishCheckpointRequest>) -> Result<Bytes, Status> {
+    let mut bytes = BytesMut::new();
+    while let Some(message) = parts.message().await? {
+        let Some(v1::publish_checkpoint_request::Part::Chunk(chunk)) = message.part else {
+            return Err(Status::invalid_argument(
+                "after the description there must be chunks alone",
+            ));
+        };
+        if (bytes.len() + chunk.data.len()) as u64 > MAX_BYTES {
+            let allowed = format!("at most {MAX_BYTES} bytes");
+            return Err(Invalid::new("checkpoint", "more", allowed).into());
+        }
+        bytes.extend_from_slice(&chunk.data);
+    }
+    Ok(bytes.freeze())
+}
+
+impl From<CheckpointRecord> for v1::Checkpoint {
+    fn from(record: CheckpointRecord) -> Self {
+        record
+            .lineage
+            .describe(record.digest, record.size, record.created_ms)
+    }
+}
+
+impl From<CheckpointError> for Status {
+    fn from(error: CheckpointError) -> Self {
+        let said = error.to_string();
+        match error {
+            CheckpointError::Store(error) => error.into(),
+            CheckpointError::Mismatch { .. } => Self::data_loss(said),
+            CheckpointError::Location { .. } => Self::failed_precondition(said),
+            CheckpointError::Objects(object_store::Error::NotFound { .. }) => Self::data_loss(said),
+            CheckpointError::Objects(_) => Self::unavailable(said),
+            CheckpointError::Broken => Self::internal(said),
+        }
+    }
+}

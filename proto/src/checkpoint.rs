@@ -1,0 +1,143 @@
+//! Checkpoints: published embedders, named by the digest of their bytes.
+
+use crate::{Invalid, v1};
+use std::{collections::BTreeMap, fmt, str::FromStr};
+
+/// BLAKE3 of a checkpoint's ONNX bytes; 64 hexadecimal digits as text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct CheckpointDigest(blake3::Hash);
+
+impl CheckpointDigest {
+    /// The digest of these ONNX bytes.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(blake3::hash(bytes))
+    }
+}
+
+impl fmt::Display for CheckpointDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.to_hex())
+    }
+}
+
+impl FromStr for CheckpointDigest {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let shown = || format!("\"{}\"", text.chars().take(80).collect::<String>().escape_debug());
+        let hash = blake3::Hash::from_hex(text);
+        hash.map(Self)
+            .map_err(|_| Invalid::new("checkpoint", shown(), "64 hexadecimal digits"))
+    }
+}
+
+/// What is known of a checkpoint beside its bytes: its lineage and its figures.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lineage {
+    /// The checkpoint that training started from; `None` if from scratch.
+    pub parent: Option<CheckpointDigest>,
+    /// Digest of the images it was trained on, hexadecimal; empty if none.
+    pub data_digest: String,
+    /// Digest of the labels it was trained on, hexadecimal; empty if none.
+    pub label_digest: String,
+    /// The training configuration, TOML; at most 64 KiB.
+    pub configuration: String,
+    /// Figures measured on it, by name, all finite; at most 100.
+    pub metrics: BTreeMap<String, f64>,
+}
+
+impl Lineage {
+    /// Most bytes of any of its texts.
+    const MAX_TEXT: usize = 64 << 10;
+
+    /// The message that describes a checkpoint of this lineage.
+    #[must_use]
+    pub fn describe(&self, digest: CheckpointDigest, size: u64, created_ms: u64) -> v1::Checkpoint {
+        v1::Checkpoint {
+            digest: digest.to_string(),
+            size,
+            parent: self.parent.map(|parent| parent.to_string()).unwrap_or_default(),
+            data_digest: self.data_digest.clone(),
+            label_digest: self.label_digest.clone(),
+            configuration: self.configuration.clone(),
+            metrics: self.metrics.clone().into_iter().collect(),
+            created_ms,
+        }
+    }
+}
+
+impl TryFrom<v1::Checkpoint> for Lineage {
+    type Error = Invalid;
+
+    fn try_from(message: v1::Checkpoint) -> Result<Self, Invalid> {
+        let texts = [
+            ("data_digest", &message.data_digest),
+            ("label_digest", &message.label_digest),
+            ("configuration", &message.configuration),
+        ];
+        for (field, text) in texts {
+            if text.len() > Self::MAX_TEXT {
+                let allowed = format!("at most {} bytes", Self::MAX_TEXT);
+                return Err(Invalid::new(field, format!("{} bytes", text.len()), allowed));
+            }
+        }
+        if message.metrics.len() > 100 {
+            return Err(Invalid::new(
+                "metrics",
+                format!("{} figures", message.metrics.len()),
+                "at most 100",
+            ));
+        }
+        if let Some((name, value)) = message.metrics.iter().find(|(_, value)| !value.is_finite()) {
+            return Err(Invalid::new(format!("metrics.{name}"), value, "finite"));
+        }
+        let parent = match message.parent.as_str() {
+            "" => None,
+            parent => Some(parent.parse().map_err(|error: Invalid| Invalid {
+                field: "parent".into(),
+                ..error
+            })?),
+        };
+        Ok(Self {
+            parent,
+            data_digest: message.data_digest,
+            label_digest: message.label_digest,
+            configuration: message.configuration,
+            metrics: message.metrics.into_iter().collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_digest_is_its_hexadecimal_text() {
+        let digest = CheckpointDigest::of(b"model");
+        assert_eq!(digest.to_string().parse::<CheckpointDigest>().unwrap(), digest);
+        for bad in ["", "abc", &"x".repeat(64), &"a".repeat(65)] {
+            let said = bad.parse::<CheckpointDigest>().unwrap_err().to_string();
+            assert!(said.ends_with("must be 64 hexadecimal digits"), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_description_reads_back_as_the_same_lineage() {
+        let lineage = Lineage {
+            parent: Some(CheckpointDigest::of(b"parent")),
+            data_digest: "d".into(),
+            configuration: "network = \"compact\"".into(),
+            metrics: BTreeMap::from([("triplet_accuracy".into(), 0.9)]),
+            ..Lineage::default()
+        };
+        let message = lineage.describe(CheckpointDigest::of(b"model"), 5, 0);
+        assert_eq!(Lineage::try_from(message).unwrap(), lineage);
+        let message = v1::Checkpoint {
+            metrics: [("loss".to_owned(), f64::NAN)].into(),
+            ..Default::default()
+        };
+        assert_eq!(Lineage::try_from(message).unwrap_err().field, "metrics.loss");
+    }
+}
