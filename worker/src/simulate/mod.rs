@@ -8,6 +8,8 @@ mod drive;
 mod positions;
 mod sight;
 mod start;
+#[cfg(test)]
+mod tests;
 
 pub use start::Start;
 
