@@ -1,5 +1,8 @@
 //! The simulator against vectors of the authors' own.
-#![expect(clippy::unwrap_used, reason = "a test that cannot read its vectors should fail")]
+#![expect(
+    clippy::unwrap_used,
+    reason = "a test that cannot read its vectors should fail"
+)]
 
 use murmuration_proto::{CapabilityModel, Controller, ImageFormat, World};
 use murmuration_worker::{case::Case, evaluate::Evaluator, simulate::Start};
