@@ -1,52 +1,65 @@
-//! quick
-use murmuration_proto::*;
-use murmuration_worker::simulate::*;
-use std::time::Instant;
-fn main() {
+//! Evaluations of the paper's world a second: scalar and dispatched, simulation alone and all of it.
+#![allow(missing_docs)]
+#![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use murmuration_proto::{CapabilityModel, Controller, ImageFormat, World};
+use murmuration_worker::{
+    evaluate::Evaluator,
+    simulate::{Start, Swarm},
+};
+use pulp::Arch;
+use std::{hint::black_box, time::Duration};
+
+/// The paper's milling and nested-cycle controllers.
+const CONTROLLERS: [(CapabilityModel, &[f64]); 2] = [
+    (CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]),
+    (
+        CapabilityModel::TwoSensor,
+        &[
+            0.8,
+            0.5,
+            0.6,
+            -0.5,
+            -0.5,
+            0.0,
+            -0.2,
+            0.5,
+            -std::f64::consts::FRAC_PI_3,
+        ],
+    ),
+];
+
+fn evaluate(criterion: &mut Criterion) {
     let world = World::default();
-    for (name, model, genes) in [
-        ("milling", CapabilityModel::SingleSensor, vec![0.6, 1.0, 0.4, 0.5]),
-        (
-            "rand1_00",
-            CapabilityModel::SingleSensor,
-            vec![0.1, 0.1, 0.4, -0.8],
-        ),
-        (
-            "aggregation",
-            CapabilityModel::SingleSensor,
-            vec![-0.7, -1.0, 1.0, -1.0],
-        ),
-        (
-            "nested",
-            CapabilityModel::TwoSensor,
-            vec![0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0471975511965976],
-        ),
-    ] {
-        let c = Controller::new(model, &genes).unwrap();
-        let mut archs = vec![("scalar", pulp::Arch::Scalar)];
-        if let Some(s) = pulp::x86::V3::try_new() {
-            archs.push(("v3", pulp::Arch::V3(s)));
+    for (model, genes) in CONTROLLERS {
+        let controller = Controller::new(model, genes).unwrap();
+        let mut group = criterion.benchmark_group(model.name());
+        for (name, arch) in [("scalar", Arch::Scalar), ("dispatched", Arch::new())] {
+            let mut seeds = (0..).map(Start::seeded);
+            group.bench_function(BenchmarkId::new("simulate", name), |bencher| {
+                bencher.iter(|| {
+                    let start = seeds.next().unwrap();
+                    let mut swarm = Swarm::on(arch, &controller, &world, &start).unwrap();
+                    swarm.advance(world.horizon());
+                    black_box(swarm);
+                });
+            });
+            let mut evaluator = Evaluator::on(arch, &world, &ImageFormat::default()).unwrap();
+            group.bench_function(BenchmarkId::new("evaluate", name), |bencher| {
+                bencher.iter(|| black_box(evaluator.evaluate(&controller, &seeds.next().unwrap()).unwrap()));
+            });
         }
-        if let Some(s) = pulp::x86::V4::try_new() {
-            archs.push(("v4", pulp::Arch::V4(s)));
-        }
-        for (a, arch) in archs {
-            let mut best = f64::MAX;
-            let mut sum = 0u64;
-            for rep in 0..10 {
-                let t = Instant::now();
-                for seed in 0..20 {
-                    let mut s = Swarm::on(arch, &c, &world, &Start::seeded(seed)).unwrap();
-                    s.advance(1200);
-                    if rep == 0 {
-                        for a in s.agents() {
-                            sum = sum.rotate_left(5) ^ a.position[0].to_bits();
-                        }
-                    }
-                }
-                best = best.min(t.elapsed().as_secs_f64() / 20.0);
-            }
-            println!("{name:12} {a:7} {:8.0}/s  {sum:x}", 1.0 / best);
-        }
+        group.finish();
     }
 }
+
+criterion_group! {
+    name = benches;
+    config = Criterion::default()
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+        .sample_size(20);
+    targets = evaluate
+}
+criterion_main!(benches);

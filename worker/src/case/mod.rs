@@ -7,11 +7,12 @@
 
 mod outcome;
 mod read;
-
-use murmuration_proto::{Controller, ImageFormat, Invalid, World};
-use serde_json::{Map, Value};
+#[cfg(test)]
+mod tests;
 
 use crate::simulate::Start;
+use murmuration_proto::{Controller, ImageFormat, Invalid, World};
+use serde_json::{Map, Value};
 
 /// A case that can be simulated.
 #[derive(Debug, Clone)]

@@ -6,8 +6,8 @@ const WORD: usize = u64::BITS as usize;
 /// A bitmap: small enough for the first-level cache at the paper's 500 x 500, for memory at 10,000 x 10,000.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
-    width: i32,
-    height: i32,
+    width: u32,
+    height: u32,
     /// Words in a column (all y of one x).
     stride: usize,
     words: Vec<u64>,
@@ -18,8 +18,8 @@ impl Canvas {
     pub(super) fn new([width, height]: [usize; 2]) -> Self {
         let stride = height.div_ceil(WORD);
         Self {
-            width: width as i32,
-            height: height as i32,
+            width: width as u32,
+            height: height as u32,
             stride,
             words: vec![0; width * stride],
         }
@@ -44,9 +44,11 @@ impl Canvas {
     #[inline]
     fn update(&mut self, pixels: impl Iterator<Item = [i32; 2]>, change: impl Fn(u64, u64) -> u64) {
         for [x, y] in pixels {
-            if (0..self.width).contains(&x) && (0..self.height).contains(&y) {
-                let y = y as usize;
-                let word = &mut self.words[x as usize * self.stride + y / WORD];
+            // Negative ones wrap to far outside.
+            let (x, y) = (x as u32, y as u32);
+            if x < self.width && y < self.height {
+                let (x, y) = (x as usize, y as usize);
+                let word = &mut self.words[x * self.stride + y / WORD];
                 *word = change(*word, 1 << (y % WORD));
             }
         }

@@ -36,15 +36,12 @@ pub(super) fn line(from: [i32; 2], to: [i32; 2]) -> impl Iterator<Item = [i32; 2
     let mut next = from;
     (0..=dx.max(dy)).map(move |_| {
         let pixel = next;
-        let before = error;
-        if before > -dx {
-            error -= dy;
-            next[0] += step[0];
-        }
-        if before < dy {
-            error += dx;
-            next[1] += step[1];
-        }
+        // No branches: which way a line turns cannot be predicted.
+        let across = i32::from(error > -dx);
+        let along = i32::from(error < dy);
+        error += along * dx - across * dy;
+        next[0] += across * step[0];
+        next[1] += along * step[1];
         pixel
     })
 }

@@ -90,27 +90,26 @@ impl Collisions {
         at: [f64; 2],
     ) {
         list.clear();
-        let [x, y] = [simd.splat_f64s(at[0]), simd.splat_f64s(at[1])];
+        let [x, y] = at.map(|value| simd.splat_f64s(value));
         let touch = simd.splat_f64s(self.reach.touch);
         for (b, block) in positions.blocks().iter().enumerate() {
-            for (v, ((xs, ys), other)) in block.vectors(simd, me.wrapping_sub(b * LANES)).enumerate() {
-                let ex = simd.sub_f64s(xs, x);
-                let ey = simd.sub_f64s(ys, y);
+            for (v, lanes) in block.vectors(simd, me.wrapping_sub(b * LANES)).enumerate() {
+                let [ex, ey] = [simd.sub_f64s(lanes.x, x), simd.sub_f64s(lanes.y, y)];
                 let squared = simd.add_f64s(simd.mul_f64s(ex, ex), simd.mul_f64s(ey, ey));
-                let near = simd.and_m64s(other, simd.less_than_f64s(squared, touch));
-                let first = simd.first_true_m64s(near);
-                if first < S::F64_LANES {
-                    let base = b * LANES + v * S::F64_LANES;
-                    for i in base..base + S::F64_LANES {
-                        let [ox, oy] = positions.get(i);
-                        let (ex, ey) = (ox - at[0], oy - at[1]);
-                        if i != me && ex * ex + ey * ey < self.reach.touch {
-                            list.push(i);
-                        }
-                    }
+                let near = simd.and_m64s(lanes.other, simd.less_than_f64s(squared, touch));
+                if simd.first_true_m64s(near) < S::F64_LANES {
+                    let first = b * LANES + v * S::F64_LANES;
+                    let near = |&i: &usize| i != me && self.touches(positions.get(i), at);
+                    list.extend((first..first + S::F64_LANES).filter(near));
                 }
             }
         }
+    }
+
+    #[inline(always)]
+    fn touches(&self, other: [f64; 2], at: [f64; 2]) -> bool {
+        let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
+        ex * ex + ey * ey < self.reach.touch
     }
 
     /// Where an agent at `at` ends that is pushed out of one at `other`, if they touch.

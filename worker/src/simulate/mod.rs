@@ -8,6 +8,8 @@ mod drive;
 mod positions;
 mod sight;
 mod start;
+#[cfg(test)]
+mod tests;
 
 pub use start::Start;
 
@@ -17,6 +19,7 @@ use murmuration_proto::{Controller, Invalid, World};
 use positions::Positions;
 pub use pulp::Arch;
 use pulp::{Simd, WithSimd};
+use sight::Observer;
 
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
@@ -184,13 +187,20 @@ impl Swarm {
         body.heading = rotate(body.heading, gait.rotation);
         body.theta += gait.turn;
 
-        let rays = rays(body.heading);
-        let view = sight::look(simd, &self.positions, i, at, rays, self.collisions.reach());
-        body.sensed = view.sensed;
-        if view.crowded {
-            at = self.collisions.push_out(simd, &self.positions, i, at);
-            body.sensed = sight::look(simd, &self.positions, i, at, rays, self.collisions.reach()).sensed;
-        }
+        let mut observer = Observer {
+            index: i,
+            at,
+            rays: rays(body.heading),
+        };
+        let reach = self.collisions.reach();
+        body.sensed = match observer.sense_unless_touched(simd, &self.positions, reach) {
+            Some(sensed) => sensed,
+            None => {
+                at = self.collisions.push_out(simd, &self.positions, i, at);
+                observer.at = at;
+                observer.sense(simd, &self.positions, reach)
+            }
+        };
         body.position = at;
         body.displacement = [at[0] - before[0], at[1] - before[1]];
         self.positions.set(simd, i, at);

@@ -12,13 +12,27 @@ pub(super) struct Positions {
     blocks: Vec<Block>,
 }
 
-/// Eight agents, one a lane.
+/// Eight agents, one a lane; aligned so that a vector of them never straddles two cache lines.
 #[derive(Debug, Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Block {
-    pub(super) x: [f64; LANES],
-    pub(super) y: [f64; LANES],
+    x: [f64; LANES],
+    y: [f64; LANES],
 }
+
+/// As many agents as a vector holds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lanes<S: Simd> {
+    pub(super) x: S::f64s,
+    pub(super) y: S::f64s,
+    /// Whether the lane is another agent than the one left out.
+    pub(super) other: S::m64s,
+}
+
+#[repr(align(64))]
+struct LaneNumbers([u64; LANES]);
+
+static LANE_NUMBERS: LaneNumbers = LaneNumbers([0, 1, 2, 3, 4, 5, 6, 7]);
 
 impl FromIterator<[f64; 2]> for Positions {
     fn from_iter<I: IntoIterator<Item = [f64; 2]>>(positions: I) -> Self {
@@ -39,6 +53,11 @@ impl FromIterator<[f64; 2]> for Positions {
 }
 
 impl Positions {
+    #[inline(always)]
+    pub(super) fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
     /// Position of agent `i`.
     #[inline(always)]
     pub(super) fn get(&self, i: usize) -> [f64; 2] {
@@ -51,39 +70,32 @@ impl Positions {
     #[inline(always)]
     pub(super) fn set<S: Simd>(&mut self, simd: S, i: usize, [x, y]: [f64; 2]) {
         let block = &mut self.blocks[i / LANES];
-        let mine = simd.splat_u64s((i % LANES) as u64);
-        let ids = S::as_simd_u64s(&IDS.0).0;
+        let lane = simd.splat_u64s((i % LANES) as u64);
+        let numbers = S::as_simd_u64s(&LANE_NUMBERS.0).0;
         for (values, value) in [(&mut block.x, x), (&mut block.y, y)] {
-            for (old, &id) in S::as_mut_simd_f64s(values).0.iter_mut().zip(ids) {
-                *old = simd.select_f64s(simd.equal_u64s(id, mine), simd.splat_f64s(value), *old);
+            let value = simd.splat_f64s(value);
+            for (old, &number) in S::as_mut_simd_f64s(values).0.iter_mut().zip(numbers) {
+                *old = simd.select_f64s(simd.equal_u64s(number, lane), value, *old);
             }
         }
     }
-
-    #[inline(always)]
-    pub(super) fn blocks(&self) -> &[Block] {
-        &self.blocks
-    }
 }
 
-#[repr(align(64))]
-struct Ids([u64; LANES]);
-static IDS: Ids = Ids([0, 1, 2, 3, 4, 5, 6, 7]);
-
 impl Block {
+    /// The block in vectors, lane `left_out` masked (none, if it is beyond the block).
     #[inline(always)]
-    pub(super) fn vectors<S: Simd>(
-        &self,
-        simd: S,
-        me: usize,
-    ) -> impl Iterator<Item = ((S::f64s, S::f64s), S::m64s)> {
-        let mine = simd.splat_u64s(me as u64);
-        let xs = S::as_simd_f64s(&self.x).0;
+    pub(super) fn vectors<S: Simd>(&self, simd: S, left_out: usize) -> impl Iterator<Item = Lanes<S>> {
+        let left_out = simd.splat_u64s(left_out as u64);
+        let xs = S::as_simd_f64s(&self.x).0.iter();
         let ys = S::as_simd_f64s(&self.y).0;
-        let ids = S::as_simd_u64s(&IDS.0).0;
-        xs.iter().zip(ys).zip(ids).map(
+        let numbers = S::as_simd_u64s(&LANE_NUMBERS.0).0;
+        xs.zip(ys).zip(numbers).map(
             #[inline(always)]
-            move |((&x, &y), &id)| ((x, y), simd.not_m64s(simd.equal_u64s(id, mine))),
+            move |((&x, &y), &number)| Lanes {
+                x,
+                y,
+                other: simd.not_m64s(simd.equal_u64s(number, left_out)),
+            },
         )
     }
 }

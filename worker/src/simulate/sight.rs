@@ -1,16 +1,11 @@
 //! What an agent has in its sensors' lines of sight, and whether anybody touches it.
 
-use super::positions::Positions;
+use super::positions::{Block, LANES, Positions};
 use pulp::Simd;
 
-/// What one look at all others shows.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct View {
-    /// Whether the centre of another is nearer than two radii.
-    pub(super) crowded: bool,
-    /// The sensor state: 0 or 1; with two sensors 2 S1 + S2.
-    pub(super) sensed: u8,
-}
+/// Blocks that are gone through before one asks whether to stop. The paper's 24 agents are far fewer: to ask costs
+/// a branch that is often mispredicted.
+const BLOCKS_BETWEEN_EXITS: usize = 32;
 
 /// Distances that matter, squared.
 #[derive(Debug, Clone, Copy)]
@@ -21,51 +16,128 @@ pub(super) struct Reach {
     pub(super) touch: f64,
 }
 
-/// Looks from `at` at every agent but `me`, along `rays` (unit vectors) without limit.
-///
-/// With e from `at` to the other's centre, a ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0.
-#[inline(always)]
-pub(super) fn look<S: Simd, const SENSORS: usize>(
-    simd: S,
-    positions: &Positions,
-    me: usize,
-    at: [f64; 2],
-    rays: [[f64; 2]; SENSORS],
-    reach: Reach,
-) -> View {
-    let zero = simd.splat_f64s(0.0);
-    let at = [simd.splat_f64s(at[0]), simd.splat_f64s(at[1])];
-    let rays = rays.map(|ray| [simd.splat_f64s(ray[0]), simd.splat_f64s(ray[1])]);
-    let body = simd.splat_f64s(reach.body);
-    let touch = simd.splat_f64s(reach.touch);
-    let none = simd.less_than_f64s(zero, zero);
-    let mut near = none;
-    let mut hits = [none; SENSORS];
-    for (b, block) in positions.blocks().iter().enumerate() {
-        for ((x, y), other) in block.vectors(simd, me.wrapping_sub(b * 8)) {
-            let ex = simd.sub_f64s(x, at[0]);
-            let ey = simd.sub_f64s(y, at[1]);
-            let squared = simd.add_f64s(simd.mul_f64s(ex, ex), simd.mul_f64s(ey, ey));
-            near = simd.or_m64s(near, simd.and_m64s(other, simd.less_than_f64s(squared, touch)));
-            let inside = simd.sub_f64s(body, squared);
-            for sensor in 0..SENSORS {
-                let along = simd.add_f64s(
-                    simd.mul_f64s(ex, rays[sensor][0]),
-                    simd.mul_f64s(ey, rays[sensor][1]),
-                );
-                let reached = simd.add_f64s(inside, simd.mul_f64s(along, along));
-                let ahead = simd.greater_than_or_equal_f64s(along, zero);
-                let met = simd.greater_than_or_equal_f64s(reached, zero);
-                let hit = simd.and_m64s(other, simd.and_m64s(ahead, met));
-                hits[sensor] = simd.or_m64s(hits[sensor], hit);
+/// An agent that looks at all others.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Observer<const SENSORS: usize> {
+    pub(super) index: usize,
+    pub(super) at: [f64; 2],
+    /// Unit vectors along which its sensors look, without limit.
+    pub(super) rays: [[f64; 2]; SENSORS],
+}
+
+impl<const SENSORS: usize> Observer<SENSORS> {
+    const ALL_HIT: u8 = (1 << SENSORS) - 1;
+
+    /// Its sensor state if nobody touches it; `None` as soon as somebody does.
+    ///
+    /// The state is 0 or 1, with two sensors 2 S1 + S2.
+    #[inline(always)]
+    pub(super) fn sense_unless_touched<S: Simd>(
+        self,
+        simd: S,
+        positions: &Positions,
+        reach: Reach,
+    ) -> Option<u8> {
+        let mut sensed = 0;
+        for (observer, blocks) in self.groups(positions) {
+            let seen = if sensed == Self::ALL_HIT {
+                observer.blind().look(simd, blocks, reach)
+            } else {
+                observer.look(simd, blocks, reach)
+            };
+            if seen.touched {
+                return None;
+            }
+            sensed |= seen.hits;
+        }
+        Some(sensed)
+    }
+
+    /// Its sensor state.
+    #[inline(always)]
+    pub(super) fn sense<S: Simd>(self, simd: S, positions: &Positions, reach: Reach) -> u8 {
+        let mut sensed = 0;
+        for (observer, blocks) in self.groups(positions) {
+            sensed |= observer.look(simd, blocks, reach).hits;
+            if sensed == Self::ALL_HIT {
+                break;
             }
         }
+        sensed
     }
-    let any = |mask: S::m64s| simd.first_true_m64s(mask) < S::F64_LANES;
-    View {
-        crowded: any(near),
-        sensed: hits
-            .into_iter()
-            .fold(0, |state, hit| 2 * state + u8::from(any(hit))),
+
+    /// The blocks in groups, each with the observer as seen from there: its index counts from the group's start
+    /// (and is no lane of it where it lies in another group).
+    #[inline(always)]
+    fn groups(self, positions: &Positions) -> impl Iterator<Item = (Self, &[Block])> {
+        let groups = positions.blocks().chunks(BLOCKS_BETWEEN_EXITS).enumerate();
+        groups.map(
+            #[inline(always)]
+            move |(g, blocks)| {
+                let index = self.index.wrapping_sub(g * BLOCKS_BETWEEN_EXITS * LANES);
+                (Self { index, ..self }, blocks)
+            },
+        )
     }
+
+    /// The same agent without its sensors.
+    #[inline(always)]
+    const fn blind(self) -> Observer<0> {
+        Observer {
+            index: self.index,
+            at: self.at,
+            rays: [],
+        }
+    }
+
+    /// One look at the agents of some blocks. With e from here to another's centre, a ray u hits where e.u >= 0 and
+    /// r^2 - e.e + (e.u)^2 >= 0.
+    #[inline(always)]
+    fn look<S: Simd>(self, simd: S, blocks: &[Block], reach: Reach) -> Seen {
+        let splat = |[x, y]: [f64; 2]| [simd.splat_f64s(x), simd.splat_f64s(y)];
+        let dot = |a: [S::f64s; 2], b: [S::f64s; 2]| {
+            simd.add_f64s(simd.mul_f64s(a[0], b[0]), simd.mul_f64s(a[1], b[1]))
+        };
+        let at = splat(self.at);
+        let rays = self.rays.map(splat);
+        let zero = simd.splat_f64s(0.0);
+        let [body, touch] = [reach.body, reach.touch].map(|value| simd.splat_f64s(value));
+
+        let none = simd.less_than_f64s(zero, zero);
+        let mut near = none;
+        let mut hits = [none; SENSORS];
+        for (b, block) in blocks.iter().enumerate() {
+            for lanes in block.vectors(simd, self.index.wrapping_sub(b * LANES)) {
+                let e = [simd.sub_f64s(lanes.x, at[0]), simd.sub_f64s(lanes.y, at[1])];
+                let squared = dot(e, e);
+                let close = simd.and_m64s(lanes.other, simd.less_than_f64s(squared, touch));
+                near = simd.or_m64s(near, close);
+                let inside = simd.sub_f64s(body, squared);
+                for (ray, hit) in rays.iter().zip(&mut hits) {
+                    let along = dot(e, *ray);
+                    let ahead = simd.greater_than_or_equal_f64s(along, zero);
+                    let reached = simd.add_f64s(inside, simd.mul_f64s(along, along));
+                    let met = simd.greater_than_or_equal_f64s(reached, zero);
+                    let met = simd.and_m64s(lanes.other, simd.and_m64s(ahead, met));
+                    *hit = simd.or_m64s(*hit, met);
+                }
+            }
+        }
+        let any = |mask: S::m64s| simd.first_true_m64s(mask) < S::F64_LANES;
+        Seen {
+            touched: any(near),
+            hits: hits
+                .into_iter()
+                .fold(0, |state, hit| 2 * state + u8::from(any(hit))),
+        }
+    }
+}
+
+/// What one look shows.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    /// Whether the centre of another is nearer than two radii.
+    touched: bool,
+    /// The sensors that hit, S1 the highest bit.
+    hits: u8,
 }
