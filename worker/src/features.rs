@@ -6,7 +6,7 @@ use murmuration_proto::{Features, World};
 /// Steps that a feature is averaged over (fewer where the simulation is shorter).
 pub const FEATURE_STEPS: u32 = 100;
 
-/// Radial variance is multiplied by this: not in the paper, but in the numbers that it shows.
+/// Radial variance is multiplied by this in the authors' simulator, though not in the paper.
 const RADIAL_VARIANCE_SCALE: f64 = 20.0;
 
 /// The mean of the features over the steps observed.

@@ -14,7 +14,7 @@ const RAY_RADII: f64 = 3.0;
 /// Length of a drawn heading, in radii.
 const HEADING_RADII: f64 = 2.0;
 
-/// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Behaviour Image").
+/// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Simulation and Data").
 ///
 /// For each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
 #[derive(Debug)]

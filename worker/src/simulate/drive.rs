@@ -1,4 +1,4 @@
-//! Differential drive: what a pair of wheel speeds does to a pose in one step (paper, Eq. 1).
+//! Differential drive: what a pair of wheel speeds does to a pose in one step (paper, appendix "Swarm Kinematics").
 
 use murmuration_proto::{Controller, World};
 
@@ -15,7 +15,7 @@ pub(super) struct Gait {
 
 /// The gait of each sensor state: off, on; or indexed by 2 S1 + S2.
 ///
-/// The two middle rows of the paper's Eq. 4 are exchanged against this; its pictures follow this order.
+/// The paper's equation has the two middle rows exchanged; its pictures follow this order.
 pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
     let mut gaits = [Gait::default(); 4];
     for (gait, speeds) in gaits.iter_mut().zip(controller.speeds().chunks_exact(2)) {

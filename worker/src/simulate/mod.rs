@@ -1,6 +1,6 @@
 //! The swarm: agents stepped one after the other, each seeing the positions as they are at that moment.
 //!
-//! One step of one agent (paper, Eq. 1 and "Simulation and Data"; order as in the authors' simulator): drive with
+//! One step of one agent (order as in the authors' simulator): drive with
 //! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of others, sense.
 
 mod collide;
