@@ -4,6 +4,17 @@
 //! declared here are skipped when a file is read; kinds of content that are declared only so that a reader can
 //! see that they are there (subgraphs, functions, sparse tensors) are kept as undecoded bytes.
 
+mod embedder_model;
+mod operators;
+mod shape;
+mod tensor;
+mod wire;
+
+pub use embedder_model::{
+    EMBEDDING_DIMENSIONS, EmbedderModel, IMAGE_SIDES, MAX_MODEL_BYTES, MAX_NODE_PRODUCTS, MAX_NODES,
+    MAX_VALUE_ELEMENTS, ModelError,
+};
+
 use prost::Message;
 
 /// A model file: one graph and the operator sets that it is written in.
