@@ -1,0 +1,286 @@
+//! Embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
+
+use super::*;
+use murmuration_proto::onnx::{EmbedderModel, ModelProto};
+use proptest::prelude::*;
+use prost::Message as _;
+use std::{fs, path::Path, sync::Arc, thread, time::Duration};
+use tempfile::TempDir;
+
+const SMALL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
+
+fn embedder() -> Embedder {
+    Embedder::open(&Runtime::load().unwrap(), EmbedderModel::read(SMALL).unwrap()).unwrap()
+}
+
+/// The images of `small.py`, and more by the same rule.
+fn image(k: usize) -> Vec<u8> {
+    (0..96)
+        .map(|pixel| (pixel * (7 + 4 * k) + 31 * k) as u8)
+        .collect()
+}
+
+fn images(number: usize) -> Vec<Vec<u8>> {
+    (0..number).map(image).collect()
+}
+
+fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
+    images.iter().map(Vec::as_slice).collect()
+}
+
+/// What Python's onnxruntime 1.31.1 makes of the first three (printed by `small.py`).
+const EMBEDDINGS: [[f32; 3]; 3] = [
+    [-2.36251426, 2.52593827, -0.120045602],
+    [-2.36303115, 2.54256964, -0.138085544],
+    [-2.36853218, 2.57243729, -0.151256859],
+];
+
+#[test]
+fn embeddings_are_those_of_the_python_package() {
+    let embeddings = embedder().embed(&slices(&images(3))).unwrap();
+    assert_eq!(embeddings.len(), 3);
+    for (embedding, expected) in embeddings.iter().zip(EMBEDDINGS) {
+        for (value, expected) in embedding.iter().zip(expected) {
+            // Not equal to the bit: another kind of CPU has other kernels.
+            assert!((value - expected).abs() < 1e-5, "{embeddings:?}");
+        }
+    }
+}
+
+#[test]
+fn bits_do_not_depend_on_the_batch() {
+    let mut embedder = embedder();
+    let images = images(100);
+    let whole = embedder.embed(&slices(&images)).unwrap();
+    for size in [1, 2, 7, 8, 33, 64, 99] {
+        let split: Vec<_> = images
+            .chunks(size)
+            .flat_map(|part| embedder.embed(&slices(part)).unwrap())
+            .collect();
+        assert_eq!(split, whole, "in batches of {size}");
+    }
+    let mut backwards = slices(&images);
+    backwards.reverse();
+    let mut again = embedder.embed(&backwards).unwrap();
+    again.reverse();
+    assert_eq!(again, whole, "in another order");
+    assert!(embedder.embed(&[]).unwrap().is_empty());
+}
+
+#[test]
+fn images_of_another_size_are_refused() {
+    let error = embedder().embed(&[&image(0), &[0; 95]]).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "image 1 has 95 pixels: this embedder takes 12 x 8"
+    );
+}
+
+#[test]
+fn what_is_not_finite_is_refused() {
+    let mut model = ModelProto::decode(SMALL).unwrap();
+    let biases = model
+        .graph
+        .as_mut()
+        .unwrap()
+        .initializer
+        .iter_mut()
+        .find(|tensor| tensor.name == "b3");
+    biases.unwrap().raw_data.as_mut().unwrap()[..4].copy_from_slice(&f32::INFINITY.to_le_bytes());
+    let model = EmbedderModel::read(&model.encode_to_vec()).unwrap();
+    let error = Embedder::open(&Runtime::load().unwrap(), model)
+        .unwrap()
+        .embed(&slices(&images(40)))
+        .unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "image 0 is embedded as inf, not as a finite number"
+    );
+}
+
+#[test]
+fn what_onnx_runtime_does_not_know_is_refused() {
+    let mut model = ModelProto::decode(SMALL).unwrap();
+    model.opset_import[0].version = 1000;
+    let model = EmbedderModel::read(&model.encode_to_vec()).unwrap();
+    let error = Embedder::open(&Runtime::load().unwrap(), model).unwrap_err();
+    assert!(error.to_string().starts_with("ONNX Runtime: "), "{error}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// Whatever passes as a model either runs as it says or is refused in words.
+    #[test]
+    fn a_damaged_model_does_no_harm(
+        changes in prop::collection::vec((0..SMALL.len(), any::<u8>()), 1..4),
+    ) {
+        let mut bytes = SMALL.to_vec();
+        for (at, byte) in changes {
+            bytes[at] = byte;
+        }
+        let Ok(model) = EmbedderModel::read(&bytes) else { return Ok(()) };
+        let dimensions = model.dimensions();
+        let pixels = vec![100; model.height() * model.width()];
+        let Ok(mut embedder) = Embedder::open(&Runtime::load().unwrap(), model) else { return Ok(()) };
+        match embedder.embed(&[&pixels, &pixels]) {
+            Ok(embeddings) => prop_assert!(
+                embeddings.len() == 2 && embeddings.iter().all(|embedding| embedding.len() == dimensions)
+            ),
+            Err(error) => prop_assert!(!matches!(error, EmbedError::OutputShape { .. }), "{}", error),
+        }
+    }
+}
+
+/// A cache in a folder of its own.
+fn cache(max_bytes: u64) -> (TempDir, Cache) {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = Cache::open(folder.path().join("checkpoints"), max_bytes).unwrap();
+    (folder, cache)
+}
+
+/// Fetches `bytes` by their digest.
+fn fetch(cache: &Cache, bytes: &[u8]) {
+    let fetched = cache.get_or_fetch(blake3::hash(bytes), |_| Ok::<_, String>(bytes.to_vec()));
+    assert_eq!(fetched.unwrap(), bytes);
+}
+
+fn files(folder: &Path) -> usize {
+    fs::read_dir(folder.join("checkpoints")).unwrap().count()
+}
+
+fn never(_: blake3::Hash) -> Result<Vec<u8>, String> {
+    panic!("fetched again")
+}
+
+#[test]
+fn a_checkpoint_is_fetched_once() {
+    let (folder, cache) = cache(1000);
+    fetch(&cache, b"checkpoint");
+    let digest = blake3::hash(b"checkpoint");
+    assert_eq!(cache.get_or_fetch(digest, never).unwrap(), b"checkpoint");
+    let again = Cache::open(folder.path().join("checkpoints"), 1000).unwrap();
+    assert_eq!(
+        again.get_or_fetch(digest, never).unwrap(),
+        b"checkpoint",
+        "after a restart"
+    );
+}
+
+#[test]
+fn threads_that_want_the_same_checkpoint_fetch_it_once() {
+    let (_folder, cache) = cache(1000);
+    let fetched = std::sync::atomic::AtomicUsize::new(0);
+    let digest = blake3::hash(b"checkpoint");
+    thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                let slow = |_| {
+                    fetched.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                    thread::sleep(Duration::from_millis(20));
+                    Ok::<_, String>(b"checkpoint".to_vec())
+                };
+                assert_eq!(cache.get_or_fetch(digest, slow).unwrap(), b"checkpoint");
+            });
+        }
+    });
+    assert_eq!(fetched.into_inner(), 1);
+}
+
+#[test]
+fn a_damaged_file_counts_as_absent() {
+    let (folder, cache) = cache(1000);
+    fetch(&cache, b"checkpoint");
+    let digest = blake3::hash(b"checkpoint");
+    let file = folder.path().join(format!("checkpoints/{digest}.onnx"));
+    fs::write(&file, b"chequepoint").unwrap();
+    assert_eq!(cache.get(digest).unwrap(), None);
+    assert!(!file.exists(), "it was left");
+    fetch(&cache, b"checkpoint");
+    assert_eq!(cache.get(digest).unwrap().unwrap(), b"checkpoint");
+}
+
+#[test]
+fn other_bytes_than_asked_for_are_refused_and_not_kept() {
+    let (folder, cache) = cache(1000);
+    let digest = blake3::hash(b"checkpoint");
+    let error = cache
+        .get_or_fetch(digest, |_| Ok::<_, String>(b"other".to_vec()))
+        .unwrap_err();
+    assert!(matches!(error, FetchError::Mismatch { .. }), "{error}");
+    let error = cache.get_or_fetch(digest, |_| Err("gone")).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        format!("checkpoint {digest} cannot be fetched: gone")
+    );
+    assert_eq!(files(folder.path()), 0);
+}
+
+#[test]
+fn what_was_used_longest_ago_goes_first() {
+    let (folder, cache) = cache(100);
+    let present = |bytes: &[u8]| {
+        folder
+            .path()
+            .join(format!("checkpoints/{}.onnx", blake3::hash(bytes)))
+            .exists()
+    };
+    let [a, b, c, large] = [
+        [1; 40].to_vec(),
+        [2; 40].to_vec(),
+        [3; 40].to_vec(),
+        [4; 400].to_vec(),
+    ];
+    let pause = || thread::sleep(Duration::from_millis(20));
+    fetch(&cache, &a);
+    pause();
+    fetch(&cache, &b);
+    pause();
+    fetch(&cache, &a);
+    pause();
+    fs::write(folder.path().join("checkpoints/notes.txt"), [0; 500]).unwrap();
+    fetch(&cache, &c);
+    assert_eq!(
+        [&a, &b, &c].map(|bytes| present(bytes)),
+        [true, false, true],
+        "b was used longest ago"
+    );
+    fetch(&cache, &large);
+    assert_eq!(
+        [&a, &b, &c, &large].map(|bytes| present(bytes)),
+        [false, false, false, true]
+    );
+    assert_eq!(files(folder.path()), 2, "what is not a checkpoint is left alone");
+}
+
+#[test]
+fn embedders_are_opened_once_and_only_so_many() {
+    let (_folder, cache) = cache(1 << 20);
+    let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
+    // The same model under different digests: what comes after the last field is a remark.
+    let checkpoints: Vec<Vec<u8>> = (b'a'..b'g')
+        .map(|name| [SMALL, &[0x12, 1, name]].concat())
+        .collect();
+    let expected = embedder().embed(&[&image(0)]).unwrap();
+    for bytes in &checkpoints {
+        let embedder = embedders
+            .get(blake3::hash(bytes), |_| Ok::<_, String>(bytes.clone()))
+            .unwrap();
+        assert_eq!(embedder.embed(&[&image(0)]).unwrap(), expected);
+    }
+    assert_eq!(embedders.open(), 4);
+    embedders.get(blake3::hash(&checkpoints[5]), never).unwrap();
+    embedders.get(blake3::hash(&checkpoints[0]), never).unwrap();
+    assert_eq!(embedders.open(), 4);
+}
+
+#[test]
+fn a_checkpoint_that_is_no_embedder_is_refused() {
+    let (_folder, cache) = cache(1 << 20);
+    let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
+    let bytes = b"not a model";
+    let error = embedders
+        .get(blake3::hash(bytes), |_| Ok::<_, String>(bytes.to_vec()))
+        .unwrap_err();
+    assert!(matches!(error, CheckpointError::Model { .. }), "{error}");
+}
