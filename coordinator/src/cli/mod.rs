@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done; 1 failed; 2 bad usage or input.
 
+mod accuracy;
 mod bench;
 mod campaigns;
 mod connection;
@@ -90,6 +91,8 @@ enum Command {
     Simulate(simulate::Simulate),
     /// Score controllers with the heuristic filter
     Filter(filter::Filter),
+    /// Measure how well an embedding agrees with classes that people gave
+    Accuracy(accuracy::AccuracyCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -134,6 +137,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Report(report) => report.execute(&global).await,
         Command::Simulate(simulate) => simulate.execute(global.json),
         Command::Filter(filter) => filter.execute(global.json),
+        Command::Accuracy(accuracy) => accuracy.execute(global.json),
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(
