@@ -3,6 +3,7 @@
 use super::Runtime;
 use murmuration_proto::onnx::EmbedderModel;
 use ort::{
+    logging::LogLevel,
     session::{Session, builder::GraphOptimizationLevel},
     value::TensorRef,
 };
@@ -153,6 +154,8 @@ fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
         .with_parallel_execution(false)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_deterministic_compute(true)?
+        // What fails comes back as an error; the library would write it to stderr besides.
+        .with_log_level(LogLevel::Fatal)?
         // It would keep a pattern for each size of batch that comes along.
         .with_memory_pattern(false)?
         .commit_from_memory(model)

@@ -1,7 +1,7 @@
 //! Embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
 
 use super::*;
-use murmuration_proto::onnx::{EmbedderModel, ModelProto};
+use murmuration_proto::onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto};
 use proptest::prelude::*;
 use prost::Message as _;
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};
@@ -129,6 +129,62 @@ proptest! {
             ),
             Err(error) => prop_assert!(!matches!(error, EmbedError::OutputShape { .. }), "{}", error),
         }
+    }
+}
+
+/// The small model's images, through one node with these attributes, flattened.
+fn flattened(op_type: &str, attribute: Vec<AttributeProto>) -> Vec<u8> {
+    let mut model = ModelProto::decode(SMALL).unwrap();
+    let graph = model.graph.as_mut().unwrap();
+    let node = |op_type: &str, input: &[&str], output: &str, attribute| NodeProto {
+        op_type: op_type.to_owned(),
+        input: input.iter().map(ToString::to_string).collect(),
+        output: vec![output.to_owned()],
+        attribute,
+        ..NodeProto::default()
+    };
+    let inputs: &[&str] = if op_type == "Conv" {
+        &["images", "w1"]
+    } else {
+        &["images"]
+    };
+    graph.node = vec![
+        node(op_type, inputs, "made", attribute),
+        node("Flatten", &["made"], "embedding", Vec::new()),
+    ];
+    graph.output = vec![ValueInfoProto::batch_of_floats("embedding", "batch", &[])];
+    graph.output[0].r#type = None;
+    model.encode_to_vec()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// What a model says of its shapes is what ONNX Runtime makes of it.
+    #[test]
+    fn windows_slide_as_in_onnx_runtime(
+        op_type in prop::sample::select(vec!["AveragePool", "MaxPool", "Conv"]),
+        kernel in [2usize..6, 2usize..6],
+        strides in [1usize..5, 1usize..5],
+        dilations in [1usize..4, 1usize..4],
+        // A pooling's padding has to be less than its kernel.
+        pads in [0usize..2, 0usize..2, 0usize..2, 0usize..2],
+        round_up in any::<bool>(),
+    ) {
+        let mut attributes = vec![
+            AttributeProto::integers("kernel_shape", if op_type == "Conv" { &[3, 3] } else { &kernel }),
+            AttributeProto::integers("strides", &strides),
+            AttributeProto::integers("dilations", &dilations),
+            AttributeProto::integers("pads", &pads),
+        ];
+        if op_type != "Conv" {
+            attributes.push(AttributeProto::integer("ceil_mode", i64::from(round_up)));
+        }
+        // The only reason to refuse it is a window that does not fit.
+        let Ok(model) = EmbedderModel::read(&flattened(op_type, attributes)) else { return Ok(()) };
+        let dimensions = model.dimensions();
+        let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
+        prop_assert_eq!(embedder.embed(&slices(&images(2))).unwrap()[1].len(), dimensions);
     }
 }
 
