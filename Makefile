@@ -3,14 +3,14 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test lint build toolchain bench clean
+.PHONY: demo test lint build runtime toolchain bench clean
 
 # Builds, runs the paper's single-sensor campaign, and says where its report is.
 demo: build
 	./target/release/murmuration run examples/single-sensor.toml
 
 # Everything that must hold before a change lands.
-test: lint build
+test: lint build runtime
 	$(CARGO) test --release --workspace
 
 lint: toolchain
@@ -22,12 +22,16 @@ build: toolchain
 	$(CARGO) build --release --workspace --bins
 
 # Performance figures of this machine, each beside a baseline of the same run.
-bench: build
+bench: build runtime
 	./target/release/murmuration bench simulate
 	$(CARGO) bench --workspace
 
+# ONNX Runtime, which embedders run on: a pinned library, fetched once into the cache folder.
+runtime:
+	@scripts/fetch-onnxruntime
+
 toolchain:
-	@command -v $(CARGO) >/dev/null || { echo "Rust 1.89 or newer is needed: https://rustup.rs" >&2; exit 1; }
+	@command -v $(CARGO) >/dev/null || { echo "Rust 1.92 or newer is needed: https://rustup.rs" >&2; exit 1; }
 	@command -v cc >/dev/null || { echo "A C compiler is needed for SQLite (Debian: apt-get install gcc)" >&2; exit 1; }
 
 clean:

@@ -2,16 +2,16 @@
 
 use crate::store::{CheckpointRecord, Store, StoreError};
 use bytes::Bytes;
-use murmuration_proto::{CheckpointDigest, Lineage};
+use murmuration_proto::{
+    CheckpointDigest, Lineage,
+    onnx::{EmbedderModel, ModelError},
+};
 use object_store::{ObjectStore, ObjectStoreExt as _, local::LocalFileSystem, path::Path as ObjectPath};
 use std::{
     path::Path,
     sync::Arc,
     time::{SystemTime, UNIX_EPOCH},
 };
-
-/// Most bytes of one checkpoint.
-pub const MAX_BYTES: u64 = 64 << 20;
 
 /// Where published embedders are kept; cheap to clone.
 #[derive(Debug, Clone)]
@@ -38,6 +38,9 @@ pub enum CheckpointError {
     /// The object store says no.
     #[error("checkpoint store: {0}")]
     Objects(#[from] object_store::Error),
+    /// The bytes are no embedder that workers could run.
+    #[error("{0}")]
+    Model(#[from] ModelError),
     /// The bytes are not those that the digest names.
     #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
     Mismatch {
@@ -88,8 +91,9 @@ impl Checkpoints {
     /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing.
     ///
     /// # Errors
-    /// If it cannot be stored.
+    /// [`CheckpointError::Model`] where the bytes are no embedder; otherwise if it cannot be stored.
     pub async fn publish(&self, lineage: Lineage, bytes: Bytes) -> Result<CheckpointRecord, CheckpointError> {
+        EmbedderModel::read(&bytes)?;
         let digest = CheckpointDigest::of(&bytes);
         let created_ms = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -159,6 +163,8 @@ mod tests {
     use super::*;
     use crate::store::DataDirectory;
 
+    const MODEL: &[u8] = include_bytes!("../../tests/models/small.onnx");
+
     fn open() -> (tempfile::TempDir, Checkpoints) {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
@@ -169,13 +175,16 @@ mod tests {
     #[tokio::test]
     async fn what_is_published_is_fetched_under_its_digest() {
         let (_folder, checkpoints) = open();
-        let bytes = Bytes::from_static(b"a model");
+        let bytes = Bytes::from_static(MODEL);
         let lineage = Lineage {
             configuration: "x = 1".into(),
             ..Lineage::default()
         };
         let record = checkpoints.publish(lineage.clone(), bytes.clone()).await.unwrap();
-        assert_eq!((record.digest, record.size), (CheckpointDigest::of(&bytes), 7));
+        assert_eq!(
+            (record.digest, record.size),
+            (CheckpointDigest::of(&bytes), MODEL.len() as u64)
+        );
         assert_eq!(checkpoints.fetch(record.digest).await.unwrap(), bytes);
         // Publishing the same bytes again changes nothing.
         let again = checkpoints.publish(Lineage::default(), bytes).await.unwrap();
@@ -189,7 +198,7 @@ mod tests {
     async fn damaged_bytes_are_not_handed_out() {
         let (folder, checkpoints) = open();
         let digest = checkpoints
-            .publish(Lineage::default(), Bytes::from_static(b"a model"))
+            .publish(Lineage::default(), Bytes::from_static(MODEL))
             .await
             .unwrap()
             .digest;
@@ -226,5 +235,15 @@ mod tests {
                 "{said}"
             );
         }
+    }
+
+    #[tokio::test]
+    async fn what_is_no_embedder_is_refused() {
+        let (_folder, checkpoints) = open();
+        let refused = checkpoints
+            .publish(Lineage::default(), Bytes::from_static(b"a model"))
+            .await;
+        assert!(matches!(refused, Err(CheckpointError::Model(_))));
+        assert_eq!(checkpoints.list().await.unwrap(), []);
     }
 }

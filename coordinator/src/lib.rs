@@ -4,6 +4,7 @@
 //! `simulate` command.
 #![deny(missing_docs)]
 
+pub mod accuracy;
 pub mod breeding;
 pub mod campaign;
 pub mod checkpoints;

@@ -383,6 +383,35 @@ fn the_filter_scores_controllers() {
 }
 
 #[test]
+fn checkpoints_are_imported_listed_shown_and_exported() {
+    let desk = Desk::new();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+    let imported = json(&desk.murmuration.run(&["checkpoints", "import", model, "--json"]));
+    let digest = imported["checkpoint"].as_str().unwrap();
+    let listed = json(&desk.murmuration.run(&["checkpoints", "list", "--json"]));
+    assert_eq!(listed, imported);
+    desk.check(&["checkpoints", "show", &digest[..8]], 0, "");
+    let out = desk.path("out.onnx");
+    desk.check(&["checkpoints", "export", &digest[..8], &out], 0, "wrote");
+    assert!(
+        fs::read(out).unwrap() == fs::read(model).unwrap(),
+        "exported bytes differ"
+    );
+
+    let no_model = desk.write("no.onnx", "not a model");
+    desk.check(
+        &["checkpoints", "import", &no_model],
+        2,
+        "this is not an ONNX model",
+    );
+    desk.check(
+        &["checkpoints", "show", "ffff"],
+        2,
+        "there is no checkpoint \"ffff\"",
+    );
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish"] {

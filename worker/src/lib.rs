@@ -1,8 +1,9 @@
-//! A pure function with a network face: (controller, world, seed) -> evaluation.
+//! A pure function with a network face: (controller, world, seed, checkpoint) -> evaluation.
 #![deny(missing_docs)]
 
 pub mod case;
 pub mod client;
+pub mod embed;
 pub mod evaluate;
 pub mod features;
 pub mod rasterise;

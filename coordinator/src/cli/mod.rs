@@ -2,6 +2,7 @@
 //!
 //! Exit codes: 0 done; 1 failed; 2 bad usage or input.
 
+mod accuracy;
 mod bench;
 mod campaigns;
 mod checkpoints;
@@ -97,6 +98,8 @@ enum Command {
     /// Published embedders
     #[command(subcommand)]
     Checkpoints(checkpoints::CheckpointsCommand),
+    /// Measure how well an embedding agrees with classes that people gave
+    Accuracy(accuracy::AccuracyCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -142,6 +145,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Simulate(simulate) => simulate.execute(global.json),
         Command::Filter(filter) => filter.execute(global.json),
         Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
+        Command::Accuracy(accuracy) => accuracy.execute(global.json),
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

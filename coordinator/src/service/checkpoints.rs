@@ -2,11 +2,11 @@
 
 use super::Streamed;
 use crate::{
-    checkpoints::{CheckpointError, Checkpoints, MAX_BYTES},
+    checkpoints::{CheckpointError, Checkpoints},
     store::CheckpointRecord,
 };
 use bytes::{Bytes, BytesMut};
-use murmuration_proto::{CheckpointDigest, Invalid, Lineage, v1};
+use murmuration_proto::{CheckpointDigest, Invalid, Lineage, onnx::MAX_MODEL_BYTES, v1};
 use tonic::{Request, Response, Status, Streaming};
 
 /// Bytes in one chunk.
@@ -95,8 +95,8 @@ async fn collect(parts: &mut Streaming<v1::PublishCheckpointRequest>) -> Result<
                 "after the description there must be chunks alone",
             ));
         };
-        if (bytes.len() + chunk.data.len()) as u64 > MAX_BYTES {
-            let allowed = format!("at most {MAX_BYTES} bytes");
+        if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {
+            let allowed = format!("at most {MAX_MODEL_BYTES} bytes");
             return Err(Invalid::new("checkpoint", "more", allowed).into());
         }
         bytes.extend_from_slice(&chunk.data);
@@ -117,6 +117,7 @@ impl From<CheckpointError> for Status {
         let said = error.to_string();
         match error {
             CheckpointError::Store(error) => error.into(),
+            CheckpointError::Model(_) => Self::invalid_argument(said),
             CheckpointError::Mismatch { .. } => Self::data_loss(said),
             CheckpointError::Location { .. } => Self::failed_precondition(said),
             CheckpointError::Objects(object_store::Error::NotFound { .. }) => Self::data_loss(said),

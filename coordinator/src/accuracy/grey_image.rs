@@ -1,0 +1,52 @@
+//! Grey images as an embedder takes them, from PNG files.
+
+use std::{fs::File, io::BufReader, path::Path};
+
+/// The pixels of a PNG of `height` rows of `width` pixels, 8 bits each; or else what is wrong with the file.
+pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8>, String> {
+    let file = File::open(image).map_err(|error| error.to_string())?;
+    let mut reader = png::Decoder::new(BufReader::new(file))
+        .read_info()
+        .map_err(|error| error.to_string())?;
+    let info = reader.info();
+    if (info.color_type, info.bit_depth) != (png::ColorType::Grayscale, png::BitDepth::Eight) {
+        return Err("it is not a grey PNG with 8 bits a pixel".to_owned());
+    }
+    if (info.height as usize, info.width as usize) != (height, width) {
+        return Err(format!(
+            "it has {} rows of {} pixels, not {height} of {width}",
+            info.height, info.width
+        ));
+    }
+    let mut pixels = vec![0; height * width];
+    reader
+        .next_frame(&mut pixels)
+        .map_err(|error| error.to_string())?;
+    Ok(pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn rows_are_the_first_axis() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("1.png");
+        let write = |color, width, height, data: &[u8]| {
+            let mut encoder = png::Encoder::new(File::create(&path).unwrap(), width, height);
+            encoder.set_color(color);
+            encoder.write_header().unwrap().write_image_data(data).unwrap();
+        };
+        let refused = |height, width| pixels(&path, height, width).unwrap_err();
+        assert!(refused(1, 1).starts_with("No such file"), "{}", refused(1, 1));
+        fs::write(&path, "no picture").unwrap();
+        assert!(refused(1, 1).contains("signature"), "{}", refused(1, 1));
+        write(png::ColorType::Rgb, 1, 1, &[1, 2, 3]);
+        assert_eq!(refused(1, 1), "it is not a grey PNG with 8 bits a pixel");
+        write(png::ColorType::Grayscale, 3, 2, &[1, 2, 3, 4, 5, 6]);
+        assert_eq!(refused(3, 2), "it has 2 rows of 3 pixels, not 3 of 2");
+        assert_eq!(pixels(&path, 2, 3).unwrap(), [1, 2, 3, 4, 5, 6]);
+    }
+}

@@ -1,0 +1,182 @@
+//! The paper's L2 triplet accuracy (section 5.2), counted exactly.
+
+use std::collections::BTreeMap;
+
+/// The class of behaviours that fit no other.
+pub const RANDOM: &str = "random";
+
+/// Triplets counted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Those whose anchor is nearer to the positive than to the negative.
+    pub correct: u64,
+    /// All of them.
+    pub triplets: u64,
+}
+
+/// The triplets of a labelled set, by class of their anchor.
+///
+/// A triplet (a, p, n) is admissible if a and p are of one class, n is of another, and a is not p. It is correct if
+/// the Euclidean distance from a to p is less than that from a to n: a tie is not.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Accuracy {
+    classes: BTreeMap<String, Tally>,
+}
+
+impl Tally {
+    /// Correct triplets in percent; `None` if there is no triplet.
+    #[must_use]
+    pub fn percent(&self) -> Option<f64> {
+        (self.triplets > 0).then(|| 100.0 * self.correct as f64 / self.triplets as f64)
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            correct: self.correct + other.correct,
+            triplets: self.triplets + other.triplets,
+        }
+    }
+}
+
+impl Accuracy {
+    /// Counts all admissible triplets of `behaviours`, each a class and a vector; vectors are of one length, finite.
+    #[must_use]
+    pub fn measure(behaviours: &[(&str, Vec<f64>)]) -> Self {
+        let mut classes: BTreeMap<String, Tally> = BTreeMap::new();
+        for anchor in 0..behaviours.len() {
+            let tally = classes.entry(behaviours[anchor].0.to_owned()).or_default();
+            *tally = tally.plus(with_anchor(behaviours, anchor));
+        }
+        Self { classes }
+    }
+
+    /// Each class that is there, by name, with the triplets whose anchor is of it.
+    pub fn classes(&self) -> impl Iterator<Item = (&str, Tally)> {
+        self.classes.iter().map(|(class, tally)| (class.as_str(), *tally))
+    }
+
+    /// Triplets with anchors of every class: the paper's text.
+    #[must_use]
+    pub fn every_anchor(&self) -> Tally {
+        self.sum(|_| true)
+    }
+
+    /// Triplets whose anchor is not [`RANDOM`]: the authors' code. Such behaviours still serve as negatives.
+    #[must_use]
+    pub fn anchor_not_random(&self) -> Tally {
+        self.sum(|class| class != RANDOM)
+    }
+
+    fn sum(&self, wanted: impl Fn(&str) -> bool) -> Tally {
+        let wanted = self.classes().filter(|(class, _)| wanted(class));
+        wanted.fold(Tally::default(), |sum, (_, tally)| sum.plus(tally))
+    }
+}
+
+/// The triplets with one anchor: for each positive, the negatives farther away.
+fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
+    let (class, from) = &behaviours[anchor];
+    let (mut positives, mut negatives) = (Vec::new(), Vec::new());
+    for (i, (other, to)) in behaviours.iter().enumerate() {
+        if other != class {
+            negatives.push(squared_distance(from, to));
+        } else if i != anchor {
+            positives.push(squared_distance(from, to));
+        }
+    }
+    negatives.sort_by(f64::total_cmp);
+    let farther =
+        |positive: &f64| negatives.len() - negatives.partition_point(|negative| negative <= positive);
+    Tally {
+        correct: positives.iter().map(|positive| farther(positive) as u64).sum(),
+        triplets: positives.len() as u64 * negatives.len() as u64,
+    }
+}
+
+/// Compared in place of distances: a square root could make ties.
+fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn tally(correct: u64, triplets: u64) -> Tally {
+        Tally { correct, triplets }
+    }
+
+    #[test]
+    fn a_small_set_by_hand() {
+        let on_a_line = [
+            ("ring", 0.0),
+            ("ring", 1.0),
+            ("clump", 2.0),
+            ("clump", 10.0),
+            (RANDOM, 4.0),
+        ];
+        let accuracy = Accuracy::measure(&on_a_line.map(|(class, x)| (class, vec![x])));
+        let expected = [
+            // From 2 the other clump is at 8, farther than all three; from 10 at 8, only the rings are farther.
+            ("clump", tally(2, 6)),
+            (RANDOM, tally(0, 0)),
+            // From 0 all three are farther than 1; from 1 the clump at 2 ties.
+            ("ring", tally(5, 6)),
+        ];
+        assert_eq!(accuracy.classes().collect::<Vec<_>>(), expected);
+        assert_eq!(accuracy.every_anchor(), tally(7, 12));
+    }
+
+    #[test]
+    fn random_behaviours_are_negatives_and_never_anchors() {
+        let on_a_line = [("ring", 0.0), ("ring", 3.0), (RANDOM, 1.0), (RANDOM, 5.0)];
+        let accuracy = Accuracy::measure(&on_a_line.map(|(class, x)| (class, vec![x])));
+        assert_eq!(accuracy.anchor_not_random(), tally(1, 4));
+        assert_eq!(accuracy.every_anchor(), tally(2, 8));
+    }
+
+    #[test]
+    fn a_collapsed_embedding_has_nothing_right() {
+        let behaviours = ["ring", "ring", "clump"].map(|class| (class, vec![1.0, 2.0]));
+        assert_eq!(Accuracy::measure(&behaviours).every_anchor(), tally(0, 2));
+    }
+
+    #[test]
+    fn without_triplets_there_is_no_percentage() {
+        assert_eq!(Accuracy::measure(&[]).every_anchor().percent(), None);
+        assert_eq!(tally(1, 8).percent(), Some(12.5));
+    }
+
+    /// Every triplet, one by one.
+    fn one_by_one(behaviours: &[(&str, Vec<f64>)]) -> Tally {
+        let mut counted = Tally::default();
+        for (i, a) in behaviours.iter().enumerate() {
+            for (j, p) in behaviours
+                .iter()
+                .enumerate()
+                .filter(|(j, p)| *j != i && p.0 == a.0)
+            {
+                assert_ne!(i, j);
+                for n in behaviours.iter().filter(|n| n.0 != a.0) {
+                    counted.triplets += 1;
+                    counted.correct += u64::from(squared_distance(&a.1, &p.1) < squared_distance(&a.1, &n.1));
+                }
+            }
+        }
+        counted
+    }
+
+    proptest! {
+        #[test]
+        fn counting_agrees_with_looking_at_every_triplet(
+            // Few values, so that there are ties.
+            behaviours in prop::collection::vec(
+                (prop::sample::select(vec!["a", "b", "c", RANDOM]), prop::collection::vec((0..4).prop_map(f64::from), 2)),
+                0..24,
+            ),
+        ) {
+            prop_assert_eq!(Accuracy::measure(&behaviours).every_anchor(), one_by_one(&behaviours));
+        }
+    }
+}

@@ -1,0 +1,324 @@
+//! An ONNX model that is known to be an embedder: what may be stored, sent and executed.
+//!
+//! A file is decoded, every node is followed from the images to the embedding, and what was understood is encoded
+//! again: the runtime meets only that, never the bytes as they came.
+
+use super::{
+    DataType, GraphProto, ModelProto, NodeProto, TypeProto, ValueInfoProto, operators, shape::Value, tensor,
+    wire,
+};
+use prost::Message as _;
+use std::{collections::BTreeMap, ops::RangeInclusive};
+
+/// Most bytes of a model file (64 MiB).
+pub const MAX_MODEL_BYTES: usize = 64 << 20;
+/// Most numbers in any value between two nodes, for each image (4 Mi).
+pub const MAX_VALUE_ELEMENTS: usize = 4 << 20;
+/// Most multiplications of a node, for each image (2 Gi).
+pub const MAX_NODE_PRODUCTS: usize = 2 << 30;
+/// Most nodes of a graph.
+pub const MAX_NODES: usize = 1024;
+/// Dimensions that an embedding may have.
+pub const EMBEDDING_DIMENSIONS: RangeInclusive<usize> = 1..=1024;
+/// Sides that an image may have, in pixels.
+pub const IMAGE_SIDES: RangeInclusive<usize> = 1..=1000;
+/// The oldest version of ONNX's operators that is read: broadcasting is as it is today.
+const OLDEST_OPSET: i64 = 9;
+
+/// An embedder as an ONNX model: B x 1 x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B.
+///
+/// Each image's embedding depends on that image alone: no operator that it may hold mixes the images of a batch.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EmbedderModel {
+    encoded: Vec<u8>,
+    input: String,
+    output: String,
+    height: usize,
+    width: usize,
+    dimensions: usize,
+    largest_value: usize,
+}
+
+/// Why a file is not an embedder.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ModelError {
+    /// It is over [`MAX_MODEL_BYTES`].
+    #[error("the model has {0} bytes: at most {MAX_MODEL_BYTES} are allowed")]
+    TooLarge(usize),
+    /// Its bytes are no ONNX model.
+    #[error("this is not an ONNX model: {0}")]
+    NotOnnx(String),
+    /// It does not take a batch of grey images, or takes something else besides.
+    #[error(
+        "the model's input {0}: an embedder takes floats of shape batch x 1 x height x width, batch open"
+    )]
+    Input(String),
+    /// It does not make a batch of vectors, or makes something else besides.
+    #[error("the model's output {0}: an embedder makes floats of shape batch x N, N from 1 to 1024")]
+    Output(String),
+    /// A constant that cannot be used.
+    #[error("the model's constant {name:?} {problem}")]
+    Constant {
+        /// The constant's name in the graph.
+        name: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A node that cannot be executed.
+    #[error("the model's node {node}: {problem}")]
+    Node {
+        /// The node's operator and what it makes.
+        node: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+impl EmbedderModel {
+    /// Takes a model file in.
+    ///
+    /// # Errors
+    /// Where the file is not ONNX, does more or else than embed images, or needs another file, an operator that is
+    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`], [`MAX_NODE_PRODUCTS`]).
+    pub fn read(file: &[u8]) -> Result<Self, ModelError> {
+        if file.len() > MAX_MODEL_BYTES {
+            return Err(ModelError::TooLarge(file.len()));
+        }
+        wire::check_fields(file).map_err(|problem| ModelError::NotOnnx(problem.to_owned()))?;
+        let model = ModelProto::decode(file).map_err(|error| ModelError::NotOnnx(error.to_string()))?;
+        let graph = graph(&model)?;
+        let constants = constants(graph)?;
+        let input = single_input(graph, &constants)?;
+        let [height, width] = image_size(input)?;
+        let output = single_output(graph)?;
+        let image = Value::Batched(vec![1, height, width]);
+        let values = follow(graph, constants, &input.name, image)?;
+        Ok(Self {
+            height,
+            width,
+            dimensions: dimensions(&output.name, values.get(&output.name))?,
+            largest_value: values.values().map(Value::elements).max().unwrap_or(0),
+            input: input.name.clone(),
+            output: output.name.clone(),
+            encoded: model.encode_to_vec(),
+        })
+    }
+
+    /// The model, without whatever else its file held. Not the bytes that its digest is taken of.
+    #[must_use]
+    pub fn encoded(&self) -> &[u8] {
+        &self.encoded
+    }
+
+    /// Name of the input.
+    #[must_use]
+    pub fn input(&self) -> &str {
+        &self.input
+    }
+
+    /// Name of the output.
+    #[must_use]
+    pub fn output(&self) -> &str {
+        &self.output
+    }
+
+    /// Size of the images along axis 0 (x), in pixels.
+    #[must_use]
+    pub const fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Size of the images along axis 1 (y), in pixels.
+    #[must_use]
+    pub const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Numbers in an embedding, 1 to 1024.
+    #[must_use]
+    pub const fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// Numbers in the largest value on the way, for each image: what a batch needs in memory grows with it.
+    #[must_use]
+    pub const fn largest_value(&self) -> usize {
+        self.largest_value
+    }
+}
+
+/// The graph, if there is one and it is all that computes.
+fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
+    let Some(graph) = &model.graph else {
+        return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
+    };
+    let opset = model
+        .opset_import
+        .iter()
+        .find(|set| is_standard(&set.domain))
+        .map_or(0, |set| set.version);
+    let problem = if opset < OLDEST_OPSET {
+        format!("its operators are of version {opset}: {OLDEST_OPSET} or newer is needed")
+    } else if !model.functions.is_empty() {
+        "it defines operators of its own".to_owned()
+    } else if !graph.sparse_initializer.is_empty() {
+        "it has sparse constants".to_owned()
+    } else if graph.node.len() > MAX_NODES {
+        format!(
+            "it has {} nodes: at most {MAX_NODES} are allowed",
+            graph.node.len()
+        )
+    } else {
+        return Ok(graph);
+    };
+    Err(ModelError::NotOnnx(problem))
+}
+
+fn is_standard(domain: &str) -> bool {
+    domain.is_empty() || domain == "ai.onnx"
+}
+
+fn constants(graph: &GraphProto) -> Result<BTreeMap<String, Value>, ModelError> {
+    let mut constants = BTreeMap::new();
+    for initializer in &graph.initializer {
+        let refused = |problem| ModelError::Constant {
+            name: initializer.name.clone(),
+            problem,
+        };
+        let constant = tensor::constant(initializer).map_err(refused)?;
+        if constants.insert(initializer.name.clone(), constant).is_some() {
+            return Err(refused("is there twice".to_owned()));
+        }
+    }
+    Ok(constants)
+}
+
+/// The one input that is no constant (old files list their constants among the inputs).
+fn single_input<'a>(
+    graph: &'a GraphProto,
+    constants: &BTreeMap<String, Value>,
+) -> Result<&'a ValueInfoProto, ModelError> {
+    let mut inputs = graph
+        .input
+        .iter()
+        .filter(|input| !constants.contains_key(&input.name));
+    match (inputs.next(), inputs.count()) {
+        (Some(input), 0) => Ok(input),
+        (first, more) => Err(ModelError::Input(format!(
+            "is not one but {}",
+            more + usize::from(first.is_some())
+        ))),
+    }
+}
+
+fn single_output(graph: &GraphProto) -> Result<&ValueInfoProto, ModelError> {
+    match graph.output.as_slice() {
+        [output] => Ok(output),
+        outputs => Err(ModelError::Output(format!("is not one but {}", outputs.len()))),
+    }
+}
+
+/// Height and width of the images that `input` takes.
+fn image_size(input: &ValueInfoProto) -> Result<[usize; 2], ModelError> {
+    let refused = |problem: &str| Err(ModelError::Input(format!("{:?} {problem}", input.name)));
+    let Some(tensor) = input
+        .r#type
+        .as_ref()
+        .and_then(|TypeProto { tensor_type }| tensor_type.as_ref())
+    else {
+        return refused("is no tensor");
+    };
+    if tensor.elem_type != DataType::Float as i32 {
+        return refused("is not of 32-bit floats");
+    }
+    let sizes: Vec<Option<i64>> = tensor
+        .shape
+        .iter()
+        .flat_map(|shape| &shape.dim)
+        .map(|dimension| dimension.dim_value)
+        .collect();
+    match sizes[..] {
+        [None, Some(1), Some(height), Some(width)] => {
+            let side = |size| {
+                usize::try_from(size)
+                    .ok()
+                    .filter(|size| IMAGE_SIDES.contains(size))
+            };
+            match (side(height), side(width)) {
+                (Some(height), Some(width)) => Ok([height, width]),
+                _ => refused(&format!(
+                    "is of {height} x {width} pixels, a side not from 1 to 1000"
+                )),
+            }
+        }
+        [Some(batch), _, _, _] => refused(&format!("has the fixed batch size {batch}")),
+        _ => refused(&format!("has the shape {}", shown(&sizes))),
+    }
+}
+
+/// A declared shape in words; `?` where a size is open.
+fn shown(sizes: &[Option<i64>]) -> String {
+    let sizes: Vec<String> = sizes
+        .iter()
+        .map(|size| size.map_or("?".to_owned(), |size| size.to_string()))
+        .collect();
+    format!("[{}]", sizes.join(", "))
+}
+
+/// Every value of the graph by name, from the constants and the images through all nodes.
+fn follow(
+    graph: &GraphProto,
+    constants: BTreeMap<String, Value>,
+    input: &str,
+    image: Value,
+) -> Result<BTreeMap<String, Value>, ModelError> {
+    let mut values = constants;
+    values.insert(input.to_owned(), image);
+    for node in &graph.node {
+        let refused = |problem| ModelError::Node {
+            node: format!("{} ({})", node.op_type, node.output.join(", ")),
+            problem,
+        };
+        let (name, value) = evaluate(node, &values).map_err(refused)?;
+        if values.insert(name.to_owned(), value).is_some() {
+            return Err(refused("its output has the name of another value".to_owned()));
+        }
+    }
+    Ok(values)
+}
+
+/// What a node makes: its name and its shape.
+fn evaluate<'a>(node: &'a NodeProto, values: &BTreeMap<String, Value>) -> Result<(&'a str, Value), String> {
+    if !is_standard(&node.domain) {
+        return Err(format!("operators of {:?} are not allowed", node.domain));
+    }
+    let [output] = node.output.as_slice() else {
+        return Err("it must have one output".to_owned());
+    };
+    let taken = |name: &String| {
+        values
+            .get(name)
+            .ok_or_else(|| format!("nothing before it makes {name:?}"))
+    };
+    let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
+    let value = operators::output(node, &inputs)?;
+    if value.elements() > MAX_VALUE_ELEMENTS {
+        return Err(format!("it makes {} numbers for an image", value.elements()));
+    }
+    Ok((output, value))
+}
+
+fn dimensions(name: &str, output: Option<&Value>) -> Result<usize, ModelError> {
+    let made = match output {
+        Some(Value::Batched(sizes)) => match sizes[..] {
+            [dimensions] if EMBEDDING_DIMENSIONS.contains(&dimensions) => return Ok(dimensions),
+            _ => format!("has the shape batch x {sizes:?}"),
+        },
+        Some(Value::Constant { .. }) => "does not depend on the image".to_owned(),
+        None => "is made by no node".to_owned(),
+    };
+    Err(ModelError::Output(format!("{name:?} {made}")))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,240 @@
+//! Shapes of the values in a model, and how two of them combine.
+
+/// A value of the graph: for each image of the batch, or the same for all.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Value {
+    /// Floats that depend on the image: the batch comes first, here are the sizes that follow it.
+    Batched(Vec<usize>),
+    /// A constant.
+    Constant {
+        /// Its shape; empty for a single number.
+        sizes: Vec<usize>,
+        /// Its values where they are whole numbers, `None` for floats.
+        integers: Option<Vec<i64>>,
+    },
+}
+
+impl Value {
+    /// Numbers that it holds, for each image.
+    pub(super) fn elements(&self) -> usize {
+        let (Self::Batched(sizes) | Self::Constant { sizes, .. }) = self;
+        product(sizes)
+    }
+
+    /// Its sizes if it depends on the image.
+    pub(super) fn batched(&self) -> Result<&[usize], String> {
+        match self {
+            Self::Batched(sizes) => Ok(sizes),
+            Self::Constant { .. } => Err("it takes a constant where the image belongs".to_owned()),
+        }
+    }
+
+    /// Its sizes if it is a constant of floats.
+    pub(super) fn floats(&self) -> Result<&[usize], String> {
+        match self {
+            Self::Constant {
+                sizes,
+                integers: None,
+            } => Ok(sizes),
+            _ => Err("its weights are not constant floats".to_owned()),
+        }
+    }
+
+    /// Its values if it is a constant of whole numbers.
+    pub(super) fn integers(&self) -> Result<&[i64], String> {
+        match self {
+            Self::Constant {
+                integers: Some(integers),
+                ..
+            } => Ok(integers),
+            _ => Err("it takes a shape that is not constant".to_owned()),
+        }
+    }
+}
+
+/// Product of `sizes`, at most `usize::MAX`.
+pub(super) fn product(sizes: &[usize]) -> usize {
+    sizes.iter().copied().fold(1, usize::saturating_mul)
+}
+
+/// Result of an operation number by number on `a` and `b`, ONNX's (NumPy's) broadcasting rules.
+///
+/// The batch has to stay the first dimension, so nothing may have more dimensions than what has a batch.
+pub(super) fn broadcast(a: &Value, b: &Value) -> Result<Value, String> {
+    match (a, b) {
+        (Value::Batched(a), Value::Batched(b)) if a.len() == b.len() => {
+            Ok(Value::Batched(broadcast_sizes(a, b)?))
+        }
+        (Value::Batched(_), Value::Batched(_)) => Err("it mixes the images of a batch".to_owned()),
+        (Value::Batched(batched), constant) | (constant, Value::Batched(batched)) => {
+            let sizes = match constant.floats()? {
+                // One size more than an image's: the batch's.
+                [1, sizes @ ..] if sizes.len() == batched.len() => sizes,
+                sizes if sizes.len() <= batched.len() => sizes,
+                sizes => return Err(format!("a constant of shape {sizes:?} does not fit the images")),
+            };
+            Ok(Value::Batched(broadcast_sizes(batched, sizes)?))
+        }
+        (a, b) => Ok(Value::Constant {
+            sizes: broadcast_sizes(a.floats()?, b.floats()?)?,
+            integers: None,
+        }),
+    }
+}
+
+fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
+    let (long, short) = if a.len() >= b.len() { (a, b) } else { (b, a) };
+    let missing = long.len() - short.len();
+    let pairs = long
+        .iter()
+        .enumerate()
+        .map(|(i, &size)| (size, if i < missing { 1 } else { short[i - missing] }));
+    pairs
+        .map(|(a, b)| match (a, b) {
+            (1, size) | (size, 1) => Ok(size),
+            (a, b) if a == b => Ok(a),
+            _ => Err(format!("shapes {long:?} and {short:?} do not fit")),
+        })
+        .collect()
+}
+
+/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 is whatever is left.
+///
+/// The first entry stands for the batch, which has to stay whole.
+pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, String> {
+    let refused = || format!("it reshapes images of {sizes:?} to {target:?}, which does not keep the batch");
+    let (&batch, rest) = target.split_first().ok_or_else(refused)?;
+    let rest: Vec<Option<usize>> = rest
+        .iter()
+        .enumerate()
+        .map(|(i, &size)| match size {
+            -1 => Ok(None),
+            0 => sizes.get(i).copied().map(Some).ok_or_else(refused),
+            size => usize::try_from(size).map(Some).map_err(|_| refused()),
+        })
+        .collect::<Result<_, _>>()?;
+    let known = product(&rest.iter().flatten().copied().collect::<Vec<_>>());
+    let elements = product(sizes);
+    match (batch, rest.iter().filter(|size| size.is_none()).count()) {
+        (0 | -1, 0) if known == elements => {}
+        (0, 1) if known > 0 && elements.is_multiple_of(known) => {}
+        _ => return Err(refused()),
+    }
+    Ok(rest
+        .into_iter()
+        .map(|size| size.unwrap_or(elements / known.max(1)))
+        .collect())
+}
+
+/// Size along one axis after a window of `kernel` has slid over it, if it fits.
+pub(super) fn slide(size: usize, window: &Window, round_up: bool) -> Option<usize> {
+    let reach = (window.kernel.checked_sub(1)?)
+        .checked_mul(window.dilation)?
+        .checked_add(1)?;
+    let room = size
+        .checked_add(window.before)?
+        .checked_add(window.after)?
+        .checked_sub(reach)?;
+    let places = if round_up {
+        room.div_ceil(window.stride)
+    } else {
+        room / window.stride
+    } + 1;
+    // A window that would begin in the padding after the image is left out.
+    let beyond = round_up && (places - 1) * window.stride >= size + window.before;
+    Some(places - usize::from(beyond))
+}
+
+/// How a convolution or pooling looks at one axis; every number at least 1 but the padding, at most 1000.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Window {
+    pub(super) kernel: usize,
+    pub(super) stride: usize,
+    pub(super) dilation: usize,
+    pub(super) before: usize,
+    pub(super) after: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn constant(sizes: &[usize]) -> Value {
+        Value::Constant {
+            sizes: sizes.to_vec(),
+            integers: None,
+        }
+    }
+
+    #[track_caller]
+    fn check_broadcast(a: &Value, b: &Value, expected: Option<&[usize]>) {
+        let expected = expected.map(|sizes| Value::Batched(sizes.to_vec()));
+        assert_eq!(broadcast(a, b).ok(), expected);
+        assert_eq!(broadcast(b, a).ok(), expected, "the other way round");
+    }
+
+    #[test]
+    fn constants_spread_over_images_and_images_never_over_each_other() {
+        let images = Value::Batched(vec![4, 5, 6]);
+        check_broadcast(&images, &constant(&[]), Some(&[4, 5, 6]));
+        check_broadcast(&images, &constant(&[4, 1, 1]), Some(&[4, 5, 6]));
+        check_broadcast(&images, &constant(&[1, 4, 1, 1]), Some(&[4, 5, 6]));
+        check_broadcast(&images, &Value::Batched(vec![4, 1, 6]), Some(&[4, 5, 6]));
+        check_broadcast(&images, &constant(&[2, 4, 1, 1]), None);
+        check_broadcast(&images, &constant(&[3, 1, 1]), None);
+        check_broadcast(&images, &constant(&[1, 1, 4, 1, 1]), None);
+        check_broadcast(&images, &Value::Batched(vec![6]), None);
+    }
+
+    #[test]
+    fn a_reshape_keeps_the_batch() {
+        let check = |target: &[i64], expected: Option<&[usize]>| {
+            assert_eq!(
+                reshape(&[4, 5, 6], target).ok().as_deref(),
+                expected,
+                "{target:?}"
+            );
+        };
+        check(&[-1, 120], Some(&[120]));
+        check(&[0, 120], Some(&[120]));
+        check(&[0, -1], Some(&[120]));
+        check(&[0, 2, -1], Some(&[2, 60]));
+        check(&[0, 0, -1], Some(&[4, 30]));
+        check(&[0, 0, 0, 0], Some(&[4, 5, 6]));
+        check(&[-1, 60], None);
+        check(&[0, 60], None);
+        check(&[1, 120], None);
+        check(&[-1, -1], None);
+        check(&[0, 7, -1], None);
+        check(&[0, 4, 5, 6, 0], None);
+        check(&[0, -2, -60], None);
+        check(&[], None);
+    }
+
+    #[test]
+    fn windows_fit_as_often_as_they_do() {
+        let check =
+            |size, [kernel, stride, dilation, before, after]: [usize; 5], expected: [Option<usize>; 2]| {
+                let window = Window {
+                    kernel,
+                    stride,
+                    dilation,
+                    before,
+                    after,
+                };
+                assert_eq!(
+                    [false, true].map(|up| slide(size, &window, up)),
+                    expected,
+                    "{size} {window:?}"
+                );
+            };
+        check(50, [3, 1, 1, 0, 0], [Some(48), Some(48)]);
+        check(50, [3, 2, 1, 1, 1], [Some(25), Some(26)]);
+        check(13, [3, 2, 1, 1, 1], [Some(7), Some(7)]);
+        check(7, [3, 3, 1, 0, 0], [Some(2), Some(3)]);
+        // Rounded up, the third window would begin in the padding.
+        check(4, [2, 3, 1, 0, 2], [Some(2), Some(2)]);
+        check(5, [3, 1, 2, 0, 0], [Some(1), Some(1)]);
+        check(5, [3, 1, 3, 0, 0], [None, None]);
+    }
+}

@@ -1,0 +1,162 @@
+//! One embedder, ready to run on one thread.
+
+use super::Runtime;
+use murmuration_proto::onnx::EmbedderModel;
+use ort::{
+    logging::LogLevel,
+    session::{Session, builder::GraphOptimizationLevel},
+    value::TensorRef,
+};
+
+/// Most images that are embedded at once: larger batches are no faster, and take more memory.
+pub const MAX_BATCH: usize = 32;
+
+/// Most numbers that the largest value of a model may have for a whole batch (64 MiB of floats).
+const MAX_BATCH_ELEMENTS: usize = 16 << 20;
+
+/// A checkpoint in a session of its own, single-threaded.
+#[derive(Debug)]
+pub struct Embedder {
+    session: Session,
+    model: EmbedderModel,
+    batch: usize,
+    /// The pixels of a batch as the model takes them.
+    pixels: Vec<f32>,
+}
+
+/// Why images were not embedded.
+#[derive(Debug, thiserror::Error)]
+pub enum EmbedError {
+    /// ONNX Runtime cannot run the model, or failed to.
+    #[error("ONNX Runtime: {0}")]
+    Runtime(#[from] ort::Error),
+    /// An image is not of the size that the model takes.
+    #[error("image {index} has {pixels} pixels: this embedder takes {height} x {width}")]
+    ImageSize {
+        /// Which of the images, from 0.
+        index: usize,
+        /// Its number of pixels.
+        pixels: usize,
+        /// Size along axis 0 that is taken.
+        height: usize,
+        /// Size along axis 1 that is taken.
+        width: usize,
+    },
+    /// The model made something else than it says.
+    #[error("the model made a value of shape {shape:?}, not {images} x {dimensions}")]
+    OutputShape {
+        /// What it made.
+        shape: Vec<i64>,
+        /// Number of images that it was given.
+        images: usize,
+        /// Numbers in an embedding, as it says.
+        dimensions: usize,
+    },
+    /// An embedding has a number that is infinite or none.
+    #[error("image {index} is embedded as {value}, not as a finite number")]
+    NotFinite {
+        /// Which of the images, from 0.
+        index: usize,
+        /// The number.
+        value: f32,
+    },
+}
+
+impl Embedder {
+    /// A session for `model`.
+    ///
+    /// # Errors
+    /// Where ONNX Runtime refuses the model: an operator that it does not have in this version, say.
+    pub fn open(runtime: &Runtime, model: EmbedderModel) -> Result<Self, EmbedError> {
+        let session = session(runtime, model.encoded())?;
+        let batch = MAX_BATCH_ELEMENTS / model.largest_value().max(1);
+        Ok(Self {
+            session,
+            batch: batch.clamp(1, MAX_BATCH),
+            pixels: Vec::new(),
+            model,
+        })
+    }
+
+    /// The model that runs.
+    #[must_use]
+    pub const fn model(&self) -> &EmbedderModel {
+        &self.model
+    }
+
+    /// The embeddings of `images`, in order.
+    ///
+    /// An image is raw grey values, index `x * width + y` (axis 0 is x), as in an evaluation. An embedding has
+    /// [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX Runtime, its bits do
+    /// not depend on the other images or on how many there are.
+    ///
+    /// # Errors
+    /// Where an image is of the wrong size, or an embedding of the wrong shape or not finite; then nothing is
+    /// returned for any image.
+    pub fn embed(&mut self, images: &[&[u8]]) -> Result<Vec<Vec<f32>>, EmbedError> {
+        let (height, width) = (self.model.height(), self.model.width());
+        if let Some((index, image)) = images
+            .iter()
+            .enumerate()
+            .find(|(_, image)| image.len() != height * width)
+        {
+            return Err(EmbedError::ImageSize {
+                index,
+                pixels: image.len(),
+                height,
+                width,
+            });
+        }
+        let mut embeddings = Vec::with_capacity(images.len());
+        for batch in images.chunks(self.batch) {
+            self.embed_batch(batch, &mut embeddings)?;
+        }
+        Ok(embeddings)
+    }
+
+    fn embed_batch(&mut self, images: &[&[u8]], embeddings: &mut Vec<Vec<f32>>) -> Result<(), EmbedError> {
+        let Self {
+            session,
+            model,
+            pixels,
+            ..
+        } = self;
+        pixels.clear();
+        pixels.extend(images.iter().copied().flatten().map(|&pixel| f32::from(pixel)));
+        let shape = [images.len(), 1, model.height(), model.width()];
+        let input = TensorRef::from_array_view((shape, pixels.as_slice()))?;
+        let outputs = session.run([input.into()])?;
+        let (shape, values) = outputs[0].try_extract_tensor::<f32>()?;
+        let dimensions = model.dimensions();
+        if shape[..] != [images.len() as i64, dimensions as i64] {
+            return Err(EmbedError::OutputShape {
+                shape: shape.to_vec(),
+                images: images.len(),
+                dimensions,
+            });
+        }
+        if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+            let index = embeddings.len() + at / dimensions;
+            return Err(EmbedError::NotFinite {
+                index,
+                value: values[at],
+            });
+        }
+        embeddings.extend(values.chunks_exact(dimensions).map(<[f32]>::to_vec));
+        Ok(())
+    }
+}
+
+fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
+    Session::builder(runtime.environment())?
+        .with_intra_threads(1)?
+        .with_inter_threads(1)?
+        .with_parallel_execution(false)?
+        .with_optimization_level(GraphOptimizationLevel::All)?
+        .with_deterministic_compute(true)?
+        // What fails comes back as an error; the library would write it to stderr besides.
+        .with_log_level(LogLevel::Fatal)?
+        // It would keep a pattern for each size of batch that comes along.
+        .with_memory_pattern(false)?
+        .commit_from_memory(model)
+}

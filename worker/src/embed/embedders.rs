@@ -1,0 +1,88 @@
+//! The embedders of one thread, by digest: opened when first asked for, kept while they are used.
+
+use super::{Cache, EmbedError, Embedder, FetchError, Runtime};
+use blake3::Hash;
+use murmuration_proto::onnx::{EmbedderModel, ModelError};
+use std::{error::Error, sync::Arc};
+
+/// Embedders that a thread keeps open: two campaigns' at once, each while it moves to its next checkpoint.
+const MOST_OPEN: usize = 4;
+
+/// Opens checkpoints for one thread; threads share the cache.
+#[derive(Debug)]
+pub struct Embedders {
+    runtime: Runtime,
+    cache: Arc<Cache>,
+    /// The one used last comes first.
+    open: Vec<(Hash, Embedder)>,
+}
+
+/// Why there is no embedder of a digest.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// Its bytes could not be had.
+    #[error(transparent)]
+    Fetch(#[from] FetchError),
+    /// Its bytes are not an embedder's.
+    #[error("checkpoint {digest}: {error}")]
+    Model {
+        /// The checkpoint.
+        digest: Hash,
+        /// What is wrong with it.
+        error: ModelError,
+    },
+    /// ONNX Runtime does not run it.
+    #[error("checkpoint {digest}: {error}")]
+    Open {
+        /// The checkpoint.
+        digest: Hash,
+        /// What is wrong with it.
+        error: EmbedError,
+    },
+}
+
+impl Embedders {
+    /// No embedder open yet.
+    #[must_use]
+    pub const fn new(runtime: Runtime, cache: Arc<Cache>) -> Self {
+        Self {
+            runtime,
+            cache,
+            open: Vec::new(),
+        }
+    }
+
+    /// The embedder of the checkpoint with that digest; see [`Cache::get_or_fetch`] for `fetch`.
+    ///
+    /// # Errors
+    /// Where the checkpoint cannot be had, is no embedder, or does not run.
+    pub fn get<E: Into<Box<dyn Error + Send + Sync>>>(
+        &mut self,
+        digest: Hash,
+        fetch: impl FnOnce(Hash) -> Result<Vec<u8>, E>,
+    ) -> Result<&mut Embedder, CheckpointError> {
+        let embedder = match self.open.iter().position(|(of, _)| *of == digest) {
+            Some(at) => self.open.remove(at).1,
+            None => self.open_checkpoint(digest, fetch)?,
+        };
+        self.open.truncate(MOST_OPEN - 1);
+        self.open.insert(0, (digest, embedder));
+        Ok(&mut self.open[0].1)
+    }
+
+    /// How many are open.
+    #[cfg(test)]
+    pub(super) const fn open(&self) -> usize {
+        self.open.len()
+    }
+
+    fn open_checkpoint<E: Into<Box<dyn Error + Send + Sync>>>(
+        &self,
+        digest: Hash,
+        fetch: impl FnOnce(Hash) -> Result<Vec<u8>, E>,
+    ) -> Result<Embedder, CheckpointError> {
+        let bytes = self.cache.get_or_fetch(digest, fetch)?;
+        let model = EmbedderModel::read(&bytes).map_err(|error| CheckpointError::Model { digest, error })?;
+        Embedder::open(&self.runtime, model).map_err(|error| CheckpointError::Open { digest, error })
+    }
+}

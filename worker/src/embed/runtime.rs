@@ -1,0 +1,195 @@
+//! The ONNX Runtime library: where it is found, and that it is loaded before anything of it is used.
+
+use ort::environment::Environment;
+use std::{
+    env, fmt,
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+};
+
+/// The version of ONNX Runtime that `make runtime` fetches; any from 1.17 works.
+pub const ONNX_RUNTIME_VERSION: &str = "1.31.1";
+
+/// Names of the library where the system has one: of its development package, then of the library's own.
+const SYSTEM_NAMES: [&str; 2] = ["libonnxruntime.so", "libonnxruntime.so.1"];
+
+/// ONNX Runtime, loaded into this process.
+///
+/// There is one in a process, whoever asks first; copies of this are handles of it.
+#[derive(Clone)]
+pub struct Runtime {
+    environment: Environment,
+    library: PathBuf,
+}
+
+/// Why there is no ONNX Runtime.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RuntimeError {
+    /// There is none where it is looked for.
+    #[error(
+        "ONNX Runtime, which embedders run on, is not installed. `make runtime` fetches it; or set ORT_DYLIB_PATH to \
+         the libonnxruntime.so of another (1.17 or newer). Looked for:{}",
+        .0.iter().map(|place| format!("\n  {place}")).collect::<String>()
+    )]
+    Missing(Vec<String>),
+    /// There is a library, and it does not load.
+    #[error("{} cannot be used as ONNX Runtime: {reason}", library.display())]
+    Unusable {
+        /// The library.
+        library: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+}
+
+impl Runtime {
+    /// Loads ONNX Runtime, unless it is loaded already.
+    ///
+    /// The library that `ORT_DYLIB_PATH` names is taken if it names one; else the pinned version beside this program
+    /// or in the [`cache_folder`]; else the system's. Nothing is fetched.
+    ///
+    /// # Errors
+    /// Where there is none ([`RuntimeError::Missing`] says how to get it), or where it does not load.
+    pub fn load() -> Result<Self, RuntimeError> {
+        static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
+        let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(runtime) = &*loaded {
+            return Ok(runtime.clone());
+        }
+        let runtime = find(named_library(), &pinned_libraries())?;
+        Ok(loaded.insert(runtime).clone())
+    }
+
+    /// The library's file, or its name where the system found it.
+    #[must_use]
+    pub fn library(&self) -> &Path {
+        &self.library
+    }
+
+    /// What the library says of its build: version, commit, flags. Embeddings of two builds may differ in their last
+    /// bits.
+    #[must_use]
+    pub fn build(&self) -> &'static str {
+        ort::info()
+    }
+
+    pub(super) const fn environment(&self) -> &Environment {
+        &self.environment
+    }
+}
+
+impl fmt::Debug for Runtime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Runtime")
+            .field("library", &self.library)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Where Murmuration keeps what it can fetch again: `$XDG_CACHE_HOME/murmuration` or `~/.cache/murmuration`; `None`
+/// without a home.
+#[must_use]
+pub fn cache_folder() -> Option<PathBuf> {
+    let absolute = |name| {
+        env::var_os(name)
+            .map(PathBuf::from)
+            .filter(|path| path.is_absolute())
+    };
+    let caches = absolute("XDG_CACHE_HOME").or_else(|| Some(absolute("HOME")?.join(".cache")))?;
+    Some(caches.join("murmuration"))
+}
+
+fn named_library() -> Option<PathBuf> {
+    env::var_os("ORT_DYLIB_PATH")
+        .filter(|path| !path.is_empty())
+        .map(PathBuf::from)
+}
+
+/// Where the pinned library can be.
+fn pinned_libraries() -> Vec<PathBuf> {
+    let file = format!("libonnxruntime.so.{ONNX_RUNTIME_VERSION}");
+    let program = env::current_exe().ok();
+    let beside = program
+        .as_deref()
+        .and_then(Path::parent)
+        .map(|folder| folder.join(&file));
+    let cached = cache_folder().map(|folder| {
+        folder
+            .join(format!("onnxruntime-{ONNX_RUNTIME_VERSION}"))
+            .join(&file)
+    });
+    beside.into_iter().chain(cached).collect()
+}
+
+/// Loads the library named, else the first of the pinned places that has it, else the system's.
+fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeError> {
+    if let Some(library) = certain(named, pinned) {
+        return load(library);
+    }
+    let mut tried: Vec<String> = pinned
+        .iter()
+        .map(|library| library.display().to_string())
+        .collect();
+    for name in SYSTEM_NAMES {
+        match load(PathBuf::from(name)) {
+            // Here the loader does not tell a library that is absent from one that is too old, say.
+            Err(error) => tried.push(format!("{name} of the system: {error}")),
+            loaded => return loaded,
+        }
+    }
+    Err(RuntimeError::Missing(tried))
+}
+
+/// The library that must load if there is to be any.
+fn certain(named: Option<PathBuf>, pinned: &[PathBuf]) -> Option<PathBuf> {
+    named.or_else(|| pinned.iter().find(|library| library.exists()).cloned())
+}
+
+fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
+    let unusable = |reason: String| RuntimeError::Unusable {
+        library: library.clone(),
+        reason,
+    };
+    // Always with a path and before anything else of `ort`: what it loads by itself it panics over.
+    let builder = ort::init_from(&library).map_err(|error| unusable(error.to_string()))?;
+    let environment = builder
+        .with_name("murmuration")
+        .with_telemetry(false)
+        .build()
+        .map_err(|error| unusable(error.to_string()))?;
+    Ok(Runtime { environment, library })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_library_that_is_named_goes_before_one_that_was_fetched() {
+        let folder = tempfile::tempdir().unwrap();
+        let [absent, fetched] = ["absent", "fetched"].map(|name| folder.path().join(name));
+        fs::write(&fetched, "a library").unwrap();
+        let pinned = [absent.clone(), fetched.clone()];
+        assert_eq!(certain(Some(absent.clone()), &pinned), Some(absent.clone()));
+        assert_eq!(certain(None, &pinned), Some(fetched));
+        assert_eq!(certain(None, &[absent]), None);
+    }
+
+    #[test]
+    fn what_is_missing_says_how_to_get_it() {
+        let said = RuntimeError::Missing(vec!["/here".into(), "/there".into()]).to_string();
+        assert!(
+            said.contains("`make runtime`") && said.contains("ORT_DYLIB_PATH"),
+            "{said}"
+        );
+        assert!(said.ends_with("Looked for:\n  /here\n  /there"), "{said}");
+    }
+
+    #[test]
+    fn the_library_is_loaded_once() {
+        let runtime = Runtime::load().unwrap();
+        assert_eq!(Runtime::load().unwrap().library(), runtime.library());
+        assert!(runtime.build().contains("ORT Build Info"), "{}", runtime.build());
+    }
+}
