@@ -13,6 +13,7 @@ mod controller;
 mod evaluation;
 mod image_format;
 mod invalid;
+pub mod onnx;
 mod random;
 mod record;
 mod replay;

@@ -14,6 +14,14 @@ pub enum Purpose {
     Medoids,
     /// Jitter of collisions; the seed is the start's, the index 0.
     Jitter,
+    /// First weights of a network; the index is the layer's.
+    Initialise,
+    /// Which images make up an epoch's batches; the seed is the training's, the index the epoch's.
+    Train,
+    /// Augmentation of one image; the seed is one of a batch, the index the image's place in it.
+    Augment,
+    /// Which images are held out of a training, and the triplets made of them; the index is 0.
+    HeldOut,
 }
 
 impl Purpose {
@@ -23,6 +31,10 @@ impl Purpose {
             Self::Propose => "propose",
             Self::Medoids => "medoids",
             Self::Jitter => "jitter",
+            Self::Initialise => "initialise",
+            Self::Train => "train",
+            Self::Augment => "augment",
+            Self::HeldOut => "held out",
         }
     }
 }
