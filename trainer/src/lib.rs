@@ -1,4 +1,9 @@
-//! The trainer: will learn embedders from trajectory images and publish them as checkpoints.
-//!
-//! So far it is a service that answers health checks and leases no jobs.
+//! The trainer: learns embedders from trajectory images, without labels, and writes them as ONNX checkpoints.
 #![deny(missing_docs)]
+
+pub mod architecture;
+mod layers;
+pub mod network;
+mod real;
+
+pub use real::Real;
