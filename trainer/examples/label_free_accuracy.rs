@@ -19,6 +19,10 @@ struct Arguments {
     controllers: usize,
     #[arg(long, default_value_t = 1)]
     starts: usize,
+    #[arg(long, default_value = "same")]
+    kin: String,
+    #[arg(long)]
+    onnx: Option<PathBuf>,
     #[arg(long, default_value = "compact")]
     network: String,
     #[arg(long, default_value_t = 5)]
@@ -65,8 +69,9 @@ fn labelled(dir: &Path, file: &str) -> Result<Labelled, Box<dyn Error>> {
     Ok(out)
 }
 
-fn simulate(model: CapabilityModel, controllers: usize, starts: usize) -> Vec<u8> {
-    let cache = format!("/tmp/train-cache-{}-{controllers}-{starts}.bin", model.name());
+fn simulate(model: CapabilityModel, controllers: usize, starts: usize, kin: &str) -> Vec<u8> {
+    let kin2 = kin; let kin = if kin == "same" { "" } else { kin };
+    let cache = format!("/tmp/train-cache-{}-{controllers}-{starts}{kin}.bin", model.name());
     if let Ok(b) = fs::read(&cache) { return b; }
     let t = Instant::now();
     let world = World::try_from(v1::World::default()).unwrap();
@@ -77,6 +82,23 @@ fn simulate(model: CapabilityModel, controllers: usize, starts: usize) -> Vec<u8
     let images: Vec<Vec<u8>> = list.par_iter().enumerate().map_init(|| Evaluator::new(&world, &format).unwrap(), |e, (i, c)| {
         (0..starts).flat_map(|s| {
             let seed = Stream::derive(77, Purpose::Start, (i * 1000 + s) as u64).bits();
+            let mut c = *c;
+            if s > 0 && kin2 != "same" {
+                let mut st = Stream::derive(78, Purpose::Propose, (i * 1000 + s) as u64);
+                let mut genes = c.genes().to_vec();
+                let n = c.speeds().len();
+                let scale = st.between(0.7, 1.4);
+                for g in &mut genes[..n] {
+                    *g = match kin2 {
+                        "jitter" => *g + (st.below(3) as f64 - 1.0) * 0.1,
+                        "wide" => *g + (st.below(5) as f64 - 2.0) * 0.1,
+                        "scale" => *g * scale,
+                        _ => *g * scale + (st.below(3) as f64 - 1.0) * 0.1,
+                    }.clamp(-1.0, 1.0);
+                }
+                c = space.controller(&genes);
+            }
+            let c = &c;
             e.evaluate(c, &Start::seeded(seed)).unwrap().into_image()
         }).collect()
     }).collect();
@@ -98,7 +120,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let h = score(&val.features, 5, &val);
     let ht = score(&train.features, 5, &train);
     println!("hand-crafted {:.2} / {:.2}   train {:.2} / {:.2}", h.0, h.1, ht.0, ht.1);
-    let pictures = Pictures::new(50, args.starts, simulate(args.model, args.controllers, args.starts))?;
+    let pictures = Pictures::new(50, args.starts, simulate(args.model, args.controllers, args.starts, &args.kin))?;
     let recipe: Recipe = toml::from_str(&args.recipe)?;
     let mut finals = vec![];
     for seed in args.seeds.split(',') {
@@ -119,6 +141,13 @@ fn main() -> Result<(), Box<dyn Error>> {
                 println!("seed {seed} epoch {epoch:3} {:5.1}s loss {loss:.4} violated {violated:.4} rate {:.5} | val {:.2} / {:.2} | train {:.2} / {:.2}", t.elapsed().as_secs_f64(), training.rate(), v.0, v.1, tr.0, tr.1);
                 last = (v.0, v.1, tr.0, tr.1);
             }
+        }
+        if let Some(file) = &args.onnx {
+            let net = training.network();
+            fs::write(file, murmuration_trainer::onnx::export(&net))?;
+            let text: Vec<String> = net.embed(&val.images).iter().chain(&net.embed(&train.images)).map(|v| v.to_string()).collect();
+            fs::write(file.with_extension("txt"), text.join("\n"))?;
+            fs::write(file.with_extension("bin"), [val.images.as_slice(), &train.images].concat())?;
         }
         finals.push(last);
     }

@@ -8,6 +8,7 @@ mod lanes;
 mod layers;
 mod loss;
 pub mod network;
+pub mod onnx;
 mod optimise;
 pub mod pictures;
 mod real;

@@ -95,25 +95,20 @@ impl<T: Real> Network<T> {
         let picture = self.architecture.side() * self.architecture.side();
         let chunks: Vec<Vec<T>> = pictures
             .par_chunks(EMBEDDED_AT_ONCE * picture)
-            .map_init(Tape::default, |tape, pictures| {
+            .map_init(Default::default, |(tape, room): &mut (Tape<T>, Room<T>), pictures| {
                 let whole = pictures.chunks_exact(picture).flatten();
                 let scaled: Vec<T> = whole.map(|&grey| scaled(grey)).collect();
-                self.forward(&scaled, tape).to_vec()
+                self.forward(&scaled, tape, room).to_vec()
             })
             .collect();
         chunks.concat()
     }
 
     /// Embeds images whose values are 0 to 1, and records on `tape` what the backward pass needs.
-    pub(crate) fn forward<'a>(&self, images: &[T], tape: &'a mut Tape<T>) -> &'a [T] {
+    pub(crate) fn forward<'a>(&self, images: &[T], tape: &'a mut Tape<T>, room: &mut Room<T>) -> &'a [T] {
         let samples = images.len() / (self.architecture.side() * self.architecture.side());
         tape.fit(&self.stages, samples);
-        let Tape {
-            outputs,
-            notes,
-            scratch,
-            ..
-        } = tape;
+        let Tape { outputs, notes } = tape;
         for (i, stage) in self.stages.iter().enumerate() {
             let (before, after) = outputs.split_at_mut(i);
             let input = before.last().map_or(images, Vec::as_slice);
@@ -121,21 +116,27 @@ impl<T: Real> Network<T> {
             let output = &mut after[0];
             stage
                 .operation
-                .forward(parameters, input, output, &mut notes[i], scratch);
+                .forward(parameters, input, output, &mut notes[i], &mut room.scratch);
             stage.activate(output);
         }
-        outputs.last().map_or(&[], Vec::as_slice)
+        tape.embeddings()
     }
 
     /// Adds the gradient by the weights to `sum`, given the gradient by the embeddings of the `images` that ran
     /// forward on `tape` last.
-    pub(crate) fn backward(&self, images: &[T], tape: &mut Tape<T>, d_embeddings: &[T], sum: &mut [T]) {
-        let Tape {
-            outputs,
-            notes,
+    pub(crate) fn backward(
+        &self,
+        images: &[T],
+        tape: &Tape<T>,
+        room: &mut Room<T>,
+        d_embeddings: &[T],
+        sum: &mut [T],
+    ) {
+        let Tape { outputs, notes } = tape;
+        let Room {
             gradients: [d_output, d_input],
             scratch,
-        } = tape;
+        } = room;
         d_output.clear();
         d_output.extend_from_slice(d_embeddings);
         for (i, stage) in self.stages.iter().enumerate().rev() {
@@ -181,8 +182,6 @@ pub(crate) struct Tape<T> {
     /// What came out of each stage.
     outputs: Vec<Vec<T>>,
     notes: Vec<Vec<T>>,
-    gradients: [Vec<T>; 2],
-    scratch: Vec<T>,
 }
 
 impl<T> Default for Tape<T> {
@@ -190,9 +189,30 @@ impl<T> Default for Tape<T> {
         Self {
             outputs: Vec::new(),
             notes: Vec::new(),
+        }
+    }
+}
+
+/// Buffers that hold nothing between two passes.
+#[derive(Debug, Clone)]
+pub(crate) struct Room<T> {
+    gradients: [Vec<T>; 2],
+    scratch: Vec<T>,
+}
+
+impl<T> Default for Room<T> {
+    fn default() -> Self {
+        Self {
             gradients: [Vec::new(), Vec::new()],
             scratch: Vec::new(),
         }
+    }
+}
+
+impl<T> Tape<T> {
+    /// What came out last.
+    pub(crate) fn embeddings(&self) -> &[T] {
+        self.outputs.last().map_or(&[], Vec::as_slice)
     }
 }
 

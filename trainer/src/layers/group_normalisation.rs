@@ -94,22 +94,12 @@ impl GroupNormalisation {
         let (channels, members) = (self.shape.channels, self.shape.channels / self.groups);
         let count = T::of((self.shape.len() / self.groups) as f64);
         let mean_of = |sums: &[T]| sums.iter().fold(T::zero(), |total, &sum| total + sum) / count;
-        sums.fill(T::zero());
-        for pixel in input.chunks_exact(channels) {
-            for (sum, &value) in sums.iter_mut().zip(pixel) {
-                *sum += value;
-            }
-        }
+        sum_by_channel(input, sums, |_, value| value);
         for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
             notes[0] = mean_of(sums);
         }
         let means: Vec<T> = (0..channels).map(|channel| self.noted(notes, channel)[0]).collect();
-        sums.fill(T::zero());
-        for pixel in input.chunks_exact(channels) {
-            for ((sum, &value), &mean) in sums.iter_mut().zip(pixel).zip(&means) {
-                *sum += (value - mean) * (value - mean);
-            }
-        }
+        sum_by_channel(input, sums, |channel, value| (value - means[channel]) * (value - means[channel]));
         for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
             notes[1] = T::one() / (mean_of(sums) + T::of(EPSILON)).root();
         }
@@ -126,5 +116,27 @@ impl GroupNormalisation {
             }
         }
         sums
+    }
+}
+
+/// Pixels whose values are summed before they are added to the sum of the others: a long sum of small numbers would
+/// round each of them.
+const SUMMED_TOGETHER: usize = 32;
+
+/// Writes the sum of `term(channel, value)` over all pixels to `sums`, a channel each.
+fn sum_by_channel<T: Real>(input: &[T], sums: &mut [T], term: impl Fn(usize, T) -> T) {
+    let channels = sums.len();
+    let mut part = vec![T::zero(); channels];
+    sums.fill(T::zero());
+    for pixels in input.chunks(SUMMED_TOGETHER * channels) {
+        part.fill(T::zero());
+        for pixel in pixels.chunks_exact(channels) {
+            for (channel, (part, &value)) in part.iter_mut().zip(pixel).enumerate() {
+                *part += term(channel, value);
+            }
+        }
+        for (sum, &part) in sums.iter_mut().zip(&part) {
+            *sum += part;
+        }
     }
 }

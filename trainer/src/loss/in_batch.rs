@@ -1,7 +1,7 @@
 //! In-batch triplets: every other positive of the batch is a negative, and the mean is over violated triplets only,
 //! so that the many that are solved do not drown the few that are not.
 
-use super::{distance, push};
+use super::{EPSILON, distance, push};
 use crate::real::Real;
 
 /// What a batch came to.
@@ -63,27 +63,37 @@ pub(crate) fn loss<T: Real>(
     BatchLoss { mean, violated }
 }
 
-/// Experimental: NT-Xent over squared Euclidean distances (t-SNE like) in embedding space.
-pub(crate) fn ntxent<T: Real>(embeddings: &[T], dimensions: usize, temperature: f64, gradient: &mut [T]) -> BatchLoss {
-    let half = embeddings.len() / 2;
-    let (anchors, positives) = embeddings.split_at(half);
-    let count = half / dimensions;
+/// Experimental: contrast over kinds of similarity. kind: 1 exp(-d), 2 exp(-d2/2), 3 cauchy; +10: symmetric with all 2N-2 negatives
+pub(crate) fn ntxent<T: Real>(embeddings: &[T], dimensions: usize, kind: f64, gradient: &mut [T]) -> BatchLoss {
+    let symmetric = kind > 10.0;
+    let kind = kind as u32 % 10;
+    let n2 = embeddings.len() / dimensions;
+    let count = n2 / 2;
     let part = |i: usize| i * dimensions..(i + 1) * dimensions;
     let mut slopes = vec![0.0; embeddings.len()];
-    let (d_a, d_p) = slopes.split_at_mut(half);
     let mut total = 0.0;
-    for i in 0..count {
-        let d: Vec<f64> = (0..count).map(|j| distance(&anchors[part(i)], &positives[part(j)])).collect();
-        let min = d.iter().copied().fold(f64::INFINITY, f64::min);
-        let e: Vec<f64> = d.iter().map(|x| (-(x - min) / temperature).exp()).collect();
-        let z: f64 = e.iter().sum();
-        total -= (e[i] / z).max(1e-300).ln();
-        for j in 0..count {
-            // d loss / d distance_j = (1[j==i] - p_j)/temperature
-            let w = (f64::from(u8::from(i == j)) - e[j] / z) / temperature / count as f64;
-            push(&anchors[part(i)], &positives[part(j)], d[j], w, &mut d_a[part(i)], &mut d_p[part(j)]);
+    let anchors = if symmetric { n2 } else { count };
+    for i in 0..anchors {
+        let own = (i + count) % n2;
+        let others: Vec<usize> = if symmetric { (0..n2).filter(|&j| j != i).collect() } else { (count..n2).collect() };
+        let d: Vec<f64> = others.iter().map(|&j| distance(&embeddings[part(i)], &embeddings[part(j)])).collect();
+        let e: Vec<f64> = d.iter().map(|&x| match kind { 1 => (-x).exp(), 2 => (-x * x / 2.0).exp(), _ => 1.0 / (1.0 + x * x) }).collect();
+        let z: f64 = e.iter().sum::<f64>() + 1e-300;
+        for (k, &j) in others.iter().enumerate() {
+            let own_here = f64::from(u8::from(j == own));
+            if j == own { total -= (e[k] / z).max(1e-300).ln(); }
+            let w = match kind {
+                1 => own_here - e[k] / z,
+                2 => (own_here - e[k] / z) * d[k],
+                _ => 2.0 * d[k] * (own_here * e[k] - e[k] * e[k] / z),
+            } / anchors as f64;
+            for (q, (x, y)) in embeddings[part(i)].iter().zip(&embeddings[part(j)]).enumerate() {
+                let slope = w * (x.wide() - y.wide() + EPSILON) / d[k];
+                slopes[i * dimensions + q] += slope;
+                slopes[j * dimensions + q] -= slope;
+            }
         }
     }
     for (g, s) in gradient.iter_mut().zip(slopes) { *g = T::of(s); }
-    BatchLoss { mean: total / count as f64, violated: count * (count - 1) }
+    BatchLoss { mean: total / anchors as f64, violated: count * (count - 1) }
 }

@@ -4,7 +4,7 @@ use crate::{
     architecture::{Architecture, ArchitectureError},
     lanes::Lanes,
     loss::{in_batch, triplets},
-    network::{Network, Tape, scaled},
+    network::{Network, scaled},
     optimise::Adam,
     pictures::Pictures,
     recipe::{InBatch, RandomTriplets, Recipe},
@@ -84,7 +84,7 @@ impl<'a> Training<'a> {
             }).collect();
             let key = stream.bits();
             let chunk = 64;
-            let loss = self.lanes.gradient(&self.network, recipe.batch.div_ceil(chunk), |c, images| {
+            let loss = self.lanes.gradient_by_chunk(&self.network, recipe.batch.div_ceil(chunk), |c, images| {
                 let pairs = &pairs[c * chunk..((c + 1) * chunk).min(pairs.len())];
                 for p in pairs { images.extend(pictures.picture(p.0, 0).iter().map(|&g| scaled::<f32>(g))); }
                 for (i, p) in pairs.iter().enumerate() {
@@ -134,16 +134,11 @@ impl<'a> Training<'a> {
                 }};
                 augmentation.apply(pictures.picture(batch[i % b], start), side, &mut s, image);
             });
-            let net = &self.network;
-            let embeddings: Vec<f32> = images.par_chunks(chunk * pixels).map_init(Tape::default, |t, im| net.forward(im, t).to_vec()).collect::<Vec<_>>().concat();
-            let mut d = vec![0f32; embeddings.len()];
-            let loss = if recipe.temperature > 0.0 { in_batch::ntxent(&embeddings, dims, recipe.temperature, &mut d) } else { in_batch::loss(&embeddings, dims, recipe.margin, &mut d) };
+            let loss = self.lanes.gradient_at_once(&self.network, &images, chunk, |e, d| {
+                if recipe.temperature > 0.0 { in_batch::ntxent(e, dims, recipe.temperature, d) } else { in_batch::loss(e, dims, recipe.margin, d) }
+            }, &mut self.gradient);
             total += loss.mean;
             violated += loss.violated as f64 / (b * (b - 1)) as f64;
-            self.lanes.gradient(net, (2 * b).div_ceil(chunk), |c, out| {
-                let end = ((c + 1) * chunk * pixels).min(images.len());
-                out.extend_from_slice(&images[c * chunk * pixels..end]);
-            }, |c, _, g| { g.copy_from_slice(&d[c * chunk * dims..][..g.len()]); 0.0 }, &mut self.gradient);
             let t = ((self.epoch - 1) * steps + step) as f64 / total_steps;
             self.rate = if recipe.cosine { recipe.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * t).cos()) } else { recipe.learning_rate };
             self.adam.step(self.network.parameters_mut(), &self.gradient, self.rate, recipe.weight_decay);
