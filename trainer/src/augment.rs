@@ -2,24 +2,19 @@
 
 use crate::{network::scaled, real::Real};
 use murmuration_proto::Stream;
-use serde::{Deserialize, Serialize};
 
 /// How far pictures are changed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Augmentation {
-    /// Least and greatest share of width and of height that a crop keeps; over 1 the picture shrinks, on black.
+    /// Least and greatest share of width and of height that a crop keeps, each drawn for itself. Over 1 the
+    /// picture shrinks, on black.
     pub(crate) crop: [f64; 2],
     pub(crate) symmetries: Symmetries,
-    /// Sharpest change of brightness...
-    pub(crate) gain: f64,
-    pub(crate) noise: f64,
-    pub(crate) erase: f64,
 }
 
 /// Which of the square's eight symmetries are applied, each as likely as the others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Symmetries {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Symmetries {
     /// A quarter, a half or three quarters of a turn (the paper's; never none).
     Turns,
     /// All eight: turns and reflections, and none.
@@ -29,38 +24,22 @@ pub enum Symmetries {
 impl Augmentation {
     /// Writes a changed copy of the `picture` of `side` x `side` to `output`, scaled to 0 to 1.
     pub(crate) fn apply<T: Real>(&self, picture: &[u8], side: usize, stream: &mut Stream, output: &mut [T]) {
-        let rows = self.window(side, stream);
-        let columns = self.window(side, stream);
+        let rows = self.window(side, stream).places::<T>();
+        let columns = self.window(side, stream).places::<T>();
         let symmetry = match self.symmetries {
             Symmetries::Turns => TURNS[stream.below(3) as usize],
             Symmetries::All => stream.below(8),
         };
-        let place = Placement::new(symmetry, side);
+        let target = Target::new(symmetry, side);
         let mut line = vec![T::zero(); side];
-        for i in 0..side {
-            rows.blend_rows(i, picture, &mut line);
-            for j in 0..side {
-                output[place.of(i, j)] = columns.blend(j, &line);
+        for (i, row) in rows.iter().enumerate() {
+            let [low, high] = [row.low, row.high].map(|row| &picture[row * side..][..side]);
+            for ((value, &low), &high) in line.iter_mut().zip(low).zip(high) {
+                *value = row.between(scaled(low), scaled(high));
             }
-        }
-        if self.gain > 0.0 {
-            let gain = T::of(stream.between(1.0 - self.gain, 1.0 + self.gain));
-            for v in output.iter_mut() { *v = *v * gain; }
-        }
-        if self.noise > 0.0 {
-            let sd = stream.between(0.0, self.noise);
-            for v in output.iter_mut() {
-                let bits = stream.bits();
-                let g = ((bits & 0xffff) + ((bits >> 16) & 0xffff) + ((bits >> 32) & 0xffff) + (bits >> 48)) as f64 / 65536.0 - 2.0;
-                *v = *v + T::of(g * 1.7 * sd);
+            for (j, column) in columns.iter().enumerate() {
+                output[target.of(i, j)] = column.between(line[column.low], line[column.high]);
             }
-        }
-        if self.erase > 0.0 && stream.chance(self.erase) {
-            let h = stream.between(0.1, 0.35) * side as f64;
-            let w = stream.between(0.1, 0.35) * side as f64;
-            let y = stream.below(side as u64 - h as u64) as usize;
-            let x = stream.below(side as u64 - w as u64) as usize;
-            for i in y..y + h as usize { for j in x..x + w as usize { output[i * side + j] = T::zero(); } }
         }
     }
 
@@ -76,13 +55,13 @@ const TURNS: [u64; 3] = [5, 3, 6];
 
 /// Where the pixels of a picture go under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2
 /// exchanges the two.
-struct Placement {
+struct Target {
     first: usize,
     row_step: isize,
     column_step: isize,
 }
 
-impl Placement {
+impl Target {
     fn new(symmetry: u64, side: usize) -> Self {
         let (long, short) = (side as isize, 1);
         let (row_step, column_step) = if symmetry & 4 == 0 { (long, short) } else { (short, long) };
@@ -108,44 +87,52 @@ impl Placement {
     }
 }
 
-/// A part of an axis, stretched over the whole of it.
+/// A part of an axis, stretched or shrunk to the whole of it.
+#[derive(Debug, Clone, Copy)]
 struct Window {
+    /// Where it begins, pixels; under 0 if it is longer than the axis.
     start: f64,
+    /// Its length, as a share of the axis.
     share: f64,
     side: usize,
 }
 
+/// What one pixel of a stretched axis is made of.
+#[derive(Debug, Clone, Copy)]
+struct Place<T> {
+    low: usize,
+    high: usize,
+    /// How much `high` counts.
+    part: T,
+    /// 1 inside the picture, 0 outside.
+    light: T,
+}
+
+impl<T: Real> Place<T> {
+    fn between(&self, low: T, high: T) -> T {
+        (low + (high - low) * self.part) * self.light
+    }
+}
+
 impl Window {
-    /// The two pixels that the place `i` lies between, and how much the second counts; `None` outside the picture.
-    fn between(&self, i: usize) -> Option<(usize, usize, f64)> {
-        let last = (self.side - 1) as f64;
-        let end = self.start + self.share * self.side as f64 - 1.0;
-        let place = self.start + (i as f64 + 0.5) * self.share - 0.5;
-        if self.share > 1.0 && (place < -0.5 || place > last + 0.5) {
-            return None;
-        }
-        let place = place.clamp(self.start.max(0.0), end.clamp(self.start.max(0.0), last));
-        let low = place as usize;
-        Some((low, (low + 1).min(self.side - 1), place - low as f64))
-    }
-
-    fn blend_rows<T: Real>(&self, i: usize, picture: &[u8], line: &mut [T]) {
-        let Some((low, high, part)) = self.between(i) else {
-            line.fill(T::zero());
-            return;
+    /// One place for each pixel. Beyond the centres of the window's (or the picture's) first and last pixels there is
+    /// nothing to go between.
+    fn places<T: Real>(self) -> Vec<Place<T>> {
+        let first = self.start.max(0.0);
+        let last = (self.start + self.share * self.side as f64).min(self.side as f64) - 1.0;
+        let place = |i: usize| {
+            let centre = self.start + (i as f64 + 0.5) * self.share;
+            let inside = (0.0..=self.side as f64).contains(&centre);
+            let place = (centre - 0.5).min(last).max(first);
+            let low = place as usize;
+            Place {
+                low,
+                high: (low + 1).min(self.side - 1),
+                part: T::of(place - low as f64),
+                light: if inside { T::one() } else { T::zero() },
+            }
         };
-        let part = T::of(part);
-        let [low, high] = [low, high].map(|row| &picture[row * self.side..][..self.side]);
-        for ((value, &low), &high) in line.iter_mut().zip(low).zip(high) {
-            let [low, high] = [low, high].map(scaled::<T>);
-            *value = low + (high - low) * part;
-        }
-    }
-
-    fn blend<T: Real>(&self, j: usize, line: &[T]) -> T {
-        self.between(j).map_or_else(T::zero, |(low, high, part)| {
-            line[low] + (line[high] - line[low]) * T::of(part)
-        })
+        (0..self.side).map(place).collect()
     }
 }
 
@@ -159,7 +146,6 @@ mod tests {
     const PLAIN: Augmentation = Augmentation {
         crop: [1.0, 1.0],
         symmetries: Symmetries::All,
-        gain: 0.0, noise: 0.0, erase: 0.0,
     };
 
     fn picture() -> Vec<u8> {
@@ -213,28 +199,31 @@ mod tests {
         assert_eq!(seen, expected);
     }
 
+    fn stretched(start: f64, share: f64) -> Vec<f64> {
+        let ramp = [1.0, 2.0, 3.0, 4.0];
+        let window = Window { start, share, side: 4 };
+        let places = window.places::<f64>().into_iter();
+        places.map(|place| place.between(ramp[place.low], ramp[place.high])).collect()
+    }
+
     #[test]
     fn a_crop_of_half_a_ramp_is_half_a_ramp() {
-        let window = Window {
-            start: 1.0,
-            share: 0.5,
-            side: 4,
-        };
-        let ramp = [0.0, 1.0, 2.0, 3.0];
-        let seen: Vec<f64> = (0..4).map(|j| window.blend(j, &ramp)).collect();
-        assert_eq!(seen, [1.0, 1.25, 1.75, 2.0]);
+        assert_eq!(stretched(1.0, 0.5), [2.0, 2.25, 2.75, 3.0]);
+    }
+
+    #[test]
+    fn a_ramp_at_half_its_size_stands_on_black() {
+        assert_eq!(stretched(-2.0, 2.0), [0.0, 1.5, 3.5, 0.0]);
     }
 
     proptest! {
         #[test]
-        fn nothing_is_added_that_was_not_there(low in 0.1..1.0f64, more in 0.0..1.0f64, index: u64) {
-            let augmentation = Augmentation { crop: [low, low + more], ..PLAIN };
-            let mut output = vec![f64::NAN; 16];
+        fn what_is_even_stays_even(low in 0.01..1.0f64, part in 0.0..1.0f64, index: u64) {
+            let augmentation = Augmentation { crop: [low, low + (1.0 - low) * part], ..PLAIN };
+            let mut output = vec![f64::NAN; 49];
             let mut stream = Stream::derive(2, Purpose::Augment, index);
-            augmentation.apply(&[200; 16], 4, &mut stream, &mut output);
-            for value in output {
-                prop_assert!(value == 0.0 && low + more > 1.0 || (value - 200.0 / 255.0).abs() < 1e-12);
-            }
+            augmentation.apply(&[200; 49], 7, &mut stream, &mut output);
+            prop_assert!(output.iter().all(|value| (value - 200.0 / 255.0).abs() < 1e-12));
         }
     }
 }

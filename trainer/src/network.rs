@@ -20,10 +20,8 @@ pub struct Network<T = f32> {
 /// A layer that computes, and the activation that may follow it.
 #[derive(Debug, Clone)]
 pub(crate) struct Stage {
-    pub(crate) layer: Layer,
     pub(crate) operation: Operation,
     pub(crate) activation: Option<Layer>,
-    pub(crate) input: Shape,
     pub(crate) output: Shape,
     /// Where its weights are among the network's.
     pub(crate) parameters: Range<usize>,
@@ -92,13 +90,21 @@ impl<T: Real> Network<T> {
     /// A remainder shorter than a picture is left out. The bits do not depend on the number of threads.
     #[must_use]
     pub fn embed(&self, pictures: &[u8]) -> Vec<T> {
-        let picture = self.architecture.side() * self.architecture.side();
-        let chunks: Vec<Vec<T>> = pictures
-            .par_chunks(EMBEDDED_AT_ONCE * picture)
-            .map_init(Default::default, |(tape, room): &mut (Tape<T>, Room<T>), pictures| {
-                let whole = pictures.chunks_exact(picture).flatten();
-                let scaled: Vec<T> = whole.map(|&grey| scaled(grey)).collect();
-                self.forward(&scaled, tape, room).to_vec()
+        self.embed_by_chunk(pictures, |greys| greys.iter().map(|&grey| scaled(grey)).collect())
+    }
+
+    /// As [`Network::embed`], for images whose values are 0 to 1.
+    pub(crate) fn embed_scaled(&self, images: &[T]) -> Vec<T> {
+        self.embed_by_chunk(images, <[T]>::to_vec)
+    }
+
+    fn embed_by_chunk<P: Sync>(&self, pictures: &[P], scaled: impl Fn(&[P]) -> Vec<T> + Sync) -> Vec<T> {
+        let pixels = self.architecture.side() * self.architecture.side();
+        let whole = &pictures[..pictures.len() / pixels * pixels];
+        let chunks: Vec<Vec<T>> = whole
+            .par_chunks(EMBEDDED_AT_ONCE * pixels)
+            .map_init(Default::default, |(tape, room): &mut (Tape<T>, Room<T>), chunk| {
+                self.forward(&scaled(chunk), tape, room).to_vec()
             })
             .collect();
         chunks.concat()
@@ -160,14 +166,17 @@ impl<T: Real> Network<T> {
 }
 
 impl Network<f32> {
-    /// The network with other weights; `None` if there are not as many, or one is not finite.
-    #[must_use]
-    pub fn with_parameters(&self, parameters: &[f32]) -> Option<Self> {
-        let fit = parameters.len() == self.parameters.len() && parameters.iter().all(|value| value.is_finite());
-        fit.then(|| Self {
-            parameters: parameters.to_vec(),
-            ..self.clone()
-        })
+    /// Subtracts `mean` from every embedding, then multiplies it by `factor`: in the last layer, which is dense.
+    pub(crate) fn move_and_scale(&mut self, mean: &[f64], factor: f64) {
+        let last = self.stages.last().map_or(0..0, |stage| stage.parameters.clone());
+        let last = &mut self.parameters[last];
+        let (weights, biases) = last.split_at_mut(last.len() - mean.len());
+        for weight in weights {
+            *weight = (f64::from(*weight) * factor) as f32;
+        }
+        for (bias, mean) in biases.iter_mut().zip(mean) {
+            *bias = ((f64::from(*bias) - mean) * factor) as f32;
+        }
     }
 }
 
@@ -234,10 +243,8 @@ fn stages(architecture: &Architecture) -> Vec<Stage> {
         if let Some(operation) = Operation::of(layer, input, output) {
             let end = start + parameters(layer, input);
             stages.push(Stage {
-                layer,
                 operation,
                 activation: None,
-                input,
                 output,
                 parameters: start..end,
             });

@@ -18,6 +18,11 @@ fn distance<T: Real>(a: &[T], b: &[T]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
+/// Whether a triplet counts: so does one whose distances are no numbers, lest a network that broke look perfect.
+const fn is_violated(violation: f64) -> bool {
+    violation > 0.0 || violation.is_nan()
+}
+
 /// Adds to `d_a` and `d_b` the gradient of `weight` times the distance of `a` and `b`, which is `distance`.
 fn push<T: Real>(a: &[T], b: &[T], distance: f64, weight: f64, d_a: &mut [f64], d_b: &mut [f64]) {
     let values = a.iter().zip(b).zip(d_a.iter_mut().zip(d_b));

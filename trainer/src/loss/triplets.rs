@@ -1,6 +1,6 @@
 //! The paper's loss: max(0, d(anchor, positive) - d(anchor, negative) + margin), the mean over a batch.
 
-use super::{distance, push};
+use super::{distance, is_violated, push};
 use crate::real::Real;
 
 /// The sum of the losses of a chunk of triplets.
@@ -25,8 +25,9 @@ pub(crate) fn loss<T: Real>(
         let at = at..at + dimensions;
         let [a, p, n] = [anchors, positives, negatives].map(|part| &part[at.clone()]);
         let (near, far) = (distance(a, p), distance(a, n));
-        if near - far + margin > 0.0 {
-            total += near - far + margin;
+        let violation = near - far + margin;
+        if is_violated(violation) {
+            total += violation;
             let d_anchor = &mut d_anchors[at.clone()];
             push(a, p, near, weight, d_anchor, &mut d_positives[at.clone()]);
             push(a, n, far, -weight, d_anchor, &mut d_negatives[at]);

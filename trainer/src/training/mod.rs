@@ -1,156 +1,274 @@
-//! A training, stepped an epoch at a time.
+//! A training, stepped an epoch at a time. It can be put aside after any of them, and taken up again.
+
+mod held_out;
+mod in_batch;
+mod random_triplets;
+mod saved;
+mod schedule;
+#[cfg(test)]
+mod tests;
 
 use crate::{
-    architecture::{Architecture, ArchitectureError},
+    architecture::ArchitectureError,
+    configuration::Configuration,
     lanes::Lanes,
-    loss::{in_batch, triplets},
-    network::{Network, scaled},
+    network::Network,
     optimise::Adam,
     pictures::Pictures,
-    recipe::{InBatch, RandomTriplets, Recipe},
+    quality::{Moments, Quality},
+    recipe::Recipe,
 };
+use held_out::HeldOut;
 use murmuration_proto::{Purpose, Stream};
-use rayon::prelude::*;
+use schedule::Schedule;
+use std::{sync::Arc, time::Instant};
 
-/// x
-pub struct Training<'a> {
-    pictures: &'a Pictures,
-    recipe: Recipe,
-    seed: u64,
-    network: Network,
-    averaged: Vec<f32>,
-    adam: Adam<f32>,
+/// A training and all it depends on. Configuration, pictures and epoch decide every bit of it, on one kind of CPU;
+/// the number of threads of the rayon pool that it is stepped in does not.
+#[derive(Debug)]
+pub struct Training {
+    configuration: Configuration,
+    pictures: Arc<Pictures>,
+    held_out: HeldOut,
     lanes: Lanes<f32>,
-    epoch: usize,
     gradient: Vec<f32>,
-    rate: f64,
-    best_loss: f64,
-    bad: usize,
+    state: State,
 }
 
-impl<'a> Training<'a> {
-    /// x
-    pub fn new(pictures: &'a Pictures, architecture: Architecture, recipe: Recipe, seed: u64) -> Self {
-        let network = Network::initialise(architecture, seed);
-        let n = network.parameters().len();
-        let rate = match &recipe { Recipe::Paper(r) => r.learning_rate, Recipe::InBatch(r) => r.learning_rate };
-        Self {
-            pictures,
-            recipe,
-            seed,
-            averaged: network.parameters().to_vec(),
-            adam: Adam::new(n),
+/// What changes from epoch to epoch, and is saved.
+#[derive(Debug, Clone)]
+struct State {
+    network: Network,
+    adam: Adam<f32>,
+    schedule: Schedule,
+    /// Epochs done.
+    epoch: u64,
+    best: Best,
+}
+
+/// The weights to publish.
+#[derive(Debug, Clone, PartialEq)]
+struct Best {
+    parameters: Vec<f32>,
+    epoch: u64,
+    triplet_accuracy: f64,
+}
+
+/// What an epoch came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// Epochs done, 1 or more.
+    pub epoch: u64,
+    /// Most epochs that there will be.
+    pub epochs: u64,
+    /// Mean loss of the epoch's steps.
+    pub loss: f64,
+    /// Learning rate of the epoch's last step.
+    pub learning_rate: f64,
+    /// Triplets that the epoch learned from.
+    pub triplets: u64,
+    /// Time that its steps took, seconds, without the measuring of quality.
+    pub seconds: f64,
+    /// What held-out behaviours say of the network after the epoch.
+    pub quality: Quality,
+}
+
+impl Progress {
+    /// Triplets learned from in a second.
+    #[must_use]
+    pub fn triplets_per_second(&self) -> f64 {
+        self.triplets as f64 / self.seconds
+    }
+}
+
+/// Why a training has come to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The last epoch is done.
+    LastEpoch,
+    /// The accuracy on held-out triplets did not improve for as many epochs as the recipe is patient.
+    NoBetter,
+    /// The loss is as low as the recipe asks for.
+    LowLoss,
+    /// The loss is no number any more: the learning rate is too high for the network.
+    Diverged,
+}
+
+/// Why a training cannot begin, or be taken up again.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// The network does not fit the pictures.
+    #[error("the network does not fit pictures of side {side}: {source}")]
+    Architecture {
+        /// Pixels along a side of the pictures.
+        side: usize,
+        /// What is wrong.
+        source: ArchitectureError,
+    },
+    /// What was saved is damaged, or of another version of the trainer.
+    #[error("not a saved training: {0}")]
+    Damaged(String),
+    /// What was saved belongs to another training.
+    #[error("the saved training is of another {0}")]
+    Other(&'static str),
+}
+
+/// What one epoch of a recipe hands back.
+struct EpochLoss {
+    mean: f64,
+    triplets: u64,
+}
+
+impl Training {
+    /// A training before its first epoch.
+    ///
+    /// # Errors
+    /// Where the network does not fit the pictures.
+    pub fn new(configuration: &Configuration, pictures: Arc<Pictures>) -> Result<Self, TrainingError> {
+        let side = pictures.side();
+        let architecture = configuration
+            .architecture(side)
+            .map_err(|source| TrainingError::Architecture { side, source })?;
+        let network = Network::initialise(architecture, configuration.seed());
+        let weights = network.parameters().len();
+        Ok(Self {
+            held_out: HeldOut::new(configuration, &pictures),
             lanes: Lanes::new(&network),
-            epoch: 0,
-            gradient: vec![0.0; n],
-            network,
-            rate,
-            best_loss: f64::INFINITY,
-            bad: 0,
-        }
-    }
-    /// x
-    pub fn network(&self) -> Network {
-        match &self.recipe {
-            Recipe::InBatch(r) if r.ema > 0.0 => self.network.with_parameters(&self.averaged).unwrap(),
-            _ => self.network.clone(),
-        }
-    }
-    /// x
-    pub fn rate(&self) -> f64 { self.rate }
-
-    /// x
-    pub fn epoch(&mut self) -> (f64, f64) {
-        let mut stream = Stream::derive(self.seed, Purpose::Train, self.epoch as u64);
-        self.epoch += 1;
-        match self.recipe.clone() {
-            Recipe::Paper(recipe) => self.paper(&recipe, &mut stream),
-            Recipe::InBatch(recipe) => self.in_batch(&recipe, &mut stream),
-        }
+            gradient: vec![0.0; weights],
+            state: State {
+                adam: Adam::new(weights),
+                schedule: Schedule::new(configuration.recipe()),
+                epoch: 0,
+                best: Best {
+                    parameters: network.parameters().to_vec(),
+                    epoch: 0,
+                    triplet_accuracy: 0.0,
+                },
+                network,
+            },
+            configuration: configuration.clone(),
+            pictures,
+        })
     }
 
-    fn paper(&mut self, recipe: &RandomTriplets, stream: &mut Stream) -> (f64, f64) {
-        let dims = self.network.architecture().dimensions();
-        let side = self.pictures.side();
-        let pictures = self.pictures;
-        let augmentation = recipe.augmentation();
-        let mut total = 0.0;
-        let steps = recipe.triplets / recipe.batch;
-        for _ in 0..steps {
-            let n = pictures.controllers() as u64;
-            let pairs: Vec<(usize, usize)> = (0..recipe.batch).map(|_| {
-                let a = stream.below(n); let mut b = stream.below(n - 1); if b >= a { b += 1; }
-                (a as usize, b as usize)
-            }).collect();
-            let key = stream.bits();
-            let chunk = 64;
-            let loss = self.lanes.gradient_by_chunk(&self.network, recipe.batch.div_ceil(chunk), |c, images| {
-                let pairs = &pairs[c * chunk..((c + 1) * chunk).min(pairs.len())];
-                for p in pairs { images.extend(pictures.picture(p.0, 0).iter().map(|&g| scaled::<f32>(g))); }
-                for (i, p) in pairs.iter().enumerate() {
-                    let start = images.len();
-                    images.resize(start + side * side, 0.0);
-                    let mut s = Stream::derive(key, Purpose::Augment, (c * chunk + i) as u64);
-                    augmentation.apply(pictures.picture(p.0, 0), side, &mut s, &mut images[start..]);
-                }
-                for p in pairs { images.extend(pictures.picture(p.1, 0).iter().map(|&g| scaled::<f32>(g))); }
-            }, |_, e, g| triplets::loss(e, dims, recipe.margin, recipe.batch, g), &mut self.gradient);
-            total += loss / recipe.batch as f64;
-            self.adam.step(self.network.parameters_mut(), &self.gradient, self.rate, recipe.weight_decay);
-        }
-        let loss = total / steps as f64;
-        if loss < self.best_loss * (1.0 - 1e-4) { self.best_loss = loss; self.bad = 0; } else { self.bad += 1; }
-        if self.bad > recipe.plateau { self.rate *= recipe.plateau_factor; self.bad = 0; }
-        (loss, 0.0)
+    /// Takes up a training that [`Training::save`] put aside: it goes on as if it had never stopped.
+    ///
+    /// # Errors
+    /// As [`Training::new`], and where `saved` is damaged or of another configuration or other pictures.
+    pub fn restore(
+        configuration: &Configuration,
+        pictures: Arc<Pictures>,
+        saved: &[u8],
+    ) -> Result<Self, TrainingError> {
+        let mut training = Self::new(configuration, pictures)?;
+        saved::restore(&mut training, saved)?;
+        Ok(training)
     }
 
-    fn in_batch(&mut self, recipe: &InBatch, stream: &mut Stream) -> (f64, f64) {
-        let dims = self.network.architecture().dimensions();
-        let side = self.pictures.side();
-        let pixels = side * side;
-        let pictures = self.pictures;
-        let n = pictures.controllers();
-        let augmentation = recipe.augmentation();
-        let mut order: Vec<usize> = (0..n).collect();
-        for i in (1..n).rev() { order.swap(i, stream.below(i as u64 + 1) as usize); }
-        let mut total = 0.0;
-        let mut violated = 0.0;
-        let steps = n / recipe.batch;
-        let chunk = 16;
-        let total_steps = (steps * recipe.epochs) as f64;
-        for step in 0..steps {
-            let batch = &order[step * recipe.batch..(step + 1) * recipe.batch];
-            let key = stream.bits();
-            let b = recipe.batch;
-            let mut images = vec![0f32; 2 * b * pixels];
-            images.par_chunks_mut(pixels).enumerate().for_each(|(i, image)| {
-                let mut s = Stream::derive(key, Purpose::Augment, i as u64);
-                let start = if pictures.starts() == 1 { 0 } else { let f = s.below(pictures.starts() as u64) as usize; if i < b { f } else {
-                    // other start than the anchor's
-                    let mut t = Stream::derive(key, Purpose::Augment, (i - b) as u64);
-                    let a = t.below(pictures.starts() as u64) as usize;
-                    let o = s.below(pictures.starts() as u64 - 1) as usize;
-                    if o >= a { o + 1 } else { o }
-                }};
-                augmentation.apply(pictures.picture(batch[i % b], start), side, &mut s, image);
-            });
-            let loss = self.lanes.gradient_at_once(&self.network, &images, chunk, |e, d| {
-                if recipe.temperature > 0.0 { in_batch::ntxent(e, dims, recipe.temperature, d) } else { in_batch::loss(e, dims, recipe.margin, d) }
-            }, &mut self.gradient);
-            total += loss.mean;
-            violated += loss.violated as f64 / (b * (b - 1)) as f64;
-            let t = ((self.epoch - 1) * steps + step) as f64 / total_steps;
-            self.rate = if recipe.cosine { recipe.learning_rate * 0.5 * (1.0 + (std::f64::consts::PI * t).cos()) } else { recipe.learning_rate };
-            self.adam.step(self.network.parameters_mut(), &self.gradient, self.rate, recipe.weight_decay);
-            if recipe.ema > 0.0 {
-                let k = ((self.epoch - 1) * steps + step) as f64;
-                let decay = recipe.ema.min((1.0 + k) / (10.0 + k)) as f32;
-                for (a, &p) in self.averaged.iter_mut().zip(self.network.parameters()) { *a = *a * decay + p * (1.0 - decay); }
+    /// The training as bytes, the optimiser's state included. Equal trainings have equal bytes.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        saved::save(self)
+    }
+
+    /// Epochs done.
+    #[must_use]
+    pub const fn epoch(&self) -> u64 {
+        self.state.epoch
+    }
+
+    /// Why there is no further epoch, if there is none.
+    #[must_use]
+    pub fn ending(&self) -> Option<Ending> {
+        let State {
+            epoch,
+            schedule,
+            best,
+            ..
+        } = &self.state;
+        let recipe = self.configuration.recipe();
+        match recipe {
+            _ if schedule.has_diverged() => Some(Ending::Diverged),
+            Recipe::Paper(recipe) if schedule.mean_of_last(recipe.enough_over) < recipe.enough => {
+                Some(Ending::LowLoss)
             }
+            Recipe::InBatch(recipe) if epoch - best.epoch >= recipe.patience => Some(Ending::NoBetter),
+            _ if *epoch >= recipe.epochs() => Some(Ending::LastEpoch),
+            _ => None,
         }
-        (total / steps as f64, violated / steps as f64)
+    }
+
+    /// Trains for one epoch; `None`, and nothing done, after the end.
+    pub fn step(&mut self) -> Option<Progress> {
+        if self.ending().is_some() {
+            return None;
+        }
+        let started = Instant::now();
+        let mut stream = Stream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
+        let loss = match self.configuration.recipe().clone() {
+            Recipe::Paper(recipe) => random_triplets::epoch(self, &recipe, &mut stream),
+            Recipe::InBatch(recipe) => in_batch::epoch(self, &recipe, &mut stream),
+        };
+        let seconds = started.elapsed().as_secs_f64();
+        let learning_rate = self.state.schedule.learning_rate();
+        self.state.epoch += 1;
+        self.state.schedule.after_epoch(loss.mean);
+        let quality = self.held_out.quality(&self.state.network);
+        self.keep_if_best(quality);
+        Some(Progress {
+            epoch: self.state.epoch,
+            epochs: self.configuration.recipe().epochs(),
+            loss: loss.mean,
+            learning_rate,
+            triplets: loss.triplets,
+            seconds,
+            quality,
+        })
+    }
+
+    /// The embedder to publish: of the paper's recipe the weights after the last epoch, else those that were most
+    /// accurate on held-out triplets.
+    ///
+    /// It is moved and scaled (in its last layer, which changes no comparison of distances) such that the held-out
+    /// behaviours have mean 0 and spread 1, so that novelty is in one unit whatever the recipe. A collapsed network
+    /// is left as it is.
+    #[must_use]
+    pub fn embedder(&self) -> Network {
+        let mut network = self.best_network();
+        let plain = network.embed(self.held_out.plain());
+        let dimensions = network.architecture().dimensions();
+        let Moments { mean, .. } = Moments::of(&plain, dimensions);
+        let spread = Quality::of(&[], &[], &plain, dimensions).spread;
+        if spread > 0.0 && spread.is_finite() {
+            network.move_and_scale(&mean, 1.0 / spread);
+        }
+        network
+    }
+
+    /// What held-out behaviours say of the network that [`Training::embedder`] is made of, before it is scaled.
+    #[must_use]
+    pub fn quality(&self) -> Quality {
+        self.held_out.quality(&self.best_network())
+    }
+
+    fn best_network(&self) -> Network {
+        let mut network = self.state.network.clone();
+        network.parameters_mut().copy_from_slice(&self.state.best.parameters);
+        network
+    }
+
+    fn keep_if_best(&mut self, quality: Quality) {
+        let State {
+            network, epoch, best, ..
+        } = &mut self.state;
+        let candidate = match self.configuration.recipe() {
+            Recipe::Paper(_) => true,
+            Recipe::InBatch(_) => quality.triplet_accuracy > best.triplet_accuracy,
+        };
+        if candidate && quality.spread.is_finite() {
+            best.parameters.copy_from_slice(network.parameters());
+            best.epoch = *epoch;
+            best.triplet_accuracy = quality.triplet_accuracy;
+        }
     }
 }
-
-/// x
-pub type Unused = ArchitectureError;
