@@ -19,7 +19,12 @@ impl TripletAccuracy {
         for (anchor, &class) in classes.iter().enumerate() {
             let mut others: Vec<(f64, bool)> = (0..classes.len())
                 .filter(|&other| other != anchor)
-                .map(|other| (squared_distance(vector(anchor), vector(other)), classes[other] == class))
+                .map(|other| {
+                    (
+                        squared_distance(vector(anchor), vector(other)),
+                        classes[other] == class,
+                    )
+                })
                 .collect();
             others.sort_by(|a, b| a.0.total_cmp(&b.0));
             let (correct, all) = correct_pairs(&others);
@@ -32,7 +37,11 @@ impl TripletAccuracy {
     /// The share over anchors of the classes that `counts` accepts, 0 to 1; `None` without a triplet.
     #[must_use]
     pub fn over(&self, counts: impl Fn(usize) -> bool) -> Option<f64> {
-        let classes = self.by_class.iter().enumerate().filter(|(class, _)| counts(*class));
+        let classes = self
+            .by_class
+            .iter()
+            .enumerate()
+            .filter(|(class, _)| counts(*class));
         let sums = classes.fold((0, 0), |sums, (_, counts)| (sums.0 + counts.0, sums.1 + counts.1));
         (sums.1 > 0).then(|| sums.0 as f64 / sums.1 as f64)
     }

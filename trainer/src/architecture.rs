@@ -4,7 +4,11 @@ use serde::{Deserialize, Serialize};
 
 /// One layer, as it is written in a configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case", rename_all_fields = "kebab-case", deny_unknown_fields)]
+#[serde(
+    rename_all = "kebab-case",
+    rename_all_fields = "kebab-case",
+    deny_unknown_fields
+)]
 pub enum Layer {
     /// Square kernels over all channels, with a bias.
     Convolution {
@@ -269,7 +273,11 @@ impl Check {
         };
         let whole = |field, value: usize, least: usize, most: usize| {
             let error = || out_of_range(field, value.to_string(), format!("{least} to {most}"));
-            if (least..=most).contains(&value) { Ok(value) } else { Err(error()) }
+            if (least..=most).contains(&value) {
+                Ok(value)
+            } else {
+                Err(error())
+            }
         };
         let is_activation = matches!(spec, Layer::LeakyRelu { .. } | Layer::Relu);
         if is_activation && !self.activation_may_follow {
@@ -362,7 +370,16 @@ mod tests {
     #[test]
     fn the_compact_network_pools_to_256_values() {
         let compact = Architecture::compact(50, 5).unwrap();
-        let expected = [(1, 50), (16, 25), (16, 25), (16, 25), (32, 13), (32, 13), (32, 13), (64, 7)];
+        let expected = [
+            (1, 50),
+            (16, 25),
+            (16, 25),
+            (16, 25),
+            (32, 13),
+            (32, 13),
+            (32, 13),
+            (64, 7),
+        ];
         assert_eq!(sides(&compact)[..8], expected);
         assert_eq!(compact.shapes[10].len(), 256);
     }
@@ -384,7 +401,10 @@ mod tests {
         check_refused("", "last layer must be dense");
         check_refused("{ dense = { units = 300 } }", "1 to 256");
         check_refused(&format!("\"relu\", {DENSE}"), "layer 0: an activation");
-        check_refused(&format!("{DENSE}, \"relu\", \"relu\", {DENSE}"), "layer 2: an activation");
+        check_refused(
+            &format!("{DENSE}, \"relu\", \"relu\", {DENSE}"),
+            "layer 2: an activation",
+        );
         check_refused(
             &format!("{DENSE}, {{ average-pooling = {{ grid = 1 }} }}, {DENSE}"),
             "layer 1: there is no picture",
@@ -398,7 +418,9 @@ mod tests {
             "stride = 0",
         );
         check_refused(
-            &format!("{{ convolution = {{ channels = 6, kernel = 3 }} }}, {{ group-normalisation = {{ groups = 4 }} }}, {DENSE}"),
+            &format!(
+                "{{ convolution = {{ channels = 6, kernel = 3 }} }}, {{ group-normalisation = {{ groups = 4 }} }}, {DENSE}"
+            ),
             "layer 1: groups = 4: must be a divisor of the 6 channels",
         );
         check_refused(

@@ -64,7 +64,11 @@ struct Target {
 impl Target {
     fn new(symmetry: u64, side: usize) -> Self {
         let (long, short) = (side as isize, 1);
-        let (row_step, column_step) = if symmetry & 4 == 0 { (long, short) } else { (short, long) };
+        let (row_step, column_step) = if symmetry & 4 == 0 {
+            (long, short)
+        } else {
+            (short, long)
+        };
         let last = side as isize - 1;
         let (reverse_rows, reverse_columns) = (symmetry & 1 != 0, symmetry & 2 != 0);
         let mut first = 0;
@@ -77,7 +81,11 @@ impl Target {
         Self {
             first: first as usize,
             row_step: if reverse_rows { -row_step } else { row_step },
-            column_step: if reverse_columns { -column_step } else { column_step },
+            column_step: if reverse_columns {
+                -column_step
+            } else {
+                column_step
+            },
         }
     }
 
@@ -156,7 +164,10 @@ mod tests {
         let mut output = vec![0.0; SIDE * SIDE];
         let mut stream = Stream::derive(1, Purpose::Augment, index);
         augmentation.apply(&picture(), SIDE, &mut stream, &mut output);
-        output.into_iter().map(|value: f64| (value * 255.0).round() as u8).collect()
+        output
+            .into_iter()
+            .map(|value: f64| (value * 255.0).round() as u8)
+            .collect()
     }
 
     fn turned(picture: &[u8]) -> Vec<u8> {
@@ -201,9 +212,15 @@ mod tests {
 
     fn stretched(start: f64, share: f64) -> Vec<f64> {
         let ramp = [1.0, 2.0, 3.0, 4.0];
-        let window = Window { start, share, side: 4 };
+        let window = Window {
+            start,
+            share,
+            side: 4,
+        };
         let places = window.places::<f64>().into_iter();
-        places.map(|place| place.between(ramp[place.low], ramp[place.high])).collect()
+        places
+            .map(|place| place.between(ramp[place.low], ramp[place.high]))
+            .collect()
     }
 
     #[test]

@@ -114,7 +114,11 @@ impl Configuration {
         } = &self.settings.network;
         match layers {
             Some(layers) => Architecture::new(side, layers.clone()),
-            None => Architecture::named(name.as_deref().unwrap_or("compact"), side, dimensions.unwrap_or(5)),
+            None => Architecture::named(
+                name.as_deref().unwrap_or("compact"),
+                side,
+                dimensions.unwrap_or(5),
+            ),
         }
     }
 }
@@ -131,7 +135,11 @@ impl TryFrom<Settings> for Configuration {
             let allowed = "absent where a name or dimensions are given";
             return Err(Invalid::new("network.layers", "given", allowed));
         }
-        if let Some(name) = network.name.as_deref().filter(|name| !["compact", "paper"].contains(name)) {
+        if let Some(name) = network
+            .name
+            .as_deref()
+            .filter(|name| !["compact", "paper"].contains(name))
+        {
             let allowed = "\"compact\" or \"paper\"";
             return Err(Invalid::new("network.name", format!("{name:?}"), allowed));
         }
@@ -165,7 +173,10 @@ mod tests {
             panic!("not the paper's recipe");
         };
         assert_eq!(recipe.batch * recipe.steps, 16_384);
-        assert_eq!(paper.architecture(50).unwrap(), Architecture::paper(50, 5).unwrap());
+        assert_eq!(
+            paper.architecture(50).unwrap(),
+            Architecture::paper(50, 5).unwrap()
+        );
     }
 
     #[test]
@@ -173,7 +184,10 @@ mod tests {
         let default = Configuration::from_toml("").unwrap();
         assert_eq!(default, Configuration::default());
         assert_eq!(default.recipe().name(), "in-batch");
-        assert_eq!(default.architecture(50).unwrap(), Architecture::compact(50, 5).unwrap());
+        assert_eq!(
+            default.architecture(50).unwrap(),
+            Architecture::compact(50, 5).unwrap()
+        );
     }
 
     #[test]
@@ -181,7 +195,10 @@ mod tests {
         let layers = "[network]\nlayers = [{ convolution = { channels = 2, kernel = 3 } }, \"relu\", { dense = { units = 3 } }]";
         for text in ["seed = 7", "[recipe.paper]\nmargin = 0.1", layers] {
             let configuration = Configuration::from_toml(text).unwrap();
-            assert_eq!(Configuration::from_toml(&configuration.to_toml()).unwrap(), configuration);
+            assert_eq!(
+                Configuration::from_toml(&configuration.to_toml()).unwrap(),
+                configuration
+            );
         }
         let architecture = Configuration::from_toml(layers).unwrap().architecture(9).unwrap();
         assert_eq!((architecture.dimensions(), architecture.layers().len()), (3, 3));
@@ -192,11 +209,17 @@ mod tests {
         check_refused("sed = 1", "unknown field `sed`");
         check_refused("held_out = 0", "held_out = 0");
         check_refused("held_out = nan", "held_out = NaN");
-        check_refused("[network]\nname = \"large\"", "network.name = \"large\": must be \"compact\"");
+        check_refused(
+            "[network]\nname = \"large\"",
+            "network.name = \"large\": must be \"compact\"",
+        );
         check_refused("[network]\nname = \"paper\"\nlayers = []", "network.layers");
         check_refused("[recipe.paper]\nmargin = 0.0", "recipe.paper.margin = 0");
         check_refused("[recipe.in-batch]\nbatch = 1", "recipe.in-batch.batch = 1");
-        check_refused("[recipe.in-batch]\ncrop = [0.6, 2.1]", "recipe.in-batch.crop[1] = 2.1");
+        check_refused(
+            "[recipe.in-batch]\ncrop = [0.6, 2.1]",
+            "recipe.in-batch.crop[1] = 2.1",
+        );
         check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
         check_refused("[recipe.supervised]\n", "unknown variant `supervised`");
     }

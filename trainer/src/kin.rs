@@ -14,8 +14,15 @@ const FACTORS: [f64; 2] = [0.7, 1.4];
 /// # Errors
 /// Never for a controller that this crate can be given; the check belongs to [`Controller::new`].
 pub fn kin(controller: &Controller, stream: &mut Stream) -> Result<Controller, Invalid> {
-    let fastest = controller.speeds().iter().fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
-    let most = if fastest * FACTORS[1] > 1.0 { 1.0 / fastest } else { FACTORS[1] };
+    let fastest = controller
+        .speeds()
+        .iter()
+        .fold(0.0, |fastest: f64, speed| fastest.max(speed.abs()));
+    let most = if fastest * FACTORS[1] > 1.0 {
+        1.0 / fastest
+    } else {
+        FACTORS[1]
+    };
     let factor = stream.between(FACTORS[0], most);
     let mut genes = controller.genes().to_vec();
     for speed in &mut genes[..controller.speeds().len()] {

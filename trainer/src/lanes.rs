@@ -93,7 +93,9 @@ impl<T: Real> Lanes<T> {
     ) -> L {
         let architecture = network.architecture();
         let dimensions = architecture.dimensions();
-        let images: Vec<&[T]> = images.chunks(chunk * architecture.side() * architecture.side()).collect();
+        let images: Vec<&[T]> = images
+            .chunks(chunk * architecture.side() * architecture.side())
+            .collect();
         self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
             let images = images.iter().skip(first).step_by(LANES);
             lane.tapes.resize_with(images.len().max(1), Tape::default);
@@ -120,13 +122,15 @@ impl<T: Real> Lanes<T> {
 
     /// Writes the sum of the lanes' gradients, in their order, to `sum`.
     fn add_up(&self, sum: &mut [T]) {
-        sum.par_chunks_mut(SUMMED_AT_ONCE).enumerate().for_each(|(i, sum)| {
-            sum.fill(T::zero());
-            for lane in &self.lanes {
-                for (sum, &value) in sum.iter_mut().zip(&lane.gradient[i * SUMMED_AT_ONCE..]) {
-                    *sum += value;
+        sum.par_chunks_mut(SUMMED_AT_ONCE)
+            .enumerate()
+            .for_each(|(i, sum)| {
+                sum.fill(T::zero());
+                for lane in &self.lanes {
+                    for (sum, &value) in sum.iter_mut().zip(&lane.gradient[i * SUMMED_AT_ONCE..]) {
+                        *sum += value;
+                    }
                 }
-            }
-        });
+            });
     }
 }

@@ -17,6 +17,8 @@ pub mod network;
 pub mod onnx;
 mod optimise;
 pub mod pictures;
+#[cfg(test)]
+mod pytorch;
 pub mod quality;
 mod ranges;
 mod real;

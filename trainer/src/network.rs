@@ -103,9 +103,12 @@ impl<T: Real> Network<T> {
         let whole = &pictures[..pictures.len() / pixels * pixels];
         let chunks: Vec<Vec<T>> = whole
             .par_chunks(EMBEDDED_AT_ONCE * pixels)
-            .map_init(Default::default, |(tape, room): &mut (Tape<T>, Room<T>), chunk| {
-                self.forward(&scaled(chunk), tape, room).to_vec()
-            })
+            .map_init(
+                Default::default,
+                |(tape, room): &mut (Tape<T>, Room<T>), chunk| {
+                    self.forward(&scaled(chunk), tape, room).to_vec()
+                },
+            )
             .collect();
         chunks.concat()
     }

@@ -9,6 +9,7 @@ use crate::{
     architecture::{Layer, Shape},
     layers::{AveragePooling, Convolution, Dense, EPSILON, GroupNormalisation, Operation},
     network::{Network, Stage},
+    real::Real,
 };
 use murmuration_proto::onnx::{
     AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
@@ -46,7 +47,11 @@ pub fn export(network: &Network) -> Vec<u8> {
             name: "embedder".to_owned(),
             node: graph.nodes,
             initializer: graph.constants,
-            input: vec![ValueInfoProto::batch_of_floats("images", "batch", &[1, side, side])],
+            input: vec![ValueInfoProto::batch_of_floats(
+                "images",
+                "batch",
+                &[1, side, side],
+            )],
             output: vec![ValueInfoProto::batch_of_floats(
                 "embeddings",
                 "batch",
@@ -88,7 +93,9 @@ impl Graph {
 
     fn stage(&mut self, name: &str, stage: &Stage, weights: &[f32]) {
         match stage.operation {
-            Operation::Convolution(layer) => self.convolution(&format!("convolution_{name}"), &layer, weights),
+            Operation::Convolution(layer) => {
+                self.convolution(&format!("convolution_{name}"), &layer, weights)
+            }
             Operation::GroupNormalisation(layer) => {
                 self.group_normalisation(&format!("normalisation_{name}"), layer, weights);
             }
@@ -111,7 +118,11 @@ impl Graph {
         let (kernel, channels) = (layer.kernel, layer.input.channels);
         let [weights_name, biases_name] = constant_names(name);
         let weights = channels_first(weights, kernel * kernel, channels);
-        self.constant(&weights_name, &[layer.output.channels, channels, kernel, kernel], &weights);
+        self.constant(
+            &weights_name,
+            &[layer.output.channels, channels, kernel, kernel],
+            &weights,
+        );
         self.constant(&biases_name, &[layer.output.channels], biases);
         let attributes = vec![
             AttributeProto::integers("kernel_shape", &[kernel; 2]),
@@ -150,7 +161,12 @@ impl Graph {
             &[&named("ones"), &named("zeros")],
             vec![AttributeProto::float("epsilon", EPSILON as f32)],
         );
-        self.node("Reshape", &named("ungrouped"), &[&named("by_channel")], Vec::new());
+        self.node(
+            "Reshape",
+            &named("ungrouped"),
+            &[&named("by_channel")],
+            Vec::new(),
+        );
         self.node("Mul", &named("scaled"), &[&weights_name], Vec::new());
         self.node("Add", name, &[&biases_name], Vec::new());
     }
@@ -189,8 +205,8 @@ fn constant_names(name: &str) -> [String; 2] {
 }
 
 /// Rows of `pixels` x `channels` values as rows of `channels` x `pixels`.
-fn channels_first(rows: &[f32], pixels: usize, channels: usize) -> Vec<f32> {
-    let row = |row: &[f32]| -> Vec<f32> {
+pub(crate) fn channels_first<T: Real>(rows: &[T], pixels: usize, channels: usize) -> Vec<T> {
+    let row = |row: &[T]| -> Vec<T> {
         let place = |i: usize| row[i % pixels * channels + i / pixels];
         (0..pixels * channels).map(place).collect()
     };
@@ -210,11 +226,19 @@ mod tests {
     #[test]
     fn every_value_is_made_before_it_is_taken_and_the_last_is_the_output() {
         let graph = graph(Architecture::compact(50, 5).unwrap());
-        let mut made: Vec<&str> = graph.initializer.iter().map(|tensor| tensor.name.as_str()).collect();
+        let mut made: Vec<&str> = graph
+            .initializer
+            .iter()
+            .map(|tensor| tensor.name.as_str())
+            .collect();
         made.push("images");
         for node in &graph.node {
             for input in &node.input {
-                assert!(made.contains(&input.as_str()), "{input} is not made before {}", node.name);
+                assert!(
+                    made.contains(&input.as_str()),
+                    "{input} is not made before {}",
+                    node.name
+                );
             }
             made.extend(node.output.iter().map(String::as_str));
         }
@@ -226,7 +250,12 @@ mod tests {
         let graph = graph(Architecture::compact(50, 5).unwrap());
         for tensor in graph.initializer.iter().filter(|tensor| tensor.data_type == 1) {
             let values: i64 = tensor.dims.iter().product();
-            assert_eq!(tensor.raw_data.as_ref().unwrap().len() as i64, 4 * values, "{}", tensor.name);
+            assert_eq!(
+                tensor.raw_data.as_ref().unwrap().len() as i64,
+                4 * values,
+                "{}",
+                tensor.name
+            );
         }
     }
 

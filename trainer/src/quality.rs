@@ -24,7 +24,11 @@ impl Quality {
         Self {
             triplet_accuracy: triplet_accuracy(anchors, positives, dimensions),
             spread: total.sqrt(),
-            rank: if squares > 0.0 { total * total / squares } else { 0.0 },
+            rank: if squares > 0.0 {
+                total * total / squares
+            } else {
+                0.0
+            },
         }
     }
 }
@@ -62,10 +66,16 @@ fn triplet_accuracy(anchors: &[f32], positives: &[f32], dimensions: usize) -> f6
         differences.map(|difference| difference * difference).sum()
     };
     let positives: Vec<&[f32]> = positives.chunks_exact(dimensions).collect();
-    let correct = anchors.chunks_exact(dimensions).zip(&positives).map(|(anchor, own)| {
-        let near = squared_distance(anchor, own);
-        positives.iter().filter(|other| near < squared_distance(anchor, other)).count()
-    });
+    let correct = anchors
+        .chunks_exact(dimensions)
+        .zip(&positives)
+        .map(|(anchor, own)| {
+            let near = squared_distance(anchor, own);
+            positives
+                .iter()
+                .filter(|other| near < squared_distance(anchor, other))
+                .count()
+        });
     let triplets = positives.len() * (positives.len() - 1);
     correct.sum::<usize>() as f64 / triplets as f64
 }

@@ -29,5 +29,9 @@ fn checked(
     value: &impl Display,
     allowed: impl FnOnce() -> String,
 ) -> Result<(), Invalid> {
-    if fits { Ok(()) } else { Err(Invalid::new(field, value, allowed())) }
+    if fits {
+        Ok(())
+    } else {
+        Err(Invalid::new(field, value, allowed()))
+    }
 }

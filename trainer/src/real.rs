@@ -48,13 +48,19 @@ impl Real for f64 {
 }
 
 /// A matrix over `data`, row after row.
-#[expect(clippy::expect_used, reason = "the layers' shapes are checked when a network is made")]
+#[expect(
+    clippy::expect_used,
+    reason = "the layers' shapes are checked when a network is made"
+)]
 pub(crate) fn matrix<T>(rows: usize, columns: usize, data: &[T]) -> ArrayView2<'_, T> {
     ArrayView2::from_shape((rows, columns), data).expect("rows x columns values")
 }
 
 /// `into = a b`, or `into += a b`. The bits depend on the shapes and the CPU's kind alone.
-#[expect(clippy::expect_used, reason = "the layers' shapes are checked when a network is made")]
+#[expect(
+    clippy::expect_used,
+    reason = "the layers' shapes are checked when a network is made"
+)]
 pub(crate) fn multiply<T: Real>(a: ArrayView2<T>, b: ArrayView2<T>, add: bool, into: &mut [T]) {
     let shape = (a.nrows(), b.ncols());
     let mut product = ArrayViewMut2::from_shape(shape, into).expect("rows x columns values");

@@ -26,7 +26,11 @@ impl Recipe {
         match name {
             "paper" => Ok(Self::Paper(RandomTriplets::default())),
             "in-batch" => Ok(Self::InBatch(InBatch::default())),
-            _ => Err(Invalid::new("recipe", format!("\"{name}\""), "\"in-batch\" or \"paper\"")),
+            _ => Err(Invalid::new(
+                "recipe",
+                format!("\"{name}\""),
+                "\"in-batch\" or \"paper\"",
+            )),
         }
     }
 

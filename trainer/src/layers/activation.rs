@@ -21,7 +21,11 @@ impl Activation {
     pub(crate) fn forward<T: Real>(self, values: &mut [T]) {
         let slope = T::of(self.slope);
         for value in values {
-            *value = if *value > T::zero() { *value } else { *value * slope };
+            *value = if *value > T::zero() {
+                *value
+            } else {
+                *value * slope
+            };
         }
     }
 

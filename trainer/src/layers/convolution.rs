@@ -43,7 +43,10 @@ impl Convolution {
             pixel.copy_from_slice(biases);
         }
         if self.is_plane() {
-            for (input, output) in self.samples(input).zip(output.chunks_exact_mut(self.output.len())) {
+            for (input, output) in self
+                .samples(input)
+                .zip(output.chunks_exact_mut(self.output.len()))
+            {
                 plane::add_correlation(self, weights, input, output);
             }
             return;
@@ -123,7 +126,10 @@ impl Convolution {
     /// The reverse: adds every patch to where it was copied from.
     fn add_patches<T: Real>(&self, patches: &[T], d_input: &mut [T]) {
         let rows = self.output.pixels() * self.patch();
-        for (d_input, rows) in d_input.chunks_exact_mut(self.input.len()).zip(patches.chunks_exact(rows)) {
+        for (d_input, rows) in d_input
+            .chunks_exact_mut(self.input.len())
+            .zip(patches.chunks_exact(rows))
+        {
             self.for_each_run(|pixel, place, len| {
                 for (sum, &value) in d_input[pixel..pixel + len].iter_mut().zip(&rows[place..]) {
                     *sum += value;

@@ -18,7 +18,8 @@ struct Case {
 impl Case {
     fn new(layer: Layer, input: Shape, output: Shape) -> Self {
         let mut stream = Stream::derive(1, Purpose::Initialise, 0);
-        let mut values = |count: usize| -> Vec<f64> { (0..count).map(|_| stream.between(-1.0, 1.0)).collect() };
+        let mut values =
+            |count: usize| -> Vec<f64> { (0..count).map(|_| stream.between(-1.0, 1.0)).collect() };
         Self {
             operation: Operation::of(layer, input, output).unwrap(),
             output,
@@ -31,13 +32,23 @@ impl Case {
     fn forward(&self) -> (Vec<f64>, Vec<f64>) {
         let mut output = vec![0.0; SAMPLES * self.output.len()];
         let mut notes = vec![0.0; SAMPLES * self.operation.notes()];
-        self.operation
-            .forward(&self.parameters, &self.input, &mut output, &mut notes, &mut Vec::new());
+        self.operation.forward(
+            &self.parameters,
+            &self.input,
+            &mut output,
+            &mut notes,
+            &mut Vec::new(),
+        );
         (output, notes)
     }
 
     fn loss(&self) -> f64 {
-        self.forward().0.iter().zip(&self.weights).map(|(a, b)| a * b).sum()
+        self.forward()
+            .0
+            .iter()
+            .zip(&self.weights)
+            .map(|(a, b)| a * b)
+            .sum()
     }
 
     /// By the parameters and by the input.
@@ -76,11 +87,17 @@ fn check(layer: Layer, input: (usize, usize), output: (usize, usize)) {
     let (d_parameters, d_input) = case.gradients();
     for (i, &gradient) in d_parameters.iter().enumerate() {
         let slope = case.slope(|case| &mut case.parameters[i]);
-        assert!((gradient - slope).abs() < 1e-7, "parameter {i}: {gradient}, not {slope}");
+        assert!(
+            (gradient - slope).abs() < 1e-7,
+            "parameter {i}: {gradient}, not {slope}"
+        );
     }
     for (i, &gradient) in d_input.iter().enumerate() {
         let slope = case.slope(|case| &mut case.input[i]);
-        assert!((gradient - slope).abs() < 1e-7, "input {i}: {gradient}, not {slope}");
+        assert!(
+            (gradient - slope).abs() < 1e-7,
+            "input {i}: {gradient}, not {slope}"
+        );
     }
 }
 

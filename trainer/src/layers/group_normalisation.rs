@@ -31,7 +31,10 @@ impl GroupNormalisation {
                 factors[channel] = scales[channel] * rate;
                 terms[channel] = shifts[channel] - mean * factors[channel];
             }
-            for (input, output) in input.chunks_exact(channels).zip(output.chunks_exact_mut(channels)) {
+            for (input, output) in input
+                .chunks_exact(channels)
+                .zip(output.chunks_exact_mut(channels))
+            {
                 let coefficients = factors.iter().zip(&terms);
                 for ((output, &input), (&factor, &term)) in output.iter_mut().zip(input).zip(coefficients) {
                     *output = input * factor + term;
@@ -67,12 +70,17 @@ impl GroupNormalisation {
                 let [mean, rate] = self.noted(notes, channel);
                 let [alone, times_normalised] = group_sums[self.group(channel)];
                 let slope = -(rate * rate * times_normalised / count);
-                *line = [rate * scales[channel], slope, -(rate * alone / count) - mean * slope];
+                *line = [
+                    rate * scales[channel],
+                    slope,
+                    -(rate * alone / count) - mean * slope,
+                ];
             }
             let pixels = input.chunks_exact(channels).zip(d_output.chunks_exact(channels));
             for ((input, d_output), d_input) in pixels.zip(d_input.chunks_exact_mut(channels)) {
                 let values = input.iter().zip(d_output).zip(&line);
-                for (d_input, ((&input, &d_output), &[factor, slope, term])) in d_input.iter_mut().zip(values) {
+                for (d_input, ((&input, &d_output), &[factor, slope, term])) in d_input.iter_mut().zip(values)
+                {
                     *d_input = d_output * factor + input * slope + term;
                 }
             }
@@ -98,8 +106,12 @@ impl GroupNormalisation {
         for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
             notes[0] = mean_of(sums);
         }
-        let means: Vec<T> = (0..channels).map(|channel| self.noted(notes, channel)[0]).collect();
-        sum_by_channel(input, sums, |channel, value| (value - means[channel]) * (value - means[channel]));
+        let means: Vec<T> = (0..channels)
+            .map(|channel| self.noted(notes, channel)[0])
+            .collect();
+        sum_by_channel(input, sums, |channel, value| {
+            (value - means[channel]) * (value - means[channel])
+        });
         for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
             notes[1] = T::one() / (mean_of(sums) + T::of(EPSILON)).root();
         }

@@ -66,9 +66,10 @@ impl Operation {
                 stride,
                 padding,
             })),
-            Layer::GroupNormalisation { groups } => {
-                Some(Self::GroupNormalisation(GroupNormalisation { shape: input, groups }))
-            }
+            Layer::GroupNormalisation { groups } => Some(Self::GroupNormalisation(GroupNormalisation {
+                shape: input,
+                groups,
+            })),
             Layer::AveragePooling { .. } => Some(Self::AveragePooling(AveragePooling { input, output })),
             Layer::Dense { units } => Some(Self::Dense(Dense { input, units })),
             Layer::LeakyRelu { .. } | Layer::Relu => None,

@@ -14,7 +14,10 @@ pub(crate) fn loss<T: Real>(embeddings: &[T], dimensions: usize, margin: f64, gr
     let count = half / dimensions;
     let part = |i: usize| i * dimensions..(i + 1) * dimensions;
     let mut distances = vec![0.0; count * count];
-    for (anchor, row) in anchors.chunks_exact(dimensions).zip(distances.chunks_exact_mut(count)) {
+    for (anchor, row) in anchors
+        .chunks_exact(dimensions)
+        .zip(distances.chunks_exact_mut(count))
+    {
         for (positive, to) in positives.chunks_exact(dimensions).zip(row) {
             *to = distance(anchor, positive);
         }
@@ -42,7 +45,14 @@ pub(crate) fn loss<T: Real>(embeddings: &[T], dimensions: usize, margin: f64, gr
             own += weight;
         }
         let near = distances[i * count + i];
-        push(anchor, &positives[part(i)], near, own, d_anchor, &mut d_positives[part(i)]);
+        push(
+            anchor,
+            &positives[part(i)],
+            near,
+            own,
+            d_anchor,
+            &mut d_positives[part(i)],
+        );
     }
     for (gradient, slope) in gradient.iter_mut().zip(slopes) {
         *gradient = T::of(slope);

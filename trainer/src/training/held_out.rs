@@ -36,7 +36,11 @@ impl HeldOut {
         Self {
             anchors: augmented(anchor_key, 0),
             positives: augmented(positive_key, pictures.views() - 1),
-            plain: order.iter().flat_map(|&behaviour| pictures.picture(behaviour, 0)).copied().collect(),
+            plain: order
+                .iter()
+                .flat_map(|&behaviour| pictures.picture(behaviour, 0))
+                .copied()
+                .collect(),
             trained_on,
         }
     }

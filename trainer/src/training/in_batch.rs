@@ -40,7 +40,9 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
     );
     let rate = state.schedule.learning_rate();
     let weights = state.network.parameters_mut();
-    state.adam.step(weights, &training.gradient, rate, recipe.weight_decay);
+    state
+        .adam
+        .step(weights, &training.gradient, rate, recipe.weight_decay);
     loss
 }
 
@@ -57,12 +59,19 @@ fn augmented(training: &Training, behaviours: &[usize], stream: &mut Stream) -> 
     let key = stream.bits();
     let augmentation = training.configuration.recipe().augmentation();
     let mut images = vec![0.0; 2 * behaviours.len() * side * side];
-    images.par_chunks_mut(side * side).enumerate().for_each(|(i, image)| {
-        let views = if i < behaviours.len() { &anchors } else { &positives };
-        let place = i % behaviours.len();
-        let picture = pictures.picture(behaviours[place], views[place] as usize);
-        let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
-        augmentation.apply(picture, side, &mut stream, image);
-    });
+    images
+        .par_chunks_mut(side * side)
+        .enumerate()
+        .for_each(|(i, image)| {
+            let views = if i < behaviours.len() {
+                &anchors
+            } else {
+                &positives
+            };
+            let place = i % behaviours.len();
+            let picture = pictures.picture(behaviours[place], views[place] as usize);
+            let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+            augmentation.apply(picture, side, &mut stream, image);
+        });
     images
 }

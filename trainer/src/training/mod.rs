@@ -253,7 +253,9 @@ impl Training {
 
     fn best_network(&self) -> Network {
         let mut network = self.state.network.clone();
-        network.parameters_mut().copy_from_slice(&self.state.best.parameters);
+        network
+            .parameters_mut()
+            .copy_from_slice(&self.state.best.parameters);
         network
     }
 

@@ -1,7 +1,9 @@
 //! An epoch of the paper's recipe: fresh random triplets, whose loss each chunk has for itself.
 
 use super::{EpochLoss, Training};
-use crate::{augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures, recipe::RandomTriplets};
+use crate::{
+    augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures, recipe::RandomTriplets,
+};
 use murmuration_proto::{Purpose, Stream};
 
 /// Triplets in a chunk.
@@ -22,7 +24,9 @@ pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &m
 fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> f64 {
     let pictures = &*training.pictures;
     let behaviours = training.held_out.trained_on();
-    let pairs: Vec<Pair> = (0..recipe.batch).map(|_| Pair::draw(behaviours, pictures.views(), stream)).collect();
+    let pairs: Vec<Pair> = (0..recipe.batch)
+        .map(|_| Pair::draw(behaviours, pictures.views(), stream))
+        .collect();
     let batch = Batch {
         pictures,
         pairs: &pairs,
@@ -42,7 +46,9 @@ fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -
     );
     let rate = state.schedule.learning_rate();
     let weights = state.network.parameters_mut();
-    state.adam.step(weights, &training.gradient, rate, recipe.weight_decay);
+    state
+        .adam
+        .step(weights, &training.gradient, rate, recipe.weight_decay);
     total / recipe.batch as f64
 }
 
@@ -80,14 +86,20 @@ impl Batch<'_> {
         let first = chunk * CHUNK;
         let pairs = &self.pairs[first..(first + CHUNK).min(self.pairs.len())];
         let side = self.pictures.side();
-        let plain = |(behaviour, view)| self.pictures.picture(behaviour, view).iter().map(|&grey| scaled::<f32>(grey));
+        let plain = |(behaviour, view)| {
+            self.pictures
+                .picture(behaviour, view)
+                .iter()
+                .map(|&grey| scaled::<f32>(grey))
+        };
         images.extend(pairs.iter().flat_map(|pair| plain(pair.anchor)));
         for (i, pair) in pairs.iter().enumerate() {
             let start = images.len();
             images.resize(start + side * side, 0.0);
             let mut stream = Stream::derive(self.key, Purpose::Augment, (first + i) as u64);
             let picture = self.pictures.picture(pair.anchor.0, pair.anchor.1);
-            self.augmentation.apply(picture, side, &mut stream, &mut images[start..]);
+            self.augmentation
+                .apply(picture, side, &mut stream, &mut images[start..]);
         }
         images.extend(pairs.iter().flat_map(|pair| plain(pair.negative)));
     }

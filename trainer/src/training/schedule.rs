@@ -75,7 +75,11 @@ impl Schedule {
         } else {
             state.waited += 1;
         }
-        if let Some(plateau) = self.plateau.as_ref().filter(|plateau| state.waited > plateau.patience) {
+        if let Some(plateau) = self
+            .plateau
+            .as_ref()
+            .filter(|plateau| state.waited > plateau.patience)
+        {
             state.learning_rate *= plateau.factor;
             state.waited = 0;
         }
@@ -116,7 +120,10 @@ mod tests {
             schedule.after_epoch(loss);
             schedule.learning_rate()
         });
-        assert_eq!(rates, [1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1 * 0.1, 0.1 * 0.1]);
+        assert_eq!(
+            rates,
+            [1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1 * 0.1, 0.1 * 0.1]
+        );
     }
 
     #[test]

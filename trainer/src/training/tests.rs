@@ -23,7 +23,13 @@ fn bars() -> Arc<Pictures> {
         for _ in 0..2 {
             let start = stream.below(5) as usize;
             let bar = start..start + 1 + behaviour % 6;
-            bytes.extend((0..144).map(|i| if bar.contains(&(i % 12)) { 70 + 3 * behaviour as u8 } else { 0 }));
+            bytes.extend((0..144).map(|i| {
+                if bar.contains(&(i % 12)) {
+                    70 + 3 * behaviour as u8
+                } else {
+                    0
+                }
+            }));
         }
     }
     Arc::new(Pictures::new(12, 2, bytes).unwrap())
@@ -43,7 +49,10 @@ fn finished(mut training: Training) -> Training {
 }
 
 fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .unwrap();
     pool.install(work)
 }
 
@@ -81,7 +90,11 @@ fn a_training_that_was_interrupted_ends_as_one_that_was_not() {
 fn another_seed_is_another_training() {
     let loss = |seed: &str| {
         let configuration = Configuration::from_toml(&format!("seed = {seed}\n{SMALL}{IN_BATCH}")).unwrap();
-        Training::new(&configuration, bars()).unwrap().step().unwrap().loss
+        Training::new(&configuration, bars())
+            .unwrap()
+            .step()
+            .unwrap()
+            .loss
     };
     assert_ne!(loss("1"), loss("2"));
     assert_eq!(loss("2"), loss("2"));
@@ -122,13 +135,20 @@ fn training_stops_when_held_out_triplets_get_no_better() {
 
 #[test]
 fn the_papers_training_stops_at_a_low_loss_or_when_it_diverges() {
-    let low = finished(training("[recipe.paper]\nbatch = 10\nsteps = 1\nenough = 1e9\nenough_over = 2"));
+    let low = finished(training(
+        "[recipe.paper]\nbatch = 10\nsteps = 1\nenough = 1e9\nenough_over = 2",
+    ));
     assert_eq!((low.ending(), low.epoch()), (Some(Ending::LowLoss), 2));
     let mut wild = training("[recipe.paper]\nbatch = 10\nsteps = 1");
     wild.state.network.parameters_mut()[0] = f32::NAN;
     let wild = finished(wild);
     assert_eq!(wild.ending(), Some(Ending::Diverged));
-    assert!(wild.embedder().parameters().iter().all(|weight| weight.is_finite()));
+    assert!(
+        wild.embedder()
+            .parameters()
+            .iter()
+            .all(|weight| weight.is_finite())
+    );
 }
 
 #[test]
@@ -155,5 +175,8 @@ fn a_network_must_fit_the_pictures() {
     let paper = Configuration::from_toml("[network]\nname = \"paper\"").unwrap();
     let tiny = Arc::new(Pictures::new(5, 1, vec![0; 250]).unwrap());
     let error = Training::new(&paper, tiny).unwrap_err().to_string();
-    assert!(error.contains("pictures of side 5: layer 4: kernel = 3"), "{error}");
+    assert!(
+        error.contains("pictures of side 5: layer 4: kernel = 3"),
+        "{error}"
+    );
 }
