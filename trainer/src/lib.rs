@@ -1,4 +1,28 @@
-//! The trainer: will learn embedders from trajectory images and publish them as checkpoints.
+//! The trainer: learns embedders from trajectory images, without labels, and writes them as ONNX checkpoints.
 //!
-//! So far it is a service that answers health checks and leases no jobs.
+//! [`training::Training`] takes [`pictures::Pictures`] and a [`configuration::Configuration`] in and is stepped an
+//! epoch at a time; [`onnx::export`] makes a checkpoint of its embedder. No network, no threads of its own: it works
+//! in the rayon pool that it is called in.
 #![deny(missing_docs)]
+
+pub mod accuracy;
+pub mod architecture;
+mod augment;
+pub mod configuration;
+pub mod kin;
+mod lanes;
+mod layers;
+mod loss;
+pub mod network;
+pub mod onnx;
+mod optimise;
+pub mod pictures;
+#[cfg(test)]
+mod pytorch;
+pub mod quality;
+mod ranges;
+mod real;
+pub mod recipe;
+pub mod training;
+
+pub use real::Real;

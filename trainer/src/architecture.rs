@@ -1,0 +1,435 @@
+//! What a network looks like: its layers as data, by name or from a configuration, with every shape checked.
+
+use serde::{Deserialize, Serialize};
+
+/// One layer, as it is written in a configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(
+    rename_all = "kebab-case",
+    rename_all_fields = "kebab-case",
+    deny_unknown_fields
+)]
+pub enum Layer {
+    /// Square kernels over all channels, with a bias.
+    Convolution {
+        /// Channels out, 1 to 1,024.
+        channels: usize,
+        /// Side of the kernel, pixels, 1 or more.
+        kernel: usize,
+        /// Pixels from one place of the kernel to the next, 1 or more.
+        #[serde(default = "one")]
+        stride: usize,
+        /// Zeros around the picture, pixels, less than the kernel.
+        #[serde(default)]
+        padding: usize,
+    },
+    /// Each image's mean and variance over groups of channels are made 0 and 1, then scale and shift a channel.
+    GroupNormalisation {
+        /// Number of groups; must divide the channels.
+        groups: usize,
+    },
+    /// x, or `slope` x where x is negative.
+    LeakyRelu {
+        /// 0 to 1.
+        slope: f64,
+    },
+    /// x, or 0 where x is negative.
+    Relu,
+    /// Means over a grid of equal windows. With a picture of side s they have side s - (grid - 1) (s / grid), where
+    /// s / grid is rounded down, and so overlap where grid does not divide s.
+    AveragePooling {
+        /// Windows along a side, 1 or more.
+        grid: usize,
+    },
+    /// Every value to every unit, with a bias. What comes before is flattened.
+    Dense {
+        /// Values out, 1 to 65,536.
+        units: usize,
+    },
+}
+
+const fn one() -> usize {
+    1
+}
+
+/// The values of one image between two layers: channels of square pictures (side 1 where flattened).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shape {
+    /// Number of channels.
+    pub channels: usize,
+    /// Pixels along a side of each.
+    pub side: usize,
+}
+
+impl Shape {
+    /// Number of values.
+    #[must_use]
+    pub const fn len(self) -> usize {
+        self.channels * self.pixels()
+    }
+
+    /// Whether there are no values (never, in a checked architecture).
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// Pixels of one channel.
+    #[must_use]
+    pub const fn pixels(self) -> usize {
+        self.side * self.side
+    }
+}
+
+/// Why layers do not make a network. `layer` counts from 0.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ArchitectureError {
+    /// There is no network of that name.
+    #[error("no network is called \"{0}\": there are \"compact\" and \"paper\", or give its layers")]
+    UnknownName(String),
+    /// The picture has no pixels, or too many.
+    #[error("pictures of side {0}: must be 1 to 1,000 pixels")]
+    Side(usize),
+    /// No layer at all, or the last is not dense.
+    #[error("the last layer must be dense: its units are the embedding's dimensions (1 to 256)")]
+    NoEmbedding,
+    /// Over a hundred layers.
+    #[error("{0} layers: at most 100 are allowed")]
+    TooManyLayers(usize),
+    /// A number out of its range.
+    #[error("layer {layer}: {field} = {value}: must be {allowed}")]
+    OutOfRange {
+        /// Which layer.
+        layer: usize,
+        /// Which of its numbers.
+        field: &'static str,
+        /// What it was.
+        value: String,
+        /// What it may be.
+        allowed: String,
+    },
+    /// An activation that follows nothing, or another activation.
+    #[error("layer {layer}: an activation must follow a layer that computes")]
+    LooseActivation {
+        /// Which layer.
+        layer: usize,
+    },
+    /// A convolution or a pooling after a dense layer.
+    #[error("layer {layer}: there is no picture any more after a dense layer")]
+    Flattened {
+        /// Which layer.
+        layer: usize,
+    },
+    /// Too many values in one layer, or weights in all.
+    #[error("layer {layer}: more than {limit} {what}")]
+    TooLarge {
+        /// Which layer.
+        layer: usize,
+        /// Of what.
+        what: &'static str,
+        /// How many are allowed.
+        limit: usize,
+    },
+}
+
+/// Most values of one image between two layers.
+const MAX_VALUES: usize = 1 << 22;
+/// Most weights of a network: 64 MB of them.
+const MAX_PARAMETERS: usize = 1 << 24;
+
+/// A checked list of layers for grey pictures of one side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Architecture {
+    side: usize,
+    layers: Vec<Layer>,
+    /// One more than layers: what goes into each, and what comes out at the end.
+    shapes: Vec<Shape>,
+}
+
+impl Architecture {
+    /// Layers for grey pictures of `side` x `side` pixels.
+    ///
+    /// # Errors
+    /// Says which layer cannot follow the one before it.
+    pub fn new(side: usize, layers: Vec<Layer>) -> Result<Self, ArchitectureError> {
+        if !(1..=1000).contains(&side) {
+            return Err(ArchitectureError::Side(side));
+        }
+        if layers.len() > 100 {
+            return Err(ArchitectureError::TooManyLayers(layers.len()));
+        }
+        match layers.last() {
+            Some(Layer::Dense { units: 1..=256 }) => {}
+            _ => return Err(ArchitectureError::NoEmbedding),
+        }
+        let mut shapes = vec![Shape { channels: 1, side }];
+        let mut check = Check::default();
+        for (layer, &spec) in layers.iter().enumerate() {
+            let shape = check.follow(layer, spec, shapes[layer])?;
+            shapes.push(shape);
+        }
+        Ok(Self { side, layers, shapes })
+    }
+
+    /// The network of that name, `compact` or `paper`, for pictures of `side`, embedding in `dimensions`.
+    ///
+    /// # Errors
+    /// Where the name is not known, or the pictures are too small or too large for it.
+    pub fn named(name: &str, side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+        match name {
+            "compact" => Self::compact(side, dimensions),
+            "paper" => Self::paper(side, dimensions),
+            _ => Err(ArchitectureError::UnknownName(name.to_owned())),
+        }
+    }
+
+    /// The paper's network: three 3 x 3 convolutions of one channel, then dense layers of 256, 64 and `dimensions`
+    /// units ("Simulation and Data": 50 x 50 pixels and 5 dimensions).
+    ///
+    /// # Errors
+    /// Where `side` is under 7 or over 1,000, or too large for the dense layers, or `dimensions` not 1 to 256.
+    pub fn paper(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+        let convolution = Layer::Convolution {
+            channels: 1,
+            kernel: 3,
+            stride: 1,
+            padding: 0,
+        };
+        let leaky = Layer::LeakyRelu { slope: 0.01 };
+        let mut layers = [convolution, leaky].repeat(3);
+        layers.extend([Layer::Dense { units: 256 }, Layer::Relu]);
+        layers.extend([Layer::Dense { units: 64 }, Layer::Relu]);
+        layers.push(Layer::Dense { units: dimensions });
+        Self::new(side, layers)
+    }
+
+    /// The default network: three 3 x 3 convolutions of 16, 32 and 64 channels and stride 2, each normalised in
+    /// four groups, pooled to 2 x 2, then dense layers of 64 and `dimensions` units.
+    ///
+    /// # Errors
+    /// Where `side` is under 9 or over 1,000, or `dimensions` not 1 to 256.
+    pub fn compact(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+        let mut layers = Vec::new();
+        for channels in [16, 32, 64] {
+            layers.push(Layer::Convolution {
+                channels,
+                kernel: 3,
+                stride: 2,
+                padding: 1,
+            });
+            layers.push(Layer::GroupNormalisation { groups: 4 });
+            layers.push(Layer::LeakyRelu { slope: 0.01 });
+        }
+        layers.push(Layer::AveragePooling { grid: 2 });
+        layers.extend([Layer::Dense { units: 64 }, Layer::Relu]);
+        layers.push(Layer::Dense { units: dimensions });
+        Self::new(side, layers)
+    }
+
+    /// Pixels along a side of the pictures that go in.
+    #[must_use]
+    pub const fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Length of the embedding that comes out.
+    #[must_use]
+    pub fn dimensions(&self) -> usize {
+        self.shapes.last().map_or(0, |shape| shape.channels)
+    }
+
+    /// The layers.
+    #[must_use]
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers
+    }
+
+    /// Each layer with the shape that goes in and the shape that comes out.
+    pub fn shaped_layers(&self) -> impl Iterator<Item = (Layer, Shape, Shape)> {
+        let between = self.shapes.windows(2).map(|pair| (pair[0], pair[1]));
+        self.layers
+            .iter()
+            .zip(between)
+            .map(|(&layer, (input, output))| (layer, input, output))
+    }
+}
+
+/// What is remembered from layer to layer while they are checked.
+#[derive(Debug, Default)]
+struct Check {
+    flattened: bool,
+    activation_may_follow: bool,
+    parameters: usize,
+}
+
+impl Check {
+    /// The shape that `spec` makes of `input`.
+    fn follow(&mut self, layer: usize, spec: Layer, input: Shape) -> Result<Shape, ArchitectureError> {
+        let out_of_range = |field, value: String, allowed: String| ArchitectureError::OutOfRange {
+            layer,
+            field,
+            value,
+            allowed,
+        };
+        let whole = |field, value: usize, least: usize, most: usize| {
+            let error = || out_of_range(field, value.to_string(), format!("{least} to {most}"));
+            if (least..=most).contains(&value) {
+                Ok(value)
+            } else {
+                Err(error())
+            }
+        };
+        let is_activation = matches!(spec, Layer::LeakyRelu { .. } | Layer::Relu);
+        if is_activation && !self.activation_may_follow {
+            return Err(ArchitectureError::LooseActivation { layer });
+        }
+        self.activation_may_follow = !is_activation;
+        if self.flattened && matches!(spec, Layer::Convolution { .. } | Layer::AveragePooling { .. }) {
+            return Err(ArchitectureError::Flattened { layer });
+        }
+        let output = match spec {
+            Layer::Relu => input,
+            Layer::LeakyRelu { slope } if (0.0..=1.0).contains(&slope) => input,
+            Layer::LeakyRelu { slope } => {
+                return Err(out_of_range("slope", slope.to_string(), "0 to 1".to_owned()));
+            }
+            Layer::GroupNormalisation { groups } => {
+                whole("groups", groups, 1, input.channels)?;
+                if !input.channels.is_multiple_of(groups) {
+                    let allowed = format!("a divisor of the {} channels", input.channels);
+                    return Err(out_of_range("groups", groups.to_string(), allowed));
+                }
+                input
+            }
+            Layer::AveragePooling { grid } => Shape {
+                side: whole("grid", grid, 1, input.side)?,
+                ..input
+            },
+            Layer::Convolution {
+                channels,
+                kernel,
+                stride,
+                padding,
+            } => {
+                whole("channels", channels, 1, 1024)?;
+                whole("padding", padding, 0, kernel.saturating_sub(1))?;
+                whole("kernel", kernel, 1, (input.side + 2 * padding).min(99))?;
+                whole("stride", stride, 1, input.side)?;
+                let side = (input.side + 2 * padding - kernel) / stride + 1;
+                Shape { channels, side }
+            }
+            Layer::Dense { units } => {
+                self.flattened = true;
+                Shape {
+                    channels: whole("units", units, 1, 65_536)?,
+                    side: 1,
+                }
+            }
+        };
+        self.parameters += parameters(spec, input);
+        let too_large = |what, limit| ArchitectureError::TooLarge { layer, what, limit };
+        if output.len() > MAX_VALUES {
+            return Err(too_large("values", MAX_VALUES));
+        }
+        if self.parameters > MAX_PARAMETERS {
+            return Err(too_large("weights", MAX_PARAMETERS));
+        }
+        Ok(output)
+    }
+}
+
+/// Number of weights of a layer.
+pub(crate) const fn parameters(layer: Layer, input: Shape) -> usize {
+    match layer {
+        Layer::Convolution { channels, kernel, .. } => channels * (kernel * kernel * input.channels + 1),
+        Layer::GroupNormalisation { .. } => 2 * input.channels,
+        Layer::Dense { units } => units * (input.len() + 1),
+        Layer::LeakyRelu { .. } | Layer::Relu | Layer::AveragePooling { .. } => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sides(architecture: &Architecture) -> Vec<(usize, usize)> {
+        architecture
+            .shapes
+            .iter()
+            .map(|shape| (shape.channels, shape.side))
+            .collect()
+    }
+
+    #[test]
+    fn the_papers_network_flattens_to_1936_values() {
+        let paper = Architecture::paper(50, 5).unwrap();
+        assert_eq!(paper.shapes[6].len(), 1936);
+        assert_eq!(paper.dimensions(), 5);
+    }
+
+    #[test]
+    fn the_compact_network_pools_to_256_values() {
+        let compact = Architecture::compact(50, 5).unwrap();
+        let expected = [
+            (1, 50),
+            (16, 25),
+            (16, 25),
+            (16, 25),
+            (32, 13),
+            (32, 13),
+            (32, 13),
+            (64, 7),
+        ];
+        assert_eq!(sides(&compact)[..8], expected);
+        assert_eq!(compact.shapes[10].len(), 256);
+    }
+
+    #[track_caller]
+    fn check_refused(layers: &str, said: &str) {
+        #[derive(Deserialize)]
+        struct File {
+            layers: Vec<Layer>,
+        }
+        let file: File = toml::from_str(&format!("layers = [{layers}]")).unwrap();
+        let error = Architecture::new(50, file.layers).unwrap_err().to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        const DENSE: &str = "{ dense = { units = 5 } }";
+        check_refused("", "last layer must be dense");
+        check_refused("{ dense = { units = 300 } }", "1 to 256");
+        check_refused(&format!("\"relu\", {DENSE}"), "layer 0: an activation");
+        check_refused(
+            &format!("{DENSE}, \"relu\", \"relu\", {DENSE}"),
+            "layer 2: an activation",
+        );
+        check_refused(
+            &format!("{DENSE}, {{ average-pooling = {{ grid = 1 }} }}, {DENSE}"),
+            "layer 1: there is no picture",
+        );
+        check_refused(
+            &format!("{{ convolution = {{ channels = 6, kernel = 51 }} }}, {DENSE}"),
+            "layer 0: kernel = 51: must be 1 to 50",
+        );
+        check_refused(
+            &format!("{{ convolution = {{ channels = 6, kernel = 3, stride = 0 }} }}, {DENSE}"),
+            "stride = 0",
+        );
+        check_refused(
+            &format!(
+                "{{ convolution = {{ channels = 6, kernel = 3 }} }}, {{ group-normalisation = {{ groups = 4 }} }}, {DENSE}"
+            ),
+            "layer 1: groups = 4: must be a divisor of the 6 channels",
+        );
+        check_refused(
+            &format!("{DENSE}, {{ leaky-relu = {{ slope = nan }} }}, {DENSE}"),
+            "layer 1: slope = NaN",
+        );
+        check_refused(
+            &format!("{{ dense = {{ units = 65536 }} }}, {DENSE}"),
+            "layer 0: more than 16777216 weights",
+        );
+    }
+}

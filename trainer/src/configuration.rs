@@ -1,0 +1,218 @@
+//! Everything that decides what a training makes of its pictures, validated.
+
+use crate::{
+    architecture::{Architecture, ArchitectureError, Layer},
+    ranges::{real, whole},
+    recipe::Recipe,
+};
+use murmuration_proto::Invalid;
+use serde::{Deserialize, Serialize};
+
+/// A configuration as it is written; nothing is checked yet. Absent fields take their defaults.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Seed of every random stream, 0 to 2^63 - 1. Default 1.
+    pub seed: u64,
+    /// Share of the behaviours that are not trained on but judge the embedding, over 0 to 0.5 (at most 1,000 of
+    /// them). Default 0.1.
+    pub held_out: f64,
+    /// What the network looks like.
+    pub network: NetworkSettings,
+    /// How it is trained.
+    pub recipe: Recipe,
+}
+
+/// A network: by name, or layer by layer.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct NetworkSettings {
+    /// `compact` (the default) or `paper`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// Length of the embedding of a network by name, 1 to 256. Default 5, as many as there are hand-crafted features.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dimensions: Option<usize>,
+    /// Its layers, instead of a name and dimensions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<Vec<Layer>>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            held_out: 0.1,
+            network: NetworkSettings::default(),
+            recipe: Recipe::default(),
+        }
+    }
+}
+
+/// A checked configuration: with the same pictures it gives the same embedder, bit for bit, on one machine.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Configuration {
+    settings: Settings,
+}
+
+/// Why a text is no configuration.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigurationError {
+    /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
+    #[error("{0}")]
+    Syntax(#[from] toml::de::Error),
+    /// A value that is not allowed.
+    #[error("{0}")]
+    Value(#[from] Invalid),
+}
+
+impl Configuration {
+    /// Reads a configuration (TOML; the fields are those of [`Settings`]).
+    ///
+    /// # Errors
+    /// Says where the text is not TOML, which field it does not know, or which value is not allowed.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
+        let settings: Settings = toml::from_str(text)?;
+        Ok(settings.try_into()?)
+    }
+
+    /// Writes it with every field spelled out: a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
+    /// same back.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(&self.settings).unwrap_or_default()
+    }
+
+    /// Seed of every random stream.
+    #[must_use]
+    pub const fn seed(&self) -> u64 {
+        self.settings.seed
+    }
+
+    /// How the network is trained.
+    #[must_use]
+    pub const fn recipe(&self) -> &Recipe {
+        &self.settings.recipe
+    }
+
+    /// How many of so many behaviours are held out: at least two, and two are left to train on.
+    #[must_use]
+    pub(crate) fn held_out(&self, behaviours: usize) -> usize {
+        let share = (self.settings.held_out * behaviours as f64) as usize;
+        share.min(1000).clamp(2, behaviours - 2)
+    }
+
+    /// The network for pictures of `side` x `side`.
+    ///
+    /// # Errors
+    /// Where it does not fit such pictures.
+    pub fn architecture(&self, side: usize) -> Result<Architecture, ArchitectureError> {
+        let NetworkSettings {
+            name,
+            dimensions,
+            layers,
+        } = &self.settings.network;
+        match layers {
+            Some(layers) => Architecture::new(side, layers.clone()),
+            None => Architecture::named(
+                name.as_deref().unwrap_or("compact"),
+                side,
+                dimensions.unwrap_or(5),
+            ),
+        }
+    }
+}
+
+impl TryFrom<Settings> for Configuration {
+    type Error = Invalid;
+
+    fn try_from(settings: Settings) -> Result<Self, Invalid> {
+        whole("seed", settings.seed, 0..=i64::MAX as u64)?;
+        real("held_out", settings.held_out, f64::MIN_POSITIVE..=0.5)?;
+        settings.recipe.check().map_err(|error| error.within("recipe"))?;
+        let network = &settings.network;
+        if network.layers.is_some() && (network.name.is_some() || network.dimensions.is_some()) {
+            let allowed = "absent where a name or dimensions are given";
+            return Err(Invalid::new("network.layers", "given", allowed));
+        }
+        if let Some(name) = network
+            .name
+            .as_deref()
+            .filter(|name| !["compact", "paper"].contains(name))
+        {
+            let allowed = "\"compact\" or \"paper\"";
+            return Err(Invalid::new("network.name", format!("{name:?}"), allowed));
+        }
+        Ok(Self { settings })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[track_caller]
+    fn check_refused(text: &str, said: &str) {
+        let error = Configuration::from_toml(text).unwrap_err().to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn the_paper_by_name() {
+        let text = "[network]\nname = \"paper\"\n[recipe.paper]\n";
+        let paper = Configuration::from_toml(text).unwrap();
+        let Recipe::Paper(recipe) = paper.recipe() else {
+            panic!("not the paper's recipe");
+        };
+        assert_eq!(recipe.batch * recipe.steps, 16_384);
+        assert_eq!(
+            paper.architecture(50).unwrap(),
+            Architecture::paper(50, 5).unwrap()
+        );
+    }
+
+    #[test]
+    fn the_default_is_the_compact_network_and_in_batch_triplets() {
+        let default = Configuration::from_toml("").unwrap();
+        assert_eq!(default, Configuration::default());
+        assert_eq!(default.recipe().name(), "in-batch");
+        assert_eq!(
+            default.architecture(50).unwrap(),
+            Architecture::compact(50, 5).unwrap()
+        );
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let layers = "[network]\nlayers = [{ convolution = { channels = 2, kernel = 3 } }, \"relu\", { dense = { units = 3 } }]";
+        for text in ["seed = 7", "[recipe.paper]\nmargin = 0.1", layers] {
+            let configuration = Configuration::from_toml(text).unwrap();
+            assert_eq!(
+                Configuration::from_toml(&configuration.to_toml()).unwrap(),
+                configuration
+            );
+        }
+        let architecture = Configuration::from_toml(layers).unwrap().architecture(9).unwrap();
+        assert_eq!((architecture.dimensions(), architecture.layers().len()), (3, 3));
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        check_refused("sed = 1", "unknown field `sed`");
+        check_refused("held_out = 0", "held_out = 0");
+        check_refused("held_out = nan", "held_out = NaN");
+        check_refused(
+            "[network]\nname = \"large\"",
+            "network.name = \"large\": must be \"compact\"",
+        );
+        check_refused("[network]\nname = \"paper\"\nlayers = []", "network.layers");
+        check_refused("[recipe.paper]\nmargin = 0.0", "recipe.paper.margin = 0");
+        check_refused("[recipe.in-batch]\nbatch = 1", "recipe.in-batch.batch = 1");
+        check_refused(
+            "[recipe.in-batch]\ncrop = [0.6, 2.1]",
+            "recipe.in-batch.crop[1] = 2.1",
+        );
+        check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
+        check_refused("[recipe.supervised]\n", "unknown variant `supervised`");
+    }
+}

@@ -1,0 +1,136 @@
+//! The gradient of a batch, a chunk of images at a time on every core.
+//!
+//! Chunks are dealt out to a fixed number of lanes. A lane takes its chunks in order and adds up their gradients;
+//! the lanes' sums are then added in order. So the result depends on the number of lanes and on the size of the
+//! chunks, which are constants, and not on the number of threads.
+
+use crate::{
+    network::{Network, Room, Tape},
+    real::Real,
+};
+use rayon::prelude::*;
+
+/// Number of lanes, and so of threads that can be busy.
+const LANES: usize = 16;
+/// Weights whose sums over the lanes are one piece of work.
+const SUMMED_AT_ONCE: usize = 1 << 14;
+
+/// Buffers for one batch after the other.
+#[derive(Debug)]
+pub(crate) struct Lanes<T> {
+    lanes: Vec<Lane<T>>,
+}
+
+#[derive(Debug, Clone)]
+struct Lane<T> {
+    /// One for each chunk between whose ways forward and back the others' embeddings are waited for; else one.
+    tapes: Vec<Tape<T>>,
+    room: Room<T>,
+    images: Vec<T>,
+    d_embeddings: Vec<T>,
+    gradient: Vec<T>,
+    loss: f64,
+}
+
+impl<T: Real> Lanes<T> {
+    pub(crate) fn new(network: &Network<T>) -> Self {
+        let lane = Lane {
+            tapes: vec![Tape::default()],
+            room: Room::default(),
+            images: Vec::new(),
+            d_embeddings: Vec::new(),
+            gradient: vec![T::zero(); network.parameters().len()],
+            loss: 0.0,
+        };
+        Self {
+            lanes: vec![lane; LANES],
+        }
+    }
+
+    /// The gradient of a loss that each chunk has for itself: a chunk stays in a core's cache from image to gradient.
+    /// Writes the gradient by the weights to `sum`, and returns the sum of the losses.
+    ///
+    /// `images` makes the images of a chunk (it is given an empty list); `loss` is given their embeddings and makes
+    /// the gradient by them.
+    pub(crate) fn gradient_by_chunk(
+        &mut self,
+        network: &Network<T>,
+        chunks: usize,
+        images: impl Fn(usize, &mut Vec<T>) + Sync,
+        loss: impl Fn(usize, &[T], &mut [T]) -> f64 + Sync,
+        sum: &mut [T],
+    ) -> f64 {
+        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+            lane.gradient.fill(T::zero());
+            lane.loss = 0.0;
+            let tape = &mut lane.tapes[0];
+            for chunk in (first..chunks).step_by(LANES) {
+                lane.images.clear();
+                images(chunk, &mut lane.images);
+                let embeddings = network.forward(&lane.images, tape, &mut lane.room);
+                lane.d_embeddings.clear();
+                lane.d_embeddings.resize(embeddings.len(), T::zero());
+                lane.loss += loss(chunk, embeddings, &mut lane.d_embeddings);
+                let gradient = &mut lane.gradient;
+                network.backward(&lane.images, tape, &mut lane.room, &lane.d_embeddings, gradient);
+            }
+        });
+        self.add_up(sum);
+        self.lanes.iter().map(|lane| lane.loss).sum()
+    }
+
+    /// The gradient of a loss that needs the embeddings of all `images` (`chunk` of them are taken at once): the
+    /// chunks wait between their ways forward and back. Writes the gradient by the weights to `sum`.
+    ///
+    /// `loss` is given the embeddings and makes the gradient by them.
+    pub(crate) fn gradient_at_once<L>(
+        &mut self,
+        network: &Network<T>,
+        images: &[T],
+        chunk: usize,
+        loss: impl FnOnce(&[T], &mut [T]) -> L,
+        sum: &mut [T],
+    ) -> L {
+        let architecture = network.architecture();
+        let dimensions = architecture.dimensions();
+        let images: Vec<&[T]> = images
+            .chunks(chunk * architecture.side() * architecture.side())
+            .collect();
+        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+            let images = images.iter().skip(first).step_by(LANES);
+            lane.tapes.resize_with(images.len().max(1), Tape::default);
+            for (images, tape) in images.zip(&mut lane.tapes) {
+                network.forward(images, tape, &mut lane.room);
+            }
+        });
+        let tape = |i: usize| &self.lanes[i % LANES].tapes[i / LANES];
+        let embeddings: Vec<&[T]> = (0..images.len()).map(|i| tape(i).embeddings()).collect();
+        let embeddings = embeddings.concat();
+        let mut d_embeddings = vec![T::zero(); embeddings.len()];
+        let loss = loss(&embeddings, &mut d_embeddings);
+        let d_embeddings: Vec<&[T]> = d_embeddings.chunks(chunk * dimensions).collect();
+        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+            lane.gradient.fill(T::zero());
+            let chunks = images.iter().zip(&d_embeddings).skip(first).step_by(LANES);
+            for ((images, d_embeddings), tape) in chunks.zip(&mut lane.tapes) {
+                network.backward(images, tape, &mut lane.room, d_embeddings, &mut lane.gradient);
+            }
+        });
+        self.add_up(sum);
+        loss
+    }
+
+    /// Writes the sum of the lanes' gradients, in their order, to `sum`.
+    fn add_up(&self, sum: &mut [T]) {
+        sum.par_chunks_mut(SUMMED_AT_ONCE)
+            .enumerate()
+            .for_each(|(i, sum)| {
+                sum.fill(T::zero());
+                for lane in &self.lanes {
+                    for (sum, &value) in sum.iter_mut().zip(&lane.gradient[i * SUMMED_AT_ONCE..]) {
+                        *sum += value;
+                    }
+                }
+            });
+    }
+}

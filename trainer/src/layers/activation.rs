@@ -1,0 +1,40 @@
+//! Leaky rectifiers, in place. The derivative is read off what came out, so nothing else need be kept.
+
+use crate::{architecture::Layer, real::Real};
+
+/// x, or `slope` x where x is negative.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Activation {
+    slope: f64,
+}
+
+impl Activation {
+    /// The activation that a layer is, if it is one.
+    pub(crate) const fn of(layer: Layer) -> Option<Self> {
+        match layer {
+            Layer::LeakyRelu { slope } => Some(Self { slope }),
+            Layer::Relu => Some(Self { slope: 0.0 }),
+            _ => None,
+        }
+    }
+
+    pub(crate) fn forward<T: Real>(self, values: &mut [T]) {
+        let slope = T::of(self.slope);
+        for value in values {
+            *value = if *value > T::zero() {
+                *value
+            } else {
+                *value * slope
+            };
+        }
+    }
+
+    /// Turns gradients by what came out (`output`) into gradients by what went in.
+    pub(crate) fn backward<T: Real>(self, output: &[T], gradient: &mut [T]) {
+        let slope = T::of(self.slope);
+        for (gradient, &output) in gradient.iter_mut().zip(output) {
+            let factor = if output > T::zero() { T::one() } else { slope };
+            *gradient = *gradient * factor;
+        }
+    }
+}

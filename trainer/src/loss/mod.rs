@@ -1,0 +1,34 @@
+//! The losses: what embeddings should be like, and which way to push them.
+
+pub(crate) mod in_batch;
+pub(crate) mod triplets;
+
+use crate::real::Real;
+
+/// Added to every difference, so that the distance of two equal embeddings still has a gradient (as PyTorch's
+/// `pairwise_distance` does).
+const EPSILON: f64 = 1e-6;
+
+/// The Euclidean distance of two embeddings.
+fn distance<T: Real>(a: &[T], b: &[T]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| {
+        let difference = a.wide() - b.wide() + EPSILON;
+        difference * difference
+    });
+    squares.sum::<f64>().sqrt()
+}
+
+/// Whether a triplet counts: so does one whose distances are no numbers, lest a network that broke look perfect.
+const fn is_violated(violation: f64) -> bool {
+    violation > 0.0 || violation.is_nan()
+}
+
+/// Adds to `d_a` and `d_b` the gradient of `weight` times the distance of `a` and `b`, which is `distance`.
+fn push<T: Real>(a: &[T], b: &[T], distance: f64, weight: f64, d_a: &mut [f64], d_b: &mut [f64]) {
+    let values = a.iter().zip(b).zip(d_a.iter_mut().zip(d_b));
+    for ((a, b), (d_a, d_b)) in values {
+        let slope = weight * (a.wide() - b.wide() + EPSILON) / distance;
+        *d_a += slope;
+        *d_b -= slope;
+    }
+}

@@ -1,0 +1,286 @@
+//! A network: an architecture with weights. It runs forward and backward over a chunk of images at a time.
+
+use crate::{
+    architecture::{Architecture, Layer, Shape, parameters},
+    layers::{Activation, Backward, Operation},
+    real::Real,
+};
+use murmuration_proto::{Purpose, Stream};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// An embedder that can be trained: an architecture and its weights.
+#[derive(Debug, Clone)]
+pub struct Network<T = f32> {
+    architecture: Architecture,
+    stages: Vec<Stage>,
+    parameters: Vec<T>,
+}
+
+/// A layer that computes, and the activation that may follow it.
+#[derive(Debug, Clone)]
+pub(crate) struct Stage {
+    pub(crate) operation: Operation,
+    pub(crate) activation: Option<Layer>,
+    pub(crate) output: Shape,
+    /// Where its weights are among the network's.
+    pub(crate) parameters: Range<usize>,
+}
+
+impl Stage {
+    fn activate<T: Real>(&self, values: &mut [T]) {
+        if let Some(activation) = self.activation.and_then(Activation::of) {
+            activation.forward(values);
+        }
+    }
+}
+
+/// Images that are embedded at once when a network is only used.
+const EMBEDDED_AT_ONCE: usize = 32;
+
+impl<T: Real> Network<T> {
+    /// A network with its first weights: uniform in plus or minus 1 / sqrt(values that meet in one), biases too,
+    /// as PyTorch does it; scales 1 and shifts 0.
+    #[must_use]
+    pub fn initialise(architecture: Architecture, seed: u64) -> Self {
+        let stages = stages(&architecture);
+        let mut parameters = Vec::new();
+        for (index, stage) in stages.iter().enumerate() {
+            let mut stream = Stream::derive(seed, Purpose::Initialise, index as u64);
+            let count = stage.parameters.len();
+            match stage.operation.fan_in() {
+                0 => {
+                    let scales = std::iter::repeat_n(T::one(), count / 2);
+                    parameters.extend(scales.chain(std::iter::repeat_n(T::zero(), count / 2)));
+                }
+                fan_in => {
+                    let bound = 1.0 / (fan_in as f64).sqrt();
+                    parameters.extend((0..count).map(|_| T::of(stream.between(-bound, bound))));
+                }
+            }
+        }
+        Self {
+            architecture,
+            stages,
+            parameters,
+        }
+    }
+
+    /// Its architecture.
+    #[must_use]
+    pub const fn architecture(&self) -> &Architecture {
+        &self.architecture
+    }
+
+    /// All weights, layer after layer.
+    #[must_use]
+    pub fn parameters(&self) -> &[T] {
+        &self.parameters
+    }
+
+    pub(crate) fn parameters_mut(&mut self) -> &mut [T] {
+        &mut self.parameters
+    }
+
+    pub(crate) fn stages(&self) -> &[Stage] {
+        &self.stages
+    }
+
+    /// Embeds grey pictures, given one after the other as bytes: `dimensions` numbers each, one after the other.
+    /// A remainder shorter than a picture is left out. The bits do not depend on the number of threads.
+    #[must_use]
+    pub fn embed(&self, pictures: &[u8]) -> Vec<T> {
+        self.embed_by_chunk(pictures, |greys| greys.iter().map(|&grey| scaled(grey)).collect())
+    }
+
+    /// As [`Network::embed`], for images whose values are 0 to 1.
+    pub(crate) fn embed_scaled(&self, images: &[T]) -> Vec<T> {
+        self.embed_by_chunk(images, <[T]>::to_vec)
+    }
+
+    fn embed_by_chunk<P: Sync>(&self, pictures: &[P], scaled: impl Fn(&[P]) -> Vec<T> + Sync) -> Vec<T> {
+        let pixels = self.architecture.side() * self.architecture.side();
+        let whole = &pictures[..pictures.len() / pixels * pixels];
+        let chunks: Vec<Vec<T>> = whole
+            .par_chunks(EMBEDDED_AT_ONCE * pixels)
+            .map_init(
+                Default::default,
+                |(tape, room): &mut (Tape<T>, Room<T>), chunk| {
+                    self.forward(&scaled(chunk), tape, room).to_vec()
+                },
+            )
+            .collect();
+        chunks.concat()
+    }
+
+    /// Embeds images whose values are 0 to 1, and records on `tape` what the backward pass needs.
+    pub(crate) fn forward<'a>(&self, images: &[T], tape: &'a mut Tape<T>, room: &mut Room<T>) -> &'a [T] {
+        let samples = images.len() / (self.architecture.side() * self.architecture.side());
+        tape.fit(&self.stages, samples);
+        let Tape { outputs, notes } = tape;
+        for (i, stage) in self.stages.iter().enumerate() {
+            let (before, after) = outputs.split_at_mut(i);
+            let input = before.last().map_or(images, Vec::as_slice);
+            let parameters = &self.parameters[stage.parameters.clone()];
+            let output = &mut after[0];
+            stage
+                .operation
+                .forward(parameters, input, output, &mut notes[i], &mut room.scratch);
+            stage.activate(output);
+        }
+        tape.embeddings()
+    }
+
+    /// Adds the gradient by the weights to `sum`, given the gradient by the embeddings of the `images` that ran
+    /// forward on `tape` last.
+    pub(crate) fn backward(
+        &self,
+        images: &[T],
+        tape: &Tape<T>,
+        room: &mut Room<T>,
+        d_embeddings: &[T],
+        sum: &mut [T],
+    ) {
+        let Tape { outputs, notes } = tape;
+        let Room {
+            gradients: [d_output, d_input],
+            scratch,
+        } = room;
+        d_output.clear();
+        d_output.extend_from_slice(d_embeddings);
+        for (i, stage) in self.stages.iter().enumerate().rev() {
+            if let Some(activation) = stage.activation.and_then(Activation::of) {
+                activation.backward(&outputs[i], d_output);
+            }
+            let input = if i == 0 { images } else { &outputs[i - 1] };
+            d_input.resize(input.len(), T::zero());
+            stage.operation.backward(Backward {
+                parameters: &self.parameters[stage.parameters.clone()],
+                input,
+                notes: &notes[i],
+                d_output,
+                d_input: (i > 0).then_some(d_input.as_mut_slice()),
+                d_parameters: &mut sum[stage.parameters.clone()],
+                scratch,
+            });
+            std::mem::swap(d_output, d_input);
+        }
+    }
+}
+
+impl Network<f32> {
+    /// Subtracts `mean` from every embedding, then multiplies it by `factor`: in the last layer, which is dense.
+    pub(crate) fn move_and_scale(&mut self, mean: &[f64], factor: f64) {
+        let last = self.stages.last().map_or(0..0, |stage| stage.parameters.clone());
+        let last = &mut self.parameters[last];
+        let (weights, biases) = last.split_at_mut(last.len() - mean.len());
+        for weight in weights {
+            *weight = (f64::from(*weight) * factor) as f32;
+        }
+        for (bias, mean) in biases.iter_mut().zip(mean) {
+            *bias = ((f64::from(*bias) - mean) * factor) as f32;
+        }
+    }
+}
+
+/// A grey value as networks take it: 0 to 1.
+pub(crate) fn scaled<T: Real>(grey: u8) -> T {
+    T::of(f64::from(grey)) / T::of(255.0)
+}
+
+/// What a chunk of images left behind on its way forward. Its buffers are used again for the next chunk.
+#[derive(Debug, Clone)]
+pub(crate) struct Tape<T> {
+    /// What came out of each stage.
+    outputs: Vec<Vec<T>>,
+    notes: Vec<Vec<T>>,
+}
+
+impl<T> Default for Tape<T> {
+    fn default() -> Self {
+        Self {
+            outputs: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+}
+
+/// Buffers that hold nothing between two passes.
+#[derive(Debug, Clone)]
+pub(crate) struct Room<T> {
+    gradients: [Vec<T>; 2],
+    scratch: Vec<T>,
+}
+
+impl<T> Default for Room<T> {
+    fn default() -> Self {
+        Self {
+            gradients: [Vec::new(), Vec::new()],
+            scratch: Vec::new(),
+        }
+    }
+}
+
+impl<T> Tape<T> {
+    /// What came out last.
+    pub(crate) fn embeddings(&self) -> &[T] {
+        self.outputs.last().map_or(&[], Vec::as_slice)
+    }
+}
+
+impl<T: Real> Tape<T> {
+    fn fit(&mut self, stages: &[Stage], samples: usize) {
+        self.outputs.resize_with(stages.len(), Vec::new);
+        self.notes.resize_with(stages.len(), Vec::new);
+        for (stage, (output, notes)) in stages.iter().zip(self.outputs.iter_mut().zip(&mut self.notes)) {
+            output.resize(samples * stage.output.len(), T::zero());
+            notes.resize(samples * stage.operation.notes(), T::zero());
+        }
+    }
+}
+
+fn stages(architecture: &Architecture) -> Vec<Stage> {
+    let mut stages: Vec<Stage> = Vec::new();
+    let mut start = 0;
+    for (layer, input, output) in architecture.shaped_layers() {
+        if let Some(operation) = Operation::of(layer, input, output) {
+            let end = start + parameters(layer, input);
+            stages.push(Stage {
+                operation,
+                activation: None,
+                output,
+                parameters: start..end,
+            });
+            start = end;
+        } else if let Some(stage) = stages.last_mut() {
+            stage.activation = Some(layer);
+        }
+    }
+    stages
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_networks_have_the_papers_number_of_weights() {
+        let paper = Network::<f32>::initialise(Architecture::paper(50, 5).unwrap(), 1);
+        assert_eq!(paper.parameters().len(), 3 * 10 + 1937 * 256 + 257 * 64 + 65 * 5);
+        let compact = Network::<f32>::initialise(Architecture::compact(50, 5).unwrap(), 1);
+        let convolutions = (9 + 3) * 16 + (16 * 9 + 3) * 32 + (32 * 9 + 3) * 64;
+        assert_eq!(compact.parameters().len(), convolutions + 257 * 64 + 65 * 5);
+    }
+
+    #[test]
+    fn an_embedding_does_not_depend_on_the_others() {
+        let network = Network::<f32>::initialise(Architecture::compact(20, 3).unwrap(), 1);
+        let pictures: Vec<u8> = (0..50 * 400).map(|i| (i * i % 251) as u8).collect();
+        let all = network.embed(&pictures);
+        assert_eq!(all.len(), 150);
+        let some = network.embed(&pictures[33 * 400..40 * 400]);
+        for (one, other) in all[99..120].iter().zip(some) {
+            assert!((one - other).abs() < 1e-6);
+        }
+    }
+}

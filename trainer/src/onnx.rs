@@ -1,0 +1,267 @@
+//! A network as an ONNX model, which any ONNX Runtime can run.
+//!
+//! In: `images`, 32-bit floats, batch x 1 x side x side, grey values 0 to 255 as they are; the scaling to 0 to 1 is
+//! part of the graph. Out: `embeddings`, batch x dimensions. Written for opset [`OPSET`]: group normalisation
+//! is there by way of `InstanceNormalization` over reshaped groups, because the operator of that name came only
+//! with opset 18, and with a scale a group instead of a channel until 21.
+
+use crate::{
+    architecture::{Layer, Shape},
+    layers::{AveragePooling, Convolution, Dense, EPSILON, GroupNormalisation, Operation},
+    network::{Network, Stage},
+    real::Real,
+};
+use murmuration_proto::onnx::{
+    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
+};
+use prost::Message as _;
+
+/// Version of the standard operators that models are written for.
+pub const OPSET: i64 = 17;
+/// Version of the file format that came with it.
+const IR_VERSION: i64 = 8;
+
+/// The bytes of the network's ONNX model: equal networks have equal bytes.
+#[must_use]
+pub fn export(network: &Network) -> Vec<u8> {
+    let side = network.architecture().side();
+    let mut graph = Graph {
+        last: "images".to_owned(),
+        nodes: Vec::new(),
+        constants: vec![TensorProto::floats("white", &[], &[255.0])],
+    };
+    graph.node("Div", "scaled", &["white"], Vec::new());
+    for (index, stage) in network.stages().iter().enumerate() {
+        let weights = &network.parameters()[stage.parameters.clone()];
+        graph.stage(&format!("{index}"), stage, weights);
+    }
+    graph.node("Identity", "embeddings", &[], Vec::new());
+    let model = ModelProto {
+        ir_version: IR_VERSION,
+        producer_name: "murmuration".to_owned(),
+        opset_import: vec![OperatorSetIdProto {
+            domain: String::new(),
+            version: OPSET,
+        }],
+        graph: Some(GraphProto {
+            name: "embedder".to_owned(),
+            node: graph.nodes,
+            initializer: graph.constants,
+            input: vec![ValueInfoProto::batch_of_floats(
+                "images",
+                "batch",
+                &[1, side, side],
+            )],
+            output: vec![ValueInfoProto::batch_of_floats(
+                "embeddings",
+                "batch",
+                &[network.architecture().dimensions()],
+            )],
+            ..GraphProto::default()
+        }),
+        ..ModelProto::default()
+    };
+    model.encode_to_vec()
+}
+
+/// A graph that grows at its end.
+struct Graph {
+    /// Name of the value made last.
+    last: String,
+    nodes: Vec<NodeProto>,
+    constants: Vec<TensorProto>,
+}
+
+impl Graph {
+    /// Appends a node that takes the value made last and `constants`, and makes `output`.
+    fn node(&mut self, operator: &str, output: &str, constants: &[&str], attribute: Vec<AttributeProto>) {
+        let made = std::mem::replace(&mut self.last, output.to_owned());
+        let constants = constants.iter().map(|&name| name.to_owned());
+        self.nodes.push(NodeProto {
+            input: std::iter::once(made).chain(constants).collect(),
+            output: vec![output.to_owned()],
+            name: output.to_owned(),
+            op_type: operator.to_owned(),
+            attribute,
+            domain: String::new(),
+        });
+    }
+
+    fn constant(&mut self, name: &str, dims: &[usize], values: &[f32]) {
+        self.constants.push(TensorProto::floats(name, dims, values));
+    }
+
+    fn stage(&mut self, name: &str, stage: &Stage, weights: &[f32]) {
+        match stage.operation {
+            Operation::Convolution(layer) => {
+                self.convolution(&format!("convolution_{name}"), &layer, weights)
+            }
+            Operation::GroupNormalisation(layer) => {
+                self.group_normalisation(&format!("normalisation_{name}"), layer, weights);
+            }
+            Operation::AveragePooling(layer) => self.average_pooling(&format!("pooling_{name}"), layer),
+            Operation::Dense(layer) => self.dense(&format!("dense_{name}"), layer, weights),
+        }
+        let output = format!("activation_{name}");
+        match stage.activation {
+            Some(Layer::LeakyRelu { slope }) => {
+                let slope = AttributeProto::float("alpha", slope as f32);
+                self.node("LeakyRelu", &output, &[], vec![slope]);
+            }
+            Some(_) => self.node("Relu", &output, &[], Vec::new()),
+            None => {}
+        }
+    }
+
+    fn convolution(&mut self, name: &str, layer: &Convolution, weights: &[f32]) {
+        let (weights, biases) = weights.split_at(layer.output.channels * layer.patch());
+        let (kernel, channels) = (layer.kernel, layer.input.channels);
+        let [weights_name, biases_name] = constant_names(name);
+        let weights = channels_first(weights, kernel * kernel, channels);
+        self.constant(
+            &weights_name,
+            &[layer.output.channels, channels, kernel, kernel],
+            &weights,
+        );
+        self.constant(&biases_name, &[layer.output.channels], biases);
+        let attributes = vec![
+            AttributeProto::integers("kernel_shape", &[kernel; 2]),
+            AttributeProto::integers("strides", &[layer.stride; 2]),
+            AttributeProto::integers("pads", &[layer.padding; 4]),
+        ];
+        self.node("Conv", name, &[&weights_name, &biases_name], attributes);
+    }
+
+    fn group_normalisation(&mut self, name: &str, layer: GroupNormalisation, weights: &[f32]) {
+        let Shape { channels, side } = layer.shape;
+        let groups = layer.groups;
+        let named = |what: &str| format!("{name}.{what}");
+        let [weights_name, biases_name] = constant_names(name);
+        self.constants
+            .push(TensorProto::integers(named("by_group"), &[0, groups as i64, -1]));
+        self.constant(&named("ones"), &[groups], &vec![1.0; groups]);
+        self.constant(&named("zeros"), &[groups], &vec![0.0; groups]);
+        // 0 is "as it was": the batch.
+        let by_channel = [0, channels as i64, side as i64, side as i64];
+        let flat = self.is_flat(layer.shape);
+        let (by_channel, spread) = if flat {
+            (&by_channel[..2], vec![channels])
+        } else {
+            (&by_channel[..], vec![channels, 1, 1])
+        };
+        self.constants
+            .push(TensorProto::integers(named("by_channel"), by_channel));
+        let (scales, shifts) = weights.split_at(channels);
+        self.constant(&weights_name, &spread, scales);
+        self.constant(&biases_name, &spread, shifts);
+        self.node("Reshape", &named("grouped"), &[&named("by_group")], Vec::new());
+        self.node(
+            "InstanceNormalization",
+            &named("normalised"),
+            &[&named("ones"), &named("zeros")],
+            vec![AttributeProto::float("epsilon", EPSILON as f32)],
+        );
+        self.node(
+            "Reshape",
+            &named("ungrouped"),
+            &[&named("by_channel")],
+            Vec::new(),
+        );
+        self.node("Mul", &named("scaled"), &[&weights_name], Vec::new());
+        self.node("Add", name, &[&biases_name], Vec::new());
+    }
+
+    fn average_pooling(&mut self, name: &str, layer: AveragePooling) {
+        let attributes = vec![
+            AttributeProto::integers("kernel_shape", &[layer.window(); 2]),
+            AttributeProto::integers("strides", &[layer.stride(); 2]),
+        ];
+        self.node("AveragePool", name, &[], attributes);
+    }
+
+    fn dense(&mut self, name: &str, layer: Dense, weights: &[f32]) {
+        if !self.is_flat(layer.input) {
+            self.node("Flatten", &format!("{name}.flat"), &[], Vec::new());
+        }
+        let Shape { channels, .. } = layer.input;
+        let (weights, biases) = weights.split_at(layer.units * layer.input.len());
+        let weights = channels_first(weights, layer.input.pixels(), channels);
+        let [weights_name, biases_name] = constant_names(name);
+        self.constant(&weights_name, &[layer.units, layer.input.len()], &weights);
+        self.constant(&biases_name, &[layer.units], biases);
+        let transposed = vec![AttributeProto::integer("transB", 1)];
+        self.node("Gemm", name, &[&weights_name, &biases_name], transposed);
+    }
+
+    /// Whether a value of this shape comes out of a dense layer, and so has no height and width in the graph.
+    fn is_flat(&self, shape: Shape) -> bool {
+        let dense = |node: &NodeProto| node.op_type == "Gemm";
+        shape.side == 1 && self.nodes.iter().any(dense)
+    }
+}
+
+fn constant_names(name: &str) -> [String; 2] {
+    ["weights", "biases"].map(|what| format!("{name}.{what}"))
+}
+
+/// Rows of `pixels` x `channels` values as rows of `channels` x `pixels`.
+pub(crate) fn channels_first<T: Real>(rows: &[T], pixels: usize, channels: usize) -> Vec<T> {
+    let row = |row: &[T]| -> Vec<T> {
+        let place = |i: usize| row[i % pixels * channels + i / pixels];
+        (0..pixels * channels).map(place).collect()
+    };
+    rows.chunks_exact(pixels * channels).flat_map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::architecture::Architecture;
+
+    fn graph(architecture: Architecture) -> GraphProto {
+        let bytes = export(&Network::initialise(architecture, 1));
+        ModelProto::decode(bytes.as_slice()).unwrap().graph.unwrap()
+    }
+
+    #[test]
+    fn every_value_is_made_before_it_is_taken_and_the_last_is_the_output() {
+        let graph = graph(Architecture::compact(50, 5).unwrap());
+        let mut made: Vec<&str> = graph
+            .initializer
+            .iter()
+            .map(|tensor| tensor.name.as_str())
+            .collect();
+        made.push("images");
+        for node in &graph.node {
+            for input in &node.input {
+                assert!(
+                    made.contains(&input.as_str()),
+                    "{input} is not made before {}",
+                    node.name
+                );
+            }
+            made.extend(node.output.iter().map(String::as_str));
+        }
+        assert_eq!(made.last(), Some(&"embeddings"));
+    }
+
+    #[test]
+    fn constants_have_as_many_values_as_their_shapes_say() {
+        let graph = graph(Architecture::compact(50, 5).unwrap());
+        for tensor in graph.initializer.iter().filter(|tensor| tensor.data_type == 1) {
+            let values: i64 = tensor.dims.iter().product();
+            assert_eq!(
+                tensor.raw_data.as_ref().unwrap().len() as i64,
+                4 * values,
+                "{}",
+                tensor.name
+            );
+        }
+    }
+
+    #[test]
+    fn channels_come_first_outside() {
+        let rows = [1.0, 10.0, 2.0, 20.0, 3.0, 30.0];
+        assert_eq!(channels_first(&rows, 3, 2), [1.0, 2.0, 3.0, 10.0, 20.0, 30.0]);
+    }
+}

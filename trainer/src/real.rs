@@ -1,0 +1,86 @@
+//! The two kinds of real number that networks compute with: f32 in use, f64 where gradients are tested.
+
+use ndarray::{ArrayView2, ArrayViewMut2, LinalgScalar, linalg::general_mat_mul};
+use std::{
+    fmt::Debug,
+    ops::{AddAssign, Neg},
+};
+
+/// f32 or f64.
+pub trait Real: LinalgScalar + PartialOrd + Neg<Output = Self> + AddAssign + Send + Sync + Debug {
+    /// The nearest value to `value`.
+    fn of(value: f64) -> Self;
+
+    /// The value as f64, exactly.
+    fn wide(self) -> f64;
+
+    /// The square root.
+    #[must_use]
+    fn root(self) -> Self;
+}
+
+impl Real for f32 {
+    fn of(value: f64) -> Self {
+        value as Self
+    }
+
+    fn wide(self) -> f64 {
+        f64::from(self)
+    }
+
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+}
+
+impl Real for f64 {
+    fn of(value: f64) -> Self {
+        value
+    }
+
+    fn wide(self) -> f64 {
+        self
+    }
+
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+}
+
+/// A matrix over `data`, row after row.
+#[expect(
+    clippy::expect_used,
+    reason = "the layers' shapes are checked when a network is made"
+)]
+pub(crate) fn matrix<T>(rows: usize, columns: usize, data: &[T]) -> ArrayView2<'_, T> {
+    ArrayView2::from_shape((rows, columns), data).expect("rows x columns values")
+}
+
+/// `into = a b`, or `into += a b`. The bits depend on the shapes and the CPU's kind alone.
+#[expect(
+    clippy::expect_used,
+    reason = "the layers' shapes are checked when a network is made"
+)]
+pub(crate) fn multiply<T: Real>(a: ArrayView2<T>, b: ArrayView2<T>, add: bool, into: &mut [T]) {
+    let shape = (a.nrows(), b.ncols());
+    let mut product = ArrayViewMut2::from_shape(shape, into).expect("rows x columns values");
+    let kept = if add { T::one() } else { T::zero() };
+    general_mat_mul(T::one(), &a, &b, kept, &mut product);
+}
+
+/// The sum of products, in eight partial sums so that it vectorises.
+pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::zero(); 8];
+    let (a_eights, a_rest) = a.as_chunks::<8>();
+    let (b_eights, b_rest) = b.as_chunks::<8>();
+    for (a, b) in a_eights.iter().zip(b_eights) {
+        for ((sum, &a), &b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest = a_rest
+        .iter()
+        .zip(b_rest)
+        .fold(T::zero(), |sum, (&a, &b)| sum + a * b);
+    sums.into_iter().fold(rest, |total, sum| total + sum)
+}

@@ -1,0 +1,71 @@
+//! The behaviours that are not trained on, and the triplets made of them.
+
+use crate::{configuration::Configuration, network::Network, pictures::Pictures, quality::Quality};
+use murmuration_proto::{Purpose, Stream};
+use rayon::prelude::*;
+
+/// Held-out behaviours, augmented once and for all: every epoch is judged by the same triplets.
+#[derive(Debug)]
+pub(super) struct HeldOut {
+    trained_on: Vec<usize>,
+    /// Values 0 to 1, one image after the other.
+    anchors: Vec<f32>,
+    positives: Vec<f32>,
+    /// The first views as they are.
+    plain: Vec<u8>,
+}
+
+impl HeldOut {
+    pub(super) fn new(configuration: &Configuration, pictures: &Pictures) -> Self {
+        let mut stream = Stream::derive(configuration.seed(), Purpose::HeldOut, 0);
+        let mut order: Vec<usize> = (0..pictures.behaviours()).collect();
+        shuffle(&mut order, &mut stream);
+        let trained_on = order.split_off(configuration.held_out(order.len()));
+        let [anchor_key, positive_key] = [stream.bits(), stream.bits()];
+        let augmented = |key: u64, view: usize| {
+            let side = pictures.side();
+            let mut images = vec![0.0; order.len() * side * side];
+            let behaviours = images.par_chunks_mut(side * side).zip(&order).enumerate();
+            behaviours.for_each(|(i, (image, &behaviour))| {
+                let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+                let augmentation = configuration.recipe().augmentation();
+                augmentation.apply(pictures.picture(behaviour, view), side, &mut stream, image);
+            });
+            images
+        };
+        Self {
+            anchors: augmented(anchor_key, 0),
+            positives: augmented(positive_key, pictures.views() - 1),
+            plain: order
+                .iter()
+                .flat_map(|&behaviour| pictures.picture(behaviour, 0))
+                .copied()
+                .collect(),
+            trained_on,
+        }
+    }
+
+    /// The behaviours that are not held out, in no particular order.
+    pub(super) fn trained_on(&self) -> &[usize] {
+        &self.trained_on
+    }
+
+    /// The held-out pictures as they are, one after the other.
+    pub(super) fn plain(&self) -> &[u8] {
+        &self.plain
+    }
+
+    pub(super) fn quality(&self, network: &Network) -> Quality {
+        let anchors = network.embed_scaled(&self.anchors);
+        let positives = network.embed_scaled(&self.positives);
+        let plain = network.embed(&self.plain);
+        Quality::of(&anchors, &positives, &plain, network.architecture().dimensions())
+    }
+}
+
+/// Brings a list into random order (Fisher and Yates).
+pub(super) fn shuffle<T>(list: &mut [T], stream: &mut Stream) {
+    for i in (1..list.len()).rev() {
+        list.swap(i, stream.below(i as u64 + 1) as usize);
+    }
+}

@@ -1,0 +1,276 @@
+//! A training, stepped an epoch at a time. It can be put aside after any of them, and taken up again.
+
+mod held_out;
+mod in_batch;
+mod random_triplets;
+mod saved;
+mod schedule;
+#[cfg(test)]
+mod tests;
+
+use crate::{
+    architecture::ArchitectureError,
+    configuration::Configuration,
+    lanes::Lanes,
+    network::Network,
+    optimise::Adam,
+    pictures::Pictures,
+    quality::{Moments, Quality},
+    recipe::Recipe,
+};
+use held_out::HeldOut;
+use murmuration_proto::{Purpose, Stream};
+use schedule::Schedule;
+use std::{sync::Arc, time::Instant};
+
+/// A training and all it depends on. Configuration, pictures and epoch decide every bit of it, on one kind of CPU;
+/// the number of threads of the rayon pool that it is stepped in does not.
+#[derive(Debug)]
+pub struct Training {
+    configuration: Configuration,
+    pictures: Arc<Pictures>,
+    held_out: HeldOut,
+    lanes: Lanes<f32>,
+    gradient: Vec<f32>,
+    state: State,
+}
+
+/// What changes from epoch to epoch, and is saved.
+#[derive(Debug, Clone)]
+struct State {
+    network: Network,
+    adam: Adam<f32>,
+    schedule: Schedule,
+    /// Epochs done.
+    epoch: u64,
+    best: Best,
+}
+
+/// The weights to publish.
+#[derive(Debug, Clone, PartialEq)]
+struct Best {
+    parameters: Vec<f32>,
+    epoch: u64,
+    triplet_accuracy: f64,
+}
+
+/// What an epoch came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Progress {
+    /// Epochs done, 1 or more.
+    pub epoch: u64,
+    /// Most epochs that there will be.
+    pub epochs: u64,
+    /// Mean loss of the epoch's steps.
+    pub loss: f64,
+    /// Learning rate of the epoch's last step.
+    pub learning_rate: f64,
+    /// Triplets that the epoch learned from.
+    pub triplets: u64,
+    /// Time that its steps took, seconds, without the measuring of quality.
+    pub seconds: f64,
+    /// What held-out behaviours say of the network after the epoch.
+    pub quality: Quality,
+}
+
+impl Progress {
+    /// Triplets learned from in a second.
+    #[must_use]
+    pub fn triplets_per_second(&self) -> f64 {
+        self.triplets as f64 / self.seconds
+    }
+}
+
+/// Why a training has come to its end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ending {
+    /// The last epoch is done.
+    LastEpoch,
+    /// The accuracy on held-out triplets did not improve for as many epochs as the recipe is patient.
+    NoBetter,
+    /// The loss is as low as the recipe asks for.
+    LowLoss,
+    /// The loss is no number any more: the learning rate is too high for the network.
+    Diverged,
+}
+
+/// Why a training cannot begin, or be taken up again.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainingError {
+    /// The network does not fit the pictures.
+    #[error("the network does not fit pictures of side {side}: {source}")]
+    Architecture {
+        /// Pixels along a side of the pictures.
+        side: usize,
+        /// What is wrong.
+        source: ArchitectureError,
+    },
+    /// What was saved is damaged, or of another version of the trainer.
+    #[error("not a saved training: {0}")]
+    Damaged(String),
+    /// What was saved belongs to another training.
+    #[error("the saved training is of another {0}")]
+    Other(&'static str),
+}
+
+/// What one epoch of a recipe hands back.
+struct EpochLoss {
+    mean: f64,
+    triplets: u64,
+}
+
+impl Training {
+    /// A training before its first epoch.
+    ///
+    /// # Errors
+    /// Where the network does not fit the pictures.
+    pub fn new(configuration: &Configuration, pictures: Arc<Pictures>) -> Result<Self, TrainingError> {
+        let side = pictures.side();
+        let architecture = configuration
+            .architecture(side)
+            .map_err(|source| TrainingError::Architecture { side, source })?;
+        let network = Network::initialise(architecture, configuration.seed());
+        let weights = network.parameters().len();
+        Ok(Self {
+            held_out: HeldOut::new(configuration, &pictures),
+            lanes: Lanes::new(&network),
+            gradient: vec![0.0; weights],
+            state: State {
+                adam: Adam::new(weights),
+                schedule: Schedule::new(configuration.recipe()),
+                epoch: 0,
+                best: Best {
+                    parameters: network.parameters().to_vec(),
+                    epoch: 0,
+                    triplet_accuracy: 0.0,
+                },
+                network,
+            },
+            configuration: configuration.clone(),
+            pictures,
+        })
+    }
+
+    /// Takes up a training that [`Training::save`] put aside: it goes on as if it had never stopped.
+    ///
+    /// # Errors
+    /// As [`Training::new`], and where `saved` is damaged or of another configuration or other pictures.
+    pub fn restore(
+        configuration: &Configuration,
+        pictures: Arc<Pictures>,
+        saved: &[u8],
+    ) -> Result<Self, TrainingError> {
+        let mut training = Self::new(configuration, pictures)?;
+        saved::restore(&mut training, saved)?;
+        Ok(training)
+    }
+
+    /// The training as bytes, the optimiser's state included. Equal trainings have equal bytes.
+    #[must_use]
+    pub fn save(&self) -> Vec<u8> {
+        saved::save(self)
+    }
+
+    /// Epochs done.
+    #[must_use]
+    pub const fn epoch(&self) -> u64 {
+        self.state.epoch
+    }
+
+    /// Why there is no further epoch, if there is none.
+    #[must_use]
+    pub fn ending(&self) -> Option<Ending> {
+        let State {
+            epoch,
+            schedule,
+            best,
+            ..
+        } = &self.state;
+        let recipe = self.configuration.recipe();
+        match recipe {
+            _ if schedule.has_diverged() => Some(Ending::Diverged),
+            Recipe::Paper(recipe) if schedule.mean_of_last(recipe.enough_over) < recipe.enough => {
+                Some(Ending::LowLoss)
+            }
+            Recipe::InBatch(recipe) if epoch - best.epoch >= recipe.patience => Some(Ending::NoBetter),
+            _ if *epoch >= recipe.epochs() => Some(Ending::LastEpoch),
+            _ => None,
+        }
+    }
+
+    /// Trains for one epoch; `None`, and nothing done, after the end.
+    pub fn step(&mut self) -> Option<Progress> {
+        if self.ending().is_some() {
+            return None;
+        }
+        let started = Instant::now();
+        let mut stream = Stream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
+        let loss = match self.configuration.recipe().clone() {
+            Recipe::Paper(recipe) => random_triplets::epoch(self, &recipe, &mut stream),
+            Recipe::InBatch(recipe) => in_batch::epoch(self, &recipe, &mut stream),
+        };
+        let seconds = started.elapsed().as_secs_f64();
+        let learning_rate = self.state.schedule.learning_rate();
+        self.state.epoch += 1;
+        self.state.schedule.after_epoch(loss.mean);
+        let quality = self.held_out.quality(&self.state.network);
+        self.keep_if_best(quality);
+        Some(Progress {
+            epoch: self.state.epoch,
+            epochs: self.configuration.recipe().epochs(),
+            loss: loss.mean,
+            learning_rate,
+            triplets: loss.triplets,
+            seconds,
+            quality,
+        })
+    }
+
+    /// The embedder to publish: of the paper's recipe the weights after the last epoch, else those that were most
+    /// accurate on held-out triplets.
+    ///
+    /// It is moved and scaled (in its last layer, which changes no comparison of distances) such that the held-out
+    /// behaviours have mean 0 and spread 1, so that novelty is in one unit whatever the recipe. A collapsed network
+    /// is left as it is.
+    #[must_use]
+    pub fn embedder(&self) -> Network {
+        let mut network = self.best_network();
+        let plain = network.embed(self.held_out.plain());
+        let dimensions = network.architecture().dimensions();
+        let Moments { mean, .. } = Moments::of(&plain, dimensions);
+        let spread = Quality::of(&[], &[], &plain, dimensions).spread;
+        if spread > 0.0 && spread.is_finite() {
+            network.move_and_scale(&mean, 1.0 / spread);
+        }
+        network
+    }
+
+    /// What held-out behaviours say of the network that [`Training::embedder`] is made of, before it is scaled.
+    #[must_use]
+    pub fn quality(&self) -> Quality {
+        self.held_out.quality(&self.best_network())
+    }
+
+    fn best_network(&self) -> Network {
+        let mut network = self.state.network.clone();
+        network
+            .parameters_mut()
+            .copy_from_slice(&self.state.best.parameters);
+        network
+    }
+
+    fn keep_if_best(&mut self, quality: Quality) {
+        let State {
+            network, epoch, best, ..
+        } = &mut self.state;
+        let candidate = match self.configuration.recipe() {
+            Recipe::Paper(_) => true,
+            Recipe::InBatch(_) => quality.triplet_accuracy > best.triplet_accuracy,
+        };
+        if candidate && quality.spread.is_finite() {
+            best.parameters.copy_from_slice(network.parameters());
+            best.epoch = *epoch;
+            best.triplet_accuracy = quality.triplet_accuracy;
+        }
+    }
+}

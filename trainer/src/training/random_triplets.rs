@@ -1,0 +1,106 @@
+//! An epoch of the paper's recipe: fresh random triplets, whose loss each chunk has for itself.
+
+use super::{EpochLoss, Training};
+use crate::{
+    augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures, recipe::RandomTriplets,
+};
+use murmuration_proto::{Purpose, Stream};
+
+/// Triplets in a chunk.
+const CHUNK: usize = 64;
+
+pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> EpochLoss {
+    let mut total = 0.0;
+    for _ in 0..recipe.steps {
+        total += step(training, recipe, stream);
+    }
+    EpochLoss {
+        mean: total / recipe.steps as f64,
+        triplets: (recipe.steps * recipe.batch) as u64,
+    }
+}
+
+/// One step of the optimiser; returns the mean loss of its triplets.
+fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> f64 {
+    let pictures = &*training.pictures;
+    let behaviours = training.held_out.trained_on();
+    let pairs: Vec<Pair> = (0..recipe.batch)
+        .map(|_| Pair::draw(behaviours, pictures.views(), stream))
+        .collect();
+    let batch = Batch {
+        pictures,
+        pairs: &pairs,
+        augmentation: training.configuration.recipe().augmentation(),
+        key: stream.bits(),
+    };
+    let state = &mut training.state;
+    let dimensions = state.network.architecture().dimensions();
+    let total = training.lanes.gradient_by_chunk(
+        &state.network,
+        recipe.batch.div_ceil(CHUNK),
+        |chunk, images| batch.append(chunk, images),
+        |_, embeddings, gradient| {
+            triplets::loss(embeddings, dimensions, recipe.margin, recipe.batch, gradient)
+        },
+        &mut training.gradient,
+    );
+    let rate = state.schedule.learning_rate();
+    let weights = state.network.parameters_mut();
+    state
+        .adam
+        .step(weights, &training.gradient, rate, recipe.weight_decay);
+    total / recipe.batch as f64
+}
+
+/// What a triplet is made of, each a behaviour and one of its views. The positive is made of the anchor.
+struct Pair {
+    anchor: (usize, usize),
+    negative: (usize, usize),
+}
+
+impl Pair {
+    fn draw(behaviours: &[usize], views: usize, stream: &mut Stream) -> Self {
+        let count = behaviours.len() as u64;
+        let anchor = stream.below(count);
+        let other = (anchor + 1 + stream.below(count - 1)) % count;
+        let mut view = || stream.below(views as u64) as usize;
+        let [anchor, negative] = [anchor, other].map(|i| behaviours[i as usize]);
+        Self {
+            anchor: (anchor, view()),
+            negative: (negative, view()),
+        }
+    }
+}
+
+struct Batch<'a> {
+    pictures: &'a Pictures,
+    pairs: &'a [Pair],
+    augmentation: Augmentation,
+    /// Seed of the augmentations.
+    key: u64,
+}
+
+impl Batch<'_> {
+    /// Appends the images of a chunk: all anchors, all positives, all negatives.
+    fn append(&self, chunk: usize, images: &mut Vec<f32>) {
+        let first = chunk * CHUNK;
+        let pairs = &self.pairs[first..(first + CHUNK).min(self.pairs.len())];
+        let side = self.pictures.side();
+        let plain = |(behaviour, view)| {
+            self.pictures
+                .picture(behaviour, view)
+                .iter()
+                .map(|&grey| scaled::<f32>(grey))
+        };
+        images.extend(pairs.iter().flat_map(|pair| plain(pair.anchor)));
+        for (i, pair) in pairs.iter().enumerate() {
+            let start = images.len();
+            images.resize(start + side * side, 0.0);
+            let mut stream = Stream::derive(self.key, Purpose::Augment, (first + i) as u64);
+            let picture = self.pictures.picture(pair.anchor.0, pair.anchor.1);
+            self.augmentation
+                .apply(picture, side, &mut stream, &mut images[start..]);
+        }
+        images.extend(pairs.iter().flat_map(|pair| plain(pair.negative)));
+    }
+}

@@ -1,0 +1,145 @@
+//! How the learning rate falls, and which losses there were.
+
+use crate::recipe::Recipe;
+
+/// The learning rate and what it follows from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Schedule {
+    pub(super) state: ScheduleState,
+    plateau: Option<Plateau>,
+}
+
+/// The part that changes.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ScheduleState {
+    pub(super) learning_rate: f64,
+    /// Mean losses of the last epochs, as many as anything looks back on.
+    pub(super) losses: Vec<f64>,
+    /// Lowest loss of an epoch.
+    pub(super) lowest: f64,
+    /// Epochs since then, or since the learning rate fell.
+    pub(super) waited: u64,
+}
+
+/// The learning rate falls by a factor when the loss does not (as PyTorch's `ReduceLROnPlateau` has it).
+#[derive(Debug, Clone, PartialEq)]
+struct Plateau {
+    patience: u64,
+    factor: f64,
+    remembered: usize,
+}
+
+/// A loss counts as lower where it is lower by more than this share.
+const THRESHOLD: f64 = 1e-4;
+
+impl Schedule {
+    pub(super) fn new(recipe: &Recipe) -> Self {
+        let plateau = match recipe {
+            Recipe::Paper(recipe) => Some(Plateau {
+                patience: recipe.plateau,
+                factor: recipe.plateau_factor,
+                remembered: recipe.enough_over,
+            }),
+            Recipe::InBatch(_) => None,
+        };
+        Self {
+            state: ScheduleState {
+                learning_rate: recipe.learning_rate(),
+                losses: Vec::new(),
+                lowest: f64::INFINITY,
+                waited: 0,
+            },
+            plateau,
+        }
+    }
+
+    pub(super) const fn learning_rate(&self) -> f64 {
+        self.state.learning_rate
+    }
+
+    /// For recipes that set the rate themselves.
+    pub(super) const fn set_learning_rate(&mut self, rate: f64) {
+        self.state.learning_rate = rate;
+    }
+
+    /// Takes in the mean loss of an epoch that is done.
+    pub(super) fn after_epoch(&mut self, loss: f64) {
+        let state = &mut self.state;
+        let remembered = self.plateau.as_ref().map_or(1, |plateau| plateau.remembered);
+        state.losses.push(loss);
+        let forgotten = state.losses.len().saturating_sub(remembered);
+        state.losses.drain(..forgotten);
+        if loss < state.lowest * (1.0 - THRESHOLD) {
+            state.lowest = loss;
+            state.waited = 0;
+        } else {
+            state.waited += 1;
+        }
+        if let Some(plateau) = self
+            .plateau
+            .as_ref()
+            .filter(|plateau| state.waited > plateau.patience)
+        {
+            state.learning_rate *= plateau.factor;
+            state.waited = 0;
+        }
+    }
+
+    /// Mean loss of so many last epochs; infinite before there are as many.
+    pub(super) fn mean_of_last(&self, epochs: usize) -> f64 {
+        let losses = &self.state.losses;
+        if losses.len() < epochs {
+            return f64::INFINITY;
+        }
+        losses[losses.len() - epochs..].iter().sum::<f64>() / epochs as f64
+    }
+
+    pub(super) fn has_diverged(&self) -> bool {
+        self.state.losses.last().is_some_and(|loss| !loss.is_finite())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recipe::RandomTriplets;
+
+    fn schedule() -> Schedule {
+        Schedule::new(&Recipe::Paper(RandomTriplets {
+            plateau: 2,
+            enough_over: 3,
+            learning_rate: 1.0,
+            ..RandomTriplets::default()
+        }))
+    }
+
+    #[test]
+    fn the_rate_falls_after_one_more_epoch_than_the_plateau() {
+        let mut schedule = schedule();
+        let rates = [5.0, 4.0, 4.0, 4.0, 4.0, 3.0, 3.0, 3.0, 2.9999, 1.0].map(|loss| {
+            schedule.after_epoch(loss);
+            schedule.learning_rate()
+        });
+        assert_eq!(
+            rates,
+            [1.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 0.1, 0.1 * 0.1, 0.1 * 0.1]
+        );
+    }
+
+    #[test]
+    fn the_mean_is_over_the_last_epochs_only() {
+        let mut schedule = schedule();
+        let means = [8.0, 1.0, 3.0, 5.0].map(|loss| {
+            schedule.after_epoch(loss);
+            schedule.mean_of_last(3)
+        });
+        assert_eq!(means, [f64::INFINITY, f64::INFINITY, 4.0, 3.0]);
+    }
+
+    #[test]
+    fn a_loss_that_is_no_number_is_noticed() {
+        let mut schedule = schedule();
+        schedule.after_epoch(f64::NAN);
+        assert!(schedule.has_diverged());
+    }
+}
