@@ -1,249 +1,206 @@
 //! Trains without labels on random controllers, and says how accurate the embedding is on labelled behaviours.
+//!
+//!     cargo run --release -p murmuration-trainer --example label_free_accuracy -- \
+//!         --labelled shared/labelled/two_sensor --model two-sensor --seeds 1 2 3
+//!
+//! Prints triplet accuracies in percent, anchors not random / of every class.
 
 use clap::Parser;
 use murmuration_proto::{CapabilityModel, ControllerSpace, ImageFormat, Purpose, Stream, World, v1};
 use murmuration_trainer::{
-    accuracy::TripletAccuracy, architecture::Architecture, pictures::Pictures, recipe::Recipe,
-    training::Training,
+    accuracy::TripletAccuracy, configuration::Configuration, kin::kin, network::Network, onnx,
+    pictures::Pictures, training::Training,
 };
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
-use std::{
-    error::Error,
-    fs,
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{error::Error, fs, io::BufReader, path::Path, path::PathBuf, sync::Arc};
 
+/// Label-free training, judged by labels
 #[derive(Debug, Parser)]
 struct Arguments {
-    #[arg(long, default_value = "single-sensor")]
-    model: CapabilityModel,
+    /// Folder with train.csv, validation.csv and images/ID.png
     #[arg(long)]
     labelled: PathBuf,
+    /// The robots' capability model
+    #[arg(long, default_value = "single-sensor")]
+    model: CapabilityModel,
+    /// Random controllers to train on
     #[arg(long, default_value_t = 10_000)]
     controllers: usize,
-    #[arg(long, default_value_t = 1)]
-    starts: usize,
-    #[arg(long, default_value = "same")]
-    kin: String,
+    /// Pictures of each: the controller itself, then kin of it from other starts
+    #[arg(long, default_value_t = 2)]
+    views: usize,
+    /// Training configuration, TOML; its seed is replaced
+    #[arg(long, default_value = "")]
+    configuration: String,
+    /// Seeds of the trainings; controllers and starts depend on them too
+    #[arg(long, num_args = 1.., default_values_t = [1])]
+    seeds: Vec<u64>,
+    /// Say how accurate the network is after every so many epochs (0: only the embedder)
+    #[arg(long, default_value_t = 0)]
+    every: u64,
+    /// Write the last embedder here, as ONNX
     #[arg(long)]
     onnx: Option<PathBuf>,
-    #[arg(long, default_value = "compact")]
-    network: String,
-    #[arg(long, default_value_t = 5)]
-    dimensions: usize,
-    #[arg(long)]
-    layers: Option<PathBuf>,
-    #[arg(long, default_value = "in-batch = {}")]
-    recipe: String,
-    #[arg(long, default_value = "1")]
-    seeds: String,
-    #[arg(long, default_value_t = 4)]
-    every: usize,
-    #[arg(long, default_value_t = 12)]
-    epochs: usize,
-}
-
-struct Labelled {
-    images: Vec<u8>,
-    classes: Vec<usize>,
-    random: usize,
-    features: Vec<f64>,
-}
-
-fn labelled(dir: &Path, file: &str) -> Result<Labelled, Box<dyn Error>> {
-    let text = fs::read_to_string(dir.join(file))?;
-    let mut lines = text.lines();
-    let head: Vec<&str> = lines.next().ok_or("empty")?.split(',').collect();
-    let col = |n: &str| head.iter().position(|h| *h == n).unwrap();
-    let (id, class) = (col("id"), col("class"));
-    let mut names: Vec<String> = Vec::new();
-    let mut out = Labelled {
-        images: vec![],
-        classes: vec![],
-        random: 99,
-        features: vec![],
-    };
-    for line in lines {
-        let f: Vec<&str> = line.split(',').collect();
-        if f[class].is_empty() {
-            continue;
-        }
-        let c = names.iter().position(|n| n == f[class]).unwrap_or_else(|| {
-            names.push(f[class].into());
-            names.len() - 1
-        });
-        out.classes.push(c);
-        let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(
-            dir.join(format!("images/{}.png", f[id])),
-        )?));
-        let mut r = decoder.read_info()?;
-        let mut buf = vec![0; r.output_buffer_size().unwrap()];
-        let info = r.next_frame(&mut buf)?;
-        assert_eq!(
-            (info.width, info.height, info.color_type),
-            (50, 50, png::ColorType::Grayscale)
-        );
-        // PNG rows are axis 0.
-        out.images.extend_from_slice(&buf);
-        for k in [
-            "average_speed",
-            "angular_momentum",
-            "radial_variance_x20",
-            "scatter",
-            "group_rotation",
-        ] {
-            out.features.push(f[col(k)].parse::<f64>()?.abs());
-        }
-    }
-    out.random = names.iter().position(|n| n == "random").unwrap();
-    Ok(out)
-}
-
-fn simulate(model: CapabilityModel, controllers: usize, starts: usize, kin: &str) -> Vec<u8> {
-    let kin2 = kin;
-    let kin = if kin == "same" { "" } else { kin };
-    let cache = format!(
-        "/tmp/train-cache-{}-{controllers}-{starts}{kin}.bin",
-        model.name()
-    );
-    if let Ok(b) = fs::read(&cache) {
-        return b;
-    }
-    let t = Instant::now();
-    let world = World::try_from(v1::World::default()).unwrap();
-    let format = ImageFormat::default();
-    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model).unwrap();
-    let mut stream = Stream::derive(77, Purpose::Propose, 0);
-    let list: Vec<_> = (0..controllers).map(|_| space.sample(&mut stream)).collect();
-    let images: Vec<Vec<u8>> = list
-        .par_iter()
-        .enumerate()
-        .map_init(
-            || Evaluator::new(&world, &format).unwrap(),
-            |e, (i, c)| {
-                (0..starts)
-                    .flat_map(|s| {
-                        let seed = Stream::derive(77, Purpose::Start, (i * 1000 + s) as u64).bits();
-                        let mut c = *c;
-                        if s > 0 && kin2 != "same" {
-                            let mut st = Stream::derive(78, Purpose::Propose, (i * 1000 + s) as u64);
-                            let mut genes = c.genes().to_vec();
-                            let n = c.speeds().len();
-                            let scale = st.between(0.7, 1.4);
-                            for g in &mut genes[..n] {
-                                *g = match kin2 {
-                                    "jitter" => *g + (st.below(3) as f64 - 1.0) * 0.1,
-                                    "wide" => *g + (st.below(5) as f64 - 2.0) * 0.1,
-                                    "scale" => *g * scale,
-                                    _ => *g * scale + (st.below(3) as f64 - 1.0) * 0.1,
-                                }
-                                .clamp(-1.0, 1.0);
-                            }
-                            c = space.controller(&genes);
-                        }
-                        let c = &c;
-                        e.evaluate(c, &Start::seeded(seed)).unwrap().into_image()
-                    })
-                    .collect()
-            },
-        )
-        .collect();
-    let b = images.concat();
-    eprintln!("simulated in {:.1} s", t.elapsed().as_secs_f64());
-    fs::write(cache, &b).unwrap();
-    b
-}
-
-fn score(v: &[f64], dims: usize, l: &Labelled) -> (f64, f64) {
-    let a = TripletAccuracy::of(v, dims, &l.classes);
-    (
-        100.0 * a.over(|c| c != l.random).unwrap(),
-        100.0 * a.over(|_| true).unwrap(),
-    )
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let args = Arguments::parse();
-    let dir = args.labelled.join(match args.model {
-        CapabilityModel::SingleSensor => "single_sensor",
-        CapabilityModel::TwoSensor => "two_sensor",
-    });
-    let (val, train) = (labelled(&dir, "validation.csv")?, labelled(&dir, "train.csv")?);
-    let h = score(&val.features, 5, &val);
-    let ht = score(&train.features, 5, &train);
-    println!(
-        "hand-crafted {:.2} / {:.2}   train {:.2} / {:.2}",
-        h.0, h.1, ht.0, ht.1
-    );
-    let pictures = Pictures::new(
-        50,
-        args.starts,
-        simulate(args.model, args.controllers, args.starts, &args.kin),
-    )?;
-    let recipe: Recipe = toml::from_str(&args.recipe)?;
-    let mut finals = vec![];
-    for seed in args.seeds.split(',') {
-        let architecture = match &args.layers {
-            None => Architecture::named(&args.network, 50, args.dimensions)?,
-            Some(f) => {
-                #[derive(serde::Deserialize)]
-                struct F {
-                    layers: Vec<murmuration_trainer::architecture::Layer>,
-                }
-                let f: F = toml::from_str(&fs::read_to_string(f)?)?;
-                Architecture::new(50, f.layers)?
-            }
-        };
-        let mut training = Training::new(&pictures, architecture, recipe.clone(), seed.parse()?);
-        let t = Instant::now();
-        let mut last = (0.0, 0.0, 0.0, 0.0);
-        for epoch in 1..=args.epochs {
-            let (loss, violated) = training.epoch();
-            if epoch % args.every == 0 || epoch == args.epochs {
-                let net = training.network();
-                let s = |l: &Labelled| {
-                    let v: Vec<f64> = net.embed(&l.images).into_iter().map(f64::from).collect();
-                    score(&v, net.architecture().dimensions(), l)
-                };
-                let (v, tr) = (s(&val), s(&train));
-                println!(
-                    "seed {seed} epoch {epoch:3} {:5.1}s loss {loss:.4} violated {violated:.4} rate {:.5} | val {:.2} / {:.2} | train {:.2} / {:.2}",
-                    t.elapsed().as_secs_f64(),
-                    training.rate(),
-                    v.0,
-                    v.1,
-                    tr.0,
-                    tr.1
-                );
-                last = (v.0, v.1, tr.0, tr.1);
-            }
-        }
-        if let Some(file) = &args.onnx {
-            let net = training.network();
-            fs::write(file, murmuration_trainer::onnx::export(&net))?;
-            let text: Vec<String> = net
-                .embed(&val.images)
-                .iter()
-                .chain(&net.embed(&train.images))
-                .map(|v| v.to_string())
-                .collect();
-            fs::write(file.with_extension("txt"), text.join("\n"))?;
-            fs::write(
-                file.with_extension("bin"),
-                [val.images.as_slice(), &train.images].concat(),
-            )?;
-        }
-        finals.push(last);
+    let arguments = Arguments::parse();
+    let judges = [
+        Labelled::read(&arguments.labelled, "validation")?,
+        Labelled::read(&arguments.labelled, "train")?,
+    ];
+    for judge in &judges {
+        println!("hand-crafted {}", judge.accuracy(&judge.features, 5));
     }
-    let n = finals.len() as f64;
-    let m = finals.iter().fold((0., 0., 0., 0.), |a, b| {
-        (a.0 + b.0 / n, a.1 + b.1 / n, a.2 + b.2 / n, a.3 + b.3 / n)
-    });
-    println!(
-        "MEAN {} {:?}: val {:.2} / {:.2} | train {:.2} / {:.2}",
-        args.model, args.recipe, m.0, m.1, m.2, m.3
-    );
+    for &seed in &arguments.seeds {
+        let pictures = Arc::new(simulate(&arguments, seed)?);
+        let configuration = format!("seed = {seed}\n{}", arguments.configuration);
+        let configuration = Configuration::from_toml(&configuration)?;
+        let mut training = Training::new(&configuration, pictures)?;
+        let mut seconds = 0.0;
+        while let Some(progress) = training.step() {
+            seconds += progress.seconds;
+            if arguments.every > 0 && progress.epoch % arguments.every == 0 {
+                let quality = progress.quality;
+                let judged = judges.each_ref().map(|judge| judge.judge(training.network()));
+                println!(
+                    "seed {seed} epoch {:3} {seconds:6.1} s loss {:.4} rate {:.5} held out {:.4} spread {:.2} rank {:.2} | {}",
+                    progress.epoch,
+                    progress.loss,
+                    progress.learning_rate,
+                    quality.triplet_accuracy,
+                    quality.spread,
+                    quality.rank,
+                    judged.join(" | "),
+                );
+            }
+        }
+        let judged = judges.each_ref().map(|judge| judge.judge(&training.embedder()));
+        let ending = training.ending();
+        println!(
+            "seed {seed} embedder after {seconds:.0} s ({ending:?}, {:?}): {}",
+            training.quality(),
+            judged.join(" | ")
+        );
+        if let Some(file) = &arguments.onnx {
+            fs::write(file, onnx::export(&training.embedder()))?;
+            write_embeddings(file, &judges[0], &training.embedder())?;
+        }
+    }
     Ok(())
+}
+
+/// Writes the judge's pictures and embeddings beside the model, as raw bytes and little-endian floats.
+fn write_embeddings(model: &Path, judge: &Labelled, embedder: &Network) -> Result<(), Box<dyn Error>> {
+    fs::write(model.with_extension("pictures"), &judge.pictures)?;
+    let embeddings = embedder.embed(&judge.pictures);
+    let bytes: Vec<u8> = embeddings.iter().flat_map(|value| value.to_le_bytes()).collect();
+    Ok(fs::write(model.with_extension("embeddings"), bytes)?)
+}
+
+/// The pictures of random controllers, as a campaign's dataset stage would have them.
+fn simulate(arguments: &Arguments, seed: u64) -> Result<Pictures, Box<dyn Error>> {
+    let world = World::try_from(v1::World::default())?;
+    let format = ImageFormat::default();
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), arguments.model)?;
+    let controllers: Vec<_> = (0..arguments.controllers as u64)
+        .map(|index| space.sample(&mut Stream::derive(seed, Purpose::Propose, index)))
+        .collect();
+    let evaluated: Result<Vec<Vec<u8>>, _> = controllers
+        .par_iter()
+        .enumerate()
+        .map(|(index, controller)| {
+            let mut evaluator = Evaluator::new(&world, &format)?;
+            let mut kinship = Stream::derive(seed, Purpose::Augment, index as u64);
+            let mut pictures = Vec::new();
+            for view in 0..arguments.views {
+                let one = if view == 0 {
+                    *controller
+                } else {
+                    kin(controller, &mut kinship)?
+                };
+                let start = (index * arguments.views + view) as u64;
+                let start = Start::seeded(Stream::derive(seed, Purpose::Start, start).bits());
+                pictures.extend(evaluator.evaluate(&one, &start)?.into_image());
+            }
+            Ok::<_, murmuration_proto::Invalid>(pictures)
+        })
+        .collect();
+    Ok(Pictures::new(50, arguments.views, evaluated?.concat())?)
+}
+
+/// Behaviours whose classes are known.
+struct Labelled {
+    name: &'static str,
+    pictures: Vec<u8>,
+    classes: Vec<usize>,
+    class_names: Vec<String>,
+    /// Absolute values of the five features.
+    features: Vec<f64>,
+}
+
+impl Labelled {
+    fn read(folder: &Path, name: &'static str) -> Result<Self, Box<dyn Error>> {
+        let text = fs::read_to_string(folder.join(name).with_extension("csv"))?;
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let header = lines.next().ok_or("an empty file of labels")?;
+        let column = |name: &str| {
+            header
+                .iter()
+                .position(|&column| column == name)
+                .ok_or("a column is missing")
+        };
+        let (id, class) = (column("id")?, column("class")?);
+        let first_feature = column("average_speed")?;
+        let mut labelled = Self {
+            name,
+            pictures: Vec::new(),
+            classes: Vec::new(),
+            class_names: Vec::new(),
+            features: Vec::new(),
+        };
+        for line in lines.filter(|line| !line[class].is_empty()) {
+            labelled.take_class(line[class]);
+            labelled
+                .pictures
+                .extend(grey(&folder.join(format!("images/{}.png", line[id])))?);
+            for value in &line[first_feature..first_feature + 5] {
+                labelled.features.push(value.parse::<f64>()?.abs());
+            }
+        }
+        Ok(labelled)
+    }
+
+    fn take_class(&mut self, name: &str) {
+        let known = self.class_names.iter().position(|known| known == name);
+        let class = known.unwrap_or_else(|| {
+            self.class_names.push(name.to_owned());
+            self.class_names.len() - 1
+        });
+        self.classes.push(class);
+    }
+
+    fn judge(&self, network: &Network) -> String {
+        let embeddings: Vec<f64> = network.embed(&self.pictures).into_iter().map(f64::from).collect();
+        self.accuracy(&embeddings, network.architecture().dimensions())
+    }
+
+    fn accuracy(&self, vectors: &[f64], dimensions: usize) -> String {
+        let accuracy = TripletAccuracy::of(vectors, dimensions, &self.classes);
+        let percent = |share: Option<f64>| 100.0 * share.unwrap_or(f64::NAN);
+        let not_random = percent(accuracy.over(|class| self.class_names[class] != "random"));
+        let every = percent(accuracy.over(|_| true));
+        format!("{} {not_random:.2} / {every:.2}", self.name)
+    }
+}
+
+fn grey(file: &Path) -> Result<Vec<u8>, Box<dyn Error>> {
+    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(file)?)).read_info()?;
+    let mut pixels = vec![0; reader.output_buffer_size().ok_or("a picture too large")?];
+    let frame = reader.next_frame(&mut pixels)?;
+    match (frame.width, frame.height, frame.color_type) {
+        (50, 50, png::ColorType::Grayscale) => Ok(pixels),
+        _ => Err(format!("{} is not a grey picture of 50 x 50", file.display()).into()),
+    }
 }
