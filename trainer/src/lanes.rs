@@ -9,6 +9,7 @@ use crate::{
     real::Real,
 };
 use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 /// Number of lanes, and so of threads that can be busy.
 const LANES: usize = 16;
@@ -19,31 +20,49 @@ const SUMMED_AT_ONCE: usize = 1 << 14;
 #[derive(Debug)]
 pub(crate) struct Lanes<T> {
     lanes: Vec<Lane<T>>,
+    /// As many as threads have been busy at once: which one a lane takes makes no difference.
+    workbenches: Mutex<Vec<Workbench<T>>>,
 }
 
+/// What is the lane's own.
 #[derive(Debug, Clone)]
 struct Lane<T> {
-    /// One for each chunk between whose ways forward and back the others' embeddings are waited for; else one.
+    gradient: Vec<T>,
+    loss: f64,
+    /// One for each chunk between whose ways forward and back the others' embeddings are waited for.
     tapes: Vec<Tape<T>>,
+}
+
+/// What a thread works with.
+#[derive(Debug)]
+struct Workbench<T> {
+    tape: Tape<T>,
     room: Room<T>,
     images: Vec<T>,
     d_embeddings: Vec<T>,
-    gradient: Vec<T>,
-    loss: f64,
+}
+
+impl<T> Default for Workbench<T> {
+    fn default() -> Self {
+        Self {
+            tape: Tape::default(),
+            room: Room::default(),
+            images: Vec::new(),
+            d_embeddings: Vec::new(),
+        }
+    }
 }
 
 impl<T: Real> Lanes<T> {
     pub(crate) fn new(network: &Network<T>) -> Self {
         let lane = Lane {
-            tapes: vec![Tape::default()],
-            room: Room::default(),
-            images: Vec::new(),
-            d_embeddings: Vec::new(),
             gradient: vec![T::zero(); network.parameters().len()],
             loss: 0.0,
+            tapes: Vec::new(),
         };
         Self {
             lanes: vec![lane; LANES],
+            workbenches: Mutex::default(),
         }
     }
 
@@ -60,19 +79,23 @@ impl<T: Real> Lanes<T> {
         loss: impl Fn(usize, &[T], &mut [T]) -> f64 + Sync,
         sum: &mut [T],
     ) -> f64 {
-        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+        self.for_each_lane(|first, lane, workbench| {
             lane.gradient.fill(T::zero());
             lane.loss = 0.0;
-            let tape = &mut lane.tapes[0];
             for chunk in (first..chunks).step_by(LANES) {
-                lane.images.clear();
-                images(chunk, &mut lane.images);
-                let embeddings = network.forward(&lane.images, tape, &mut lane.room);
-                lane.d_embeddings.clear();
-                lane.d_embeddings.resize(embeddings.len(), T::zero());
-                lane.loss += loss(chunk, embeddings, &mut lane.d_embeddings);
-                let gradient = &mut lane.gradient;
-                network.backward(&lane.images, tape, &mut lane.room, &lane.d_embeddings, gradient);
+                let Workbench {
+                    tape,
+                    room,
+                    images: chunk_images,
+                    d_embeddings,
+                } = workbench;
+                chunk_images.clear();
+                images(chunk, chunk_images);
+                let embeddings = network.forward(chunk_images, tape, room);
+                d_embeddings.clear();
+                d_embeddings.resize(embeddings.len(), T::zero());
+                lane.loss += loss(chunk, embeddings, d_embeddings);
+                network.backward(chunk_images, tape, room, d_embeddings, &mut lane.gradient);
             }
         });
         self.add_up(sum);
@@ -96,11 +119,11 @@ impl<T: Real> Lanes<T> {
         let images: Vec<&[T]> = images
             .chunks(chunk * architecture.side() * architecture.side())
             .collect();
-        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+        self.for_each_lane(|first, lane, workbench| {
             let images = images.iter().skip(first).step_by(LANES);
-            lane.tapes.resize_with(images.len().max(1), Tape::default);
+            lane.tapes.resize_with(images.len(), Tape::default);
             for (images, tape) in images.zip(&mut lane.tapes) {
-                network.forward(images, tape, &mut lane.room);
+                network.forward(images, tape, &mut workbench.room);
             }
         });
         let tape = |i: usize| &self.lanes[i % LANES].tapes[i / LANES];
@@ -109,15 +132,32 @@ impl<T: Real> Lanes<T> {
         let mut d_embeddings = vec![T::zero(); embeddings.len()];
         let loss = loss(&embeddings, &mut d_embeddings);
         let d_embeddings: Vec<&[T]> = d_embeddings.chunks(chunk * dimensions).collect();
-        self.lanes.par_iter_mut().enumerate().for_each(|(first, lane)| {
+        self.for_each_lane(|first, lane, workbench| {
             lane.gradient.fill(T::zero());
             let chunks = images.iter().zip(&d_embeddings).skip(first).step_by(LANES);
             for ((images, d_embeddings), tape) in chunks.zip(&mut lane.tapes) {
-                network.backward(images, tape, &mut lane.room, d_embeddings, &mut lane.gradient);
+                network.backward(
+                    images,
+                    tape,
+                    &mut workbench.room,
+                    d_embeddings,
+                    &mut lane.gradient,
+                );
             }
         });
         self.add_up(sum);
         loss
+    }
+
+    /// Has every lane work, with its number and a workbench.
+    fn for_each_lane(&mut self, work: impl Fn(usize, &mut Lane<T>, &mut Workbench<T>) + Sync) {
+        let workbenches = &self.workbenches;
+        let free = || workbenches.lock().unwrap_or_else(PoisonError::into_inner);
+        self.lanes.par_iter_mut().enumerate().for_each(|(number, lane)| {
+            let mut workbench = free().pop().unwrap_or_default();
+            work(number, lane, &mut workbench);
+            free().push(workbench);
+        });
     }
 
     /// Writes the sum of the lanes' gradients, in their order, to `sum`.

@@ -8,6 +8,7 @@
 pub mod accuracy;
 pub mod architecture;
 mod augment;
+pub mod bench;
 pub mod configuration;
 pub mod kin;
 mod lanes;

@@ -176,11 +176,11 @@ impl Default for InBatch {
         Self {
             margin: 1.0,
             batch: 256,
-            learning_rate: 5e-3,
+            learning_rate: 4e-3,
             weight_decay: 1e-6,
-            epochs: 20,
+            epochs: 16,
             patience: 8,
-            crop: [0.6, 1.0],
+            crop: [0.7, 1.3],
         }
     }
 }

@@ -226,6 +226,12 @@ impl Training {
         })
     }
 
+    /// The network as it is after the last epoch.
+    #[must_use]
+    pub const fn network(&self) -> &Network {
+        &self.state.network
+    }
+
     /// The embedder to publish: of the paper's recipe the weights after the last epoch, else those that were most
     /// accurate on held-out triplets.
     ///

@@ -1,0 +1,137 @@
+//! How fast trainings are on this machine: for `murmuration bench train`.
+
+use crate::{
+    configuration::{Configuration, NetworkSettings, Settings},
+    pictures::{Pictures, PicturesError},
+    recipe::Recipe,
+    training::{Training, TrainingError},
+};
+use murmuration_proto::{Invalid, Purpose, Stream};
+use std::sync::Arc;
+
+/// Figures of one network and recipe.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figures {
+    /// `compact` or `paper`.
+    pub network: &'static str,
+    /// `in-batch` or `paper`.
+    pub recipe: &'static str,
+    /// Weights of the network.
+    pub weights: usize,
+    /// Triplets a step learns from.
+    pub triplets_per_step: u64,
+    /// Mean time of a step, seconds.
+    pub step_seconds: f64,
+    /// Time of an epoch's steps, seconds.
+    pub epoch_seconds: f64,
+    /// Most memory that the process has held so far, bytes; `None` where the system does not tell.
+    pub peak_memory: Option<u64>,
+}
+
+/// Why there are no figures.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// A number that is not allowed.
+    #[error("{0}")]
+    Value(#[from] Invalid),
+    /// Too few behaviours.
+    #[error("{0}")]
+    Pictures(#[from] PicturesError),
+    /// The network cannot be trained.
+    #[error("{0}")]
+    Training(#[from] TrainingError),
+}
+
+/// Trains each network with each recipe for one epoch on pictures of `behaviours` made-up behaviours (the default
+/// of a campaign is 10,000, which takes some 20 s on two cores), 50 x 50 pixels; hands the figures over as they come.
+/// The smallest in memory runs first, because the peak of a process never falls.
+///
+/// # Errors
+/// Where there are fewer than four behaviours.
+pub fn train(behaviours: usize, mut report: impl FnMut(Figures)) -> Result<(), BenchError> {
+    let pictures = Arc::new(made_up(behaviours)?);
+    for (network, recipe) in [
+        ("compact", "in-batch"),
+        ("paper", "in-batch"),
+        ("compact", "paper"),
+        ("paper", "paper"),
+    ] {
+        report(one_epoch(network, recipe, &pictures)?);
+    }
+    Ok(())
+}
+
+fn one_epoch(
+    network: &'static str,
+    recipe: &'static str,
+    pictures: &Arc<Pictures>,
+) -> Result<Figures, BenchError> {
+    let recipe_settings = Recipe::named(recipe)?;
+    let configuration = Configuration::try_from(Settings {
+        network: NetworkSettings {
+            name: Some(network.to_owned()),
+            ..NetworkSettings::default()
+        },
+        recipe: recipe_settings.clone(),
+        ..Settings::default()
+    })?;
+    let mut training = Training::new(&configuration, Arc::clone(pictures))?;
+    let (seconds, triplets) = training
+        .step()
+        .map_or((0.0, 0), |progress| (progress.seconds, progress.triplets));
+    let triplets_per_step = match recipe_settings {
+        Recipe::Paper(recipe) => recipe.batch as u64,
+        Recipe::InBatch(recipe) => recipe.batch as u64 * (recipe.batch as u64 - 1),
+    };
+    let steps = (triplets / triplets_per_step).max(1);
+    Ok(Figures {
+        network,
+        recipe,
+        weights: training.embedder().parameters().len(),
+        triplets_per_step,
+        step_seconds: seconds / steps as f64,
+        epoch_seconds: seconds,
+        peak_memory: peak_memory(),
+    })
+}
+
+/// Pictures as dark as trajectories are: a few short lines on black.
+fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
+    const SIDE: usize = 50;
+    let mut stream = Stream::derive(0, Purpose::Train, 0);
+    let mut bytes = vec![0; behaviours * SIDE * SIDE];
+    for picture in bytes.chunks_exact_mut(SIDE * SIDE) {
+        for _ in 0..24 {
+            let start = stream.below((SIDE * (SIDE - 6)) as u64) as usize;
+            picture[start..start + 6].fill(255);
+        }
+    }
+    Pictures::new(SIDE, 1, bytes)
+}
+
+/// The high-water mark of this process's memory, as Linux tells it.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kibibytes: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_that_are_too_few_are_named() {
+        let error = train(3, |_| {}).unwrap_err().to_string();
+        assert!(error.contains("3 behaviours"), "{error}");
+    }
+
+    #[test]
+    fn made_up_pictures_are_mostly_black_and_no_two_alike() {
+        let pictures = made_up(10).unwrap();
+        let lit = |i| pictures.picture(i, 0).iter().filter(|&&grey| grey > 0).count();
+        assert!((0..10).all(|i| (20..=144).contains(&lit(i))));
+        assert_ne!(pictures.picture(0, 0), pictures.picture(1, 0));
+    }
+}
