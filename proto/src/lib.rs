@@ -21,6 +21,7 @@ mod replay;
 mod search;
 mod space;
 mod toml_names;
+pub mod training;
 mod world;
 
 pub use campaign_spec::{CampaignName, CampaignSpec, Method, SpecFileError};

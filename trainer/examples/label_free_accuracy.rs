@@ -6,10 +6,11 @@
 //! Prints triplet accuracies in percent, anchors not random / of every class.
 
 use clap::Parser;
-use murmuration_proto::{CapabilityModel, ControllerSpace, ImageFormat, Purpose, Stream, World, v1};
+use murmuration_proto::{
+    CapabilityModel, ControllerSpace, ImageFormat, Purpose, Stream, World, training::Configuration, v1,
+};
 use murmuration_trainer::{
-    accuracy::TripletAccuracy, configuration::Configuration, kin::kin, network::Network, onnx,
-    pictures::Pictures, training::Training,
+    accuracy::TripletAccuracy, kin::kin, network::Network, onnx, pictures::Pictures, training::Training,
 };
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;

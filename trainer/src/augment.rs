@@ -1,7 +1,7 @@
 //! Another picture of the same behaviour: cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
-use murmuration_proto::Stream;
+use murmuration_proto::{Stream, training::Recipe};
 
 /// How far pictures are changed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +19,23 @@ pub(crate) enum Symmetries {
     Turns,
     /// All eight: turns and reflections, and none.
     All,
+}
+
+impl From<&Recipe> for Augmentation {
+    fn from(recipe: &Recipe) -> Self {
+        match recipe {
+            Recipe::Paper(recipe) => Self {
+                crop: recipe.crop,
+                symmetries: Symmetries::Turns,
+            },
+            Recipe::InBatch(recipe) => Self {
+                crop: recipe.crop,
+                symmetries: Symmetries::All,
+            },
+            // For the measure of its quality alone.
+            Recipe::Untrained => Self::from(&Recipe::default()),
+        }
+    }
 }
 
 impl Augmentation {

@@ -1,12 +1,13 @@
 //! How fast trainings are on this machine: for `murmuration bench train`.
 
 use crate::{
-    configuration::{Configuration, NetworkSettings, Settings},
     pictures::{Pictures, PicturesError},
-    recipe::Recipe,
     training::{Training, TrainingError},
 };
-use murmuration_proto::{Invalid, Purpose, Stream};
+use murmuration_proto::{
+    Invalid, Purpose, Stream,
+    training::{Configuration, NetworkSettings, Recipe, Settings},
+};
 use std::sync::Arc;
 
 /// Figures of one network and recipe.
@@ -82,6 +83,7 @@ fn one_epoch(
     let triplets_per_step = match recipe_settings {
         Recipe::Paper(recipe) => recipe.batch as u64,
         Recipe::InBatch(recipe) => recipe.batch as u64 * (recipe.batch as u64 - 1),
+        Recipe::Untrained => 1,
     };
     let steps = (triplets / triplets_per_step).max(1);
     Ok(Figures {

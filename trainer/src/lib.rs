@@ -1,15 +1,13 @@
 //! The trainer: learns embedders from trajectory images, without labels, and writes them as ONNX checkpoints.
 //!
-//! [`training::Training`] takes [`pictures::Pictures`] and a [`configuration::Configuration`] in and is stepped an
+//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration) in and is stepped an
 //! epoch at a time; [`onnx::export`] makes a checkpoint of its embedder. No network, no threads of its own: it works
 //! in the rayon pool that it is called in.
 #![deny(missing_docs)]
 
 pub mod accuracy;
-pub mod architecture;
 mod augment;
 pub mod bench;
-pub mod configuration;
 pub mod kin;
 mod lanes;
 mod layers;
@@ -21,9 +19,7 @@ pub mod pictures;
 #[cfg(test)]
 mod pytorch;
 pub mod quality;
-mod ranges;
 mod real;
-pub mod recipe;
 pub mod training;
 
 pub use real::Real;

@@ -1,11 +1,13 @@
 //! A network: an architecture with weights. It runs forward and backward over a chunk of images at a time.
 
 use crate::{
-    architecture::{Architecture, Layer, Shape, parameters},
     layers::{Activation, Backward, Operation},
     real::Real,
 };
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{
+    Purpose, Stream,
+    training::{Architecture, Layer, Shape, parameters},
+};
 use rayon::prelude::*;
 use std::ops::Range;
 

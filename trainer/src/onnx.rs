@@ -9,13 +9,15 @@
 //! in one go, which costs a digit. Means of rows, then of those, agree with ours to 2e-6.
 
 use crate::{
-    architecture::{Layer, Shape},
     layers::{AveragePooling, Convolution, Dense, EPSILON, GroupNormalisation, Operation},
     network::{Network, Stage},
     real::Real,
 };
-use murmuration_proto::onnx::{
-    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
+use murmuration_proto::{
+    onnx::{
+        AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto, ValueInfoProto,
+    },
+    training::{Layer, Shape},
 };
 use prost::Message as _;
 
@@ -232,7 +234,7 @@ pub(crate) fn channels_first<T: Real>(rows: &[T], pixels: usize, channels: usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::architecture::Architecture;
+    use murmuration_proto::training::Architecture;
 
     fn graph(architecture: Architecture) -> GraphProto {
         let bytes = export(&Network::initialise(architecture, 1));

@@ -1,13 +1,13 @@
 //! Whole networks against PyTorch, in f64: `tests/fixtures/pytorch.py` made the numbers and says how.
 
 use crate::{
-    architecture::{Architecture, Layer, Shape},
     lanes::Lanes,
     loss::{in_batch, triplets},
     network::Network,
     onnx::channels_first,
     optimise::Adam,
 };
+use murmuration_proto::training::{Architecture, Layer, Shape};
 use serde::Deserialize;
 
 /// What PyTorch made of one step.

@@ -3,7 +3,6 @@
 
 pub mod case;
 pub mod client;
-pub mod embed;
 pub mod evaluate;
 pub mod features;
 pub mod rasterise;

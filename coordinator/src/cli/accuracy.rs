@@ -2,8 +2,8 @@
 
 use super::{CliError, json};
 use crate::accuracy::{Accuracy, Labels, LabelsError, Tally};
+use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_proto::onnx::EmbedderModel;
-use murmuration_worker::embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use serde_json::{Map, Value, json};
 use std::{
     fs,

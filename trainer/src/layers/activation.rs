@@ -1,6 +1,7 @@
 //! Leaky rectifiers, in place. The derivative is read off what came out, so nothing else need be kept.
 
-use crate::{architecture::Layer, real::Real};
+use crate::real::Real;
+use murmuration_proto::training::Layer;
 
 /// x, or `slope` x where x is negative.
 #[derive(Debug, Clone, Copy, PartialEq)]

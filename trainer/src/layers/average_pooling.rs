@@ -1,9 +1,10 @@
 //! Average pooling to a grid of equal windows.
 
 use super::Backward;
-use crate::{architecture::Shape, real::Real};
+use crate::real::Real;
+use murmuration_proto::training::Shape;
 
-/// See [`crate::architecture::Layer::AveragePooling`].
+/// See [`murmuration_proto::training::Layer::AveragePooling`].
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct AveragePooling {
     pub(crate) input: Shape,

@@ -1,10 +1,8 @@
 //! Convolutions, by copying the patch under every place of the kernel into a row of a matrix.
 
 use super::{Backward, plane};
-use crate::{
-    architecture::Shape,
-    real::{Real, matrix, multiply},
-};
+use crate::real::{Real, matrix, multiply};
+use murmuration_proto::training::Shape;
 
 /// Parameters: one row of weights a channel that comes out (row, column, channel of the kernel), then the biases.
 #[derive(Debug, Clone, Copy)]

@@ -1,10 +1,8 @@
 //! Dense layers: every value to every unit.
 
 use super::Backward;
-use crate::{
-    architecture::Shape,
-    real::{Real, matrix, multiply},
-};
+use crate::real::{Real, matrix, multiply};
+use murmuration_proto::training::Shape;
 
 /// Parameters: one row of weights a unit (in the order in which the values lie here), then the biases.
 #[derive(Debug, Clone, Copy)]

@@ -1,8 +1,10 @@
 //! Each layer's gradient against finite differences, in f64.
 
 use super::{Backward, Operation};
-use crate::architecture::{Layer, Shape, parameters};
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{
+    Purpose, Stream,
+    training::{Layer, Shape, parameters},
+};
 
 const SAMPLES: usize = 3;
 

@@ -2,7 +2,8 @@
 //! itself, and training and use behave alike.
 
 use super::Backward;
-use crate::{architecture::Shape, real::Real};
+use crate::real::Real;
+use murmuration_proto::training::Shape;
 
 /// Added to every variance.
 pub(crate) const EPSILON: f64 = 1e-5;

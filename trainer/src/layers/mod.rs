@@ -19,10 +19,8 @@ pub(crate) use convolution::Convolution;
 pub(crate) use dense::Dense;
 pub(crate) use group_normalisation::{EPSILON, GroupNormalisation};
 
-use crate::{
-    architecture::{Layer, Shape},
-    real::Real,
-};
+use crate::real::Real;
+use murmuration_proto::training::{Layer, Shape};
 
 /// A layer that computes something new (activations change values in place instead).
 #[derive(Debug, Clone, Copy)]

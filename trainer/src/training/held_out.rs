@@ -1,7 +1,7 @@
 //! The behaviours that are not trained on, and the triplets made of them.
 
-use crate::{configuration::Configuration, network::Network, pictures::Pictures, quality::Quality};
-use murmuration_proto::{Purpose, Stream};
+use crate::{augment::Augmentation, network::Network, pictures::Pictures, quality::Quality};
+use murmuration_proto::{Purpose, Stream, training::Configuration};
 use rayon::prelude::*;
 
 /// Held-out behaviours, augmented once and for all: every epoch is judged by the same triplets.
@@ -28,7 +28,7 @@ impl HeldOut {
             let behaviours = images.par_chunks_mut(side * side).zip(&order).enumerate();
             behaviours.for_each(|(i, (image, &behaviour))| {
                 let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
-                let augmentation = configuration.recipe().augmentation();
+                let augmentation = Augmentation::from(configuration.recipe());
                 augmentation.apply(pictures.picture(behaviour, view), side, &mut stream, image);
             });
             images

@@ -1,8 +1,8 @@
 //! An epoch of the in-batch recipe: every behaviour once, in random order, a batch at a time.
 
 use super::{EpochLoss, Training, held_out::shuffle};
-use crate::{loss::in_batch, recipe::InBatch};
-use murmuration_proto::{Purpose, Stream};
+use crate::{augment::Augmentation, loss::in_batch};
+use murmuration_proto::{Purpose, Stream, training::InBatch};
 use rayon::prelude::*;
 
 /// Images in a chunk.
@@ -57,7 +57,7 @@ fn augmented(training: &Training, behaviours: &[usize], stream: &mut Stream) -> 
     });
     let positives: Vec<u64> = others.collect();
     let key = stream.bits();
-    let augmentation = training.configuration.recipe().augmentation();
+    let augmentation = Augmentation::from(training.configuration.recipe());
     let mut images = vec![0.0; 2 * behaviours.len() * side * side];
     images
         .par_chunks_mut(side * side)

@@ -9,17 +9,17 @@ mod schedule;
 mod tests;
 
 use crate::{
-    architecture::ArchitectureError,
-    configuration::Configuration,
     lanes::Lanes,
     network::Network,
     optimise::Adam,
     pictures::Pictures,
     quality::{Moments, Quality},
-    recipe::Recipe,
 };
 use held_out::HeldOut;
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{
+    Purpose, Stream,
+    training::{ArchitectureError, Configuration, Recipe},
+};
 use schedule::Schedule;
 use std::{sync::Arc, time::Instant};
 
@@ -208,6 +208,7 @@ impl Training {
         let loss = match self.configuration.recipe().clone() {
             Recipe::Paper(recipe) => random_triplets::epoch(self, &recipe, &mut stream),
             Recipe::InBatch(recipe) => in_batch::epoch(self, &recipe, &mut stream),
+            Recipe::Untrained => return None,
         };
         let seconds = started.elapsed().as_secs_f64();
         let learning_rate = self.state.schedule.learning_rate();
@@ -270,7 +271,7 @@ impl Training {
             network, epoch, best, ..
         } = &mut self.state;
         let candidate = match self.configuration.recipe() {
-            Recipe::Paper(_) => true,
+            Recipe::Paper(_) | Recipe::Untrained => true,
             Recipe::InBatch(_) => quality.triplet_accuracy > best.triplet_accuracy,
         };
         if candidate && quality.spread.is_finite() {

@@ -1,10 +1,8 @@
 //! An epoch of the paper's recipe: fresh random triplets, whose loss each chunk has for itself.
 
 use super::{EpochLoss, Training};
-use crate::{
-    augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures, recipe::RandomTriplets,
-};
-use murmuration_proto::{Purpose, Stream};
+use crate::{augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures};
+use murmuration_proto::{Purpose, Stream, training::RandomTriplets};
 
 /// Triplets in a chunk.
 const CHUNK: usize = 64;
@@ -30,7 +28,7 @@ fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -
     let batch = Batch {
         pictures,
         pairs: &pairs,
-        augmentation: training.configuration.recipe().augmentation(),
+        augmentation: Augmentation::from(training.configuration.recipe()),
         key: stream.bits(),
     };
     let state = &mut training.state;

@@ -1,6 +1,6 @@
 //! How the learning rate falls, and which losses there were.
 
-use crate::recipe::Recipe;
+use murmuration_proto::training::Recipe;
 
 /// The learning rate and what it follows from.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,7 @@ impl Schedule {
                 factor: recipe.plateau_factor,
                 remembered: recipe.enough_over,
             }),
-            Recipe::InBatch(_) => None,
+            Recipe::InBatch(_) | Recipe::Untrained => None,
         };
         Self {
             state: ScheduleState {
@@ -102,7 +102,7 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::recipe::RandomTriplets;
+    use murmuration_proto::training::RandomTriplets;
 
     fn schedule() -> Schedule {
         Schedule::new(&Recipe::Paper(RandomTriplets {

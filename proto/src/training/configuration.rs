@@ -1,11 +1,10 @@
 //! Everything that decides what a training makes of its pictures, validated.
 
+use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
-    architecture::{Architecture, ArchitectureError, Layer},
-    ranges::{real, whole},
-    recipe::Recipe,
+    Invalid,
+    invalid::{real, whole},
 };
-use murmuration_proto::Invalid;
 use serde::{Deserialize, Serialize};
 
 /// A configuration as it is written; nothing is checked yet. Absent fields take their defaults.
@@ -97,7 +96,7 @@ impl Configuration {
 
     /// How many of so many behaviours are held out: at least two, and two are left to train on.
     #[must_use]
-    pub(crate) fn held_out(&self, behaviours: usize) -> usize {
+    pub fn held_out(&self, behaviours: usize) -> usize {
         let share = (self.settings.held_out * behaviours as f64) as usize;
         share.min(1000).clamp(2, behaviours - 2)
     }

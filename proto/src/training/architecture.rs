@@ -339,7 +339,8 @@ impl Check {
 }
 
 /// Number of weights of a layer.
-pub(crate) const fn parameters(layer: Layer, input: Shape) -> usize {
+#[must_use]
+pub const fn parameters(layer: Layer, input: Shape) -> usize {
     match layer {
         Layer::Convolution { channels, kernel, .. } => channels * (kernel * kernel * input.channels + 1),
         Layer::GroupNormalisation { .. } => 2 * input.channels,

@@ -3,6 +3,7 @@
 //! [`Runtime`] is the library, loaded once; an [`Embedder`] is one checkpoint ready to run on one thread; a [`Cache`]
 //! keeps checkpoints on disk; [`Embedders`] puts the three together for a thread that is asked for checkpoints by
 //! digest. Knows nothing of the network: whoever has a missing checkpoint's bytes fetched passes a function.
+#![deny(missing_docs)]
 
 mod cache;
 mod embedder;

@@ -1,10 +1,9 @@
-//! How a network is trained: two recipes by name, with every number of theirs as it is written.
+//! How a network is trained: recipes by name, with every number of theirs as it is written.
 
 use crate::{
-    augment::{Augmentation, Symmetries},
-    ranges::{over_zero, real, whole},
+    Invalid,
+    invalid::{positive, real, whole},
 };
-use murmuration_proto::Invalid;
 use serde::{Deserialize, Serialize};
 
 /// A way to train.
@@ -15,10 +14,12 @@ pub enum Recipe {
     Paper(RandomTriplets),
     /// The default: every other picture of the batch is a negative.
     InBatch(InBatch),
+    /// None: the network stays as it was initialised (the paper's baseline).
+    Untrained,
 }
 
 impl Recipe {
-    /// The recipe of that name, `paper` or `in-batch`, with its own numbers.
+    /// The recipe of that name, `paper`, `in-batch` or `untrained`, with its own numbers.
     ///
     /// # Errors
     /// Where there is no recipe of that name.
@@ -26,10 +27,11 @@ impl Recipe {
         match name {
             "paper" => Ok(Self::Paper(RandomTriplets::default())),
             "in-batch" => Ok(Self::InBatch(InBatch::default())),
+            "untrained" => Ok(Self::Untrained),
             _ => Err(Invalid::new(
                 "recipe",
                 format!("\"{name}\""),
-                "\"in-batch\" or \"paper\"",
+                "\"in-batch\", \"paper\" or \"untrained\"",
             )),
         }
     }
@@ -40,6 +42,7 @@ impl Recipe {
         match self {
             Self::Paper(_) => "paper",
             Self::InBatch(_) => "in-batch",
+            Self::Untrained => "untrained",
         }
     }
 
@@ -49,26 +52,17 @@ impl Recipe {
         match self {
             Self::Paper(recipe) => recipe.epochs,
             Self::InBatch(recipe) => recipe.epochs,
+            Self::Untrained => 0,
         }
     }
 
-    pub(crate) const fn learning_rate(&self) -> f64 {
+    /// The first learning rate.
+    #[must_use]
+    pub const fn learning_rate(&self) -> f64 {
         match self {
             Self::Paper(recipe) => recipe.learning_rate,
             Self::InBatch(recipe) => recipe.learning_rate,
-        }
-    }
-
-    pub(crate) const fn augmentation(&self) -> Augmentation {
-        match self {
-            Self::Paper(recipe) => Augmentation {
-                crop: recipe.crop,
-                symmetries: Symmetries::Turns,
-            },
-            Self::InBatch(recipe) => Augmentation {
-                crop: recipe.crop,
-                symmetries: Symmetries::All,
-            },
+            Self::Untrained => 0.0,
         }
     }
 
@@ -76,6 +70,7 @@ impl Recipe {
         match self {
             Self::Paper(recipe) => recipe.check().map_err(|error| error.within("paper")),
             Self::InBatch(recipe) => recipe.check().map_err(|error| error.within("in-batch")),
+            Self::Untrained => Ok(()),
         }
     }
 }
@@ -136,13 +131,13 @@ impl Default for RandomTriplets {
 
 impl RandomTriplets {
     fn check(&self) -> Result<(), Invalid> {
-        over_zero("margin", self.margin, 1000.0)?;
+        positive("margin", self.margin, 1000.0)?;
         whole("batch", self.batch, 1..=65_536)?;
         whole("steps", self.steps, 1..=100_000)?;
-        over_zero("learning_rate", self.learning_rate, 1.0)?;
+        positive("learning_rate", self.learning_rate, 1.0)?;
         real("weight_decay", self.weight_decay, 0.0..=1.0)?;
         whole("plateau", self.plateau, 1..=100_000)?;
-        over_zero("plateau_factor", self.plateau_factor, 1.0)?;
+        positive("plateau_factor", self.plateau_factor, 1.0)?;
         whole("epochs", self.epochs, 1..=100_000)?;
         real("enough", self.enough, 0.0..=1e9)?;
         whole("enough_over", self.enough_over, 1..=10_000)?;
@@ -187,9 +182,9 @@ impl Default for InBatch {
 
 impl InBatch {
     fn check(&self) -> Result<(), Invalid> {
-        over_zero("margin", self.margin, 1000.0)?;
+        positive("margin", self.margin, 1000.0)?;
         whole("batch", self.batch, 2..=65_536)?;
-        over_zero("learning_rate", self.learning_rate, 1.0)?;
+        positive("learning_rate", self.learning_rate, 1.0)?;
         real("weight_decay", self.weight_decay, 0.0..=1.0)?;
         whole("epochs", self.epochs, 1..=100_000)?;
         whole("patience", self.patience, 1..=100_000)?;
@@ -198,6 +193,7 @@ impl InBatch {
 }
 
 fn check_crop(crop: [f64; 2]) -> Result<(), Invalid> {
-    over_zero("crop[0]", crop[0], 2.0)?;
-    real("crop[1]", crop[1], crop[0]..=2.0)
+    positive("crop[0]", crop[0], 2.0)?;
+    real("crop[1]", crop[1], crop[0]..=2.0)?;
+    Ok(())
 }

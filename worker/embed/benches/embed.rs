@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a figure that cannot be had is a bug")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use murmuration_embed::{Embedder, Runtime};
 use murmuration_proto::{
     Purpose, Stream,
     onnx::{
@@ -10,7 +11,6 @@ use murmuration_proto::{
         ValueInfoProto,
     },
 };
-use murmuration_worker::embed::{Embedder, Runtime};
 use prost::Message as _;
 
 /// A graph as a chain: every node takes what the one before made.

@@ -1,0 +1,10 @@
+//! How an embedder is to be trained, as campaign files and checkpoints say it: the network's layers, the recipe and
+//! every number of it. Data alone; the `trainer` does what it says.
+
+mod architecture;
+mod configuration;
+mod recipe;
+
+pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
+pub use configuration::{Configuration, ConfigurationError, NetworkSettings, Settings};
+pub use recipe::{InBatch, RandomTriplets, Recipe};
