@@ -4,12 +4,13 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 6] = [
+const WRITTEN_BY_PEOPLE: [&str; 7] = [
     "World",
     "ImageFormat",
     "ControllerSpace",
     "Search",
     "TaxonomyFormat",
+    "Dataset",
     "CampaignSpec",
 ];
 
@@ -19,6 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/campaign.proto",
             "murmuration/v1/worker.proto",
             "murmuration/v1/checkpoint.proto",
+            "murmuration/v1/trainer.proto",
         ],
         ["."],
     )?;
@@ -49,6 +51,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .field_attribute(
             "murmuration.v1.ControllerSpace.angles",
             "#[serde(skip_serializing_if = \"Vec::is_empty\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.CampaignSpec.training",
+            "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
         )
         .compile_fds(files)?;
     println!("cargo:rerun-if-changed=murmuration");

@@ -1,76 +1,9 @@
 //! Everything that decides a campaign's outcome, validated as a whole.
 
-use crate::{CapabilityModel, ControllerSpace, ImageFormat, Invalid, Search, World, invalid, v1};
-use std::fmt;
-
-/// How controllers are proposed, and what novelty is measured on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Method {
-    /// Uniform samples in every generation; novelty on the hand-crafted features, for comparison only.
-    Random,
-    /// Novelty search on the five hand-crafted features (Brown et al.).
-    HandCrafted,
-}
-
-impl Method {
-    /// Every method.
-    pub const ALL: [Self; 2] = [Self::Random, Self::HandCrafted];
-
-    /// Its name in files and on the command line.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Random => "random",
-            Self::HandCrafted => "hand-crafted",
-        }
-    }
-
-    fn one_of() -> String {
-        Self::ALL
-            .map(|method| format!("\"{}\"", method.name()))
-            .join(" or ")
-    }
-}
-
-impl fmt::Display for Method {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl std::str::FromStr for Method {
-    type Err = Invalid;
-
-    fn from_str(name: &str) -> Result<Self, Invalid> {
-        Self::ALL
-            .into_iter()
-            .find(|method| method.name() == name)
-            .ok_or_else(|| Invalid::new("method", format!("\"{name}\""), Self::one_of()))
-    }
-}
-
-impl TryFrom<i32> for Method {
-    type Error = Invalid;
-
-    /// Takes an enum value as it comes out of a message's field.
-    fn try_from(number: i32) -> Result<Self, Invalid> {
-        match v1::Method::try_from(number) {
-            Ok(v1::Method::Random) => Ok(Self::Random),
-            Ok(v1::Method::HandCrafted) => Ok(Self::HandCrafted),
-            Ok(v1::Method::Unspecified) => Err(Invalid::new("method", "nothing", Self::one_of())),
-            Err(_) => Err(Invalid::new("method", number, Self::one_of())),
-        }
-    }
-}
-
-impl From<Method> for v1::Method {
-    fn from(method: Method) -> Self {
-        match method {
-            Method::Random => Self::Random,
-            Method::HandCrafted => Self::HandCrafted,
-        }
-    }
-}
+use crate::{
+    CapabilityModel, ControllerSpace, EmbedderSource, ImageFormat, Invalid, Method, Search, World, embedder,
+    invalid, v1,
+};
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -113,6 +46,7 @@ pub struct CampaignSpec {
     controllers: ControllerSpace,
     search: Search,
     medoids: u32,
+    embedder: Option<EmbedderSource>,
 }
 
 impl CampaignSpec {
@@ -190,6 +124,27 @@ impl CampaignSpec {
     pub const fn medoids(&self) -> u32 {
         self.medoids
     }
+
+    /// Where its first embedder comes from; `None` if and only if the method has no embedding.
+    #[must_use]
+    pub const fn embedder(&self) -> Option<&EmbedderSource> {
+        self.embedder.as_ref()
+    }
+
+    /// The same with another seed (0 to 2^63 - 1), of its training too unless that has one of its own.
+    ///
+    /// # Errors
+    /// Where the seed is out of range.
+    pub fn with_seed(self, seed: u64) -> Result<Self, Invalid> {
+        let mut message = v1::CampaignSpec::from(&self);
+        message.seed = Some(seed);
+        if let Some(EmbedderSource::Trained { training, .. }) = &self.embedder
+            && training.seed() == self.seed
+        {
+            message.training = Some(training.with_seed(seed)?.to_toml());
+        }
+        message.try_into()
+    }
 }
 
 impl TryFrom<v1::CampaignSpec> for CampaignSpec {
@@ -209,16 +164,26 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             .medoids
             .unwrap_or(default_medoids);
         let most_medoids = search.evaluations().min(1000) as u32;
+        let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
+        let method = message.method.try_into()?;
+        let filter = message.filter.unwrap_or(false);
+        let image = ImageFormat::for_world(message.image.unwrap_or_default(), &world)
+            .map_err(|e| e.within("image"))?;
+        let embedder = embedder::Fields {
+            checkpoint: message.checkpoint,
+            dataset: message.dataset,
+            training: message.training,
+        };
         Ok(Self {
             name: message
                 .name
                 .unwrap_or_else(|| model.name().to_owned())
                 .try_into()?,
-            seed: invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?,
-            method: message.method.try_into()?,
-            filter: message.filter.unwrap_or(false),
-            image: ImageFormat::for_world(message.image.unwrap_or_default(), &world)
-                .map_err(|e| e.within("image"))?,
+            embedder: EmbedderSource::from_fields(embedder, method, (seed, filter), &image)?,
+            seed,
+            method,
+            filter,
+            image,
             controllers: ControllerSpace::for_model(message.controllers.unwrap_or_default(), model)
                 .map_err(|e| e.within("controllers"))?,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
@@ -230,7 +195,14 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
 
 impl From<&CampaignSpec> for v1::CampaignSpec {
     fn from(spec: &CampaignSpec) -> Self {
+        let embedder = spec.embedder.as_ref().map(EmbedderSource::to_fields);
+        let (checkpoint, dataset, training) = embedder.map_or((None, None, None), |fields| {
+            (fields.checkpoint, fields.dataset, fields.training)
+        });
         Self {
+            checkpoint,
+            dataset,
+            training,
             name: Some(spec.name.0.clone()),
             seed: Some(spec.seed),
             model: v1::CapabilityModel::from(spec.model()) as i32,

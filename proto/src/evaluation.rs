@@ -20,6 +20,8 @@ pub const FEATURE_NAMES: [&str; 5] = [
 pub struct Evaluation {
     features: Features,
     image: Vec<u8>,
+    /// Empty if none was asked for.
+    embedding: Vec<f32>,
 }
 
 impl Evaluation {
@@ -37,14 +39,34 @@ impl Evaluation {
             let allowed = format!("{} bytes", format.pixels());
             return Err(Invalid::new("image", format!("{} bytes", image.len()), allowed));
         }
-        Ok(Self { features, image })
+        Ok(Self {
+            features,
+            image,
+            embedding: Vec::new(),
+        })
     }
 
-    /// Takes an evaluation in from a worker that was asked for `format`.
+    /// The same with the embedding of its picture, which must have `dimensions` numbers.
     ///
     /// # Errors
-    /// As [`Evaluation::new`], and where there are not five features.
-    pub fn for_format(message: v1::Evaluation, format: &ImageFormat) -> Result<Self, Invalid> {
+    /// Where it has another number of them, or one that is not finite.
+    pub fn embedded(self, embedding: Vec<f32>, dimensions: usize) -> Result<Self, Invalid> {
+        Ok(Self {
+            embedding: check_embedding(embedding, dimensions)?,
+            ..self
+        })
+    }
+
+    /// Takes an evaluation in from a worker that was asked for `format` and, with `dimensions`, for an embedding of
+    /// so many numbers.
+    ///
+    /// # Errors
+    /// As [`Evaluation::new`] and [`Evaluation::embedded`], and where there are not five features.
+    pub fn for_format(
+        message: v1::Evaluation,
+        format: &ImageFormat,
+        dimensions: Option<usize>,
+    ) -> Result<Self, Invalid> {
         let features = Features::try_from(message.features.as_slice()).map_err(|_| {
             Invalid::new(
                 "features",
@@ -52,7 +74,7 @@ impl Evaluation {
                 "5 values",
             )
         })?;
-        Self::new(features, message.image, format)
+        Self::new(features, message.image, format)?.embedded(message.embedding, dimensions.unwrap_or(0))
     }
 
     /// The hand-crafted features.
@@ -73,11 +95,49 @@ impl Evaluation {
         self.image
     }
 
+    /// The embedding of the picture; empty if none was asked for.
+    #[must_use]
+    pub fn embedding(&self) -> &[f32] {
+        &self.embedding
+    }
+
     /// Whether the two are the same bits.
     #[must_use]
     pub fn same_bits(&self, other: &Self) -> bool {
         let bits = |features: &Features| features.map(f64::to_bits);
-        bits(&self.features) == bits(&other.features) && self.image == other.image
+        bits(&self.features) == bits(&other.features)
+            && self.image == other.image
+            && same_embedding(&self.embedding, &other.embedding)
+    }
+}
+
+/// Whether two embeddings are the same bits.
+#[must_use]
+pub fn same_embedding(one: &[f32], other: &[f32]) -> bool {
+    let bits = |embedding: &[f32]| -> Vec<u32> { embedding.iter().map(|value| value.to_bits()).collect() };
+    bits(one) == bits(other)
+}
+
+/// An embedding from outside, which must have `dimensions` finite numbers.
+///
+/// # Errors
+/// Where it has not.
+pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
+    if embedding.len() != dimensions {
+        let allowed = format!("{dimensions} values");
+        return Err(Invalid::new(
+            "embedding",
+            format!("{} values", embedding.len()),
+            allowed,
+        ));
+    }
+    match embedding.iter().position(|value| !value.is_finite()) {
+        Some(place) => Err(Invalid::new(
+            format!("embedding[{place}]"),
+            embedding[place],
+            "finite",
+        )),
+        None => Ok(embedding),
     }
 }
 
@@ -86,6 +146,7 @@ impl From<Evaluation> for v1::Evaluation {
         Self {
             features: evaluation.features.to_vec(),
             image: evaluation.image,
+            embedding: evaluation.embedding,
         }
     }
 }

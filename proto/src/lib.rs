@@ -11,9 +11,12 @@ mod campaign_spec;
 mod capability;
 mod checkpoint;
 mod controller;
+mod dataset;
+mod embedder;
 mod evaluation;
 mod image_format;
 mod invalid;
+mod method;
 pub mod onnx;
 mod random;
 mod record;
@@ -24,13 +27,16 @@ mod toml_names;
 pub mod training;
 mod world;
 
-pub use campaign_spec::{CampaignName, CampaignSpec, Method, SpecFileError};
+pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use capability::CapabilityModel;
 pub use checkpoint::{CheckpointDigest, Lineage};
 pub use controller::Controller;
-pub use evaluation::{Evaluation, FEATURE_NAMES, Features};
+pub use dataset::Dataset;
+pub use embedder::EmbedderSource;
+pub use evaluation::{Evaluation, FEATURE_NAMES, Features, check_embedding, same_embedding};
 pub use image_format::ImageFormat;
 pub use invalid::Invalid;
+pub use method::Method;
 pub use random::{Purpose, Stream};
 pub use replay::{Pose, Replay};
 pub use search::Search;
@@ -50,3 +56,8 @@ pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/de
 ///
 /// It changes whenever one bit of any evaluation would. Coordinator and workers must agree on it.
 pub const SIMULATOR_VERSION: &str = "1";
+
+/// Version of the function (pictures, training configuration) -> checkpoint.
+///
+/// It changes whenever one bit of any checkpoint would. Coordinator and trainers must agree on it.
+pub const TRAINER_VERSION: &str = "1";

@@ -22,6 +22,10 @@ pub enum Purpose {
     Augment,
     /// Which images are held out of a training, and the triplets made of them; the index is 0.
     HeldOut,
+    /// Sampling a controller of a dataset; the index is the controller's.
+    Dataset,
+    /// Seeds of a dataset's starts; the index is the picture's.
+    DatasetStart,
 }
 
 impl Purpose {
@@ -35,6 +39,8 @@ impl Purpose {
             Self::Train => "train",
             Self::Augment => "augment",
             Self::HeldOut => "held out",
+            Self::Dataset => "dataset",
+            Self::DatasetStart => "dataset start",
         }
     }
 }

@@ -33,3 +33,24 @@ pub(crate) mod method {
         Ok(v1::Method::from(method) as i32)
     }
 }
+
+/// A table of its own: TOML text in the message.
+pub(crate) mod table {
+    use serde::{
+        Deserialize as _, Deserializer, Serialize as _, Serializer, de::Error as _, ser::Error as _,
+    };
+
+    pub(crate) fn serialize<S: Serializer>(text: &Option<String>, serializer: S) -> Result<S::Ok, S::Error> {
+        let table = text.as_deref().map(str::parse::<toml::Table>).transpose();
+        table.map_err(S::Error::custom)?.serialize(serializer)
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<String>, D::Error> {
+        let table = Option::<toml::Table>::deserialize(deserializer)?;
+        table
+            .map(|table| toml::to_string(&table).map_err(D::Error::custom))
+            .transpose()
+    }
+}

@@ -75,6 +75,27 @@ impl Configuration {
         Ok(settings.try_into()?)
     }
 
+    /// As [`Configuration::from_toml`], from a table that was read already.
+    ///
+    /// # Errors
+    /// Says which field it does not know, or which value is not allowed.
+    pub fn from_table(table: toml::Table) -> Result<Self, ConfigurationError> {
+        let settings: Settings = table.try_into()?;
+        Ok(settings.try_into()?)
+    }
+
+    /// The same with another seed, 0 to 2^63 - 1.
+    ///
+    /// # Errors
+    /// Where the seed is out of range.
+    pub fn with_seed(&self, seed: u64) -> Result<Self, Invalid> {
+        let settings = Settings {
+            seed,
+            ..self.settings.clone()
+        };
+        settings.try_into()
+    }
+
     /// Writes it with every field spelled out: a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
     /// same back.
     #[must_use]
