@@ -1,9 +1,10 @@
 //! Checkpoints: bytes in an object store under their digest, descriptions in the database.
 
+use crate::dispatch::Embedder;
 use crate::store::{CheckpointRecord, Store, StoreError};
 use bytes::Bytes;
 use murmuration_proto::{
-    CheckpointDigest, Lineage,
+    CheckpointDigest, ImageFormat, Lineage,
     onnx::{EmbedderModel, ModelError},
 };
 use object_store::{ObjectStore, ObjectStoreExt as _, local::LocalFileSystem, path::Path as ObjectPath};
@@ -48,6 +49,20 @@ pub enum CheckpointError {
         wanted: CheckpointDigest,
         /// The digest of the bytes.
         found: CheckpointDigest,
+    },
+    /// The embedder is for pictures of another size.
+    #[error(
+        "checkpoint {checkpoint} embeds pictures of {height} x {width}, the campaign's are {side} x {side}"
+    )]
+    Pictures {
+        /// The checkpoint.
+        checkpoint: CheckpointDigest,
+        /// Pixels along axis 0 that it takes.
+        height: usize,
+        /// Pixels along axis 1 that it takes.
+        width: usize,
+        /// Pixels along both axes of the campaign's pictures.
+        side: usize,
     },
     /// The waiting thread broke (a bug).
     #[error("reading the store broke off unexpectedly (this is a bug)")]
@@ -142,6 +157,31 @@ impl Checkpoints {
                 found,
             }),
         }
+    }
+
+    /// A checkpoint as an embedder of pictures in `format`.
+    ///
+    /// # Errors
+    /// As [`Checkpoints::fetch`], and [`CheckpointError::Pictures`] where it takes other pictures.
+    pub async fn embedder(
+        &self,
+        checkpoint: CheckpointDigest,
+        format: &ImageFormat,
+    ) -> Result<Embedder, CheckpointError> {
+        let model = EmbedderModel::read(&self.fetch(checkpoint).await?)?;
+        let side = format.resolution() as usize;
+        if (model.height(), model.width()) != (side, side) {
+            return Err(CheckpointError::Pictures {
+                checkpoint,
+                height: model.height(),
+                width: model.width(),
+                side,
+            });
+        }
+        Ok(Embedder {
+            checkpoint,
+            dimensions: model.dimensions(),
+        })
     }
 
     fn object(&self, digest: CheckpointDigest) -> ObjectPath {

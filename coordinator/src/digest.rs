@@ -19,7 +19,7 @@ pub struct ArchiveDigest {
 }
 
 /// Digests the archive as far as it is complete: for each individual in index order its genes and its features
-/// (f64, little-endian) and its image. Names, times, seeds and novelty are left out: they follow from the
+/// (f64, little-endian), its image, and its embedding (f32, little-endian) if it has one. Names, times, seeds and novelty are left out: they follow from the
 /// specification, or do not matter to the outcome.
 ///
 /// # Errors
@@ -44,6 +44,9 @@ pub fn digest(
                 hasher.update(&value.to_le_bytes());
             }
             hasher.update(individual.image.as_deref().unwrap_or_default());
+            for value in &individual.embedding {
+                hasher.update(&value.to_le_bytes());
+            }
         }
         evaluations += chunk.len() as u64;
     }

@@ -4,10 +4,15 @@
 //! no results once a job is over and writes nothing to disk.
 
 mod job;
+mod trainers;
 
-pub use job::{EvaluationJob, JobError, ReplayJob};
+pub use job::{Embedder, EmbeddingJob, EvaluationJob, JobError, ReplayJob, TrainingJob};
+pub use trainers::Trainers;
 
-use crate::leases::{Grant, JobId, LeaseNumber, LeaseTable, Progress, Refused, WorkerId};
+use crate::{
+    leases::{Grant, JobId, LeaseNumber, LeaseTable, Progress, Refused, WorkerId},
+    store::SavedTraining,
+};
 use job::{Output, Work};
 use murmuration_proto::{Evaluation, Replay, v1};
 use std::{
@@ -68,6 +73,24 @@ pub enum WorkerReport {
         lease: LeaseNumber,
         /// What came of it.
         outcome: v1::batch_result::Outcome,
+    },
+    /// How far the training of a lease has come.
+    Training {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// How far.
+        progress: v1::TrainingProgress,
+    },
+    /// The training of a lease, put aside.
+    Saved {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// The training.
+        training: SavedTraining,
     },
     /// Alive.
     Heartbeat,
@@ -135,6 +158,16 @@ impl Dispatch {
     ) -> Result<Vec<Evaluation>, JobError> {
         let outputs = self.submit(Work::Evaluations(job), done).await?;
         Ok(outputs.into_iter().filter_map(Output::into_evaluation).collect())
+    }
+
+    /// Has the workers embed stored pictures; `done` counts those that have arrived. Embeddings are in the order of the
+    /// pictures. Dropping the future withdraws the job.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn embed(&self, job: EmbeddingJob, done: Arc<AtomicU32>) -> Result<Vec<Vec<f32>>, JobError> {
+        let outputs = self.submit(Work::Embeddings(job), done).await?;
+        Ok(outputs.into_iter().filter_map(Output::into_embedding).collect())
     }
 
     /// Has a worker simulate one individual again, to be watched.
@@ -270,7 +303,25 @@ impl Service {
                     } if epoch == self.epoch => {
                         self.take_result(worker, lease, outcome);
                     }
-                    WorkerReport::Result { .. } => tracing::debug!(?worker, "a result from an earlier epoch"),
+                    WorkerReport::Training {
+                        epoch,
+                        lease,
+                        progress,
+                    } if epoch == self.epoch => self.tell_training(lease, |job| {
+                        job.progress.send_replace(Some(progress));
+                    }),
+                    WorkerReport::Saved {
+                        epoch,
+                        lease,
+                        training,
+                    } if epoch == self.epoch => self.tell_training(lease, |job| {
+                        job.saved.send_replace(Some(training));
+                    }),
+                    WorkerReport::Result { .. }
+                    | WorkerReport::Training { .. }
+                    | WorkerReport::Saved { .. } => {
+                        tracing::debug!(?worker, "a report on a lease of an earlier epoch");
+                    }
                 }
             }
         }
@@ -354,8 +405,17 @@ impl Service {
             .map(|(&id, _)| id)
             .collect();
         for id in withdrawn {
+            let held: Vec<_> = self.table.held(id).collect();
             self.table.forget(id);
-            self.jobs.remove(&id);
+            let job = self.jobs.remove(&id);
+            // Evaluations are done before a word of theirs would be; a training may have minutes to go.
+            if job.is_some_and(|job| matches!(job.work, Work::Training(_))) {
+                for (worker, lease) in held {
+                    let lease = Some(self.lease_id(lease));
+                    let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
+                    self.send(worker, withdrawal);
+                }
+            }
         }
     }
 
@@ -396,13 +456,29 @@ impl Service {
                 continue;
             };
             let message = v1::coordinator_message::Message::Lease(v1::Lease {
-                id: Some(v1::LeaseId {
-                    epoch: self.epoch,
-                    number: lease.0,
-                }),
+                id: Some(self.lease_id(lease)),
                 work: Some(content.work.batch(&tasks)),
             });
             self.send(worker, message);
+        }
+    }
+
+    fn lease_id(&self, lease: LeaseNumber) -> v1::LeaseId {
+        v1::LeaseId {
+            epoch: self.epoch,
+            number: lease.0,
+        }
+    }
+
+    /// Passes on what a trainer says of the training under a lease, if it is still wanted.
+    fn tell_training(&self, lease: LeaseNumber, tell: impl FnOnce(&TrainingJob)) {
+        let job = self.table.leased(lease).and_then(|id| self.jobs.get(&id));
+        if let Some(Job {
+            work: Work::Training(job),
+            ..
+        }) = job
+        {
+            tell(job);
         }
     }
 

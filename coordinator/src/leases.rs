@@ -153,6 +153,14 @@ impl<R: Agree> LeaseTable<R> {
         self.end(job);
     }
 
+    /// The leases of a job that are with a worker.
+    pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
+        self.leases
+            .iter()
+            .filter(move |(_, lease)| lease.job == job)
+            .filter_map(|(&number, lease)| Some((lease.holder?, number)))
+    }
+
     /// A worker that runs `capacity` tasks at once came at time `now`. It has no credits yet.
     pub fn join(&mut self, capacity: usize, now: Instant) -> WorkerId {
         let id = WorkerId(self.fresh_number());

@@ -3,15 +3,15 @@
 use crate::{
     campaign::{CampaignError, Campaigns},
     checkpoints::{CheckpointError, Checkpoints},
-    dispatch::{self, Dispatch},
-    service::{CampaignApi, CheckpointApi, WorkerApi},
+    dispatch::{self, Dispatch, Trainers},
+    service::{CampaignApi, CheckpointApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
-        worker_service_server::WorkerServiceServer,
+        trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
     },
 };
 use std::{io, net::SocketAddr, time::Duration};
@@ -35,7 +35,7 @@ pub struct Options {
     pub resume: bool,
     /// Where checkpoints are kept: a URL, or `None` for the data directory.
     pub checkpoints: Option<String>,
-    /// How workers are treated.
+    /// How workers and trainers are treated.
     pub dispatch: dispatch::Options,
 }
 
@@ -73,6 +73,7 @@ pub struct Coordinator {
     address: SocketAddr,
     campaigns: Campaigns,
     dispatch: Dispatch,
+    trainers: Trainers,
     stop: Option<oneshot::Sender<()>>,
     server: JoinHandle<Result<(), tonic::transport::Error>>,
     /// Held for as long as the server runs.
@@ -95,7 +96,13 @@ impl Coordinator {
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         let dispatch = Dispatch::start(options.dispatch);
-        let campaigns = Campaigns::new(store.clone(), dispatch.clone());
+        let trainers = Trainers::start(options.dispatch);
+        let campaigns = Campaigns::new(
+            store.clone(),
+            dispatch.clone(),
+            trainers.clone(),
+            checkpoints.clone(),
+        );
 
         let (health_reporter, health) = tonic_health::server::health_reporter();
         let reflection = tonic_reflection::server::Builder::configure()
@@ -104,7 +111,7 @@ impl Coordinator {
             .build_v1()?;
         let campaign_api = CampaignApi {
             campaigns: campaigns.clone(),
-            store,
+            store: store.clone(),
             dispatch: dispatch.clone(),
         };
         let campaign_service = CampaignServiceServer::new(campaign_api);
@@ -122,6 +129,13 @@ impl Coordinator {
         health_reporter
             .set_serving::<WorkerServiceServer<WorkerApi>>()
             .await;
+        let trainer_service = TrainerServiceServer::new(TrainerApi {
+            trainers: trainers.clone(),
+            store,
+        });
+        health_reporter
+            .set_serving::<TrainerServiceServer<TrainerApi>>()
+            .await;
 
         let (stop, stopped) = oneshot::channel();
         let server = Server::builder()
@@ -130,6 +144,7 @@ impl Coordinator {
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
             .add_service(campaign_service)
             .add_service(worker_service)
+            .add_service(trainer_service)
             .add_service(checkpoint_service)
             .add_service(health)
             .add_service(reflection)
@@ -146,6 +161,7 @@ impl Coordinator {
             address,
             campaigns,
             dispatch,
+            trainers,
             stop: Some(stop),
             server,
             _data: options.data,
@@ -176,6 +192,7 @@ impl Coordinator {
     pub async fn shutdown(mut self) -> Result<(), ServerError> {
         self.stop_searches().await;
         self.dispatch.stop().await;
+        self.trainers.stop().await;
         if let Some(stop) = self.stop.take() {
             // It may have ended already.
             let _ = stop.send(());

@@ -4,7 +4,7 @@ use crate::{
     campaign::CampaignId,
     store::{ArchivedIndividual, Store, StoreError},
 };
-use murmuration_proto::{CapabilityModel, Features};
+use murmuration_proto::CampaignSpec;
 
 /// One behaviour: the individual at the centre of a cluster.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,20 +36,26 @@ impl Taxonomy {
     pub fn read(
         store: &Store,
         campaign: &CampaignId,
-        model: CapabilityModel,
+        spec: &CampaignSpec,
     ) -> Result<Option<Self>, StoreError> {
         let Some(stored) = store.taxonomy(campaign)? else {
             return Ok(None);
+        };
+        let model = spec.model();
+        let behaviour = |individual: &ArchivedIndividual| {
+            spec.method()
+                .behaviour(&individual.features, &individual.embedding)
         };
         let archive = store.individuals(campaign, model, 0..stored.clusters.len() as u64, false)?;
         let mut medoids = Vec::with_capacity(stored.medoids.len());
         for (place, &index) in (0u32..).zip(&stored.medoids) {
             let individual = store.individual(campaign, model, index)?;
+            let centre = behaviour(&individual);
             let distances: Vec<f64> = archive
                 .iter()
                 .zip(&stored.clusters)
                 .filter(|&(_, &cluster)| cluster == place)
-                .map(|(member, _)| distance(&member.features, &individual.features))
+                .map(|(member, _)| distance(&behaviour(member), &centre))
                 .collect();
             medoids.push(Medoid {
                 cluster_size: distances.len() as u64,
@@ -65,7 +71,7 @@ impl Taxonomy {
     }
 }
 
-fn distance(one: &Features, other: &Features) -> f64 {
+fn distance(one: &[f64], other: &[f64]) -> f64 {
     one.iter()
         .zip(other)
         .map(|(a, b)| (a - b) * (a - b))

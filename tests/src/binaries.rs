@@ -97,12 +97,25 @@ impl Murmuration {
 }
 
 impl Running {
-    /// Starts a worker process for the coordinator at `url`.
+    /// Starts a worker process of one thread for the coordinator at `url`.
     #[must_use]
     pub fn worker(url: &str) -> Self {
+        let cache = std::env::temp_dir().join("murmuration-tests-cache");
         let mut command = Command::new(binary("murmuration-worker"));
+        command.args(["--threads", "1"]).arg("--cache").arg(cache);
+        Self::helper(command, url)
+    }
+
+    /// Starts a trainer process for the coordinator at `url`.
+    #[must_use]
+    pub fn trainer(url: &str) -> Self {
+        Self::helper(Command::new(binary("murmuration-trainer")), url)
+    }
+
+    fn helper(mut command: Command, url: &str) -> Self {
         command
-            .args(["--coordinator", url, "--threads", "1"])
+            .args(["--coordinator", url])
+            .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null());
         Self {

@@ -1,6 +1,11 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
-use murmuration_coordinator::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
+use murmuration_coordinator::{
+    dispatch,
+    local::{Helpers, LocalCluster},
+    server::Options,
+    store::DataDirectory,
+};
 use murmuration_proto::{
     CampaignSpec,
     v1::{self, campaign_service_client::CampaignServiceClient},
@@ -26,6 +31,17 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
+/// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers; `more` is added to the file.
+#[must_use]
+pub fn small_latent_spec(more: &str) -> CampaignSpec {
+    let text = format!(
+        "name = \"small\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n{more}\n\
+         [dataset]\ncontrollers = 100\n[training.recipe.in-batch]\nbatch = 30\nepochs = 3\n\
+         [world]\nhorizon = 200\n[search]\npopulation = 20\ngenerations = 5\n[taxonomy]\nmedoids = 4\n"
+    );
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
 /// Dispatch options that notice a silent worker within a second.
 #[must_use]
 pub fn quick_dispatch() -> dispatch::Options {
@@ -36,7 +52,7 @@ pub fn quick_dispatch() -> dispatch::Options {
 }
 
 impl Cluster {
-    /// Starts a coordinator over `data` and `workers` workers; running campaigns of the directory go on.
+    /// Starts a coordinator over `data` with `workers` workers and a trainer; running campaigns of the directory go on.
     pub async fn start(data: &Path, workers: usize) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
@@ -45,7 +61,7 @@ impl Cluster {
             checkpoints: None,
             dispatch: quick_dispatch(),
         };
-        let local = LocalCluster::start(options, workers).await.unwrap();
+        let local = LocalCluster::start(options, Helpers { workers, trainers: 1 }).await.unwrap();
         let client = CampaignServiceClient::connect(local.coordinator().url())
             .await
             .unwrap();
@@ -95,6 +111,14 @@ impl Cluster {
             campaign: campaign.to_owned(),
         };
         self.client.get_digest(request).await.unwrap().into_inner().digest
+    }
+
+    /// A campaign as it stands.
+    pub async fn status(&mut self, campaign: &str) -> v1::Campaign {
+        let request = v1::GetCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        self.client.get_campaign(request).await.unwrap().into_inner()
     }
 
     /// Runs a campaign to its end, which must be completion; its digest.

@@ -7,5 +7,5 @@ mod cluster;
 mod impostor;
 
 pub use binaries::{Finished, Murmuration, Running, binary};
-pub use cluster::{Cluster, quick_dispatch, small_spec};
+pub use cluster::{Cluster, quick_dispatch, small_latent_spec, small_spec};
 pub use impostor::Impostor;

@@ -16,7 +16,9 @@ mod selection;
 mod variation;
 
 use crate::filter::Score;
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Method, Purpose, Stream};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Method, Purpose, Stream,
+};
 
 /// Attempts at one controller before the search is given up as hopeless.
 ///
@@ -96,6 +98,21 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
         }
     }
     fill(spec, generation, |stream| breed(spec, parents, stream))
+}
+
+/// A uniform sample of the space that passes the filter, if there is one.
+///
+/// # Errors
+/// [`ProposeError::AllFiltered`] if the filter lets nothing through.
+pub fn sample(
+    space: &ControllerSpace,
+    filter: bool,
+    stream: &mut Stream,
+) -> Result<Controller, ProposeError> {
+    (0..MOST_ATTEMPTS)
+        .map(|_| space.sample(stream))
+        .find(|controller| !filter || Score::of(controller).passes())
+        .ok_or(ProposeError::AllFiltered { generation: 0 })
 }
 
 /// A population of what `attempt` makes and the filter, if there is one, lets through.

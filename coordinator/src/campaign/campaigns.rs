@@ -1,17 +1,18 @@
 //! The registry: every campaign of the store, and those at work in this process.
 
 use super::{
-    CampaignId, CampaignState, Change, NotAllowed,
+    CampaignId, CampaignState, Change, NotAllowed, Stage,
     live::{Live, Progress},
-    search,
+    run::{self, Means, blocking},
 };
 use crate::{
     breeding::ProposeError,
-    dispatch::{Dispatch, JobError},
+    checkpoints::{CheckpointError, Checkpoints},
+    dispatch::{Dispatch, JobError, Trainers},
     novelty::Misfit,
     store::{CampaignRecord, Store, StoreError},
 };
-use murmuration_proto::{CampaignSpec, SIMULATOR_VERSION};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Method, SIMULATOR_VERSION, v1};
 use std::{
     collections::BTreeMap,
     sync::Arc,
@@ -31,9 +32,22 @@ pub enum CampaignError {
     /// Its state does not allow the change.
     #[error("{0}")]
     NotAllowed(#[from] NotAllowed),
-    /// A generation could not be evaluated.
+    /// A generation could not be evaluated, or an embedder not trained.
     #[error("{0}")]
     Job(#[from] JobError),
+    /// A checkpoint cannot be used.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// It has no embedding that another checkpoint could make.
+    #[error(
+        "campaign {id} searches with the method \"{method}\", which has no embedding: no checkpoint suits it"
+    )]
+    NoEmbedding {
+        /// The campaign.
+        id: CampaignId,
+        /// Its method.
+        method: Method,
+    },
     /// A generation could not be proposed.
     #[error("{0}")]
     Propose(#[from] ProposeError),
@@ -66,19 +80,24 @@ pub struct CampaignStatus {
     pub record: CampaignRecord,
     /// Whether this process works on it.
     pub active: bool,
-    /// Evaluations of the generation in work that have arrived.
-    pub evaluated_in_generation: u32,
-    /// Evaluations a second over the last seconds.
-    pub evaluations_per_second: f64,
+    /// What it does, or would do next.
+    pub stage: Stage,
+    /// Of what its stage has in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    pub arrived: u32,
+    /// Evaluations (or embeddings) a second over the last seconds.
+    pub per_second: f64,
+    /// How far the training has come, while there is one.
+    pub training: Option<v1::TrainingProgress>,
     /// Workers connected to this coordinator.
     pub workers: usize,
+    /// Trainers connected to this coordinator.
+    pub trainers: usize,
 }
 
 /// Handle on the registry; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Campaigns {
-    store: Store,
-    dispatch: Dispatch,
+    means: Means,
     /// Campaigns that were started in this process, until somebody looks after they ended. Held while one is
     /// started or stopped, so that no campaign is ever searched twice at once.
     at_work: Arc<Mutex<BTreeMap<CampaignId, AtWork>>>,
@@ -94,10 +113,15 @@ struct AtWork {
 impl Campaigns {
     /// A registry over a store, with nothing at work.
     #[must_use]
-    pub fn new(store: Store, dispatch: Dispatch) -> Self {
-        Self {
+    pub fn new(store: Store, dispatch: Dispatch, trainers: Trainers, checkpoints: Checkpoints) -> Self {
+        let means = Means {
             store,
             dispatch,
+            trainers,
+            checkpoints,
+        };
+        Self {
+            means,
             at_work: Arc::default(),
         }
     }
@@ -105,13 +129,16 @@ impl Campaigns {
     /// Stores a campaign and starts it.
     ///
     /// # Errors
-    /// If it cannot be stored.
+    /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
     pub async fn create(&self, spec: CampaignSpec) -> Result<CampaignStatus, CampaignError> {
-        let store = self.store.clone();
+        if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
+            self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
+        }
+        let store = self.means.store.clone();
         let created_ms = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
-        let record = search::blocking(move || {
+        let record = blocking(move || {
             let id = store.create_campaign(&spec, created_ms)?;
             store.campaign(id.as_str())
         })
@@ -126,8 +153,8 @@ impl Campaigns {
     /// # Errors
     /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
     pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
-        let store = self.store.clone();
-        let records = search::blocking(move || store.campaigns()).await??;
+        let store = self.means.store.clone();
+        let records = blocking(move || store.campaigns()).await??;
         let mut at_work = self.at_work.lock().await;
         for record in records
             .into_iter()
@@ -171,8 +198,8 @@ impl Campaigns {
         if let Some(work) = at_work.remove(&id) {
             work.end().await;
         }
-        let store = self.store.clone();
-        record = search::blocking(move || {
+        let store = self.means.store.clone();
+        record = blocking(move || {
             // It may have completed while it was being stopped.
             if store.campaign(record.id.as_str())?.state != CampaignState::Completed {
                 store.set_state(&record.id, state, "")?;
@@ -187,12 +214,46 @@ impl Campaigns {
         self.status(id.as_str()).await
     }
 
+    /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
+    pub async fn adopt(
+        &self,
+        id: &str,
+        checkpoint: CheckpointDigest,
+    ) -> Result<CampaignStatus, CampaignError> {
+        let mut at_work = self.at_work.lock().await;
+        let CampaignRecord { id, spec, state, .. } = self.record(id).await?;
+        if state == CampaignState::Cancelled {
+            let change = Change::Adopt;
+            return Err(NotAllowed { id, change, state }.into());
+        }
+        if !spec.method().embeds() {
+            let method = spec.method();
+            return Err(CampaignError::NoEmbedding { id, method });
+        }
+        self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
+        if let Some(work) = at_work.remove(&id) {
+            work.end().await;
+        }
+        let (store, moving) = (self.means.store.clone(), id.clone());
+        let record = blocking(move || {
+            store.move_to(&moving, checkpoint)?;
+            store.campaign(moving.as_str())
+        })
+        .await??;
+        self.start(&mut at_work, record)?;
+        drop(at_work);
+        self.status(id.as_str()).await
+    }
+
     /// Every campaign, oldest first.
     ///
     /// # Errors
     /// If the store cannot be read.
     pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let store = self.store.clone();
+        let store = self.means.store.clone();
         let at_work: BTreeMap<_, _> = self
             .at_work
             .lock()
@@ -200,7 +261,7 @@ impl Campaigns {
             .iter()
             .map(|(id, work)| (id.clone(), work.snapshot()))
             .collect();
-        let records = search::blocking(move || store.campaigns()).await??;
+        let records = blocking(move || store.campaigns()).await??;
         Ok(records
             .into_iter()
             .map(|record| self.merged(at_work.get(&record.id).cloned(), record))
@@ -247,8 +308,8 @@ impl Campaigns {
     }
 
     async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
-        let (store, id) = (self.store.clone(), id.to_owned());
-        Ok(search::blocking(move || store.campaign(&id)).await??)
+        let (store, id) = (self.means.store.clone(), id.to_owned());
+        Ok(blocking(move || store.campaign(&id)).await??)
     }
 
     fn start(
@@ -264,15 +325,8 @@ impl Campaigns {
         }
         let (stop, stopped) = watch::channel(false);
         let (sender, progress) = watch::channel(Progress::default());
-        let live = Live::new(sender, stopped, record.spec.search().population());
-        let search = search::run(
-            self.store.clone(),
-            self.dispatch.clone(),
-            record.id.clone(),
-            Arc::new(record.spec),
-            live,
-        );
-        let task = tokio::spawn(search);
+        let live = Live::new(sender, stopped);
+        let task = tokio::spawn(run::run(self.means.clone(), record.id.clone(), live));
         at_work.insert(record.id, AtWork { stop, progress, task });
         Ok(())
     }
@@ -287,17 +341,12 @@ impl Campaigns {
         }
         CampaignStatus {
             active,
-            evaluated_in_generation: if active {
-                progress.evaluated_in_generation
-            } else {
-                0
-            },
-            evaluations_per_second: if active {
-                progress.evaluations_per_second
-            } else {
-                0.0
-            },
-            workers: *self.dispatch.workers().borrow(),
+            stage: Stage::of(&record),
+            arrived: if active { progress.arrived } else { 0 },
+            per_second: if active { progress.per_second } else { 0.0 },
+            training: progress.training.filter(|_| active),
+            workers: *self.means.dispatch.workers().borrow(),
+            trainers: *self.means.trainers.connected().borrow(),
             record,
         }
     }

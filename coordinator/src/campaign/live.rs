@@ -1,7 +1,7 @@
-//! What a search at work tells its watchers, and hears from whoever stops it.
+//! What a campaign at work tells its watchers, and hears from whoever stops it.
 
 use crate::dispatch::JobError;
-use murmuration_proto::Evaluation;
+use murmuration_proto::v1;
 use std::{
     collections::VecDeque,
     sync::{
@@ -17,80 +17,99 @@ const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
 /// Span that evaluations a second are averaged over.
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
-/// What a search at work tells its watchers.
+/// What a campaign at work tells its watchers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Progress {
-    pub(super) evaluated_in_generation: u32,
-    pub(super) evaluations_per_second: f64,
+    /// Of what is in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    pub(super) arrived: u32,
+    pub(super) per_second: f64,
+    pub(super) training: Option<v1::TrainingProgress>,
     /// Why it failed, also where the store could not record that.
     pub(super) failed: Option<String>,
 }
 
-/// A search's end of the line.
+/// A campaign's end of the line.
 #[derive(Debug)]
 pub(super) struct Live {
     progress: watch::Sender<Progress>,
     stopped: watch::Receiver<bool>,
-    population: u32,
-    generations: u32,
-    /// Evaluations of this process by time, over the last [`RATE_SPAN`].
+    /// What of this stage is on disk, as far as it was done by this process.
+    committed: u64,
+    /// What of this stage was done by when, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
 }
 
 impl Live {
-    pub(super) fn new(
-        progress: watch::Sender<Progress>,
-        stopped: watch::Receiver<bool>,
-        population: u32,
-    ) -> Self {
+    pub(super) fn new(progress: watch::Sender<Progress>, stopped: watch::Receiver<bool>) -> Self {
         Self {
             progress,
             stopped,
-            population,
-            generations: 0,
+            committed: 0,
             history: VecDeque::new(),
         }
     }
 
-    /// A further generation is on disk.
-    pub(super) fn committed(&mut self) {
-        self.generations += 1;
-        self.progress
-            .send_modify(|progress| progress.evaluated_in_generation = 0);
+    /// Another stage begins.
+    pub(super) fn begin(&mut self) {
+        self.committed = 0;
+        self.history.clear();
+        self.progress.send_modify(|progress| {
+            *progress = Progress {
+                failed: progress.failed.take(),
+                ..Progress::default()
+            };
+        });
     }
 
-    /// The search has failed.
+    /// A further `count` of what this stage does are on disk.
+    pub(super) fn committed(&mut self, count: u64) {
+        self.committed += count;
+        self.progress.send_modify(|progress| progress.arrived = 0);
+    }
+
+    /// The campaign has failed.
     pub(super) fn failed(&self, why: &str) {
         self.progress
             .send_modify(|progress| progress.failed = Some(why.to_owned()));
     }
 
-    /// Awaits what `evaluate` starts, telling meanwhile what its counter shows. `None` if the search is to stop;
-    /// this is the only place where it does, so that no commit is ever left in the air.
-    pub(super) async fn until_stopped<F>(
+    /// How far the training has come.
+    pub(super) fn training(&self, training: Option<v1::TrainingProgress>) {
+        self.progress.send_modify(|progress| progress.training = training);
+    }
+
+    /// Resolves when the campaign is to stop.
+    pub(super) async fn stopped(&self) {
+        // Whoever could have said stop is gone: stop.
+        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
+    }
+
+    /// Awaits what `begin` starts, telling meanwhile what its counter shows. `None` if the campaign is to stop; only
+    /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
+    pub(super) async fn until_stopped<T, F>(
         &mut self,
-        evaluate: impl FnOnce(Arc<AtomicU32>) -> F,
-    ) -> Option<Result<Vec<Evaluation>, JobError>>
+        begin: impl FnOnce(Arc<AtomicU32>) -> F,
+    ) -> Option<Result<T, JobError>>
     where
-        F: Future<Output = Result<Vec<Evaluation>, JobError>>,
+        F: Future<Output = Result<T, JobError>>,
     {
         let done = Arc::new(AtomicU32::new(0));
         let mut stopped = self.stopped.clone();
-        let evaluation = evaluate(done.clone());
-        tokio::pin!(evaluation);
+        let work = begin(done.clone());
+        tokio::pin!(work);
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
                 _ = stopped.wait_for(|&stopped| stopped) => return None,
-                output = &mut evaluation => return Some(output),
+                output = &mut work => return Some(output),
                 _ = tick.tick() => self.count(done.load(Ordering::Relaxed), Instant::now()),
             }
         }
     }
 
-    fn count(&mut self, in_generation: u32, now: Instant) {
-        let total = u64::from(self.generations) * u64::from(self.population) + u64::from(in_generation);
+    fn count(&mut self, arrived: u32, now: Instant) {
+        let total = self.committed + u64::from(arrived);
         self.history.push_back((now, total));
         while self.history.len() > 2
             && self
@@ -109,8 +128,8 @@ impl Live {
             }
         });
         self.progress.send_modify(|progress| {
-            progress.evaluated_in_generation = in_generation;
-            progress.evaluations_per_second = per_second;
+            progress.arrived = arrived;
+            progress.per_second = per_second;
         });
     }
 }

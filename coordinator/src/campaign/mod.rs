@@ -1,11 +1,17 @@
-//! Campaigns: where they stand, the search that they run, and the registry of those at work.
+//! Campaigns: where they stand, the stages that they go through, and the registry of those at work.
 
 mod campaigns;
+mod dataset;
+mod embed;
 mod live;
+mod pretrain;
+mod run;
 mod search;
+mod stage;
 mod state;
 
 pub use campaigns::{CampaignError, CampaignStatus, Campaigns};
+pub use stage::Stage;
 pub use state::{CampaignId, CampaignState, Change, NotAllowed};
 
-pub(crate) use search::blocking;
+pub(crate) use run::blocking;

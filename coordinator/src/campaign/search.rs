@@ -1,67 +1,42 @@
-//! One campaign's search: propose, have evaluated, absorb, commit; and the taxonomy at the end.
+//! The evolve stage: propose, have evaluated, absorb, commit; and the taxonomy at the end.
 
-use super::{CampaignError, CampaignId, CampaignState, live::Live};
+use super::{
+    CampaignError, CampaignId,
+    live::Live,
+    run::{Means, Outcome, blocking},
+};
 use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
-    dispatch::{Dispatch, EvaluationJob, JobError},
+    dispatch::{Embedder, EvaluationJob},
     medoids,
     novelty::{self, Behaviours},
-    store::{ArchivedIndividual, GenerationRecord, Store, StoreError},
+    store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Store, StoreError},
 };
-use murmuration_proto::{CampaignSpec, Evaluation, Purpose, Stream};
+use murmuration_proto::{CampaignSpec, Evaluation, Method, Purpose, Stream};
 use std::sync::Arc;
 
 /// Individuals read from the store at a time.
 const CHUNK: u64 = 4096;
 
-/// A campaign's search between two generations: a function of its specification and its archive.
-pub(super) struct Search {
+/// A campaign's search between two generations: a function of its specification, its embedder and its archive.
+struct Search {
     store: Store,
     id: CampaignId,
     spec: Arc<CampaignSpec>,
+    embedder: Option<Embedder>,
     behaviours: Behaviours,
     /// The last generation; empty before the first.
     parents: Vec<Parent>,
     next_generation: u32,
 }
 
-/// Runs the campaign from where its archive ends until it is complete, failed or stopped.
-pub(super) async fn run(
-    store: Store,
-    dispatch: Dispatch,
-    id: CampaignId,
-    spec: Arc<CampaignSpec>,
-    mut live: Live,
-) {
-    match generations(store.clone(), dispatch, id.clone(), spec, &mut live).await {
-        Ok(Outcome::Completed) => tracing::info!(campaign = %id, "completed"),
-        // Whoever shuts the coordinator down wants the campaign to go on with the next one.
-        Ok(Outcome::Stopped) | Err(CampaignError::Job(JobError::ShuttingDown)) => {}
-        Err(error) => {
-            let said = error.to_string();
-            tracing::error!(campaign = %id, error = said, "failed");
-            live.failed(&said);
-            let recorded = blocking(move || store.set_state(&id, CampaignState::Failed, &said)).await;
-            if let Ok(Err(error)) = recorded {
-                tracing::warn!(%error, "the failure could not be recorded");
-            }
-        }
-    }
-}
-
-enum Outcome {
-    Completed,
-    Stopped,
-}
-
-async fn generations(
-    store: Store,
-    dispatch: Dispatch,
-    id: CampaignId,
-    spec: Arc<CampaignSpec>,
+/// Searches from where the archive ends to the last generation.
+pub(super) async fn evolve(
+    means: &Means,
+    record: CampaignRecord,
     live: &mut Live,
 ) -> Result<Outcome, CampaignError> {
-    let mut search = blocking(move || Search::restore(store, id, spec)).await??;
+    let mut search = restore(means, record).await?;
     while search.next_generation < search.spec.search().generations() {
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
@@ -75,6 +50,7 @@ async fn generations(
             model: search.spec.model(),
             world: *search.spec.world(),
             image: *search.spec.image(),
+            embedder: search.embedder,
             tasks: proposal
                 .controllers
                 .iter()
@@ -82,30 +58,67 @@ async fn generations(
                 .zip(seeds.iter().copied())
                 .collect(),
         };
-        let Some(evaluations) = live.until_stopped(|done| dispatch.evaluate(job, done)).await else {
+        let evaluated = live
+            .until_stopped(|done| means.dispatch.evaluate(job, done))
+            .await;
+        let Some(evaluations) = evaluated else {
             return Ok(Outcome::Stopped);
         };
         let evaluations = evaluations?;
+        let count = evaluations.len() as u64;
         search = blocking(move || search.absorb(proposal, &seeds, evaluations)).await??;
-        live.committed();
+        live.committed(count);
     }
-    blocking(move || search.complete()).await??;
-    Ok(Outcome::Completed)
+    Ok(Outcome::Done)
+}
+
+/// Clusters the archive and completes the campaign.
+pub(super) async fn complete(means: &Means, record: CampaignRecord) -> Result<(), CampaignError> {
+    let search = restore(means, record).await?;
+    Ok(blocking(move || search.complete()).await??)
+}
+
+/// Numbers in a behaviour vector.
+pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usize {
+    let features = if method.has_features() { 5 } else { 0 };
+    match embedding {
+        Some(embedding) => embedding + features,
+        None => features,
+    }
+}
+
+/// The search as the store left it.
+async fn restore(means: &Means, record: CampaignRecord) -> Result<Search, CampaignError> {
+    let embedder = match record.checkpoint {
+        Some(checkpoint) => Some(
+            means
+                .checkpoints
+                .embedder(checkpoint, record.spec.image())
+                .await?,
+        ),
+        None => None,
+    };
+    let store = means.store.clone();
+    blocking(move || Search::restore(store, record, embedder)).await?
 }
 
 impl Search {
-    /// The search as the store left it.
-    fn restore(store: Store, id: CampaignId, spec: Arc<CampaignSpec>) -> Result<Self, CampaignError> {
-        let population = u64::from(spec.search().population());
-        let next_generation = store.generations(&id)?.len() as u32;
-        let len = u64::from(next_generation) * population;
+    fn restore(
+        store: Store,
+        record: CampaignRecord,
+        embedder: Option<Embedder>,
+    ) -> Result<Self, CampaignError> {
+        let population = u64::from(record.spec.search().population());
+        let method = record.spec.method();
+        let len = u64::from(record.generations_done) * population;
         let mut search = Self {
-            behaviours: Behaviours::new(5),
+            behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
             parents: Vec::new(),
-            next_generation,
+            next_generation: record.generations_done,
             store,
-            id,
-            spec,
+            id: record.id,
+            spec: Arc::new(record.spec),
+            embedder,
         };
         for start in (0..len).step_by(CHUNK as usize) {
             let range = start..len.min(start + CHUNK);
@@ -113,7 +126,8 @@ impl Search {
                 .store
                 .individuals(&search.id, search.spec.model(), range, false)?
             {
-                search.behaviours.push(&individual.features)?;
+                let behaviour = method.behaviour(&individual.features, &individual.embedding);
+                search.behaviours.push(&behaviour)?;
                 if individual.index + population >= len {
                     let ArchivedIndividual {
                         controller, novelty, ..
@@ -157,17 +171,14 @@ impl Search {
         evaluations: Vec<Evaluation>,
     ) -> Result<Self, CampaignError> {
         let first = self.behaviours.len();
+        let method = self.spec.method();
         for evaluation in &evaluations {
-            self.behaviours.push(evaluation.features())?;
+            let behaviour = method.behaviour(evaluation.features(), evaluation.embedding());
+            self.behaviours.push(&behaviour)?;
         }
         let neighbours = self.spec.search().neighbours() as usize;
         let novelty = novelty::novelty(&self.behaviours, first..self.behaviours.len(), neighbours);
-        let record = GenerationRecord {
-            generation: self.next_generation,
-            best_novelty: novelty.iter().copied().fold(0.0, f64::max),
-            mean_novelty: novelty.iter().sum::<f64>() / novelty.len().max(1) as f64,
-            filtered: proposal.filtered,
-        };
+        let record = GenerationRecord::of(self.next_generation, &novelty, proposal.filtered);
         let individuals: Vec<_> = (first as u64..)
             .zip(&proposal.controllers)
             .zip(seeds.iter().zip(evaluations).zip(&novelty))
@@ -178,6 +189,7 @@ impl Search {
                     controller,
                     seed,
                     features: *evaluation.features(),
+                    embedding: evaluation.embedding().to_vec(),
                     novelty,
                     image: Some(evaluation.into_image()),
                 },
@@ -201,13 +213,4 @@ impl Search {
         let taxonomy = medoids::cluster(&self.behaviours, self.spec.medoids() as usize, &mut stream);
         self.store.complete(&self.id, &taxonomy)
     }
-}
-
-/// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
-pub(crate) async fn blocking<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, CampaignError> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| CampaignError::Broken)
 }

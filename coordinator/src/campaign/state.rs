@@ -50,6 +50,8 @@ pub enum Change {
     Resume,
     /// End for good.
     Cancel,
+    /// Move to another checkpoint, and go on.
+    Adopt,
 }
 
 /// A change that a campaign's state does not allow.
@@ -72,6 +74,7 @@ impl Change {
             Self::Pause => "pause",
             Self::Resume => "resume",
             Self::Cancel => "cancel",
+            Self::Adopt => "move",
         }
     }
 }
@@ -110,8 +113,12 @@ impl CampaignState {
             (Self::Running, Change::Pause) => Some(Self::Paused),
             (Self::Running | Self::Paused | Self::Failed, Change::Resume) => Some(Self::Running),
             (Self::Running | Self::Paused | Self::Failed, Change::Cancel) => Some(Self::Cancelled),
+            (Self::Running | Self::Paused | Self::Failed | Self::Completed, Change::Adopt) => {
+                Some(Self::Running)
+            }
             (Self::Paused | Self::Failed | Self::Completed | Self::Cancelled, Change::Pause)
-            | (Self::Completed | Self::Cancelled, Change::Resume | Change::Cancel) => None,
+            | (Self::Completed | Self::Cancelled, Change::Resume | Change::Cancel)
+            | (Self::Cancelled, Change::Adopt) => None,
         }
     }
 }

@@ -5,8 +5,9 @@ use super::{
     connection::{Client, Connection},
     follow::{Show as FollowShow, follow},
     json,
-    run::read_spec,
+    run::{HelperCounts, read_spec},
 };
+use crate::local::Helpers;
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, v1};
 use std::path::PathBuf;
 use tonic::Status;
@@ -23,6 +24,18 @@ pub(super) struct Name {
 pub(super) struct Submit {
     /// Campaign file (see examples/)
     spec: PathBuf,
+    /// Seed instead of the file's, of its training too
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+/// Arguments of `adopt`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Adopt {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// Digest of a stored checkpoint, or enough of its beginning
+    checkpoint: String,
 }
 
 /// Arguments of `show`.
@@ -37,8 +50,8 @@ pub(super) struct Show {
 
 impl Submit {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let spec = read_spec(&self.spec)?;
-        let mut connection = Connection::open(global, 0).await?;
+        let spec = read_spec(&self.spec, self.seed)?;
+        let mut connection = Connection::open(global, Helpers::NONE).await?;
         if connection.is_own() {
             connection.close().await?;
             let said = "no coordinator is running: start `murmuration serve`, or use `murmuration run`";
@@ -58,6 +71,25 @@ impl Submit {
     }
 }
 
+impl Adopt {
+    /// Has a campaign move to another checkpoint; where this process runs the coordinator, to the end.
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let mut connection = Connection::open(global, HelperCounts::default().count()).await?;
+        let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
+        let request = v1::AdoptCheckpointRequest {
+            campaign: self.campaign,
+            checkpoint: checkpoint.digest,
+        };
+        let campaign = connection.client.adopt_checkpoint(request).await?.into_inner();
+        if connection.is_own() {
+            return super::run::to_report(connection, global, &campaign.id).await;
+        }
+        let next = format!("murmuration watch {}", campaign.id);
+        changed(global, &campaign, "moves to that checkpoint", &next);
+        Ok(())
+    }
+}
+
 /// Tells what a command changed, and what to type next.
 pub(super) fn changed(global: &Global, campaign: &v1::Campaign, what: &str, next: &str) {
     if global.json {
@@ -69,7 +101,7 @@ pub(super) fn changed(global: &Global, campaign: &v1::Campaign, what: &str, next
 }
 
 pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, 0).await?;
+    let mut connection = Connection::open(global, Helpers::NONE).await?;
     let show = if global.json {
         FollowShow::Lines
     } else {
@@ -96,7 +128,7 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
 }
 
 pub(super) async fn list(global: &Global) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, 0).await?;
+    let mut connection = Connection::open(global, Helpers::NONE).await?;
     let listed = connection
         .client
         .list_campaigns(v1::ListCampaignsRequest {})
@@ -111,8 +143,8 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
         return Ok(());
     }
     println!(
-        "{:<28} {:<12} {:>13} {:<13} {:<13}",
-        "CAMPAIGN", "STATE", "GENERATIONS", "MODEL", "METHOD"
+        "{:<28} {:<12} {:<9} {:>13} {:<13} {:<13}",
+        "CAMPAIGN", "STATE", "STAGE", "GENERATIONS", "MODEL", "METHOD"
     );
     for campaign in campaigns {
         let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
@@ -120,14 +152,23 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
         };
         let progress = format!("{}/{}", campaign.generations_done, spec.search().generations());
         println!(
-            "{:<28} {:<12} {progress:>13} {:<13} {:<13}",
+            "{:<28} {:<12} {:<9} {progress:>13} {:<13} {:<13}",
             campaign.id,
             state(&campaign),
+            stage(&campaign),
             spec.model().name(),
             spec.method().name(),
         );
     }
     Ok(())
+}
+
+/// The stage in a word, of a campaign that has not ended.
+fn stage(campaign: &v1::Campaign) -> &'static str {
+    match campaign.state() {
+        v1::CampaignState::Completed | v1::CampaignState::Cancelled => "-",
+        _ => super::follow::stage_name(campaign.stage()),
+    }
 }
 
 /// The state in a word; a running campaign that nobody works on was interrupted.
@@ -143,7 +184,7 @@ fn state(campaign: &v1::Campaign) -> String {
 
 impl Show {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, 0).await?;
+        let mut connection = Connection::open(global, Helpers::NONE).await?;
         let request = v1::GetCampaignRequest {
             campaign: self.campaign,
         };
@@ -173,7 +214,12 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
-    println!("# {} is {}", campaign.id, state(campaign));
+    println!(
+        "# {} is {} (stage: {})",
+        campaign.id,
+        state(campaign),
+        stage(campaign)
+    );
     if !campaign.error.is_empty() {
         println!("# {}", campaign.error);
     }
@@ -182,6 +228,9 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
         campaign.generations_done,
         spec.search().generations()
     );
+    if !campaign.checkpoint.is_empty() {
+        println!("# embedded by checkpoint {}", campaign.checkpoint);
+    }
     print!("{}", spec.to_toml());
     Ok(())
 }
@@ -211,7 +260,7 @@ fn show_individual(
 }
 
 pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, 0).await?;
+    let mut connection = Connection::open(global, Helpers::NONE).await?;
     let request = v1::PauseCampaignRequest {
         campaign: campaign.to_owned(),
     };
@@ -228,7 +277,7 @@ pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliErro
 }
 
 pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, 0).await?;
+    let mut connection = Connection::open(global, Helpers::NONE).await?;
     let request = v1::CancelCampaignRequest {
         campaign: campaign.to_owned(),
     };
@@ -244,7 +293,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
 }
 
 pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, 0).await?;
+    let mut connection = Connection::open(global, Helpers::NONE).await?;
     let answer = id_and_digest(&mut connection.client, campaign).await;
     connection.close().await?;
     let (id, digest) = answer?;

@@ -5,6 +5,7 @@ use super::{
     connection::{CheckpointClient, Connection},
     json,
 };
+use crate::local::Helpers;
 use crate::store::DataDirectory;
 use murmuration_proto::{CheckpointDigest, Lineage, v1};
 use std::{
@@ -43,9 +44,9 @@ impl CheckpointsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let mut connection = match &self {
             Self::Import { .. } if global.coordinator.is_none() && !global.data.exists() => {
-                Connection::start(global, DataDirectory::hold(&global.data)?, 0).await?
+                Connection::start(global, DataDirectory::hold(&global.data)?, Helpers::NONE).await?
             }
-            _ => Connection::open(global, 0).await?,
+            _ => Connection::open(global, Helpers::NONE).await?,
         };
         let done = self.with(&mut connection.checkpoints, global.json).await;
         connection.close().await?;
@@ -158,7 +159,7 @@ async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliEr
 }
 
 /// The one checkpoint whose digest begins like this.
-async fn find(client: &mut CheckpointClient, beginning: &str) -> Result<v1::Checkpoint, CliError> {
+pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Result<v1::Checkpoint, CliError> {
     let mut found = all(client).await?;
     found.retain(|checkpoint| checkpoint.digest.starts_with(beginning));
     match (found.pop(), found.len()) {

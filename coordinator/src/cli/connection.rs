@@ -3,7 +3,7 @@
 use super::{CliError, Global, loopback};
 use crate::{
     dispatch,
-    local::LocalCluster,
+    local::{Helpers, LocalCluster},
     server::Options,
     store::{DataDirectory, StoreError},
 };
@@ -29,13 +29,13 @@ pub(super) struct Connection {
 
 impl Connection {
     /// Reaches the coordinator that was named, or the one that holds the data directory, or starts one over it
-    /// with `workers` workers (which goes on with no campaign by itself).
-    pub(super) async fn open(global: &Global, workers: usize) -> Result<Self, CliError> {
+    /// with these helpers (which goes on with no campaign by itself).
+    pub(super) async fn open(global: &Global, helpers: Helpers) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
             return Self::to(url, None).await;
         }
         match DataDirectory::hold_existing(&global.data) {
-            Ok(data) => Self::start(global, data, workers).await,
+            Ok(data) => Self::start(global, data, helpers).await,
             Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                 Self::to(&holder.address, None).await
             }
@@ -47,7 +47,7 @@ impl Connection {
     pub(super) async fn start(
         global: &Global,
         data: DataDirectory,
-        workers: usize,
+        helpers: Helpers,
     ) -> Result<Self, CliError> {
         let options = Options {
             data,
@@ -56,7 +56,7 @@ impl Connection {
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
-        let own = LocalCluster::start(options, workers).await?;
+        let own = LocalCluster::start(options, helpers).await?;
         let url = own.coordinator().url();
         Self::to(&url, Some(own)).await
     }

@@ -1,8 +1,12 @@
 //! Following a campaign: a bar on a terminal, plain lines elsewhere, JSON lines for programs.
 
+mod news;
+
 use super::{CliError, connection::Client, json};
 use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::v1;
+use news::News;
+pub(super) use news::name as stage_name;
 use std::{
     io::IsTerminal as _,
     time::{Duration, Instant},
@@ -40,58 +44,81 @@ pub(super) async fn follow(
     last.ok_or_else(|| CliError::Failed(format!("the coordinator says nothing about campaign {campaign}")))
 }
 
-enum View {
+/// What has been shown, and how.
+struct View {
+    to: Screen,
+    /// The stage that was last heard of, and since when.
+    stage: Option<(v1::CampaignStage, Instant)>,
+}
+
+enum Screen {
     Bar(ProgressBar),
     Plain {
         next: Instant,
-        generations_done: Option<u32>,
+        shown: Option<(v1::CampaignStage, u64)>,
     },
     Json,
 }
 
 impl View {
     fn new(show: Show) -> Self {
-        match show {
-            Show::Lines => Self::Json,
-            Show::Person if std::io::stderr().is_terminal() => Self::Bar(bar()),
-            Show::Person => Self::Plain {
+        let to = match show {
+            Show::Lines => Screen::Json,
+            Show::Person if std::io::stderr().is_terminal() => Screen::Bar(bar()),
+            Show::Person => Screen::Plain {
                 next: Instant::now(),
-                generations_done: None,
+                shown: None,
             },
-        }
+        };
+        Self { to, stage: None }
     }
 
     fn draw(&mut self, status: &v1::Campaign) {
-        let total = evaluations(status);
-        let done = evaluated(status);
-        match self {
-            Self::Json => json::print(&json::campaign(status)),
-            Self::Bar(bar) => {
-                bar.set_length(total);
-                bar.set_position(done);
-                bar.set_message(describe(status));
+        let news = News::of(status);
+        self.end_stage(status.stage());
+        match &mut self.to {
+            Screen::Json => json::print(&json::campaign(status)),
+            Screen::Bar(bar) => {
+                bar.set_length(news.total);
+                bar.set_position(news.done);
+                bar.set_message(news.text);
             }
-            Self::Plain {
-                next,
-                generations_done,
-            } => {
-                let news = *generations_done != Some(status.generations_done);
-                if (news && Instant::now() >= *next) || !status.active {
-                    eprintln!(
-                        "{}/{} evaluations · {}",
-                        HumanCount(done),
-                        HumanCount(total),
-                        describe(status)
-                    );
+            Screen::Plain { next, shown } => {
+                let step = Some((status.stage(), news.step));
+                let due = step != *shown && Instant::now() >= *next;
+                if due || !status.active {
+                    let (done, total) = (HumanCount(news.done), HumanCount(news.total));
+                    eprintln!("{done}/{total} {} · {}", news.unit, news.text);
                     *next = Instant::now() + LINE_INTERVAL;
-                    *generations_done = Some(status.generations_done);
+                    *shown = step;
                 }
             }
         }
     }
 
+    /// Says of a stage that is over how long it took.
+    fn end_stage(&mut self, now: v1::CampaignStage) {
+        let Some((before, since)) = self.stage.replace((now, Instant::now())) else {
+            return;
+        };
+        if before == now {
+            self.stage = Some((before, since));
+            return;
+        }
+        let line = format!(
+            "{} done in {}",
+            stage_name(before),
+            HumanDuration(since.elapsed())
+        );
+        match &self.to {
+            Screen::Bar(bar) => bar.println(line),
+            Screen::Plain { .. } => eprintln!("{line}"),
+            Screen::Json => {}
+        }
+    }
+
     fn end(self) {
-        if let Self::Bar(bar) = self {
+        if let Screen::Bar(bar) = self.to {
             bar.abandon();
         }
     }
@@ -103,41 +130,4 @@ fn bar() -> ProgressBar {
         bar.set_style(style);
     }
     bar
-}
-
-fn describe(status: &v1::Campaign) -> String {
-    let generations = search(status).map_or(0, |search| search.generations());
-    let mut parts = vec![format!("generation {}/{generations}", status.generations_done)];
-    if let (Some(best), Some(mean)) = (status.best_novelty, status.mean_novelty) {
-        parts.push(format!("novelty best {best:.4} mean {mean:.4}"));
-    }
-    if status.active {
-        let left = evaluations(status) - evaluated(status);
-        match (status.workers, status.evaluations_per_second) {
-            (0, _) => parts.push("waiting for workers".to_owned()),
-            (_, rate) if left == 0 && rate >= 0.0 => parts.push("clustering".to_owned()),
-            (_, rate) if rate > 0.0 => {
-                parts.push(format!("{rate:.0} evaluations/s"));
-                let eta = Duration::try_from_secs_f64(left as f64 / rate).unwrap_or(Duration::MAX);
-                parts.push(format!("{} left", HumanDuration(eta)));
-            }
-            _ => {}
-        }
-    }
-    parts.join(" · ")
-}
-
-fn search(status: &v1::Campaign) -> Option<murmuration_proto::Search> {
-    CampaignSpec::try_from(status.spec.clone()?)
-        .ok()
-        .map(|spec| *spec.search())
-}
-
-fn evaluations(status: &v1::Campaign) -> u64 {
-    search(status).map_or(0, |search| search.evaluations())
-}
-
-fn evaluated(status: &v1::Campaign) -> u64 {
-    let population = search(status).map_or(0, |search| search.population());
-    u64::from(status.generations_done) * u64::from(population) + u64::from(status.evaluated_in_generation)
 }

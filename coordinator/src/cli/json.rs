@@ -1,10 +1,18 @@
 //! What programs read: one versioned schema for each kind of thing.
 
-use murmuration_proto::{CampaignSpec, CapabilityModel, v1};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Dataset, EmbedderSource, v1};
 use serde_json::{Value, json};
 
 /// Version of every object printed here; it rises when a field changes its meaning or goes.
 const SCHEMA: u32 = 1;
+
+/// What a campaign's embedder is trained on, if one is.
+fn dataset(spec: &CampaignSpec) -> Option<&Dataset> {
+    match spec.embedder()? {
+        EmbedderSource::Trained { dataset, .. } => Some(dataset),
+        EmbedderSource::Published(_) => None,
+    }
+}
 
 /// Prints one value on one line.
 pub(super) fn print(value: &Value) {
@@ -34,7 +42,29 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "best_novelty": campaign.best_novelty,
         "mean_novelty": campaign.mean_novelty,
         "workers": campaign.workers,
+        "trainers": campaign.trainers,
+        "stage": campaign.stage().as_str_name().trim_start_matches("CAMPAIGN_STAGE_").to_lowercase(),
+        "dataset_done": campaign.dataset_done,
+        "dataset": spec.as_ref().and_then(dataset).map(|dataset| dataset.pictures()),
+        "training": campaign.training.as_ref().map(training),
+        "checkpoint": campaign.checkpoint,
+        "next_checkpoint": campaign.next_checkpoint,
+        "embedded": campaign.embedded,
         "spec": spec.map(|spec| spec.to_toml()),
+    })
+}
+
+fn training(progress: &v1::TrainingProgress) -> Value {
+    json!({
+        "epoch": progress.epoch,
+        "epochs": progress.epochs,
+        "loss": progress.loss,
+        "learning_rate": progress.learning_rate,
+        "triplets_per_second": progress.triplets_per_second,
+        "seconds_left": progress.seconds_left,
+        "triplet_accuracy": progress.triplet_accuracy,
+        "spread": progress.spread,
+        "rank": progress.rank,
     })
 }
 
@@ -48,6 +78,7 @@ pub(super) fn individual(individual: &v1::Individual) -> Value {
         "seed": individual.seed,
         "features": individual.features,
         "novelty": individual.novelty,
+        "embedding": individual.embedding,
         "image": individual.image.as_deref().map(|image| STANDARD.encode(image)),
     })
 }

@@ -87,6 +87,8 @@ enum Command {
     Pause(campaigns::Name),
     /// End a campaign for good; its archive stays
     Cancel(campaigns::Name),
+    /// Move a campaign to another checkpoint: embed its archive anew, and cluster it
+    Adopt(campaigns::Adopt),
     /// Print the digest of a campaign's archive
     Digest(campaigns::Name),
     /// Write the report of a completed campaign
@@ -140,6 +142,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Show(show) => show.execute(&global).await,
         Command::Pause(name) => campaigns::pause(&global, &name.campaign).await,
         Command::Cancel(name) => campaigns::cancel(&global, &name.campaign).await,
+        Command::Adopt(adopt) => adopt.execute(&global).await,
         Command::Digest(name) => campaigns::digest(&global, &name.campaign).await,
         Command::Report(report) => report.execute(&global).await,
         Command::Simulate(simulate) => simulate.execute(global.json),

@@ -6,12 +6,13 @@ use super::{
     error::report_folder,
 };
 use crate::{
+    local::Helpers,
     novelty::Behaviours,
     projection,
     report::{self, Entry, GenerationSummary, Map, MedoidEntry, Report},
 };
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, Features, Invalid, Replay, SIMULATOR_VERSION, v1,
+    CampaignSpec, CapabilityModel, Controller, Features, Invalid, Method, Replay, SIMULATOR_VERSION, v1,
 };
 use std::path::{Path, PathBuf};
 
@@ -30,7 +31,14 @@ pub(super) struct ReportCommand {
 
 impl ReportCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, 1).await?;
+        let mut connection = Connection::open(
+            global,
+            Helpers {
+                workers: 1,
+                trainers: 0,
+            },
+        )
+        .await?;
         let written = self.write(&mut connection.client, global).await;
         connection.close().await?;
         let page = written?.display().to_string();
@@ -113,10 +121,11 @@ async fn gather(client: &mut Client, campaign: &str) -> Result<Report, CliError>
     Ok(Report {
         campaign: id(),
         digest: digest.digest,
+        checkpoint: status.checkpoint,
         created_ms: status.created_ms,
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
-        map: map(&individuals)?,
+        map: map(&individuals, spec.method())?,
         individuals,
         medoids,
         clusters: taxonomy.clusters,
@@ -156,6 +165,7 @@ fn entry(individual: &v1::Individual, model: CapabilityModel) -> Result<Entry, I
                 "5 values",
             )
         })?,
+        embedding: individual.embedding.clone(),
         novelty: individual.novelty,
     })
 }
@@ -170,11 +180,12 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
 }
 
 /// The behaviour space along its two principal axes.
-fn map(individuals: &[Entry]) -> Result<Map, CliError> {
-    let mut behaviours = Behaviours::new(5);
+fn map(individuals: &[Entry], method: Method) -> Result<Map, CliError> {
+    let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
+    let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
     for entry in individuals {
         behaviours
-            .push(&entry.features)
+            .push(&behaviour(entry))
             .map_err(|error| CliError::Failed(error.to_string()))?;
     }
     let projection = projection::principal_axes(&behaviours);

@@ -7,8 +7,9 @@ use super::{
     json,
     report::write_report,
 };
-use crate::store::DataDirectory;
+use crate::{local::Helpers, store::DataDirectory};
 use indicatif::HumanCount;
+use murmuration_embed::Runtime;
 use murmuration_proto::{CampaignSpec, v1};
 use std::{
     fs,
@@ -23,8 +24,11 @@ use std::{
 pub(super) struct Run {
     /// Campaign file (see examples/)
     spec: PathBuf,
+    /// Seed instead of the file's, of its training too
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
     #[command(flatten)]
-    workers: Workers,
+    helpers: HelperCounts,
 }
 
 /// Arguments of `resume`.
@@ -33,38 +37,49 @@ pub(super) struct Resume {
     /// Campaign id, or `latest`
     campaign: String,
     #[command(flatten)]
-    workers: Workers,
+    helpers: HelperCounts,
 }
 
-/// How many workers to start in this process.
-#[derive(Debug, clap::Args)]
-pub(super) struct Workers {
+/// How many workers and trainers to start in this process.
+#[derive(Debug, Default, clap::Args)]
+pub(super) struct HelperCounts {
     /// Workers in this process, one thread each [default: number of cores]
     #[arg(long, value_name = "N")]
     workers: Option<usize>,
+    /// Trainers in this process [default: 1, or 0 with --workers 0]
+    #[arg(long, value_name = "N")]
+    trainers: Option<usize>,
 }
 
-impl Workers {
-    pub(super) fn count(&self) -> usize {
+impl HelperCounts {
+    pub(super) fn count(&self) -> Helpers {
         let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        self.workers.unwrap_or_else(cores)
+        let workers = self.workers.unwrap_or_else(cores);
+        Helpers {
+            workers,
+            trainers: self.trainers.unwrap_or(workers.min(1)),
+        }
     }
 
-    /// At least one, where nobody else could do the work.
-    fn some(&self) -> Result<usize, CliError> {
-        match self.count() {
-            0 => Err(CliError::Input(
-                "--workers 0: without workers nothing would be evaluated".to_owned(),
-            )),
-            count => Ok(count),
+    /// At least one of each, where nobody else could do the work.
+    fn some(&self) -> Result<Helpers, CliError> {
+        let helpers = self.count();
+        if helpers.workers == 0 {
+            let said = "--workers 0: without workers nothing would be evaluated";
+            return Err(CliError::Input(said.to_owned()));
         }
+        if helpers.trainers == 0 {
+            let said = "--trainers 0: without a trainer no embedder would be trained";
+            return Err(CliError::Input(said.to_owned()));
+        }
+        Ok(helpers)
     }
 }
 
 impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let spec = read_spec(&self.spec)?;
-        let workers = self.workers.some()?;
+        let spec = read_spec(&self.spec, self.seed)?;
+        let helpers = self.helpers.some()?;
         if let Some(url) = &global.coordinator {
             let hint =
                 format!("`run` does everything in this process; for the coordinator at {url} use `submit`");
@@ -72,17 +87,22 @@ impl Run {
         }
         let data = DataDirectory::hold(&global.data)
             .map_err(|error| CliError::busy(error, "hand the campaign to it with `murmuration submit`"))?;
-        let mut connection = Connection::start(global, data, workers).await?;
+        if spec.method().embeds() {
+            // To be told after the dataset is simulated would be late.
+            Runtime::load()?;
+        }
+        let mut connection = Connection::start(global, data, helpers).await?;
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec).into()),
         };
         let campaign = connection.client.create_campaign(request).await?.into_inner();
         eprintln!(
-            "campaign {} · {} · {} · {} evaluations · {workers} workers",
+            "campaign {} · {} · {} · {} evaluations · {} workers",
             campaign.id,
             spec.model(),
             spec.method(),
             HumanCount(spec.search().evaluations()),
+            helpers.workers,
         );
         to_report(connection, global, &campaign.id).await
     }
@@ -90,7 +110,7 @@ impl Run {
 
 impl Resume {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, self.workers.some()?).await?;
+        let mut connection = Connection::open(global, self.helpers.some()?).await?;
         let request = v1::ResumeCampaignRequest {
             campaign: self.campaign,
         };
@@ -112,14 +132,22 @@ impl Resume {
     }
 }
 
-/// Reads a campaign file.
-pub(super) fn read_spec(path: &Path) -> Result<CampaignSpec, CliError> {
+/// Reads a campaign file, with another seed if there is one.
+pub(super) fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
     let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
-    CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))
+    let spec = CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))?;
+    Ok(match seed {
+        Some(seed) => spec.with_seed(seed)?,
+        None => spec,
+    })
 }
 
 /// Follows a campaign of this process to its end, writes its report and says where.
-async fn to_report(mut connection: Connection, global: &Global, campaign: &str) -> Result<(), CliError> {
+pub(super) async fn to_report(
+    mut connection: Connection,
+    global: &Global,
+    campaign: &str,
+) -> Result<(), CliError> {
     let begun = Instant::now();
     let outcome = tokio::select! {
         last = follow(&mut connection.client, campaign, Show::Person) => finish(&mut connection, global, last?).await,

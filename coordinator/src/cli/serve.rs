@@ -1,6 +1,6 @@
 //! `serve`: a coordinator that stays.
 
-use super::{CliError, Global, loopback, run::Workers};
+use super::{CliError, Global, loopback, run::HelperCounts};
 use crate::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
 use std::net::SocketAddr;
 
@@ -14,7 +14,7 @@ pub(super) struct Serve {
     #[arg(long, default_value_t = loopback(PORT))]
     listen: SocketAddr,
     #[command(flatten)]
-    workers: Workers,
+    helpers: HelperCounts,
 }
 
 impl Serve {
@@ -28,11 +28,12 @@ impl Serve {
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
-        let cluster = LocalCluster::start(options, self.workers.count()).await?;
+        let cluster = LocalCluster::start(options, self.helpers.count()).await?;
         let url = cluster.coordinator().url();
         eprintln!("serving {} at {url}", global.data.display());
         eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}");
         eprintln!("  workers:   murmuration-worker --coordinator {url}");
+        eprintln!("  trainers:  murmuration-trainer --coordinator {url}");
         let signal = termination().await;
         eprintln!("{signal}; running campaigns go on with the next `murmuration serve`");
         cluster.shutdown().await?;

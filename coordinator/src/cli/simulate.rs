@@ -69,7 +69,7 @@ impl Simulate {
             return Err(Invalid::new("controller", controller, allowed).into());
         }
         let (world, format) = match &self.spec {
-            Some(path) => read_spec(path).map(|spec| (*spec.world(), *spec.image()))?,
+            Some(path) => read_spec(path, None).map(|spec| (*spec.world(), *spec.image()))?,
             None => (World::default(), ImageFormat::default()),
         };
         let start = Start::seeded(self.seed);

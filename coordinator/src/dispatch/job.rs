@@ -1,7 +1,11 @@
 //! What is farmed out: its form as a job, as batches on the wire, and as results.
 
-use crate::leases::Agree;
-use murmuration_proto::{CapabilityModel, Controller, Evaluation, ImageFormat, Invalid, Replay, World, v1};
+use crate::{campaign::CampaignId, leases::Agree, store::SavedTraining};
+use murmuration_proto::{
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World,
+    check_embedding, same_embedding, training::Configuration, v1,
+};
+use tokio::sync::watch;
 
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
@@ -12,8 +16,47 @@ pub struct EvaluationJob {
     pub world: World,
     /// The pictures wanted.
     pub image: ImageFormat,
+    /// What embeds the pictures, if anything.
+    pub embedder: Option<Embedder>,
     /// Controllers with the seeds of their starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
+}
+
+/// A published embedder, as far as jobs need to know it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Embedder {
+    /// Its checkpoint.
+    pub checkpoint: CheckpointDigest,
+    /// Numbers in an embedding, 1 or more.
+    pub dimensions: usize,
+}
+
+/// Stored pictures to embed.
+#[derive(Debug, Clone)]
+pub struct EmbeddingJob {
+    /// What embeds them.
+    pub embedder: Embedder,
+    /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
+    pub images: Vec<Vec<u8>>,
+}
+
+/// An embedder to train on a campaign's dataset.
+#[derive(Debug)]
+pub struct TrainingJob {
+    /// The campaign.
+    pub campaign: CampaignId,
+    /// How to train.
+    pub configuration: Configuration,
+    /// Pixels along a side of the pictures.
+    pub side: u32,
+    /// Pictures of each controller.
+    pub views: u32,
+    /// Number of controllers.
+    pub behaviours: u32,
+    /// Told how far the training has come.
+    pub progress: watch::Sender<Option<v1::TrainingProgress>>,
+    /// Told of each training put aside; whoever keeps them looks at the newest.
+    pub saved: watch::Sender<Option<SavedTraining>>,
 }
 
 /// One simulation to watch.
@@ -32,8 +75,8 @@ pub struct ReplayJob {
 /// Why a job has no results.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobError {
-    /// A worker says that it cannot be done by anyone.
-    #[error("a worker could not evaluate it: {0}")]
+    /// A worker or trainer says that it cannot be done by anyone.
+    #[error("{0}")]
     Fatal(String),
     /// Two workers computed different results for the same evaluation.
     #[error(
@@ -55,6 +98,8 @@ pub enum JobError {
 pub(super) enum Work {
     Evaluations(EvaluationJob),
     Replay(ReplayJob),
+    Embeddings(EmbeddingJob),
+    Training(TrainingJob),
 }
 
 /// The result of one task.
@@ -62,6 +107,8 @@ pub(super) enum Work {
 pub(super) enum Output {
     Evaluation(Evaluation),
     Replay(Replay),
+    Embedding(Vec<f32>),
+    Checkpoint(CheckpointDigest),
 }
 
 impl Agree for Output {
@@ -69,6 +116,8 @@ impl Agree for Output {
         match (self, other) {
             (Self::Evaluation(one), Self::Evaluation(other)) => one.same_bits(other),
             (Self::Replay(one), Self::Replay(other)) => one == other,
+            (Self::Embedding(one), Self::Embedding(other)) => same_embedding(one, other),
+            (Self::Checkpoint(one), Self::Checkpoint(other)) => one == other,
             _ => false,
         }
     }
@@ -78,14 +127,28 @@ impl Output {
     pub(super) fn into_evaluation(self) -> Option<Evaluation> {
         match self {
             Self::Evaluation(evaluation) => Some(evaluation),
-            Self::Replay(_) => None,
+            Self::Replay(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
         }
     }
 
     pub(super) fn into_replay(self) -> Option<Replay> {
         match self {
             Self::Replay(replay) => Some(replay),
-            Self::Evaluation(_) => None,
+            Self::Evaluation(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
+        }
+    }
+
+    pub(super) fn into_embedding(self) -> Option<Vec<f32>> {
+        match self {
+            Self::Embedding(embedding) => Some(embedding),
+            Self::Evaluation(_) | Self::Replay(_) | Self::Checkpoint(_) => None,
+        }
+    }
+
+    pub(super) fn into_checkpoint(self) -> Option<CheckpointDigest> {
+        match self {
+            Self::Checkpoint(checkpoint) => Some(checkpoint),
+            Self::Evaluation(_) | Self::Replay(_) | Self::Embedding(_) => None,
         }
     }
 }
@@ -94,7 +157,8 @@ impl Work {
     pub(super) fn tasks(&self) -> usize {
         match self {
             Self::Evaluations(job) => job.tasks.len(),
-            Self::Replay(_) => 1,
+            Self::Embeddings(job) => job.images.len(),
+            Self::Replay(_) | Self::Training(_) => 1,
         }
     }
 
@@ -114,6 +178,21 @@ impl Work {
                     .map(|&place| &job.tasks[place])
                     .map(|(c, seed)| task(c, *seed))
                     .collect(),
+                checkpoint: job
+                    .embedder
+                    .map(|embedder| embedder.checkpoint.to_string())
+                    .unwrap_or_default(),
+            }),
+            Self::Embeddings(job) => v1::lease::Work::Embeddings(v1::EmbeddingBatch {
+                checkpoint: job.embedder.checkpoint.to_string(),
+                images: tasks.iter().map(|&place| job.images[place].clone()).collect(),
+            }),
+            Self::Training(job) => v1::lease::Work::Training(v1::TrainingTask {
+                campaign: job.campaign.as_str().to_owned(),
+                configuration: job.configuration.to_toml(),
+                side: job.side,
+                views: job.views,
+                behaviours: job.behaviours,
             }),
             Self::Replay(job) => v1::lease::Work::Replay(v1::ReplayTask {
                 model: v1::CapabilityModel::from(job.controller.model()) as i32,
@@ -128,11 +207,21 @@ impl Work {
     pub(super) fn outputs(&self, outcome: v1::batch_result::Outcome) -> Result<Vec<Output>, Invalid> {
         use v1::batch_result::Outcome;
         match (self, outcome) {
-            (Self::Evaluations(job), Outcome::Evaluations(message)) => message
-                .evaluations
-                .into_iter()
-                .map(|evaluation| Evaluation::for_format(evaluation, &job.image).map(Output::Evaluation))
-                .collect(),
+            (Self::Evaluations(job), Outcome::Evaluations(message)) => {
+                let dimensions = job.embedder.map(|embedder| embedder.dimensions);
+                let take = |evaluation| Evaluation::for_format(evaluation, &job.image, dimensions);
+                let taken = message.evaluations.into_iter().map(take);
+                taken
+                    .map(|evaluation| evaluation.map(Output::Evaluation))
+                    .collect()
+            }
+            (Self::Embeddings(job), Outcome::Embeddings(message)) => {
+                let take = |embedding: v1::Embedding| {
+                    check_embedding(embedding.values, job.embedder.dimensions).map(Output::Embedding)
+                };
+                message.embeddings.into_iter().map(take).collect()
+            }
+            (Self::Training(_), Outcome::Checkpoint(digest)) => Ok(vec![Output::Checkpoint(digest.parse()?)]),
             (Self::Replay(job), Outcome::Replay(message)) => {
                 let replay = Replay::try_from(message)?;
                 if replay.agents() != job.world.agents() as usize {

@@ -31,6 +31,8 @@ pub struct Report {
     pub spec: CampaignSpec,
     /// Digest of its archive, to compare a repetition with.
     pub digest: String,
+    /// Digest of the checkpoint whose embeddings the archive holds; empty if none.
+    pub checkpoint: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
     /// Version of the simulator that evaluated it.
@@ -49,6 +51,13 @@ pub struct Report {
     pub loss: f64,
 }
 
+impl Report {
+    /// Numbers in an embedding; 0 without one.
+    fn embedding_dimensions(&self) -> usize {
+        self.individuals.first().map_or(0, |entry| entry.embedding.len())
+    }
+}
+
 /// What one generation did.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationSummary {
@@ -63,7 +72,7 @@ pub struct GenerationSummary {
 }
 
 /// One evaluated controller.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
     /// Generation that it belongs to, from 0.
     pub generation: u32,
@@ -73,6 +82,8 @@ pub struct Entry {
     pub seed: u64,
     /// Its hand-crafted features.
     pub features: Features,
+    /// The embedding of its picture by the report's checkpoint; empty if none.
+    pub embedding: Vec<f32>,
     /// Mean distance to its nearest neighbours in the whole archive.
     pub novelty: f64,
 }
@@ -196,6 +207,14 @@ fn check(report: &Report) -> Result<(), ReportError> {
         .find(|&&place| place as usize >= report.medoids.len())
     {
         return fail(format!("cluster {place} of {}", report.medoids.len()));
+    }
+    let dimensions = report.embedding_dimensions();
+    if report
+        .individuals
+        .iter()
+        .any(|entry| entry.embedding.len() != dimensions)
+    {
+        return fail("embeddings are of different lengths".into());
     }
     for medoid in &report.medoids {
         if medoid.index >= count as u64 {

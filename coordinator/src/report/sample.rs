@@ -68,6 +68,10 @@ pub(super) fn report(sample: &Sample) -> Report {
             },
             seed: stream.below(1 << 40),
             features: std::array::from_fn(|_| stream.between(-0.2, 1.0)),
+            embedding: match spec.method().embeds() {
+                true => (0..5).map(|_| stream.between(-2.0, 2.0) as f32).collect(),
+                false => Vec::new(),
+            },
             novelty: 0.3 / (i / population + 2) as f64 * stream.between(0.3, 2.0),
         })
         .collect();
@@ -92,6 +96,10 @@ pub(super) fn report(sample: &Sample) -> Report {
     Report {
         campaign: format!("{}-1", spec.name().as_str()),
         digest: "3f9ac41be07d5528".repeat(4),
+        checkpoint: match spec.method().embeds() {
+            true => "81c0de7744aa90be".repeat(4),
+            false => String::new(),
+        },
         created_ms: 1_795_219_200_000,
         simulator_version: "1".to_owned(),
         generations: (0..20)

@@ -1,16 +1,12 @@
 //! The archive, the taxonomy and the generations as CSV: a header, then numbers that read back exactly.
 
 use super::{Entry, Report};
-use murmuration_proto::{CapabilityModel, FEATURE_NAMES};
+use murmuration_proto::FEATURE_NAMES;
 use std::io::{self, Write};
 
 /// One row an individual, by index. Clusters count from 1, as the cards do.
 pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
-    writeln!(
-        file,
-        "index,cluster,map_x,map_y,{}",
-        entry_columns(report.spec.model())
-    )?;
+    writeln!(file, "index,cluster,map_x,map_y,{}", entry_columns(report))?;
     let rows = report
         .individuals
         .iter()
@@ -28,7 +24,7 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
     writeln!(
         file,
         "behaviour,index,cluster_size,mean_distance,{}",
-        entry_columns(report.spec.model())
+        entry_columns(report)
     )?;
     for (place, medoid) in report.medoids.iter().enumerate() {
         write!(
@@ -54,20 +50,27 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
     Ok(())
 }
 
-fn entry_columns(model: CapabilityModel) -> String {
+fn entry_columns(report: &Report) -> String {
+    let model = report.spec.model();
     let speeds = (0..model.speeds() / 2).map(|state| format!("vl{state},vr{state}"));
     let angles = (0..model.angles()).map(|_| "angle".to_owned());
-    let genes: Vec<String> = speeds.chain(angles).collect();
-    format!(
-        "generation,seed,novelty,{},{}",
-        FEATURE_NAMES.join(","),
-        genes.join(",")
-    )
+    let features = FEATURE_NAMES.map(str::to_owned);
+    let embedding = (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"));
+    let columns: Vec<String> = features
+        .into_iter()
+        .chain(speeds)
+        .chain(angles)
+        .chain(embedding)
+        .collect();
+    format!("generation,seed,novelty,{}", columns.join(","))
 }
 
 fn write_entry(entry: &Entry, file: &mut dyn Write) -> io::Result<()> {
     write!(file, "{},{},{}", entry.generation, entry.seed, entry.novelty)?;
     for value in entry.features.iter().chain(entry.controller.genes()) {
+        write!(file, ",{value}")?;
+    }
+    for value in &entry.embedding {
         write!(file, ",{value}")?;
     }
     writeln!(file)

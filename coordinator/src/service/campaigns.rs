@@ -112,6 +112,12 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         self.change(&request.get_ref().campaign, Change::Cancel).await
     }
 
+    async fn adopt_checkpoint(&self, request: Request<v1::AdoptCheckpointRequest>) -> Answer<v1::Campaign> {
+        let v1::AdoptCheckpointRequest { campaign, checkpoint } = request.into_inner();
+        let moved = self.campaigns.adopt(&campaign, checkpoint.parse()?).await?;
+        Ok(Response::new(moved.into()))
+    }
+
     async fn list_generations(
         &self,
         request: Request<v1::ListGenerationsRequest>,
@@ -175,7 +181,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             record.state.name()
         );
         let taxonomy = self
-            .read(move |store| Taxonomy::read(store, &record.id, record.spec.model()))
+            .read(move |store| Taxonomy::read(store, &record.id, &record.spec))
             .await?;
         Ok(Response::new(
             taxonomy.ok_or_else(|| Status::failed_precondition(said))?.into(),

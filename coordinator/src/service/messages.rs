@@ -1,17 +1,21 @@
 //! Domain values as the messages that carry them, and errors as statuses.
 
 use crate::{
-    campaign::{CampaignError, CampaignStatus},
+    campaign::{CampaignError, CampaignStatus, Stage},
     dispatch::JobError,
     store::{ArchivedIndividual, GenerationRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
 };
-use murmuration_proto::v1;
+use murmuration_proto::{CheckpointDigest, v1};
 use tonic::Status;
 
 impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {
         let record = status.record;
+        let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
+        let digest = |checkpoint: Option<CheckpointDigest>| {
+            checkpoint.map(|digest| digest.to_string()).unwrap_or_default()
+        };
         Self {
             id: record.id.as_str().to_owned(),
             spec: Some((&record.spec).into()),
@@ -19,12 +23,19 @@ impl From<CampaignStatus> for v1::Campaign {
             error: record.error,
             created_ms: record.created_ms,
             generations_done: record.generations_done,
-            evaluated_in_generation: status.evaluated_in_generation,
-            evaluations_per_second: status.evaluations_per_second,
+            evaluated_in_generation: arrived(Stage::Evolve),
+            evaluations_per_second: status.per_second,
             best_novelty: record.last_novelty.map(|(best, _)| best),
             mean_novelty: record.last_novelty.map(|(_, mean)| mean),
             active: status.active,
             workers: status.workers as u32,
+            stage: v1::CampaignStage::from(status.stage) as i32,
+            dataset_done: record.pictures_done + u64::from(arrived(Stage::Dataset)),
+            training: status.training,
+            checkpoint: digest(record.checkpoint),
+            next_checkpoint: digest(record.next_checkpoint),
+            embedded: record.embedded + u64::from(arrived(Stage::Embed)),
+            trainers: status.trainers as u32,
         }
     }
 }
@@ -39,6 +50,7 @@ impl From<ArchivedIndividual> for v1::Individual {
             features: individual.features.to_vec(),
             image: individual.image,
             novelty: individual.novelty,
+            embedding: individual.embedding,
         }
     }
 }
@@ -108,7 +120,9 @@ impl From<CampaignError> for Status {
         match error {
             CampaignError::Store(error) => error.into(),
             CampaignError::Job(error) => error.into(),
+            CampaignError::Checkpoint(error) => error.into(),
             CampaignError::NotAllowed(_)
+            | CampaignError::NoEmbedding { .. }
             | CampaignError::OtherSimulator { .. }
             | CampaignError::Propose(_) => Self::failed_precondition(error.to_string()),
             CampaignError::Misfit(_) | CampaignError::Broken => Self::internal(error.to_string()),

@@ -3,10 +3,12 @@
 mod campaigns;
 mod checkpoints;
 mod messages;
+mod training;
 mod work;
 
 pub use campaigns::CampaignApi;
 pub use checkpoints::CheckpointApi;
+pub use training::TrainerApi;
 pub use work::WorkerApi;
 
 use std::pin::Pin;

@@ -22,6 +22,8 @@ pub struct ArchivedIndividual {
     pub seed: u64,
     /// Hand-crafted features.
     pub features: Features,
+    /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
+    pub embedding: Vec<f32>,
     /// Mean distance to its nearest neighbours in the archive as it stood after its generation.
     pub novelty: f64,
     /// Grey values, index x * resolution + y.
@@ -41,6 +43,19 @@ pub struct GenerationRecord {
     pub filtered: u64,
 }
 
+impl GenerationRecord {
+    /// The record of a generation whose individuals are of this novelty.
+    #[must_use]
+    pub fn of(generation: u32, novelty: &[f64], filtered: u64) -> Self {
+        Self {
+            generation,
+            best_novelty: novelty.iter().copied().fold(0.0, f64::max),
+            mean_novelty: novelty.iter().sum::<f64>() / novelty.len().max(1) as f64,
+            filtered,
+        }
+    }
+}
+
 /// A taxonomy as it is stored; everything else about it follows from the archive.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredTaxonomy {
@@ -53,7 +68,8 @@ pub struct StoredTaxonomy {
 }
 
 impl Store {
-    /// Commits one complete generation: its record and its individuals, images included, in one transaction.
+    /// Commits one complete generation: its record and its individuals, images and embeddings (by the campaign's
+    /// checkpoint) included, in one transaction.
     ///
     /// # Errors
     /// If it cannot be written; then none of it was.
@@ -82,6 +98,10 @@ impl Store {
             )?;
             let mut image =
                 transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
+            let mut embedding = transaction.prepare(
+                "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
+                 VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
+            )?;
             for row in individuals {
                 let index = row.index as i64;
                 individual.execute(params![
@@ -95,6 +115,9 @@ impl Store {
                 ])?;
                 if let Some(pixels) = &row.image {
                     image.execute(params![number, index, pixels])?;
+                }
+                if !row.embedding.is_empty() {
+                    embedding.execute(params![number, index, numbers_to_blob(&row.embedding)])?;
                 }
             }
             Ok(())
@@ -115,9 +138,11 @@ impl Store {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image
-                 FROM individuals i LEFT JOIN images m
-                    ON ?4 AND m.campaign = i.campaign AND m.place = i.place
+                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image, e.embedding
+                 FROM individuals i JOIN campaigns c ON c.number = i.campaign
+                 LEFT JOIN images m ON ?4 AND m.campaign = i.campaign AND m.place = i.place
+                 LEFT JOIN embeddings e
+                    ON e.campaign = i.campaign AND e.checkpoint = c.checkpoint AND e.place = i.place
                  WHERE i.campaign = ?1 AND i.place >= ?2 AND i.place < ?3 ORDER BY i.place",
             )?;
             let bounds = params![number, clamped(range.start), clamped(range.end), with_images];
@@ -268,15 +293,16 @@ fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividua
         features: Features::try_from(features).map_err(|_| damaged(&"not five features"))?,
         novelty: row.get(5)?,
         image: row.get(6)?,
+        embedding: blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default()),
     })
 }
 
 /// SQLite's integers end at 2^63 - 1.
-fn clamped(index: u64) -> i64 {
+pub(super) fn clamped(index: u64) -> i64 {
     i64::try_from(index).unwrap_or(i64::MAX)
 }
 
-fn floats_to_blob(values: &[f64]) -> Vec<u8> {
+pub(super) fn floats_to_blob(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
@@ -285,5 +311,17 @@ fn blob_to_floats(blob: &[u8]) -> Vec<f64> {
         .0
         .iter()
         .map(|bytes| f64::from_le_bytes(*bytes))
+        .collect()
+}
+
+pub(super) fn numbers_to_blob(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+pub(super) fn blob_to_numbers(blob: &[u8]) -> Vec<f32> {
+    blob.as_chunks()
+        .0
+        .iter()
+        .map(|bytes| f32::from_le_bytes(*bytes))
         .collect()
 }

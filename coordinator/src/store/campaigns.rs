@@ -1,8 +1,8 @@
 //! Rows of campaigns.
 
-use super::{Store, StoreError};
+use super::{Store, StoreError, checkpoints::checkpoint_number};
 use crate::campaign::{CampaignId, CampaignState};
-use murmuration_proto::{CampaignSpec, SIMULATOR_VERSION};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 
 /// A campaign as it is stored.
@@ -24,19 +24,33 @@ pub struct CampaignRecord {
     pub generations_done: u32,
     /// Best and mean novelty of the last complete generation.
     pub last_novelty: Option<(f64, f64)>,
+    /// The checkpoint whose embeddings its archive holds.
+    pub checkpoint: Option<CheckpointDigest>,
+    /// The checkpoint that it is moving to.
+    pub next_checkpoint: Option<CheckpointDigest>,
+    /// Pictures of its dataset on disk.
+    pub pictures_done: u64,
+    /// Individuals, from index 0, that are embedded with the next checkpoint, on disk.
+    pub embedded: u64,
 }
 
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version,
-           (SELECT count(*) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty
+           (SELECT count(*) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty,
+           (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint),
+           (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint),
+           (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
+           (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
+            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint)
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
 impl Store {
-    /// Stores a new, running campaign and names it `NAME-N`.
+    /// Stores a new, running campaign and names it `NAME-N`. One that searches with a published checkpoint moves to that
+    /// first.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// [`StoreError::NoCheckpoint`] if there is no such checkpoint, or if it cannot be written.
     pub fn create_campaign(&self, spec: &CampaignSpec, created_ms: u64) -> Result<CampaignId, StoreError> {
         self.write(|transaction| {
             let number: i64 =
@@ -44,16 +58,22 @@ impl Store {
                     row.get(0)
                 })?;
             let id = format!("{}-{number}", spec.name().as_str());
+            let next_checkpoint = match spec.embedder() {
+                Some(EmbedderSource::Published(digest)) => Some(checkpoint_number(transaction, *digest)?),
+                Some(EmbedderSource::Trained { .. }) | None => None,
+            };
             transaction.execute(
-                "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
-                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6)",
+                "INSERT INTO campaigns
+                    (number, id, spec, simulator_version, state, error, created_ms, next_checkpoint)
+                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6, ?7)",
                 params![
                     number,
                     id,
                     spec.to_toml(),
                     SIMULATOR_VERSION,
                     CampaignState::Running.name(),
-                    created_ms as i64
+                    created_ms as i64,
+                    next_checkpoint,
                 ],
             )?;
             Ok(CampaignId::from_store(id))
@@ -129,6 +149,10 @@ struct Columns {
     generations_done: u32,
     best_novelty: Option<f64>,
     mean_novelty: Option<f64>,
+    checkpoint: Option<String>,
+    next_checkpoint: Option<String>,
+    pictures_done: i64,
+    embedded: i64,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -142,6 +166,10 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         generations_done: row.get(6)?,
         best_novelty: row.get(7)?,
         mean_novelty: row.get(8)?,
+        checkpoint: row.get(9)?,
+        next_checkpoint: row.get(10)?,
+        pictures_done: row.get(11)?,
+        embedded: row.get(12)?,
     })
 }
 
@@ -149,7 +177,10 @@ impl TryFrom<Columns> for CampaignRecord {
     type Error = StoreError;
 
     fn try_from(columns: Columns) -> Result<Self, StoreError> {
-        let damaged = |what: String| StoreError::damaged(format!("campaign {}: {what}", columns.id));
+        let id = columns.id.clone();
+        let damaged = |what: String| StoreError::damaged(format!("campaign {id}: {what}"));
+        let checkpoint = digest(&columns.id, columns.checkpoint)?;
+        let next_checkpoint = digest(&columns.id, columns.next_checkpoint)?;
         let spec = CampaignSpec::from_toml(&columns.spec).map_err(|error| damaged(error.to_string()))?;
         let state = CampaignState::from_name(&columns.state)
             .ok_or_else(|| damaged(format!("state {:?}", columns.state)))?;
@@ -162,6 +193,15 @@ impl TryFrom<Columns> for CampaignRecord {
             simulator_version: columns.simulator_version,
             generations_done: columns.generations_done,
             last_novelty: columns.best_novelty.zip(columns.mean_novelty),
+            checkpoint,
+            next_checkpoint,
+            pictures_done: columns.pictures_done.unsigned_abs(),
+            embedded: columns.embedded.unsigned_abs(),
         })
     }
+}
+
+fn digest(campaign: &str, text: Option<String>) -> Result<Option<CheckpointDigest>, StoreError> {
+    let digest = text.map(|text| text.parse()).transpose();
+    digest.map_err(|error: Invalid| StoreError::damaged(format!("campaign {campaign}: {error}")))
 }

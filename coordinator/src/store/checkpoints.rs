@@ -2,7 +2,7 @@
 
 use super::{Store, StoreError};
 use murmuration_proto::{CheckpointDigest, Invalid, Lineage, v1};
-use rusqlite::{OptionalExtension as _, Row, params};
+use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::collections::BTreeMap;
 
 /// A checkpoint as it is stored.
@@ -78,6 +78,22 @@ impl Store {
             rows.map(|row| row?.try_into()).collect()
         })
     }
+}
+
+/// The key of a checkpoint's rows.
+pub(super) fn checkpoint_number(
+    connection: &Connection,
+    digest: CheckpointDigest,
+) -> Result<i64, StoreError> {
+    let digest = digest.to_string();
+    connection
+        .query_row(
+            "SELECT number FROM checkpoints WHERE digest = ?1",
+            [&digest],
+            |row| row.get(0),
+        )
+        .optional()?
+        .ok_or(StoreError::NoCheckpoint(digest))
 }
 
 struct Columns {

@@ -7,14 +7,18 @@ mod archive;
 mod campaigns;
 mod checkpoints;
 mod data_directory;
+mod embeddings;
 mod error;
+mod pictures;
 mod schema;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
 pub use campaigns::CampaignRecord;
 pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
+pub use embeddings::Switch;
 pub use error::StoreError;
+pub use pictures::{Picture, SavedTraining};
 
 use rusqlite::{Connection, Transaction};
 use std::{

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 2] = [
+const MIGRATIONS: [&str; 3] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -59,6 +59,30 @@ const MIGRATIONS: [&str; 2] = [
         metrics TEXT NOT NULL,
         created_ms INTEGER NOT NULL
     ) STRICT;
+",
+    "
+    ALTER TABLE campaigns ADD COLUMN checkpoint INTEGER REFERENCES checkpoints (number);
+    ALTER TABLE campaigns ADD COLUMN next_checkpoint INTEGER REFERENCES checkpoints (number);
+    CREATE TABLE pictures (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        place INTEGER NOT NULL,
+        controller BLOB NOT NULL,
+        seed INTEGER NOT NULL,
+        image BLOB NOT NULL,
+        UNIQUE (campaign, place)
+    ) STRICT;
+    CREATE TABLE trainings (
+        campaign INTEGER PRIMARY KEY REFERENCES campaigns (number),
+        epoch INTEGER NOT NULL,
+        saved BLOB NOT NULL
+    ) STRICT;
+    CREATE TABLE embeddings (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        checkpoint INTEGER NOT NULL REFERENCES checkpoints (number),
+        place INTEGER NOT NULL,
+        embedding BLOB NOT NULL,
+        PRIMARY KEY (campaign, checkpoint, place)
+    ) STRICT, WITHOUT ROWID;
 ",
 ];
 

@@ -5,7 +5,7 @@ use crate::{
     campaign::{CampaignId, CampaignState},
     medoids::Clustering,
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Lineage};
 use std::fs;
 
 const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
@@ -27,6 +27,7 @@ fn individual(index: u64) -> ArchivedIndividual {
         controller: Controller::new(MODEL, &[0.1, -0.2, 0.3, index as f64 / 10.0]).unwrap(),
         seed: u64::MAX - index,
         features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
+        embedding: Vec::new(),
         novelty: 0.1 * index as f64,
         image: Some(vec![index as u8; 2500]),
     }
@@ -176,4 +177,132 @@ fn a_full_disk_is_called_that_and_loses_nothing() {
         .unwrap();
     commit(&store, &id, 1).unwrap();
     assert_eq!(store.archive_len(&id).unwrap(), 4);
+}
+
+/// A store with two checkpoints and a latent campaign of one generation that is embedded by the first.
+fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
+    let (folder, store) = open();
+    let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
+    for digest in digests {
+        let record = CheckpointRecord {
+            digest,
+            size: 3,
+            lineage: Lineage::default(),
+            created_ms: 0,
+        };
+        store.add_checkpoint(&record).unwrap();
+    }
+    let text = format!(
+        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"",
+        digests[0]
+    );
+    let id = store
+        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), 0)
+        .unwrap();
+    store.switch(&id, &unchanged(&[])).unwrap();
+    let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
+    let individuals = [0, 1].map(|index| ArchivedIndividual {
+        embedding: vec![index as f32, -0.5],
+        ..individual(index)
+    });
+    store.commit_generation(&id, &record, &individuals).unwrap();
+    (folder, store, id, digests)
+}
+
+fn unchanged(novelty: &[f64]) -> Switch {
+    Switch {
+        novelty: novelty.to_vec(),
+        generations: Vec::new(),
+    }
+}
+
+fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
+    let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
+    individuals.into_iter().map(|individual| individual.embedding).collect()
+}
+
+#[test]
+fn an_archive_switches_to_another_checkpoint_at_once() {
+    let (_folder, store, id, [first, second]) = embedded();
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    let clustering = Clustering {
+        medoids: vec![0],
+        clusters: vec![0, 0],
+        loss: 1.0,
+    };
+    store.complete(&id, &clustering).unwrap();
+
+    store.move_to(&id, second).unwrap();
+    store.add_embeddings(&id, 0, &[vec![7.0]]).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(first), Some(second)));
+    assert_eq!((record.embedded, record.state), (1, CampaignState::Running));
+    // Until the switch everything is as it was.
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    assert!(store.taxonomy(&id).unwrap().is_some());
+
+    store.add_embeddings(&id, 1, &[vec![8.0]]).unwrap();
+    assert_eq!(store.next_embeddings(&id).unwrap(), [[7.0], [8.0]]);
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: vec![GenerationRecord::of(0, &[3.0, 5.0], 0)],
+    };
+    store.switch(&id, &switch).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(second), None));
+    assert_eq!(record.last_novelty, Some((5.0, 4.0)));
+    assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
+    assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
+    assert_eq!(store.taxonomy(&id).unwrap(), None);
+}
+
+#[test]
+fn a_move_that_is_given_up_leaves_nothing_behind() {
+    let (_folder, store, id, [first, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    store.add_embeddings(&id, 0, &[vec![7.0]]).unwrap();
+    store.move_to(&id, first).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.next_checkpoint, record.embedded), (Some(first), 2));
+    store.move_to(&id, second).unwrap();
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedded, 0);
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+}
+
+#[test]
+fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
+    let (_folder, store, id, [digest, _]) = embedded();
+    let absent = CheckpointDigest::of(b"absent");
+    assert!(matches!(store.move_to(&id, absent), Err(StoreError::NoCheckpoint(_))));
+    let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{absent}\"");
+    let spec = CampaignSpec::from_toml(&text).unwrap();
+    assert!(matches!(store.create_campaign(&spec, 0), Err(StoreError::NoCheckpoint(_))));
+    assert_eq!(store.campaign(id.as_str()).unwrap().checkpoint, Some(digest));
+    assert_eq!(store.campaigns().unwrap().len(), 1);
+}
+
+#[test]
+fn a_dataset_and_its_training_read_back() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), 0).unwrap();
+    let picture = |index: u64| Picture {
+        controller: individual(0).controller,
+        seed: u64::MAX - index,
+        image: vec![index as u8; 4],
+    };
+    store.add_pictures(&id, 0, &[picture(0), picture(1)]).unwrap();
+    store.add_pictures(&id, 2, &[picture(2)]).unwrap();
+    assert!(store.add_pictures(&id, 2, &[picture(3)]).is_err());
+    assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
+    assert_eq!(store.dataset_images(&id, 1..9).unwrap(), [1, 1, 1, 1, 2, 2, 2, 2]);
+
+    assert_eq!(store.saved_training(&id).unwrap(), None);
+    let training = |epoch: u64| SavedTraining {
+        epoch,
+        bytes: vec![epoch as u8],
+    };
+    for epoch in [1, 3, 2] {
+        store.save_training(&id, &training(epoch)).unwrap();
+    }
+    assert_eq!(store.saved_training(&id).unwrap(), Some(training(3)));
 }

@@ -95,6 +95,9 @@ fn facts(report: &Report) -> Markup {
     let method = match spec.method() {
         Method::Random => "uniform random sampling",
         Method::HandCrafted => "novelty search on five hand-crafted features",
+        Method::Latent => "novelty search on a learned embedding",
+        Method::Untrained => "novelty search on the embedding of an untrained network",
+        Method::Concatenate => "novelty search on an embedding and five hand-crafted features",
     };
     let fact = |name: &str, value: Markup| html! { div { dt { (name) } dd { (value) } } };
     html! {
@@ -104,6 +107,9 @@ fn facts(report: &Report) -> Markup {
             (fact("Filter", html! { @if spec.filter() { "on" } @else { "off" } }))
             (fact("Evaluations", html! { (grouped(report.individuals.len() as u64)) }))
             (fact("Generations", html! { (grouped(report.generations.len() as u64)) }))
+            @if !report.checkpoint.is_empty() {
+                (fact("Checkpoint", html! { code title=(report.checkpoint) { (shortened(&report.checkpoint)) } }))
+            }
             (fact("Archive digest", html! { code title=(report.digest) { (shortened(&report.digest)) } }))
         }
     }

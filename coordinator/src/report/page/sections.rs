@@ -14,14 +14,21 @@ use maud::{Markup, PreEscaped, html};
 /// The behaviour space in two dimensions.
 pub(super) fn map(report: &Report) -> Markup {
     let [across, up] = &report.map.axis_titles;
+    let embedding = report.embedding_dimensions();
+    let features = if report.spec.method().has_features() { 5 } else { 0 };
     let (count, shown) = (report.individuals.len(), super::data::shown_points(report).len());
     html! {
         section #map aria-labelledby="map-title" {
             h2 #map-title { "Map of the behaviour space" }
             p.lead {
                 "Every point is one controller that was tried; near points behaved alike. Colours are clusters, numbers the "
-                "behaviours above. The space has five dimensions and is flattened to two here, so that points that lie "
-                "apart may look close. "
+                "behaviours above. The space has " (embedding + features) " dimensions"
+                @match (embedding, features) {
+                    (0, _) => {}
+                    (_, 0) => { ", in which a network has learned to tell pictures of swarms apart," }
+                    _ => { ", " (embedding) " of a network that looks at pictures of swarms and five hand-crafted," }
+                }
+                " and is flattened to two here, so that points that lie apart may look close. "
                 @if shown < count { (grouped(shown as u64)) " of " (grouped(count as u64)) " points are drawn, evenly chosen. " }
                 span.scripted { "Point at a cluster, a number or a card to bring one cluster out." }
             }
@@ -105,7 +112,9 @@ pub(super) fn specification(report: &Report) -> Markup {
             h2 #specification-title { "Specification" }
             p.lead {
                 "Everything that decides the outcome. Saved as spec.toml (it lies beside this page), it gives the same archive "
-                "again, bit for bit, on any number of workers:"
+                "again, bit for bit, on any number of workers"
+                @if !report.checkpoint.is_empty() { " of one kind of processor" }
+                ":"
             }
             (copyable("command", commands::RUN_AGAIN))
             p { "With simulator version " (report.simulator_version) ", expect this archive digest:" }

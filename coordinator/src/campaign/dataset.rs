@@ -1,0 +1,132 @@
+//! The dataset stage: controllers sampled, simulated by the workers, their pictures kept.
+
+use super::{
+    CampaignError,
+    live::Live,
+    run::{Means, Outcome, blocking},
+};
+use crate::{
+    breeding::{self, ProposeError},
+    dispatch::EvaluationJob,
+    store::{CampaignRecord, Picture},
+};
+use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
+use std::ops::Range;
+
+/// Controllers whose pictures are simulated and committed together.
+const CHUNK: u64 = 500;
+
+/// Simulates what the dataset still lacks.
+pub(super) async fn collect(
+    means: &Means,
+    record: CampaignRecord,
+    live: &mut Live,
+) -> Result<Outcome, CampaignError> {
+    let Some(&EmbedderSource::Trained { dataset, .. }) = record.spec.embedder() else {
+        return Ok(Outcome::Done);
+    };
+    let CampaignRecord {
+        id,
+        spec,
+        pictures_done,
+        ..
+    } = record;
+    let starts = u64::from(dataset.starts());
+    let mut next = pictures_done / starts;
+    while next < u64::from(dataset.controllers()) {
+        let chunk = next..u64::from(dataset.controllers()).min(next + CHUNK);
+        let tasks = tasks(&spec, &dataset, chunk.clone())?;
+        let job = EvaluationJob {
+            model: spec.model(),
+            world: *spec.world(),
+            image: *spec.image(),
+            embedder: None,
+            tasks: tasks.clone(),
+        };
+        let evaluated = live
+            .until_stopped(|done| means.dispatch.evaluate(job, done))
+            .await;
+        let Some(evaluations) = evaluated else {
+            return Ok(Outcome::Stopped);
+        };
+        let pictures: Vec<Picture> = tasks
+            .into_iter()
+            .zip(evaluations?)
+            .map(|((controller, seed), evaluation)| Picture {
+                controller,
+                seed,
+                image: evaluation.into_image(),
+            })
+            .collect();
+        let count = pictures.len() as u64;
+        let (store, id) = (means.store.clone(), id.clone());
+        blocking(move || store.add_pictures(&id, chunk.start * starts, &pictures)).await??;
+        live.committed(count);
+        next = chunk.end;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Controllers of the dataset by index, each with the seeds of its starts.
+fn tasks(
+    spec: &CampaignSpec,
+    dataset: &Dataset,
+    controllers: Range<u64>,
+) -> Result<Vec<(Controller, u64)>, ProposeError> {
+    let starts = u64::from(dataset.starts());
+    let mut tasks = Vec::new();
+    for index in controllers {
+        let mut stream = Stream::derive(spec.seed(), Purpose::Dataset, index);
+        let controller = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
+        for place in index * starts..(index + 1) * starts {
+            let seed = Stream::derive(spec.seed(), Purpose::DatasetStart, place).bits();
+            tasks.push((controller, seed));
+        }
+    }
+    Ok(tasks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::filter::Score;
+
+    fn tasks_of(text: &str, controllers: Range<u64>) -> Vec<(Controller, u64)> {
+        let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\n{text}");
+        let spec = CampaignSpec::from_toml(&text).unwrap();
+        let Some(EmbedderSource::Trained { dataset, .. }) = spec.embedder() else {
+            panic!("nothing is trained");
+        };
+        tasks(&spec, dataset, controllers).unwrap()
+    }
+
+    #[test]
+    fn a_dataset_does_not_depend_on_how_it_is_cut() {
+        let whole = tasks_of("[dataset]\nstarts = 3", 0..20);
+        let parts = [0..7, 7..8, 8..20].map(|part| tasks_of("[dataset]\nstarts = 3", part));
+        assert_eq!(whole, parts.concat());
+    }
+
+    #[test]
+    fn every_controller_has_starts_of_its_own() {
+        let tasks = tasks_of("[dataset]\nstarts = 2", 0..50);
+        assert_eq!(tasks.len(), 100);
+        assert!(tasks.chunks(2).all(|pair| pair[0].0 == pair[1].0));
+        let mut seeds: Vec<_> = tasks.iter().map(|task| task.1).collect();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 100);
+    }
+
+    #[test]
+    fn a_filtered_dataset_passes_the_filter() {
+        let tasks = tasks_of("[dataset]\nfilter = true", 0..200);
+        assert!(tasks.iter().all(|(controller, _)| Score::of(controller).passes()));
+        let unfiltered = tasks_of("", 0..200);
+        assert!(
+            !unfiltered
+                .iter()
+                .all(|(controller, _)| Score::of(controller).passes())
+        );
+    }
+}

@@ -1,0 +1,94 @@
+//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to it
+//! at once.
+
+use super::{
+    CampaignError, CampaignId,
+    live::Live,
+    run::{Means, Outcome, blocking},
+};
+use crate::{
+    dispatch::EmbeddingJob,
+    novelty::{self, Behaviours},
+    store::{CampaignRecord, GenerationRecord, Store, Switch},
+};
+use murmuration_proto::CampaignSpec;
+
+/// Pictures embedded and committed together.
+const CHUNK: u64 = 2048;
+
+/// Embeds what is not embedded yet, measures novelty anew, and switches.
+pub(super) async fn embed(
+    means: &Means,
+    record: CampaignRecord,
+    live: &mut Live,
+) -> Result<Outcome, CampaignError> {
+    let CampaignRecord {
+        id,
+        spec,
+        next_checkpoint: Some(checkpoint),
+        mut embedded,
+        ..
+    } = record
+    else {
+        return Ok(Outcome::Done);
+    };
+    let embedder = means.checkpoints.embedder(checkpoint, spec.image()).await?;
+    loop {
+        let (store, of, model) = (means.store.clone(), id.clone(), spec.model());
+        let range = embedded..embedded + CHUNK;
+        let individuals = blocking(move || store.individuals(&of, model, range, true)).await??;
+        if individuals.is_empty() {
+            break;
+        }
+        let images = individuals
+            .into_iter()
+            .map(|individual| individual.image.unwrap_or_default())
+            .collect();
+        let job = EmbeddingJob { embedder, images };
+        let Some(embeddings) = live.until_stopped(|done| means.dispatch.embed(job, done)).await else {
+            return Ok(Outcome::Stopped);
+        };
+        let embeddings = embeddings?;
+        let count = embeddings.len() as u64;
+        let (store, of) = (means.store.clone(), id.clone());
+        blocking(move || store.add_embeddings(&of, embedded, &embeddings)).await??;
+        embedded += count;
+        live.committed(count);
+    }
+    let store = means.store.clone();
+    blocking(move || switch(&store, &id, &spec, embedder.dimensions)).await??;
+    Ok(Outcome::Done)
+}
+
+/// Measures every generation anew, in the archive as it stood after it, and commits the switch.
+fn switch(
+    store: &Store,
+    id: &CampaignId,
+    spec: &CampaignSpec,
+    dimensions: usize,
+) -> Result<(), CampaignError> {
+    let embeddings = store.next_embeddings(id)?;
+    let features = store.individuals(id, spec.model(), 0..embeddings.len() as u64, false)?;
+    let method = spec.method();
+    let mut behaviours = Behaviours::new(super::search::dimensions(method, Some(dimensions)));
+    let mut measured = Switch {
+        novelty: Vec::new(),
+        generations: Vec::new(),
+    };
+    let population = spec.search().population() as usize;
+    let generations = store.generations(id)?;
+    let individuals: Vec<_> = features.iter().zip(&embeddings).collect();
+    for (generation, record) in individuals.chunks(population).zip(generations) {
+        let first = behaviours.len();
+        for (individual, embedding) in generation {
+            behaviours.push(&method.behaviour(&individual.features, embedding))?;
+        }
+        let neighbours = spec.search().neighbours() as usize;
+        let novelty = novelty::novelty(&behaviours, first..behaviours.len(), neighbours);
+        measured
+            .generations
+            .push(GenerationRecord::of(record.generation, &novelty, record.filtered));
+        measured.novelty.extend(novelty);
+    }
+    Ok(store.switch(id, &measured)?)
+}

@@ -1,0 +1,81 @@
+//! A campaign at work: one stage after the other, each begun where the disk says that it was left.
+
+use super::{CampaignError, CampaignId, CampaignState, Stage, dataset, embed, live::Live, pretrain, search};
+use crate::{
+    checkpoints::Checkpoints,
+    dispatch::{Dispatch, JobError, Trainers},
+    store::{CampaignRecord, Store},
+};
+
+/// What the stages of a campaign work with.
+#[derive(Debug, Clone)]
+pub(super) struct Means {
+    pub(super) store: Store,
+    pub(super) dispatch: Dispatch,
+    pub(super) trainers: Trainers,
+    pub(super) checkpoints: Checkpoints,
+}
+
+/// How a stage ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// All of it is on disk.
+    Done,
+    /// It was told to stop; what is on disk is whole.
+    Stopped,
+}
+
+/// Runs the campaign from where it stands until it is complete, failed or stopped.
+pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
+    match stages(&means, &id, &mut live).await {
+        Ok(Outcome::Done) => tracing::info!(campaign = %id, "completed"),
+        // Whoever shuts the coordinator down wants the campaign to go on with the next one.
+        Ok(Outcome::Stopped) | Err(CampaignError::Job(JobError::ShuttingDown)) => {}
+        Err(error) => {
+            let said = error.to_string();
+            tracing::error!(campaign = %id, error = said, "failed");
+            live.failed(&said);
+            let store = means.store;
+            let recorded = blocking(move || store.set_state(&id, CampaignState::Failed, &said)).await;
+            if let Ok(Err(error)) = recorded {
+                tracing::warn!(%error, "the failure could not be recorded");
+            }
+        }
+    }
+}
+
+async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outcome, CampaignError> {
+    loop {
+        let record = read(&means.store, id).await?;
+        let stage = Stage::of(&record);
+        tracing::info!(campaign = %id, ?stage, "begins");
+        live.begin();
+        let outcome = match stage {
+            Stage::Dataset => dataset::collect(means, record, live).await?,
+            Stage::Pretrain => pretrain::pretrain(means, record, live).await?,
+            Stage::Embed => embed::embed(means, record, live).await?,
+            Stage::Evolve => search::evolve(means, record, live).await?,
+            Stage::Taxonomy => {
+                search::complete(means, record).await?;
+                return Ok(Outcome::Done);
+            }
+        };
+        if outcome == Outcome::Stopped {
+            return Ok(Outcome::Stopped);
+        }
+    }
+}
+
+async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
+    let (store, id) = (store.clone(), id.clone());
+    Ok(blocking(move || store.campaign(id.as_str())).await??)
+}
+
+/// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
+pub(crate) async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, CampaignError> {
+    tokio::task::spawn_blocking(work)
+        .await
+        .map_err(|_| CampaignError::Broken)
+}

@@ -1,0 +1,150 @@
+//! What a campaign's status says to a person.
+
+use indicatif::{HumanCount, HumanDuration};
+use murmuration_proto::{CampaignSpec, EmbedderSource, Search, v1};
+use std::time::Duration;
+
+/// How far a campaign's stage has come, and a line about it.
+pub(super) struct News {
+    pub(super) done: u64,
+    pub(super) total: u64,
+    pub(super) unit: &'static str,
+    /// Rises when there is something to say again.
+    pub(super) step: u64,
+    pub(super) text: String,
+}
+
+/// A stage in a word.
+pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
+    match stage {
+        v1::CampaignStage::Unspecified => "nothing",
+        v1::CampaignStage::Dataset => "dataset",
+        v1::CampaignStage::Pretrain => "pretrain",
+        v1::CampaignStage::Embed => "embed",
+        v1::CampaignStage::Evolve => "evolve",
+        v1::CampaignStage::Taxonomy => "taxonomy",
+    }
+}
+
+impl News {
+    pub(super) fn of(status: &v1::Campaign) -> Self {
+        let spec = status
+            .spec
+            .clone()
+            .map(CampaignSpec::try_from)
+            .and_then(Result::ok);
+        match status.stage() {
+            v1::CampaignStage::Dataset => {
+                let total = spec.as_ref().map_or(0, pictures);
+                let done = status.dataset_done.min(total);
+                Self::counted(status, (done, total), "pictures", "simulations")
+            }
+            v1::CampaignStage::Pretrain => Self::training(status),
+            v1::CampaignStage::Embed => {
+                let search = spec.as_ref().map(|spec| *spec.search());
+                let total = u64::from(status.generations_done) * population(search);
+                let done = status.embedded.min(total);
+                Self::counted(status, (done, total), "pictures", "embeddings")
+            }
+            v1::CampaignStage::Evolve | v1::CampaignStage::Taxonomy | v1::CampaignStage::Unspecified => {
+                Self::evolution(status, spec.as_ref().map(|spec| *spec.search()))
+            }
+        }
+    }
+
+    fn counted(status: &v1::Campaign, (done, total): (u64, u64), unit: &'static str, rate: &str) -> Self {
+        let mut parts = vec![name(status.stage()).to_owned()];
+        parts.extend(pace(status, total - done, rate));
+        Self {
+            done,
+            total,
+            unit,
+            step: done,
+            text: parts.join(" · "),
+        }
+    }
+
+    fn training(status: &v1::Campaign) -> Self {
+        let progress = status.training.unwrap_or_default();
+        let mut parts = vec![name(status.stage()).to_owned()];
+        let mut say = |figure: Option<f64>, text: fn(f64) -> String| parts.extend(figure.map(text));
+        say(progress.loss, |loss| format!("loss {loss:.4}"));
+        say(progress.learning_rate, |rate| format!("learning rate {rate:.5}"));
+        say(progress.triplet_accuracy, |share| {
+            format!("held-out triplets {:.1} %", 100.0 * share)
+        });
+        say(progress.triplets_per_second, |rate| {
+            format!("{} triplets/s", HumanCount(rate as u64))
+        });
+        say(progress.seconds_left, |seconds| {
+            let left = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+            format!("at most {} left", HumanDuration(left))
+        });
+        if status.active && status.training.is_none() {
+            let waiting = if status.trainers == 0 {
+                "waiting for a trainer (murmuration-trainer)"
+            } else {
+                "the trainer begins"
+            };
+            parts.push(waiting.to_owned());
+        }
+        Self {
+            done: progress.epoch,
+            total: progress.epochs,
+            unit: "epochs",
+            step: progress.epoch,
+            text: parts.join(" · "),
+        }
+    }
+
+    fn evolution(status: &v1::Campaign, search: Option<Search>) -> Self {
+        let (total, generations) =
+            search.map_or((0, 0), |search| (search.evaluations(), search.generations()));
+        let done = u64::from(status.generations_done) * population(search)
+            + u64::from(status.evaluated_in_generation);
+        let done = done.min(total);
+        let mut parts = vec![format!("generation {}/{generations}", status.generations_done)];
+        if let (Some(best), Some(mean)) = (status.best_novelty, status.mean_novelty) {
+            parts.push(format!("novelty best {best:.4} mean {mean:.4}"));
+        }
+        if status.active && done == total && status.workers > 0 {
+            parts.push("clustering".to_owned());
+        } else {
+            parts.extend(pace(status, total - done, "evaluations"));
+        }
+        Self {
+            done,
+            total,
+            unit: "evaluations",
+            step: status.generations_done.into(),
+            text: parts.join(" · "),
+        }
+    }
+}
+
+/// How fast it goes and how long it will take, if it goes at all.
+fn pace(status: &v1::Campaign, left: u64, unit: &str) -> Vec<String> {
+    match (status.active, status.workers, status.evaluations_per_second) {
+        (true, 0, _) => vec!["waiting for workers (murmuration-worker)".to_owned()],
+        (true, _, rate) if rate > 0.0 => {
+            let eta = Duration::try_from_secs_f64(left as f64 / rate).unwrap_or(Duration::MAX);
+            vec![
+                format!("{rate:.0} {unit}/s"),
+                format!("{} left", HumanDuration(eta)),
+            ]
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Pictures of the dataset; 0 if there is none.
+fn pictures(spec: &CampaignSpec) -> u64 {
+    match spec.embedder() {
+        Some(EmbedderSource::Trained { dataset, .. }) => dataset.pictures(),
+        Some(EmbedderSource::Published(_)) | None => 0,
+    }
+}
+
+fn population(search: Option<Search>) -> u64 {
+    search.map_or(0, |search| search.population().into())
+}

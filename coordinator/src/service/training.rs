@@ -1,0 +1,96 @@
+//! The service for trainers: their streams, and what their tasks need.
+
+use super::{Streamed, work::serve};
+use crate::{
+    campaign::blocking,
+    dispatch::Trainers,
+    store::{CampaignRecord, Store, StoreError},
+};
+use murmuration_proto::{TRAINER_VERSION, v1};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status, Streaming};
+
+/// Bytes in one part, about.
+const PART: usize = 1 << 20;
+
+/// Implements `murmuration.v1.TrainerService`.
+#[derive(Debug, Clone)]
+pub struct TrainerApi {
+    /// Who leases trainings out.
+    pub trainers: Trainers,
+    /// What is on disk.
+    pub store: Store,
+}
+
+#[tonic::async_trait]
+impl v1::trainer_service_server::TrainerService for TrainerApi {
+    type TrainStream = ReceiverStream<Result<v1::CoordinatorMessage, Status>>;
+
+    async fn train(
+        &self,
+        request: Request<Streaming<v1::WorkerMessage>>,
+    ) -> Result<Response<Self::TrainStream>, Status> {
+        serve(self.trainers.dispatch(), request.into_inner(), check_trainer).await
+    }
+
+    type FetchTrainingStream = Streamed<v1::TrainingPart>;
+
+    async fn fetch_training(
+        &self,
+        request: Request<v1::FetchTrainingRequest>,
+    ) -> Result<Response<Self::FetchTrainingStream>, Status> {
+        let (store, id) = (self.store.clone(), request.into_inner().campaign);
+        let record = blocking(move || store.campaign(&id)).await??;
+        let (parts, stream) = mpsc::channel(4);
+        let store = self.store.clone();
+        tokio::task::spawn_blocking(move || {
+            if let Err(error) = send(&store, &record, &parts) {
+                // A trainer that has gone needs no reason.
+                let _ = parts.blocking_send(Err(error.into()));
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+}
+
+fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
+    if hello.trainer_version == TRAINER_VERSION {
+        return Ok(());
+    }
+    Err(Status::failed_precondition(format!(
+        "this coordinator needs trainers of version {TRAINER_VERSION}, trainer \"{}\" has version {}: run the \
+         murmuration-trainer that came with the coordinator",
+        hello.name.escape_debug(),
+        hello.trainer_version.escape_debug(),
+    )))
+}
+
+/// Sends pictures, then what was put aside, until all is sent or nobody listens.
+fn send(
+    store: &Store,
+    record: &CampaignRecord,
+    parts: &mpsc::Sender<Result<v1::TrainingPart, Status>>,
+) -> Result<(), StoreError> {
+    use v1::training_part::Part;
+    let send = |part| {
+        parts
+            .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
+            .is_ok()
+    };
+    let each = (PART / record.spec.image().pixels()).max(1) as u64;
+    for place in (0..record.pictures_done).step_by(each as usize) {
+        let images = store.dataset_images(&record.id, place..place + each)?;
+        if !send(Part::Pictures(images)) {
+            return Ok(());
+        }
+    }
+    if let Some(saved) = store.saved_training(&record.id)? {
+        for part in saved.bytes.chunks(PART) {
+            if !send(Part::Saved(part.to_vec())) {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
+}
