@@ -1,12 +1,14 @@
-//! The worker's binary: connects to a coordinator and evaluates until it is told to stop.
+//! The worker's binary: connects to a coordinator and evaluates and embeds until it is told to stop.
 
 use clap::Parser;
+use murmuration_embed::checkpoint_folder;
+use murmuration_link::termination;
 use murmuration_worker::client::{self, Options};
-use std::{num::NonZeroUsize, process::ExitCode, thread};
+use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 use tokio::sync::watch;
 use tracing_subscriber::EnvFilter;
 
-/// Evaluates controllers for a Murmuration coordinator.
+/// Evaluates controllers for a Murmuration coordinator, and embeds their pictures.
 ///
 /// Stateless: start and stop as many as you like, wherever you like. On SIGTERM or Ctrl-C it gives back what it
 /// has not begun, finishes the rest, and leaves.
@@ -26,6 +28,9 @@ struct Arguments {
     /// Name shown to people
     #[arg(long, env = "MURMURATION_WORKER_NAME", default_value = "worker")]
     name: String,
+    /// Folder for checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
+    #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
+    cache: Option<PathBuf>,
 }
 
 #[tokio::main(flavor = "current_thread")]
@@ -38,8 +43,8 @@ async fn main() -> ExitCode {
         .init();
     let (stop, stopped) = watch::channel(false);
     tokio::spawn(async move {
-        termination().await;
-        tracing::info!("leaving");
+        let signal = termination().await;
+        tracing::info!("{signal}, leaving");
         stop.send_replace(true);
     });
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
@@ -47,6 +52,7 @@ async fn main() -> ExitCode {
         coordinator: arguments.coordinator,
         name: arguments.name,
         threads: arguments.threads.unwrap_or(cores),
+        cache: arguments.cache.unwrap_or_else(checkpoint_folder),
     };
     match client::run(options, stopped).await {
         Ok(()) => ExitCode::SUCCESS,
@@ -54,23 +60,5 @@ async fn main() -> ExitCode {
             eprintln!("error: {error}");
             ExitCode::FAILURE
         }
-    }
-}
-
-/// Ctrl-C, or SIGTERM where there is one.
-async fn termination() {
-    #[cfg(unix)]
-    {
-        use tokio::signal::unix::{SignalKind, signal};
-        if let Ok(mut terminated) = signal(SignalKind::terminate()) {
-            tokio::select! {
-                _ = terminated.recv() => return,
-                _ = tokio::signal::ctrl_c() => return,
-            }
-        }
-    }
-    // Without a way to hear of it, run until killed.
-    if tokio::signal::ctrl_c().await.is_err() {
-        std::future::pending::<()>().await;
     }
 }

@@ -1,8 +1,9 @@
 //! Checkpoints on disk, by the digest of their bytes.
 
-use blake3::Hash;
-use murmuration_proto::onnx::MAX_MODEL_BYTES;
+use crate::cache_folder;
+use murmuration_proto::{CheckpointDigest, onnx::MAX_MODEL_BYTES};
 use std::{
+    env,
     error::Error,
     fs::{self, File},
     io::{self, Read as _, Write as _},
@@ -42,7 +43,7 @@ pub enum FetchError {
     #[error("checkpoint {digest} cannot be fetched: {error}")]
     Source {
         /// The checkpoint.
-        digest: Hash,
+        digest: CheckpointDigest,
         /// What was said.
         error: Box<dyn Error + Send + Sync>,
     },
@@ -50,13 +51,21 @@ pub enum FetchError {
     #[error("checkpoint {digest}: other bytes came, of digest {got}")]
     Mismatch {
         /// The checkpoint that was asked for.
-        digest: Hash,
+        digest: CheckpointDigest,
         /// Digest of what came.
-        got: Hash,
+        got: CheckpointDigest,
     },
     /// The cache could not be used.
     #[error(transparent)]
     Cache(#[from] CacheError),
+}
+
+/// Where checkpoints are kept unless told otherwise: in the [`cache_folder`], or among temporary files without a home.
+#[must_use]
+pub fn checkpoint_folder() -> PathBuf {
+    cache_folder()
+        .unwrap_or_else(|| env::temp_dir().join("murmuration"))
+        .join("checkpoints")
 }
 
 impl Cache {
@@ -83,8 +92,8 @@ impl Cache {
     /// Where `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read or written.
     pub fn get_or_fetch<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
-        digest: Hash,
-        fetch: impl FnOnce(Hash) -> Result<Vec<u8>, E>,
+        digest: CheckpointDigest,
+        fetch: impl FnOnce(CheckpointDigest) -> Result<Vec<u8>, E>,
     ) -> Result<Vec<u8>, FetchError> {
         let _one_at_a_time = self.fetching.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(bytes) = self.get(digest)? {
@@ -94,7 +103,7 @@ impl Cache {
             digest,
             error: error.into(),
         })?;
-        let got = blake3::hash(&bytes);
+        let got = CheckpointDigest::of(&bytes);
         if got != digest {
             return Err(FetchError::Mismatch { digest, got });
         }
@@ -106,7 +115,7 @@ impl Cache {
     ///
     /// # Errors
     /// If the folder cannot be read or written.
-    pub fn get(&self, digest: Hash) -> Result<Option<Vec<u8>>, CacheError> {
+    pub fn get(&self, digest: CheckpointDigest) -> Result<Option<Vec<u8>>, CacheError> {
         let path = self.file(digest);
         let file = match File::open(&path) {
             Ok(file) => file,
@@ -116,7 +125,7 @@ impl Cache {
         let mut bytes = Vec::new();
         let longest = MAX_MODEL_BYTES as u64 + 1;
         (&file).take(longest).read_to_end(&mut bytes).map_err(at(&path))?;
-        if blake3::hash(&bytes) != digest {
+        if CheckpointDigest::of(&bytes) != digest {
             remove(&path)?;
             return Ok(None);
         }
@@ -125,7 +134,7 @@ impl Cache {
         Ok(Some(bytes))
     }
 
-    fn insert(&self, digest: Hash, bytes: &[u8]) -> Result<(), CacheError> {
+    fn insert(&self, digest: CheckpointDigest, bytes: &[u8]) -> Result<(), CacheError> {
         let path = self.file(digest);
         let mut file = tempfile::Builder::new()
             .suffix(WRITING)
@@ -170,7 +179,7 @@ impl Cache {
         Ok(())
     }
 
-    fn file(&self, digest: Hash) -> PathBuf {
+    fn file(&self, digest: CheckpointDigest) -> PathBuf {
         self.folder.join(format!("{digest}{SUFFIX}"))
     }
 }

@@ -1,8 +1,10 @@
 //! The embedders of one thread, by digest: opened when first asked for, kept while they are used.
 
 use super::{Cache, EmbedError, Embedder, FetchError, Runtime};
-use blake3::Hash;
-use murmuration_proto::onnx::{EmbedderModel, ModelError};
+use murmuration_proto::{
+    CheckpointDigest,
+    onnx::{EmbedderModel, ModelError},
+};
 use std::{error::Error, sync::Arc};
 
 /// Embedders that a thread keeps open: two campaigns' at once, each while it moves to its next checkpoint.
@@ -14,7 +16,7 @@ pub struct Embedders {
     runtime: Runtime,
     cache: Arc<Cache>,
     /// The one used last comes first.
-    open: Vec<(Hash, Embedder)>,
+    open: Vec<(CheckpointDigest, Embedder)>,
 }
 
 /// Why there is no embedder of a digest.
@@ -27,7 +29,7 @@ pub enum CheckpointError {
     #[error("checkpoint {digest}: {error}")]
     Model {
         /// The checkpoint.
-        digest: Hash,
+        digest: CheckpointDigest,
         /// What is wrong with it.
         error: ModelError,
     },
@@ -35,7 +37,7 @@ pub enum CheckpointError {
     #[error("checkpoint {digest}: {error}")]
     Open {
         /// The checkpoint.
-        digest: Hash,
+        digest: CheckpointDigest,
         /// What is wrong with it.
         error: EmbedError,
     },
@@ -58,8 +60,8 @@ impl Embedders {
     /// Where the checkpoint cannot be had, is no embedder, or does not run.
     pub fn get<E: Into<Box<dyn Error + Send + Sync>>>(
         &mut self,
-        digest: Hash,
-        fetch: impl FnOnce(Hash) -> Result<Vec<u8>, E>,
+        digest: CheckpointDigest,
+        fetch: impl FnOnce(CheckpointDigest) -> Result<Vec<u8>, E>,
     ) -> Result<&mut Embedder, CheckpointError> {
         let embedder = match self.open.iter().position(|(of, _)| *of == digest) {
             Some(at) => self.open.remove(at).1,
@@ -78,8 +80,8 @@ impl Embedders {
 
     fn open_checkpoint<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
-        digest: Hash,
-        fetch: impl FnOnce(Hash) -> Result<Vec<u8>, E>,
+        digest: CheckpointDigest,
+        fetch: impl FnOnce(CheckpointDigest) -> Result<Vec<u8>, E>,
     ) -> Result<Embedder, CheckpointError> {
         let bytes = self.cache.get_or_fetch(digest, fetch)?;
         let model = EmbedderModel::read(&bytes).map_err(|error| CheckpointError::Model { digest, error })?;

@@ -10,7 +10,7 @@ mod embedder;
 mod embedders;
 mod runtime;
 
-pub use cache::{Cache, CacheError, FetchError};
+pub use cache::{Cache, CacheError, FetchError, checkpoint_folder};
 pub use embedder::{EmbedError, Embedder, MAX_BATCH};
 pub use embedders::{CheckpointError, Embedders};
 pub use runtime::{ONNX_RUNTIME_VERSION, Runtime, RuntimeError, cache_folder};

@@ -1,7 +1,10 @@
 //! Embedders and their cache. The model is `tests/models/small.onnx`; these tests need ONNX Runtime (`make runtime`).
 
 use super::*;
-use murmuration_proto::onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto};
+use murmuration_proto::{
+    CheckpointDigest,
+    onnx::{AttributeProto, EmbedderModel, ModelProto, NodeProto, ValueInfoProto},
+};
 use proptest::prelude::*;
 use prost::Message as _;
 use std::{fs, path::Path, sync::Arc, thread, time::Duration};
@@ -197,7 +200,7 @@ fn cache(max_bytes: u64) -> (TempDir, Cache) {
 
 /// Fetches `bytes` by their digest.
 fn fetch(cache: &Cache, bytes: &[u8]) {
-    let fetched = cache.get_or_fetch(blake3::hash(bytes), |_| Ok::<_, String>(bytes.to_vec()));
+    let fetched = cache.get_or_fetch(CheckpointDigest::of(bytes), |_| Ok::<_, String>(bytes.to_vec()));
     assert_eq!(fetched.unwrap(), bytes);
 }
 
@@ -205,7 +208,7 @@ fn files(folder: &Path) -> usize {
     fs::read_dir(folder.join("checkpoints")).unwrap().count()
 }
 
-fn never(_: blake3::Hash) -> Result<Vec<u8>, String> {
+fn never(_: CheckpointDigest) -> Result<Vec<u8>, String> {
     panic!("fetched again")
 }
 
@@ -213,7 +216,7 @@ fn never(_: blake3::Hash) -> Result<Vec<u8>, String> {
 fn a_checkpoint_is_fetched_once() {
     let (folder, cache) = cache(1000);
     fetch(&cache, b"checkpoint");
-    let digest = blake3::hash(b"checkpoint");
+    let digest = CheckpointDigest::of(b"checkpoint");
     assert_eq!(cache.get_or_fetch(digest, never).unwrap(), b"checkpoint");
     let again = Cache::open(folder.path().join("checkpoints"), 1000).unwrap();
     assert_eq!(
@@ -227,7 +230,7 @@ fn a_checkpoint_is_fetched_once() {
 fn threads_that_want_the_same_checkpoint_fetch_it_once() {
     let (_folder, cache) = cache(1000);
     let fetched = std::sync::atomic::AtomicUsize::new(0);
-    let digest = blake3::hash(b"checkpoint");
+    let digest = CheckpointDigest::of(b"checkpoint");
     thread::scope(|scope| {
         for _ in 0..4 {
             scope.spawn(|| {
@@ -247,7 +250,7 @@ fn threads_that_want_the_same_checkpoint_fetch_it_once() {
 fn a_damaged_file_counts_as_absent() {
     let (folder, cache) = cache(1000);
     fetch(&cache, b"checkpoint");
-    let digest = blake3::hash(b"checkpoint");
+    let digest = CheckpointDigest::of(b"checkpoint");
     let file = folder.path().join(format!("checkpoints/{digest}.onnx"));
     fs::write(&file, b"chequepoint").unwrap();
     assert_eq!(cache.get(digest).unwrap(), None);
@@ -259,7 +262,7 @@ fn a_damaged_file_counts_as_absent() {
 #[test]
 fn other_bytes_than_asked_for_are_refused_and_not_kept() {
     let (folder, cache) = cache(1000);
-    let digest = blake3::hash(b"checkpoint");
+    let digest = CheckpointDigest::of(b"checkpoint");
     let error = cache
         .get_or_fetch(digest, |_| Ok::<_, String>(b"other".to_vec()))
         .unwrap_err();
@@ -278,7 +281,7 @@ fn what_was_used_longest_ago_goes_first() {
     let present = |bytes: &[u8]| {
         folder
             .path()
-            .join(format!("checkpoints/{}.onnx", blake3::hash(bytes)))
+            .join(format!("checkpoints/{}.onnx", CheckpointDigest::of(bytes)))
             .exists()
     };
     let [a, b, c, large] = [
@@ -320,13 +323,17 @@ fn embedders_are_opened_once_and_only_so_many() {
     let expected = embedder().embed(&[&image(0)]).unwrap();
     for bytes in &checkpoints {
         let embedder = embedders
-            .get(blake3::hash(bytes), |_| Ok::<_, String>(bytes.clone()))
+            .get(CheckpointDigest::of(bytes), |_| Ok::<_, String>(bytes.clone()))
             .unwrap();
         assert_eq!(embedder.embed(&[&image(0)]).unwrap(), expected);
     }
     assert_eq!(embedders.open(), 4);
-    embedders.get(blake3::hash(&checkpoints[5]), never).unwrap();
-    embedders.get(blake3::hash(&checkpoints[0]), never).unwrap();
+    embedders
+        .get(CheckpointDigest::of(&checkpoints[5]), never)
+        .unwrap();
+    embedders
+        .get(CheckpointDigest::of(&checkpoints[0]), never)
+        .unwrap();
     assert_eq!(embedders.open(), 4);
 }
 
@@ -336,7 +343,7 @@ fn a_checkpoint_that_is_no_embedder_is_refused() {
     let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
     let bytes = b"not a model";
     let error = embedders
-        .get(blake3::hash(bytes), |_| Ok::<_, String>(bytes.to_vec()))
+        .get(CheckpointDigest::of(bytes), |_| Ok::<_, String>(bytes.to_vec()))
         .unwrap_err();
     assert!(matches!(error, CheckpointError::Model { .. }), "{error}");
 }

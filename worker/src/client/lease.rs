@@ -1,10 +1,12 @@
 //! A lease taken in from the wire, and what became of it.
 
-use murmuration_proto::{CapabilityModel, Controller, Evaluation, ImageFormat, Invalid, Replay, World, v1};
+use murmuration_proto::{
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World, v1,
+};
 use std::num::NonZeroU32;
 
-/// Most tasks in one batch.
-const MAX_TASKS: usize = 4096;
+/// Most tasks or pictures in one batch.
+const MAX_BATCH: usize = 4096;
 
 /// Validated work under a lease.
 #[derive(Debug)]
@@ -19,6 +21,12 @@ pub(super) enum Work {
         world: World,
         image: ImageFormat,
         tasks: Vec<(Controller, u64)>,
+        /// What embeds the pictures, if anything.
+        checkpoint: Option<CheckpointDigest>,
+    },
+    Embeddings {
+        checkpoint: CheckpointDigest,
+        images: Vec<Vec<u8>>,
     },
     Replay {
         world: World,
@@ -29,10 +37,11 @@ pub(super) enum Work {
 }
 
 impl Work {
-    /// Evaluations that it amounts to.
+    /// Credits that it uses.
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Evaluations { tasks, .. } => tasks.len(),
+            Self::Embeddings { images, .. } => images.len(),
             Self::Replay { .. } => 1,
         }
     }
@@ -42,6 +51,7 @@ impl Work {
 #[derive(Debug)]
 pub(super) enum Outcome {
     Evaluations(Vec<Evaluation>),
+    Embeddings(Vec<Vec<f32>>),
     Replay(Replay),
     Failure {
         class: v1::FailureClass,
@@ -58,6 +68,14 @@ impl Outcome {
         }
     }
 
+    /// Another worker, or a later attempt, may do it.
+    pub(super) fn retryable(message: String) -> Self {
+        Self::Failure {
+            class: v1::FailureClass::Retryable,
+            message,
+        }
+    }
+
     /// The message that reports it.
     pub(super) fn message(self, id: v1::LeaseId) -> v1::worker_message::Message {
         use v1::batch_result;
@@ -65,6 +83,12 @@ impl Outcome {
             Self::Evaluations(evaluations) => batch_result::Outcome::Evaluations(v1::Evaluations {
                 evaluations: evaluations.into_iter().map(Into::into).collect(),
             }),
+            Self::Embeddings(embeddings) => {
+                let embeddings = embeddings.into_iter().map(|values| v1::Embedding { values });
+                batch_result::Outcome::Embeddings(v1::Embeddings {
+                    embeddings: embeddings.collect(),
+                })
+            }
             Self::Replay(replay) => batch_result::Outcome::Replay(replay.into()),
             Self::Failure { class, message } => batch_result::Outcome::Failure(v1::Failure {
                 class: class as i32,
@@ -85,56 +109,153 @@ impl TryFrom<v1::Lease> for Lease {
         let id = message
             .id
             .ok_or_else(|| Invalid::new("lease.id", "nothing", "a lease id"))?;
-        let world = |world: Option<v1::World>| {
-            World::try_from(world.unwrap_or_default()).map_err(|e| e.within("world"))
-        };
         let work = match message.work {
-            Some(v1::lease::Work::Evaluations(batch)) => {
-                let model = CapabilityModel::try_from(batch.model)?;
-                let world = world(batch.world)?;
-                if !(1..=MAX_TASKS).contains(&batch.tasks.len()) {
-                    let allowed = format!("from 1 to {MAX_TASKS} tasks");
-                    return Err(Invalid::new(
-                        "tasks",
-                        format!("{} tasks", batch.tasks.len()),
-                        allowed,
-                    ));
-                }
-                let tasks = batch
-                    .tasks
-                    .iter()
-                    .map(|task| self::task(model, task))
-                    .collect::<Result<_, _>>()?;
-                Work::Evaluations {
-                    image: ImageFormat::for_world(batch.image.unwrap_or_default(), &world)?,
-                    world,
-                    tasks,
-                }
-            }
-            Some(v1::lease::Work::Replay(replay)) => {
-                let model = CapabilityModel::try_from(replay.model)?;
-                let (controller, seed) = task(model, &replay.task.unwrap_or_default())?;
-                let stride =
-                    NonZeroU32::new(replay.stride).ok_or_else(|| Invalid::new("stride", 0, "1 or more"))?;
-                Work::Replay {
-                    world: world(replay.world)?,
-                    controller,
-                    seed,
-                    stride,
-                }
-            }
-            None => {
-                return Err(Invalid::new(
-                    "work",
-                    "nothing",
-                    "a kind of work that this worker knows",
-                ));
-            }
+            Some(v1::lease::Work::Evaluations(batch)) => evaluations(batch)?,
+            Some(v1::lease::Work::Embeddings(batch)) => embeddings(batch)?,
+            Some(v1::lease::Work::Replay(task)) => replay(task)?,
+            Some(v1::lease::Work::Training(_)) => return Err(unknown("a training")),
+            None => return Err(unknown("nothing")),
         };
         Ok(Self { id, work })
     }
 }
 
+fn unknown(found: &str) -> Invalid {
+    Invalid::new("work", found, "a kind of work that this worker knows")
+}
+
+fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {
+    let model = CapabilityModel::try_from(batch.model)?;
+    let world = world(batch.world)?;
+    check_number("tasks", batch.tasks.len())?;
+    let tasks = batch
+        .tasks
+        .iter()
+        .map(|task| self::task(model, task))
+        .collect::<Result<_, _>>()?;
+    let checkpoint = match batch.checkpoint.as_str() {
+        "" => None,
+        digest => Some(digest.parse()?),
+    };
+    Ok(Work::Evaluations {
+        image: ImageFormat::for_world(batch.image.unwrap_or_default(), &world)?,
+        world,
+        tasks,
+        checkpoint,
+    })
+}
+
+fn embeddings(batch: v1::EmbeddingBatch) -> Result<Work, Invalid> {
+    check_number("images", batch.images.len())?;
+    Ok(Work::Embeddings {
+        checkpoint: batch.checkpoint.parse()?,
+        images: batch.images,
+    })
+}
+
+fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
+    let model = CapabilityModel::try_from(task.model)?;
+    let stride = NonZeroU32::new(task.stride).ok_or_else(|| Invalid::new("stride", 0, "1 or more"))?;
+    let (controller, seed) = self::task(model, &task.task.unwrap_or_default())?;
+    Ok(Work::Replay {
+        world: world(task.world)?,
+        controller,
+        seed,
+        stride,
+    })
+}
+
+fn world(message: Option<v1::World>) -> Result<World, Invalid> {
+    World::try_from(message.unwrap_or_default()).map_err(|error| error.within("world"))
+}
+
+fn check_number(of: &str, number: usize) -> Result<(), Invalid> {
+    if (1..=MAX_BATCH).contains(&number) {
+        return Ok(());
+    }
+    Err(Invalid::new(
+        of,
+        format!("{number} {of}"),
+        format!("from 1 to {MAX_BATCH} {of}"),
+    ))
+}
+
 fn task(model: CapabilityModel, task: &v1::EvaluationTask) -> Result<(Controller, u64), Invalid> {
     Ok((Controller::new(model, &task.controller)?, task.seed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn taken_in(work: v1::lease::Work) -> Result<Work, String> {
+        let lease = v1::Lease {
+            id: Some(v1::LeaseId::default()),
+            work: Some(work),
+        };
+        let lease = Lease::try_from(lease).map_err(|invalid| invalid.to_string())?;
+        Ok(lease.work)
+    }
+
+    fn embedding_batch(checkpoint: &str, images: usize) -> v1::lease::Work {
+        v1::lease::Work::Embeddings(v1::EmbeddingBatch {
+            checkpoint: checkpoint.to_owned(),
+            images: vec![vec![0; 4]; images],
+        })
+    }
+
+    fn evaluation_batch(checkpoint: &str) -> v1::lease::Work {
+        let task = v1::EvaluationTask {
+            controller: vec![0.1, 0.2, 0.3, 0.4],
+            seed: 1,
+        };
+        v1::lease::Work::Evaluations(v1::EvaluationBatch {
+            model: v1::CapabilityModel::SingleSensor.into(),
+            tasks: vec![task; 3],
+            checkpoint: checkpoint.to_owned(),
+            ..v1::EvaluationBatch::default()
+        })
+    }
+
+    #[test]
+    fn pictures_are_embedded_by_the_checkpoint_named() {
+        let digest = CheckpointDigest::of(b"embedder");
+        let work = taken_in(embedding_batch(&digest.to_string(), 7)).unwrap();
+        assert_eq!(work.len(), 7);
+        assert!(matches!(work, Work::Embeddings { checkpoint, .. } if checkpoint == digest));
+    }
+
+    #[test]
+    fn evaluations_are_embedded_where_a_checkpoint_is_named() {
+        let digest = CheckpointDigest::of(b"embedder");
+        for (text, expected) in [("", None), (digest.to_string().as_str(), Some(digest))] {
+            let work = taken_in(evaluation_batch(text)).unwrap();
+            assert_eq!(work.len(), 3);
+            assert!(matches!(work, Work::Evaluations { checkpoint, .. } if checkpoint == expected));
+        }
+    }
+
+    #[track_caller]
+    fn check_refused(work: v1::lease::Work, said: &str) {
+        let error = taken_in(work).unwrap_err();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let digest = CheckpointDigest::of(b"embedder").to_string();
+        check_refused(embedding_batch("", 1), "checkpoint = \"\"");
+        check_refused(embedding_batch(&digest[1..], 1), "must be 64 hexadecimal digits");
+        check_refused(
+            embedding_batch(&digest, 0),
+            "images = 0 images: must be from 1 to 4096",
+        );
+        check_refused(embedding_batch(&digest, 4097), "4097 images");
+        check_refused(evaluation_batch("compact"), "checkpoint = \"compact\"");
+        let training = v1::lease::Work::Training(v1::TrainingTask::default());
+        check_refused(
+            training,
+            "work = a training: must be a kind of work that this worker knows",
+        );
+    }
 }

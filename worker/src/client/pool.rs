@@ -1,11 +1,11 @@
 //! The evaluation threads: leases in, outcomes out, any order.
 
 use super::{
-    FIRST_CREDITS, MOST_CREDITS, WORK_IN_HAND,
-    lease::{Lease, Outcome, Work},
+    checkpoints::Checkpoints,
+    desk::Desk,
+    lease::{Lease, Outcome},
 };
-use crate::{evaluate::Evaluator, replay::replay, simulate::Start};
-use murmuration_proto::{ImageFormat, Invalid, World, v1};
+use murmuration_proto::v1;
 use std::{
     io,
     num::NonZeroUsize,
@@ -18,6 +18,12 @@ use std::{
     time::{Duration, Instant},
 };
 use tokio::sync::mpsc;
+
+/// Work that one thread should have in hand: what it evaluates while the next lease travels.
+const WORK_IN_HAND: Duration = Duration::from_millis(100);
+/// Evaluations that one thread takes on at once: at first, and at most.
+const FIRST_CREDITS: usize = 4;
+const MOST_CREDITS: usize = 64;
 
 /// Threads that evaluate; they end when this is dropped.
 pub(super) struct Pool {
@@ -33,22 +39,25 @@ pub(super) struct Pool {
 struct Finished {
     id: v1::LeaseId,
     outcome: Outcome,
-    evaluations: usize,
+    /// Credits that it used.
+    credits: usize,
     took: Duration,
 }
 
 impl Pool {
-    pub(super) fn start(threads: NonZeroUsize) -> io::Result<Self> {
+    pub(super) fn start(threads: NonZeroUsize, checkpoints: Checkpoints) -> io::Result<Self> {
         let (leases, queue) = blocking::channel();
         // Bounded by the credits given, which the coordinator cannot exceed by more than it is served.
         let (outcomes, finished) = mpsc::unbounded_channel();
         let queue = Arc::new(Mutex::new(queue));
+        let checkpoints = Arc::new(checkpoints);
         let draining = Arc::new(AtomicBool::new(false));
         for number in 0..threads.get() {
             let (queue, outcomes, draining) = (queue.clone(), outcomes.clone(), draining.clone());
-            thread::Builder::new()
-                .name(format!("evaluate-{number}"))
-                .spawn(move || evaluate_until_closed(&queue, &outcomes, &draining))?;
+            thread::Builder::new().name(format!("evaluate-{number}")).spawn({
+                let desk = Desk::new(checkpoints.clone());
+                move || work_until_closed(&queue, &outcomes, &draining, desk)
+            })?;
         }
         Ok(Self {
             leases,
@@ -60,7 +69,7 @@ impl Pool {
         })
     }
 
-    /// Evaluations that it could take on now.
+    /// Evaluations that it could take on now; a picture to embed, which takes far less, counts as one.
     pub(super) fn room(&self) -> usize {
         let each = self.cost.map_or(FIRST_CREDITS, |cost| {
             let fitting = WORK_IN_HAND.as_nanos() / cost.as_nanos().max(1);
@@ -88,12 +97,13 @@ impl Pool {
         let Finished {
             id,
             outcome,
-            evaluations,
+            credits,
             took,
         } = self.finished.recv().await?;
-        self.outstanding = self.outstanding.saturating_sub(evaluations);
+        self.outstanding = self.outstanding.saturating_sub(credits);
+        // Embeddings, far cheaper, would say that there is room for many more evaluations.
         if matches!(outcome, Outcome::Evaluations(_)) {
-            let cost = took / evaluations.max(1) as u32;
+            let cost = took / credits.max(1) as u32;
             self.cost = Some(self.cost.map_or(cost, |before| (before * 3 + cost) / 4));
         }
         Some((id, outcome))
@@ -105,67 +115,30 @@ impl Pool {
     }
 }
 
-fn evaluate_until_closed(
+fn work_until_closed(
     queue: &Mutex<blocking::Receiver<Lease>>,
     outcomes: &mpsc::UnboundedSender<Finished>,
     draining: &AtomicBool,
+    mut desk: Desk,
 ) {
-    let mut evaluator = None;
     loop {
         let next = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok(Lease { id, work }) = next else { return };
-        let evaluations = work.len();
+        let credits = work.len();
         let begun = Instant::now();
         let outcome = if draining.load(Ordering::Relaxed) {
-            let class = v1::FailureClass::Retryable;
-            Outcome::Failure {
-                class,
-                message: "the worker is leaving".to_owned(),
-            }
+            Outcome::retryable("the worker is leaving".to_owned())
         } else {
-            outcome(&mut evaluator, work)
+            desk.outcome(work)
         };
         let finished = Finished {
             id,
             outcome,
-            evaluations,
+            credits,
             took: begun.elapsed(),
         };
         if outcomes.send(finished).is_err() {
             return;
         }
     }
-}
-
-/// An evaluator and what it was made for.
-type Kept = Option<(World, ImageFormat, Evaluator)>;
-
-fn outcome(kept: &mut Kept, work: Work) -> Outcome {
-    let done = match work {
-        Work::Evaluations { world, image, tasks } => evaluator_for(kept, world, image)
-            .and_then(|evaluator| {
-                let evaluate = |(controller, seed): &_| evaluator.evaluate(controller, &Start::seeded(*seed));
-                tasks.iter().map(evaluate).collect()
-            })
-            .map(Outcome::Evaluations),
-        Work::Replay {
-            world,
-            controller,
-            seed,
-            stride,
-        } => replay(&controller, &world, &Start::seeded(seed), stride).map(Outcome::Replay),
-    };
-    done.unwrap_or_else(|error| Outcome::fatal(error.to_string()))
-}
-
-/// The evaluator of the batch before, if it is for the same world and format; else a new one.
-fn evaluator_for(kept: &mut Kept, world: World, image: ImageFormat) -> Result<&mut Evaluator, Invalid> {
-    let fitting = kept
-        .take()
-        .filter(|(of, format, _)| *of == world && *format == image);
-    let entry = match fitting {
-        Some(fitting) => fitting,
-        None => (world, image, Evaluator::new(&world, &image)?),
-    };
-    Ok(&mut kept.insert(entry).2)
 }

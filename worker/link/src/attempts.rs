@@ -1,0 +1,72 @@
+//! Single calls to a coordinator that may be away for a moment.
+
+use std::{future::Future, time::Duration};
+use tonic::{Code, Status};
+
+/// Attempts at a call, and the pause between two.
+const ATTEMPTS: usize = 3;
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Makes a call, and makes it again, three times in all with half a second between, while what it fails of
+/// [may pass](may_pass).
+///
+/// # Errors
+/// What the last attempt failed of.
+pub async fn attempts<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+where
+    F: Future<Output = Result<T, Status>>,
+{
+    for _ in 1..ATTEMPTS {
+        match call().await {
+            Err(status) if may_pass(&status) => {}
+            ended => return ended,
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+    call().await
+}
+
+/// Whether the same call may work later: the coordinator is away, or the connection broke. It will not where the
+/// coordinator has heard the request and finds it wrong.
+#[must_use]
+pub fn may_pass(status: &Status) -> bool {
+    !matches!(
+        status.code(),
+        Code::NotFound
+            | Code::DataLoss
+            | Code::InvalidArgument
+            | Code::FailedPrecondition
+            | Code::OutOfRange
+            | Code::Unimplemented
+            | Code::PermissionDenied
+            | Code::Unauthenticated
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::cell::Cell;
+
+    /// How many times a call was made that fails with these, one after the other, and what came of it.
+    async fn calls(failures: &[Code]) -> (usize, Option<Code>) {
+        let made = Cell::new(0);
+        let outcome = attempts(|| async {
+            let number = made.replace(made.get() + 1);
+            failures
+                .get(number)
+                .map_or(Ok(()), |&code| Err(Status::new(code, "")))
+        });
+        let outcome = outcome.await.err().map(|status| status.code());
+        (made.get(), outcome)
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_may_pass_is_tried_three_times_and_the_rest_once() {
+        use Code::{DeadlineExceeded, NotFound, Unavailable};
+        assert_eq!(calls(&[]).await, (1, None));
+        assert_eq!(calls(&[NotFound]).await, (1, Some(NotFound)));
+        assert_eq!(calls(&[Unavailable, DeadlineExceeded]).await, (3, None));
+        assert_eq!(calls(&[Unavailable; 4]).await, (3, Some(Unavailable)));
+    }
+}

@@ -1,0 +1,162 @@
+//! The connection of a worker or trainer to its coordinator: made, kept alive, and made again when it breaks.
+//!
+//! [`keep`] is the whole of it: a [`Party`] says what it does while it is connected, [`Link`] is what it does it with.
+//! Knows nothing of the work itself.
+#![deny(missing_docs)]
+
+mod attempts;
+mod backoff;
+mod link;
+mod stop;
+
+pub use attempts::{attempts, may_pass};
+pub use link::{Broken, Link};
+pub use stop::{stopped, termination};
+
+use backoff::Backoff;
+use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
+use std::{future::Future, time::Duration};
+use tokio::sync::watch;
+use tonic::transport::{Channel, Endpoint};
+
+/// Who connects: decides the service, and what is said in Hello.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// A worker that runs so many evaluations at once, 1 to 4,096.
+    Worker {
+        /// How many.
+        capacity: u32,
+    },
+    /// A trainer, which has one training at a time.
+    Trainer,
+}
+
+impl Role {
+    fn hello(self, name: &str) -> v1::Hello {
+        let name = name.to_owned();
+        match self {
+            Self::Worker { capacity } => v1::Hello {
+                name,
+                capacity,
+                simulator_version: SIMULATOR_VERSION.to_owned(),
+                trainer_version: String::new(),
+            },
+            Self::Trainer => v1::Hello {
+                name,
+                capacity: 1,
+                simulator_version: String::new(),
+                trainer_version: TRAINER_VERSION.to_owned(),
+            },
+        }
+    }
+
+    const fn noun(self) -> &'static str {
+        match self {
+            Self::Worker { .. } => "worker",
+            Self::Trainer => "trainer",
+        }
+    }
+}
+
+/// Why a worker or trainer gave up. Anything that may pass is tried again for ever.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The URL is not one.
+    #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
+    Url(String),
+    /// The coordinator does not take it: its version is another, say.
+    #[error("the coordinator refused this {who}: {reason}")]
+    Refused {
+        /// "worker" or "trainer".
+        who: &'static str,
+        /// What the coordinator said.
+        reason: String,
+    },
+}
+
+/// Where a coordinator is, and as whom to connect.
+#[derive(Debug, Clone)]
+pub struct Address {
+    endpoint: Endpoint,
+    role: Role,
+    name: String,
+}
+
+impl Address {
+    /// The coordinator at `url` (`http://HOST:PORT`), for a party of this name (for people; at most 128 bytes).
+    ///
+    /// # Errors
+    /// Where `url` is not one.
+    pub fn new(url: &str, role: Role, name: &str) -> Result<Self, LinkError> {
+        let endpoint = Endpoint::from_shared(url.to_owned())
+            .map_err(|_| LinkError::Url(url.to_owned()))?
+            .connect_timeout(Duration::from_secs(5))
+            .tcp_nodelay(true)
+            .http2_keep_alive_interval(Duration::from_secs(2))
+            .keep_alive_timeout(Duration::from_secs(3))
+            .keep_alive_while_idle(true);
+        Ok(Self {
+            endpoint,
+            role,
+            name: name.to_owned(),
+        })
+    }
+
+    /// A connection of its own for other calls, made when it is first used and again whenever it is broken.
+    #[must_use]
+    pub fn channel(&self) -> Channel {
+        self.endpoint.connect_lazy()
+    }
+}
+
+/// Somebody who works for a coordinator.
+pub trait Party {
+    /// One connection, from the Welcome on. `Ok` once it was asked to stop and has said what there was to say:
+    /// then [`Link::close`] must have been awaited.
+    fn session(
+        &mut self,
+        link: Link,
+        stop: watch::Receiver<bool>,
+    ) -> impl Future<Output = Result<(), Broken>> + Send;
+}
+
+/// Keeps `party` connected until it leaves after `stop` became true.
+///
+/// # Errors
+/// Where the coordinator does not take it.
+pub async fn keep(
+    address: &Address,
+    party: &mut impl Party,
+    mut stop: watch::Receiver<bool>,
+) -> Result<(), LinkError> {
+    let mut pause = Backoff::new();
+    loop {
+        let connected = tokio::select! {
+            connected = Link::connect(address) => connected,
+            () = stopped(&mut stop) => return Ok(()),
+        };
+        let ended = match connected {
+            Ok(link) => {
+                pause.reset();
+                tracing::info!(name = address.name, coordinator = %address.endpoint.uri(), "connected");
+                party.session(link, stop.clone()).await
+            }
+            Err(broken) => Err(broken),
+        };
+        let error = match ended {
+            Ok(()) => return Ok(()),
+            Err(Broken::Refused(status)) => {
+                return Err(LinkError::Refused {
+                    who: address.role.noun(),
+                    reason: status.message().to_owned(),
+                });
+            }
+            Err(broken) => broken,
+        };
+        tracing::info!(name = address.name, %error, "not connected, will try again");
+        tokio::select! {
+            () = tokio::time::sleep(pause.next()) => {}
+            () = stopped(&mut stop) => return Ok(()),
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! One connection, from Hello to the end of the stream.
+
+use crate::{Address, Role};
+use murmuration_proto::v1::{
+    self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
+    worker_service_client::WorkerServiceClient,
+};
+use std::time::Duration;
+use tokio::{
+    sync::mpsc,
+    time::{Interval, MissedTickBehavior, timeout},
+};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Code, Status, Streaming};
+
+/// Largest message taken: leases hold specifications and pictures.
+const MAX_MESSAGE: usize = 64 << 20;
+/// Messages that may wait to be sent.
+const OUTBOX: usize = 64;
+/// How long the coordinator may take to read what was said last.
+const LAST_WORDS: Duration = Duration::from_secs(5);
+
+/// A connection to a coordinator that has said Welcome.
+#[derive(Debug)]
+pub struct Link {
+    outbox: mpsc::Sender<v1::WorkerMessage>,
+    inbox: Streaming<v1::CoordinatorMessage>,
+    heartbeat: Interval,
+}
+
+/// Why a connection ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum Broken {
+    /// There was none.
+    #[error("no connection: {0}")]
+    Connect(#[from] tonic::transport::Error),
+    /// The stream broke.
+    #[error("{}", .0.message())]
+    Stream(#[from] Status),
+    /// The coordinator ended it.
+    #[error("the coordinator closed the stream")]
+    Closed,
+    /// The coordinator does not want this party, now or later.
+    #[error("{}", .0.message())]
+    Refused(Status),
+}
+
+impl Link {
+    /// Connects, says Hello, and waits for the Welcome.
+    pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
+        let channel = address.endpoint.connect().await?;
+        let (outbox, messages) = mpsc::channel(OUTBOX);
+        let hello = worker_message::Message::Hello(address.role.hello(&address.name));
+        send(&outbox, hello).await?;
+        let messages = ReceiverStream::new(messages);
+        let answer = match address.role {
+            Role::Worker { .. } => {
+                let client = WorkerServiceClient::new(channel);
+                client.max_decoding_message_size(MAX_MESSAGE).work(messages).await
+            }
+            Role::Trainer => TrainerServiceClient::new(channel).train(messages).await,
+        };
+        let refused = |status: Status| match status.code() {
+            Code::FailedPrecondition | Code::InvalidArgument => Broken::Refused(status),
+            _ => Broken::Stream(status),
+        };
+        let mut inbox = answer.map_err(refused)?.into_inner();
+        match inbox
+            .message()
+            .await
+            .map_err(refused)?
+            .and_then(|first| first.message)
+        {
+            Some(coordinator_message::Message::Welcome(welcome)) => {
+                let interval = Duration::from_millis(welcome.heartbeat_interval_ms.max(10).into());
+                let mut heartbeat = tokio::time::interval(interval);
+                heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+                Ok(Self {
+                    outbox,
+                    inbox,
+                    heartbeat,
+                })
+            }
+            _ => Err(Broken::Closed),
+        }
+    }
+
+    /// The next message; says Heartbeat while there is none. Nothing is lost where its future is dropped.
+    ///
+    /// # Errors
+    /// Where the stream is broken or has ended.
+    pub async fn receive(&mut self) -> Result<coordinator_message::Message, Broken> {
+        loop {
+            tokio::select! {
+                message = self.inbox.message() => {
+                    let message = message?.ok_or(Broken::Closed)?;
+                    // A kind of message that came with a later version says nothing here.
+                    if let Some(message) = message.message {
+                        return Ok(message);
+                    }
+                }
+                _ = self.heartbeat.tick() => {
+                    send(&self.outbox, worker_message::Message::Heartbeat(v1::Heartbeat {})).await?;
+                }
+            }
+        }
+    }
+
+    /// Sends a message; waits while too many are on their way.
+    ///
+    /// # Errors
+    /// Where the stream has ended.
+    pub async fn send(&self, message: worker_message::Message) -> Result<(), Broken> {
+        send(&self.outbox, message).await
+    }
+
+    /// Ends the stream once the coordinator has read what was sent, or has had five seconds to.
+    pub async fn close(self) {
+        let Self {
+            outbox, mut inbox, ..
+        } = self;
+        drop(outbox);
+        let ended = async { while let Ok(Some(_)) = inbox.message().await {} };
+        // Whether or not it was in time: the connection ends here.
+        let _ = timeout(LAST_WORDS, ended).await;
+    }
+}
+
+async fn send(
+    outbox: &mpsc::Sender<v1::WorkerMessage>,
+    message: worker_message::Message,
+) -> Result<(), Broken> {
+    let message = v1::WorkerMessage {
+        message: Some(message),
+    };
+    outbox.send(message).await.map_err(|_| Broken::Closed)
+}

@@ -1,0 +1,116 @@
+//! Published embedders for the evaluation threads: fetched from the coordinator, kept on disk.
+
+use murmuration_embed::{
+    Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
+};
+use murmuration_link::{attempts, may_pass};
+use murmuration_proto::{
+    CheckpointDigest,
+    onnx::MAX_MODEL_BYTES,
+    v1::{self, checkpoint_service_client::CheckpointServiceClient},
+};
+use std::{
+    path::PathBuf,
+    sync::{Arc, Mutex, PoisonError},
+};
+use tokio::{runtime::Handle, sync::oneshot};
+use tonic::{Status, transport::Channel};
+
+/// Most bytes of checkpoints on disk (1 GiB: thousands of them).
+const MAX_CACHE_BYTES: u64 = 1 << 30;
+
+/// Where all threads of a worker have their checkpoints from.
+pub(super) struct Checkpoints {
+    coordinator: Channel,
+    /// Where fetching runs: the threads themselves only wait.
+    runtime: Handle,
+    folder: PathBuf,
+    /// Opened when it is first wanted.
+    cache: Mutex<Option<Arc<Cache>>>,
+}
+
+/// Why there is no embedder.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unavailable {
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
+    #[error(transparent)]
+    Cache(#[from] CacheError),
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+}
+
+impl Unavailable {
+    /// Whether it may be had later: the coordinator was away.
+    pub(super) fn may_pass(&self) -> bool {
+        let Self::Checkpoint(CheckpointError::Fetch(FetchError::Source { error, .. })) = self else {
+            return false;
+        };
+        error
+            .downcast_ref()
+            .is_some_and(|NotFetched(status)| may_pass(status))
+    }
+}
+
+/// The coordinator did not give it.
+#[derive(Debug, thiserror::Error)]
+#[error("{}", .0.message())]
+pub(super) struct NotFetched(Status);
+
+impl Checkpoints {
+    /// Those of the coordinator at the other end of `coordinator`, kept in `folder`. Must be called on a tokio runtime.
+    pub(super) fn new(coordinator: Channel, folder: PathBuf) -> Self {
+        Self {
+            coordinator,
+            runtime: Handle::current(),
+            folder,
+            cache: Mutex::new(None),
+        }
+    }
+
+    /// Embedders for one thread; loads ONNX Runtime.
+    pub(super) fn embedders(&self) -> Result<Embedders, Unavailable> {
+        let runtime = OnnxRuntime::load()?;
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        let cache = match &*cache {
+            Some(cache) => cache,
+            None => cache.insert(Arc::new(Cache::open(&self.folder, MAX_CACHE_BYTES)?)),
+        };
+        Ok(Embedders::new(runtime, cache.clone()))
+    }
+
+    /// The bytes that the coordinator has under this digest, unchecked. Blocks: for threads outside the runtime.
+    pub(super) fn fetch(&self, digest: CheckpointDigest) -> Result<Vec<u8>, NotFetched> {
+        let (reply, answer) = oneshot::channel();
+        let client = CheckpointServiceClient::new(self.coordinator.clone());
+        self.runtime.spawn(async move {
+            let fetched = attempts(|| receive(client.clone(), digest)).await;
+            // The thread waits for it.
+            let _ = reply.send(fetched);
+        });
+        answer
+            .blocking_recv()
+            .unwrap_or_else(|_| Err(Status::unavailable("the worker is leaving")))
+            .map_err(NotFetched)
+    }
+}
+
+async fn receive(
+    mut client: CheckpointServiceClient<Channel>,
+    digest: CheckpointDigest,
+) -> Result<Vec<u8>, Status> {
+    let request = v1::FetchCheckpointRequest {
+        digest: digest.to_string(),
+    };
+    let mut chunks = client.fetch_checkpoint(request).await?.into_inner();
+    let mut bytes = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {
+            return Err(Status::data_loss(format!(
+                "more than {MAX_MODEL_BYTES} bytes came"
+            )));
+        }
+        bytes.extend_from_slice(&chunk.data);
+    }
+    Ok(bytes)
+}

@@ -1,0 +1,117 @@
+//! What one evaluation thread works with: an evaluator and embedders that are kept from lease to lease.
+
+use super::{
+    checkpoints::{Checkpoints, Unavailable},
+    lease::{Outcome, Work},
+};
+use crate::{evaluate::Evaluator, replay::replay, simulate::Start};
+use murmuration_embed::{EmbedError, Embedder, Embedders};
+use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World};
+use std::sync::Arc;
+
+pub(super) struct Desk {
+    checkpoints: Arc<Checkpoints>,
+    /// What the last batch was evaluated with, and what that was made for.
+    evaluator: Option<(World, ImageFormat, Evaluator)>,
+    /// Absent until a checkpoint is asked for: workers without ONNX Runtime evaluate all the same.
+    embedders: Option<Embedders>,
+}
+
+/// Why a lease was not done.
+#[derive(Debug, thiserror::Error)]
+enum Undone {
+    #[error(transparent)]
+    Work(#[from] Invalid),
+    #[error(transparent)]
+    Checkpoint(#[from] Unavailable),
+    #[error(transparent)]
+    Embed(#[from] EmbedError),
+}
+
+impl Desk {
+    pub(super) const fn new(checkpoints: Arc<Checkpoints>) -> Self {
+        Self {
+            checkpoints,
+            evaluator: None,
+            embedders: None,
+        }
+    }
+
+    pub(super) fn outcome(&mut self, work: Work) -> Outcome {
+        self.work(work).unwrap_or_else(|undone| {
+            let message = undone.to_string();
+            match undone {
+                Undone::Checkpoint(unavailable) if unavailable.may_pass() => Outcome::retryable(message),
+                _ => Outcome::fatal(message),
+            }
+        })
+    }
+
+    fn work(&mut self, work: Work) -> Result<Outcome, Undone> {
+        Ok(match work {
+            Work::Evaluations {
+                world,
+                image,
+                tasks,
+                checkpoint,
+            } => {
+                let evaluations = self.evaluate(world, image, &tasks)?;
+                Outcome::Evaluations(match checkpoint {
+                    Some(checkpoint) => embedded(self.embedder(checkpoint)?, evaluations)?,
+                    None => evaluations,
+                })
+            }
+            Work::Embeddings { checkpoint, images } => {
+                let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
+                Outcome::Embeddings(self.embedder(checkpoint)?.embed(&images)?)
+            }
+            Work::Replay {
+                world,
+                controller,
+                seed,
+                stride,
+            } => Outcome::Replay(replay(&controller, &world, &Start::seeded(seed), stride)?),
+        })
+    }
+
+    fn evaluate(
+        &mut self,
+        world: World,
+        image: ImageFormat,
+        tasks: &[(Controller, u64)],
+    ) -> Result<Vec<Evaluation>, Invalid> {
+        let fitting = self
+            .evaluator
+            .take()
+            .filter(|(of, format, _)| *of == world && *format == image);
+        let entry = match fitting {
+            Some(fitting) => fitting,
+            None => (world, image, Evaluator::new(&world, &image)?),
+        };
+        let evaluator = &mut self.evaluator.insert(entry).2;
+        let evaluate = |(controller, seed): &_| evaluator.evaluate(controller, &Start::seeded(*seed));
+        tasks.iter().map(evaluate).collect()
+    }
+
+    fn embedder(&mut self, digest: CheckpointDigest) -> Result<&mut Embedder, Unavailable> {
+        let embedders = match self.embedders.take() {
+            Some(embedders) => embedders,
+            None => self.checkpoints.embedders()?,
+        };
+        let checkpoints = &self.checkpoints;
+        let embedder = self
+            .embedders
+            .insert(embedders)
+            .get(digest, |digest| checkpoints.fetch(digest))?;
+        Ok(embedder)
+    }
+}
+
+fn embedded(embedder: &mut Embedder, evaluations: Vec<Evaluation>) -> Result<Vec<Evaluation>, Undone> {
+    let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::image).collect();
+    let embeddings = embedder.embed(&images)?;
+    let dimensions = embedder.model().dimensions();
+    let pairs = evaluations.into_iter().zip(embeddings);
+    let embedded = pairs.map(|(evaluation, embedding)| evaluation.embedded(embedding, dimensions));
+    Ok(embedded.collect::<Result<_, _>>()?)
+}
