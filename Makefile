@@ -5,9 +5,9 @@ export CARGO_TERM_COLOR ?= auto
 
 .PHONY: demo test lint build runtime toolchain bench clean
 
-# Builds, runs the paper's single-sensor campaign, and says where its report is.
-demo: build
-	./target/release/murmuration run examples/single-sensor.toml
+# Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
+demo: build runtime
+	./target/release/murmuration run examples/single-sensor-latent.toml
 
 # Everything that must hold before a change lands.
 test: lint build runtime

@@ -61,7 +61,9 @@ impl Cluster {
             checkpoints: None,
             dispatch: quick_dispatch(),
         };
-        let local = LocalCluster::start(options, Helpers { workers, trainers: 1 }).await.unwrap();
+        let local = LocalCluster::start(options, Helpers { workers, trainers: 1 })
+            .await
+            .unwrap();
         let client = CampaignServiceClient::connect(local.coordinator().url())
             .await
             .unwrap();

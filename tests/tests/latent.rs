@@ -62,7 +62,9 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
     for (method, dimensions) in [("latent", 5), ("untrained", 5), ("concatenate", 5)] {
         let spec = match method {
             "untrained" => small_latent_spec("").to_toml(),
-            _ => small_latent_spec("").to_toml().replace("\"latent\"", &format!("\"{method}\"")),
+            _ => small_latent_spec("")
+                .to_toml()
+                .replace("\"latent\"", &format!("\"{method}\"")),
         };
         let spec = match method {
             "untrained" => untrained(&spec),
@@ -72,7 +74,11 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
         assert_eq!(last.checkpoint.len(), 64);
         let individuals = archive(&mut cluster, &id).await;
         assert_eq!(individuals.len(), 100);
-        assert!(individuals.iter().all(|individual| individual.embedding.len() == dimensions));
+        assert!(
+            individuals
+                .iter()
+                .all(|individual| individual.embedding.len() == dimensions)
+        );
         // The novelty of the last generation can be counted again from what the archive holds.
         let behaviour = |individual: &v1::Individual| {
             let features = individual.features.as_slice().try_into().unwrap();
@@ -82,7 +88,11 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
         for individual in &individuals[80..] {
             let own = behaviour(individual);
             let distance = |other: &Vec<f64>| -> f64 {
-                own.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+                own.iter()
+                    .zip(other)
+                    .map(|(a, b)| (a - b) * (a - b))
+                    .sum::<f64>()
+                    .sqrt()
             };
             let mut distances: Vec<f64> = behaviours.iter().map(distance).collect();
             distances.sort_by(f64::total_cmp);
@@ -107,15 +117,24 @@ async fn there_and_back_to_a_checkpoint_is_where_it_was() {
     let mut cluster = Cluster::start(folder.path(), 2).await;
     let (_, other, _) = run(&mut cluster, &untrained(&small_latent_spec("").to_toml())).await;
     let (id, first, digest) = run(&mut cluster, &small_latent_spec("")).await;
-    let (individuals, clusters) = (archive(&mut cluster, &id).await, taxonomy(&mut cluster, &id).await);
+    let (individuals, clusters) = (
+        archive(&mut cluster, &id).await,
+        taxonomy(&mut cluster, &id).await,
+    );
 
     adopt(&mut cluster, &id, &other.checkpoint).await.unwrap();
     let moved = cluster.finish(&id).await;
     assert_eq!(moved.state(), v1::CampaignState::Completed, "{}", moved.error);
-    assert_eq!((moved.checkpoint, moved.next_checkpoint.as_str()), (other.checkpoint, ""));
+    assert_eq!(
+        (moved.checkpoint, moved.next_checkpoint.as_str()),
+        (other.checkpoint, "")
+    );
     let there = archive(&mut cluster, &id).await;
     for (before, after) in individuals.iter().zip(&there) {
-        assert_eq!((&before.controller, &before.image), (&after.controller, &after.image));
+        assert_eq!(
+            (&before.controller, &before.image),
+            (&after.controller, &after.image)
+        );
         assert!(before.embedding != after.embedding && before.novelty != after.novelty);
     }
     assert_ne!(taxonomy(&mut cluster, &id).await, clusters);
@@ -160,11 +179,16 @@ async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
     let smaller = small_latent_spec("[image]\nresolution = 40");
     let (other, small, _) = run(&mut cluster, &smaller).await;
     let refused = adopt(&mut cluster, &id, &small.checkpoint).await.unwrap_err();
-    assert!(refused.message().contains("embeds pictures of 40 x 40"), "{refused}");
+    assert!(
+        refused.message().contains("embeds pictures of 40 x 40"),
+        "{refused}"
+    );
     let refused = adopt(&mut cluster, &other, &"0".repeat(64)).await.unwrap_err();
     assert_eq!(refused.code(), Code::NotFound, "{refused}");
     let (features, _, _) = run(&mut cluster, &murmuration_tests::small_spec("")).await;
-    let refused = adopt(&mut cluster, &features, &first.checkpoint).await.unwrap_err();
+    let refused = adopt(&mut cluster, &features, &first.checkpoint)
+        .await
+        .unwrap_err();
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
     assert!(refused.message().contains("hand-crafted"), "{refused}");
     assert_eq!(cluster.digest(&id).await, digest);

@@ -10,6 +10,7 @@ use super::{
 use crate::{local::Helpers, store::DataDirectory};
 use indicatif::HumanCount;
 use murmuration_embed::Runtime;
+use murmuration_link::termination;
 use murmuration_proto::{CampaignSpec, v1};
 use std::{
     fs,
@@ -151,7 +152,7 @@ pub(super) async fn to_report(
     let begun = Instant::now();
     let outcome = tokio::select! {
         last = follow(&mut connection.client, campaign, Show::Person) => finish(&mut connection, global, last?).await,
-        signal = super::serve::termination() => Err(CliError::Failed(format!(
+        signal = termination() => Err(CliError::Failed(format!(
             "{signal}; everything up to the last complete generation is kept: `murmuration resume {campaign}`"
         ))),
     };

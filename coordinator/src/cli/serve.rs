@@ -2,6 +2,7 @@
 
 use super::{CliError, Global, loopback, run::HelperCounts};
 use crate::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
+use murmuration_link::termination;
 use std::net::SocketAddr;
 
 /// Port on which coordinators listen unless told otherwise.
@@ -38,24 +39,5 @@ impl Serve {
         eprintln!("{signal}; running campaigns go on with the next `murmuration serve`");
         cluster.shutdown().await?;
         Ok(())
-    }
-}
-
-/// Waits for Ctrl-C or SIGTERM; which of them came.
-pub(super) async fn termination() -> &'static str {
-    #[cfg(unix)]
-    {
-        use tokio::signal::unix::{SignalKind, signal};
-        if let Ok(mut terminated) = signal(SignalKind::terminate()) {
-            tokio::select! {
-                _ = terminated.recv() => return "terminated",
-                Ok(()) = tokio::signal::ctrl_c() => return "interrupted",
-            }
-        }
-    }
-    match tokio::signal::ctrl_c().await {
-        Ok(()) => "interrupted",
-        // Without a way to hear of it, run until killed.
-        Err(_) => std::future::pending().await,
     }
 }

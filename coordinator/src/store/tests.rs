@@ -218,7 +218,10 @@ fn unchanged(novelty: &[f64]) -> Switch {
 
 fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
     let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
-    individuals.into_iter().map(|individual| individual.embedding).collect()
+    individuals
+        .into_iter()
+        .map(|individual| individual.embedding)
+        .collect()
 }
 
 #[test]
@@ -235,7 +238,10 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     store.move_to(&id, second).unwrap();
     store.add_embeddings(&id, 0, &[vec![7.0]]).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(first), Some(second)));
+    assert_eq!(
+        (record.checkpoint, record.next_checkpoint),
+        (Some(first), Some(second))
+    );
     assert_eq!((record.embedded, record.state), (1, CampaignState::Running));
     // Until the switch everything is as it was.
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
@@ -273,10 +279,16 @@ fn a_move_that_is_given_up_leaves_nothing_behind() {
 fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
     let (_folder, store, id, [digest, _]) = embedded();
     let absent = CheckpointDigest::of(b"absent");
-    assert!(matches!(store.move_to(&id, absent), Err(StoreError::NoCheckpoint(_))));
+    assert!(matches!(
+        store.move_to(&id, absent),
+        Err(StoreError::NoCheckpoint(_))
+    ));
     let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{absent}\"");
     let spec = CampaignSpec::from_toml(&text).unwrap();
-    assert!(matches!(store.create_campaign(&spec, 0), Err(StoreError::NoCheckpoint(_))));
+    assert!(matches!(
+        store.create_campaign(&spec, 0),
+        Err(StoreError::NoCheckpoint(_))
+    ));
     assert_eq!(store.campaign(id.as_str()).unwrap().checkpoint, Some(digest));
     assert_eq!(store.campaigns().unwrap().len(), 1);
 }
