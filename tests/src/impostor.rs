@@ -52,6 +52,7 @@ impl Impostor {
             name: "impostor".to_owned(),
             simulator_version: simulator_version.to_owned(),
             capacity: 1,
+            trainer_version: String::new(),
         })
     }
 

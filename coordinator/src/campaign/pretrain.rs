@@ -41,7 +41,7 @@ pub(super) async fn pretrain(
                 biased;
                 () = live.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
-                Ok(()) = reports.changed() => live.training(reports.borrow_and_update().clone()),
+                Ok(()) = reports.changed() => live.training(*reports.borrow_and_update()),
             }
         }
     };

@@ -99,7 +99,7 @@ pub(super) enum Work {
     Evaluations(EvaluationJob),
     Replay(ReplayJob),
     Embeddings(EmbeddingJob),
-    Training(TrainingJob),
+    Training(Box<TrainingJob>),
 }
 
 /// The result of one task.
