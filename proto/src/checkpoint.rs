@@ -32,6 +32,9 @@ impl FromStr for CheckpointDigest {
     }
 }
 
+/// Most bytes in one message of those that carry something part by part (1 MiB).
+pub const PART_BYTES: usize = 1 << 20;
+
 /// What is known of a checkpoint beside its bytes: its lineage and its figures.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lineage {
@@ -64,6 +67,18 @@ impl Lineage {
             metrics: self.metrics.clone().into_iter().collect(),
             created_ms,
         }
+    }
+
+    /// The messages that publish these ONNX bytes with this lineage, in order.
+    #[must_use]
+    pub fn publish_requests(&self, bytes: &[u8]) -> Vec<v1::PublishCheckpointRequest> {
+        use v1::publish_checkpoint_request::Part;
+        let description = self.describe(CheckpointDigest::of(bytes), bytes.len() as u64, 0);
+        let chunk = |data: &[u8]| Part::Chunk(v1::CheckpointChunk { data: data.to_vec() });
+        std::iter::once(Part::Description(description))
+            .chain(bytes.chunks(PART_BYTES).map(chunk))
+            .map(|part| v1::PublishCheckpointRequest { part: Some(part) })
+            .collect()
     }
 }
 

@@ -29,7 +29,7 @@ mod world;
 
 pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use capability::CapabilityModel;
-pub use checkpoint::{CheckpointDigest, Lineage};
+pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use controller::Controller;
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;

@@ -1,13 +1,14 @@
 //! The trainer: learns embedders from trajectory images, without labels, and writes them as ONNX checkpoints.
 //!
 //! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration) in and is stepped an
-//! epoch at a time; [`onnx::export`] makes a checkpoint of its embedder. No network, no threads of its own: it works
-//! in the rayon pool that it is called in.
+//! epoch at a time; [`onnx::export`] makes a checkpoint of its embedder. They work in the rayon pool that they are
+//! called in. [`client`] is the network face: it leases trainings from a coordinator and publishes what they come to.
 #![deny(missing_docs)]
 
 pub mod accuracy;
 mod augment;
 pub mod bench;
+pub mod client;
 pub mod kin;
 mod lanes;
 mod layers;
@@ -16,6 +17,7 @@ pub mod network;
 pub mod onnx;
 mod optimise;
 pub mod pictures;
+mod publication;
 #[cfg(test)]
 mod pytorch;
 pub mod quality;

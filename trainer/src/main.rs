@@ -1,40 +1,65 @@
-//! The trainer's binary.
+//! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use std::{net::SocketAddr, process::ExitCode};
-use tonic::transport::Server;
+use murmuration_link::termination;
+use murmuration_trainer::client::{self, Options};
+use std::{num::NonZeroUsize, process::ExitCode};
+use tokio::sync::watch;
+use tracing_subscriber::EnvFilter;
 
-/// Trains embedders for a Murmuration coordinator. This version has no training jobs yet: it answers health
-/// checks (as not serving) until it is stopped.
+/// Trains embedders for a Murmuration coordinator.
+///
+/// Stateless: the coordinator keeps what is trained, epoch by epoch. On SIGTERM or Ctrl-C it ends the epoch, hands the
+/// training back, and leaves.
 #[derive(Debug, Parser)]
 #[command(name = "murmuration-trainer", version)]
 struct Arguments {
-    /// Where to answer health checks
-    #[arg(long, default_value = "127.0.0.1:7710")]
-    listen: SocketAddr,
+    /// URL of the coordinator
+    #[arg(
+        long,
+        env = "MURMURATION_COORDINATOR",
+        default_value = "http://127.0.0.1:7700"
+    )]
+    coordinator: String,
+    /// Name shown to people
+    #[arg(long, env = "MURMURATION_TRAINER_NAME", default_value = "trainer")]
+    name: String,
+    /// Threads that compute; they change no bit of what is trained [default: number of cores]
+    #[arg(long, env = "MURMURATION_THREADS")]
+    threads: Option<NonZeroUsize>,
 }
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
-    let Arguments { listen } = Arguments::parse();
-    let (reporter, health) = tonic_health::server::health_reporter();
-    reporter
-        .set_service_status("", tonic_health::ServingStatus::NotServing)
-        .await;
-    let stopped = async {
-        // Without a way to hear of Ctrl-C it runs until killed.
-        if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
-        }
-    };
-    match Server::builder()
-        .add_service(health)
-        .serve_with_shutdown(listen, stopped)
-        .await
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_writer(std::io::stderr)
+        .with_env_filter(filter)
+        .init();
+    // To rayon 0 is the number of cores.
+    let threads = arguments.threads.map_or(0, NonZeroUsize::get);
+    if let Err(error) = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build_global()
     {
+        eprintln!("error: cannot start {threads} threads: {error}");
+        return ExitCode::FAILURE;
+    }
+    let (stop, stopped) = watch::channel(false);
+    tokio::spawn(async move {
+        let signal = termination().await;
+        tracing::info!("{signal}, leaving after this epoch");
+        stop.send_replace(true);
+    });
+    let options = Options {
+        coordinator: arguments.coordinator,
+        name: arguments.name,
+    };
+    match client::run(options, stopped).await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: cannot serve on {listen}: {error}");
+            eprintln!("error: {error}");
             ExitCode::FAILURE
         }
     }

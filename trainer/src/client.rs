@@ -1,0 +1,170 @@
+//! The trainer's network face: leases a training at a time, reports after each epoch, publishes what it comes to.
+//!
+//! Whatever it holds can be lost: the coordinator has the last snapshot, and whoever leases the training next goes on
+//! from there to the same checkpoint.
+
+mod course;
+mod dataset;
+mod job;
+mod task;
+
+use job::{Event, Running};
+use murmuration_link::{Address, Broken, Link, Party, Role, keep, stopped};
+use murmuration_proto::{
+    PART_BYTES,
+    v1::{self, batch_result::Outcome, coordinator_message, worker_message},
+};
+use std::sync::Arc;
+use task::Task;
+use tokio::sync::{Mutex, watch};
+use tonic::transport::Channel;
+
+pub use murmuration_link::LinkError as TrainerError;
+
+/// What a trainer needs to know.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// URL of the coordinator, `http://HOST:PORT`.
+    pub coordinator: String,
+    /// Its name, for people.
+    pub name: String,
+}
+
+/// Trains, in rayon's global pool, until `stop` becomes true: then it ends the epoch, hands the training back as a
+/// snapshot, and leaves.
+///
+/// # Errors
+/// Where the URL is none, or the coordinator does not take this trainer. Anything that may pass is tried again for
+/// ever.
+pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
+    let address = Address::new(&options.coordinator, Role::Trainer, &options.name)?;
+    let mut trainer = Trainer {
+        coordinator: address.channel(),
+        turn: Arc::default(),
+    };
+    keep(&address, &mut trainer, stop).await
+}
+
+struct Trainer {
+    coordinator: Channel,
+    /// Held by the training that computes: one that was given up does until its epoch is over, and the next waits.
+    turn: Arc<Mutex<()>>,
+}
+
+impl Party for Trainer {
+    async fn session(&mut self, mut link: Link, mut stop: watch::Receiver<bool>) -> Result<(), Broken> {
+        ask(&link).await?;
+        let mut running: Option<Running> = None;
+        let mut leaving = false;
+        loop {
+            if leaving && running.is_none() {
+                link.close().await;
+                return Ok(());
+            }
+            tokio::select! {
+                message = link.receive() => match message? {
+                    coordinator_message::Message::Lease(lease) if running.is_none() => {
+                        running = self.take(lease, &link, &stop).await?;
+                    }
+                    coordinator_message::Message::Lease(lease) => {
+                        let busy = job::Undone::retryable("this trainer has a training already");
+                        answer(&link, lease.id, busy.into()).await?;
+                    }
+                    coordinator_message::Message::Withdrawal(withdrawal) => {
+                        if let Some(dropped) = running.take_if(|running| withdrawal.lease == Some(running.lease)) {
+                            tracing::info!(lease = dropped.lease.number, "withdrawn");
+                            drop(dropped);
+                            ask(&link).await?;
+                        }
+                    }
+                    coordinator_message::Message::Welcome(_) => {}
+                },
+                event = next(&mut running) => {
+                    let lease = running.as_ref().map(|running| running.lease);
+                    match event {
+                        Event::Progress(progress) => {
+                            let report = v1::TrainingReport { lease, progress: Some(progress) };
+                            link.send(worker_message::Message::Training(report)).await?;
+                        }
+                        Event::Snapshot { epoch, bytes } => put_aside(&link, lease, epoch, &bytes).await?,
+                        Event::Done(outcome) => {
+                            running = None;
+                            answer(&link, lease, outcome).await?;
+                            if !leaving {
+                                ask(&link).await?;
+                            }
+                        }
+                    }
+                },
+                () = stopped(&mut stop), if !leaving => {
+                    leaving = true;
+                    link.send(worker_message::Message::Drain(v1::Drain {})).await?;
+                }
+            }
+        }
+    }
+}
+
+impl Trainer {
+    /// Begins a training; says so if it is none that can begin.
+    async fn take(
+        &self,
+        lease: v1::Lease,
+        link: &Link,
+        stop: &watch::Receiver<bool>,
+    ) -> Result<Option<Running>, Broken> {
+        let id = lease.id.unwrap_or_default();
+        match Task::try_from(lease) {
+            Ok(task) => {
+                tracing::info!(campaign = task.campaign, lease = id.number, "training");
+                let (coordinator, turn) = (self.coordinator.clone(), self.turn.clone());
+                Ok(Some(Running::start(id, task, coordinator, turn, stop.clone())))
+            }
+            Err(undone) => {
+                answer(link, Some(id), undone.into()).await?;
+                ask(link).await?;
+                Ok(None)
+            }
+        }
+    }
+}
+
+/// What the training has to say next; waits for ever where there is none.
+async fn next(running: &mut Option<Running>) -> Event {
+    match running {
+        Some(running) => running.next().await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Asks for one more training.
+async fn ask(link: &Link) -> Result<(), Broken> {
+    let credits = v1::Credits { evaluations: 1 };
+    link.send(worker_message::Message::Credits(credits)).await
+}
+
+async fn answer(link: &Link, lease: Option<v1::LeaseId>, outcome: Outcome) -> Result<(), Broken> {
+    if let Outcome::Failure(failure) = &outcome {
+        tracing::warn!("not trained: {}", failure.message);
+    }
+    let result = v1::BatchResult {
+        lease,
+        outcome: Some(outcome),
+    };
+    link.send(worker_message::Message::Result(result)).await
+}
+
+async fn put_aside(link: &Link, lease: Option<v1::LeaseId>, epoch: u64, bytes: &[u8]) -> Result<(), Broken> {
+    let parts = bytes.chunks(PART_BYTES);
+    let count = parts.len();
+    for (number, data) in parts.enumerate() {
+        let part = v1::TrainingSnapshot {
+            lease,
+            epoch,
+            data: data.to_vec(),
+            last: number + 1 == count,
+        };
+        link.send(worker_message::Message::Snapshot(part)).await?;
+    }
+    Ok(())
+}

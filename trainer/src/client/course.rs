@@ -1,0 +1,114 @@
+//! The epochs of a training, one after the other, on a thread that may block.
+
+use super::{
+    job::{Event, Undone},
+    task::Task,
+};
+use crate::{
+    pictures::Pictures,
+    publication::Publication,
+    training::{Progress, Training, TrainingError},
+};
+use murmuration_embed::Runtime;
+use murmuration_proto::v1;
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::sync::{mpsc, watch};
+
+/// Least time between two snapshots: small trainings would send more of them than they compute.
+const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
+
+/// All that a training is done with.
+pub(super) struct Course {
+    pub(super) task: Task,
+    pub(super) pictures: Arc<Pictures>,
+    /// The training that was put aside; empty if none was.
+    pub(super) saved: Vec<u8>,
+    pub(super) runtime: Runtime,
+    /// Closed once nobody wants the training any more.
+    pub(super) events: mpsc::Sender<Event>,
+    pub(super) stop: watch::Receiver<bool>,
+}
+
+impl Course {
+    /// Trains to the end, or until it is stopped or not wanted any more.
+    pub(super) fn run(mut self) -> Result<Publication, Undone> {
+        let mut training = self.begin()?;
+        let epochs = self.task.configuration.recipe().epochs();
+        self.tell(Event::Progress(v1::TrainingProgress {
+            epoch: training.epoch(),
+            epochs,
+            ..v1::TrainingProgress::default()
+        }))?;
+        let mut put_aside = (training.epoch(), None::<Instant>);
+        while training.ending().is_none() {
+            if *self.stop.borrow() {
+                if training.epoch() > put_aside.0 {
+                    self.tell(snapshot(&training))?;
+                }
+                return Err(Undone::retryable("the trainer is leaving"));
+            }
+            let begun = Instant::now();
+            let Some(progress) = training.step() else { break };
+            self.tell(Event::Progress(message(&progress, begun.elapsed())))?;
+            if put_aside.1.is_none_or(|last| last.elapsed() >= SNAPSHOT_PAUSE) {
+                self.tell(snapshot(&training))?;
+                put_aside = (training.epoch(), Some(Instant::now()));
+            }
+        }
+        tracing::info!(
+            campaign = self.task.campaign,
+            epochs = training.epoch(),
+            ending = ?training.ending(),
+            "trained"
+        );
+        let configuration = &self.task.configuration;
+        Publication::of(&training, configuration, &self.pictures, &self.runtime).map_err(Undone::fatal)
+    }
+
+    /// The training, taken up where it was put aside if that can be.
+    fn begin(&mut self) -> Result<Training, Undone> {
+        let configuration = &self.task.configuration;
+        let saved = std::mem::take(&mut self.saved);
+        if !saved.is_empty() {
+            match Training::restore(configuration, self.pictures.clone(), &saved) {
+                Err(error @ (TrainingError::Damaged(_) | TrainingError::Other(_))) => {
+                    tracing::warn!(campaign = self.task.campaign, %error, "training from the first epoch");
+                }
+                restored => return restored.map_err(Undone::fatal),
+            }
+        }
+        Training::new(configuration, self.pictures.clone()).map_err(Undone::fatal)
+    }
+
+    fn tell(&self, event: Event) -> Result<(), Undone> {
+        self.events
+            .blocking_send(event)
+            .map_err(|_| Undone::retryable("the training was withdrawn"))
+    }
+}
+
+fn snapshot(training: &Training) -> Event {
+    Event::Snapshot {
+        epoch: training.epoch(),
+        bytes: training.save(),
+    }
+}
+
+/// `took` is the time of the whole epoch, the measuring of quality included.
+fn message(progress: &Progress, took: Duration) -> v1::TrainingProgress {
+    let epochs_left = progress.epochs.saturating_sub(progress.epoch);
+    v1::TrainingProgress {
+        epoch: progress.epoch,
+        epochs: progress.epochs,
+        loss: Some(progress.loss),
+        learning_rate: Some(progress.learning_rate),
+        triplets_per_second: Some(progress.triplets_per_second()),
+        seconds_left: Some(epochs_left as f64 * took.as_secs_f64()),
+        triplet_accuracy: Some(progress.quality.triplet_accuracy),
+        spread: Some(progress.quality.spread),
+        rank: Some(progress.quality.rank),
+    }
+}

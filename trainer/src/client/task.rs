@@ -1,0 +1,93 @@
+//! A training task taken in from the wire.
+
+use super::job::Undone;
+use murmuration_proto::{Dataset, Invalid, training::Configuration, v1};
+
+/// A training to be done.
+#[derive(Debug)]
+pub(super) struct Task {
+    pub(super) campaign: String,
+    pub(super) configuration: Configuration,
+    pub(super) side: usize,
+    pub(super) views: usize,
+    /// Bytes of all pictures.
+    pub(super) bytes: usize,
+}
+
+impl TryFrom<v1::Lease> for Task {
+    type Error = Undone;
+
+    fn try_from(lease: v1::Lease) -> Result<Self, Undone> {
+        let Some(v1::lease::Work::Training(task)) = lease.work else {
+            return Err(Undone::fatal(
+                "work: must be a kind of work that this trainer knows",
+            ));
+        };
+        let configuration = Configuration::from_toml(&task.configuration)
+            .map_err(|error| Undone::fatal(format!("the training's configuration: {error}")))?;
+        let sizes = [task.side, task.side, task.views, task.behaviours];
+        let bytes = sizes
+            .iter()
+            .try_fold(1_u64, |product, &size| product.checked_mul(size.into()))
+            .filter(|&bytes| bytes <= Dataset::MAX_BYTES)
+            .and_then(|bytes| usize::try_from(bytes).ok());
+        let bytes = bytes.ok_or_else(|| {
+            let value = format!(
+                "{} of {} pictures, side {}",
+                task.behaviours, task.views, task.side
+            );
+            let allowed = format!("at most {} bytes of pictures in all", Dataset::MAX_BYTES);
+            Undone::fatal(Invalid::new("behaviours", value, allowed))
+        })?;
+        Ok(Self {
+            campaign: task.campaign,
+            configuration,
+            side: task.side as usize,
+            views: task.views as usize,
+            bytes,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lease(configuration: &str, behaviours: u32) -> v1::Lease {
+        v1::Lease {
+            id: None,
+            work: Some(v1::lease::Work::Training(v1::TrainingTask {
+                campaign: "small-1".to_owned(),
+                configuration: configuration.to_owned(),
+                side: 50,
+                views: 2,
+                behaviours,
+                saved: false,
+            })),
+        }
+    }
+
+    #[test]
+    fn a_task_knows_how_many_bytes_to_expect() {
+        let task = Task::try_from(lease("seed = 3", 10_000)).unwrap();
+        assert_eq!((task.bytes, task.configuration.seed()), (50_000_000, 3));
+    }
+
+    #[track_caller]
+    fn check_refused(lease: v1::Lease, said: &str) {
+        let error = Task::try_from(lease).unwrap_err().to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        check_refused(lease("sed = 3", 100), "configuration: ");
+        check_refused(lease("", u32::MAX), "at most 8589934592 bytes of pictures");
+        let replay = v1::lease::Work::Replay(v1::ReplayTask::default());
+        let work = v1::Lease {
+            id: None,
+            work: Some(replay),
+        };
+        check_refused(work, "a kind of work that this trainer knows");
+    }
+}

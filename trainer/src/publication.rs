@@ -1,0 +1,116 @@
+//! What a finished training comes to: a checkpoint that was tried on ONNX Runtime before anybody else has it.
+
+use crate::{network::Network, onnx, pictures::Pictures, quality::Quality, training::Training};
+use murmuration_embed::{EmbedError, Embedder, Runtime};
+use murmuration_proto::{
+    CheckpointDigest, Lineage,
+    onnx::{EmbedderModel, ModelError},
+    training::Configuration,
+    v1,
+};
+use std::collections::BTreeMap;
+
+/// Pictures that both embed, the network and ONNX Runtime.
+const COMPARED: usize = 256;
+/// By how much a number of the two embeddings may differ; embeddings have spread 1.
+const MOST_DIFFERENCE: f32 = 1e-5;
+
+/// A checkpoint ready to be published.
+#[derive(Debug)]
+pub(crate) struct Publication {
+    bytes: Vec<u8>,
+    lineage: Lineage,
+}
+
+/// Why a training comes to nothing that may be published.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Unpublishable {
+    #[error(
+        "the embedding collapsed: held-out pictures have spread {0}, so that nothing is told apart. Lower the \
+         recipe's learning_rate, or raise its margin"
+    )]
+    Collapsed(f64),
+    #[error("the exported network cannot be read: {0}")]
+    Model(#[from] ModelError),
+    #[error("the exported network cannot be run: {0}")]
+    Embed(#[from] EmbedError),
+    #[error(
+        "the exported network differs from the trained one: embeddings by up to {0:.1e}, at most \
+         {MOST_DIFFERENCE:.0e} is allowed"
+    )]
+    Differs(f32),
+}
+
+impl Publication {
+    /// The embedder of a training of `pictures` by `configuration`, after its last epoch.
+    pub(crate) fn of(
+        training: &Training,
+        configuration: &Configuration,
+        pictures: &Pictures,
+        runtime: &Runtime,
+    ) -> Result<Self, Unpublishable> {
+        let quality = training.quality();
+        if quality.spread <= 0.0 || !quality.spread.is_finite() {
+            return Err(Unpublishable::Collapsed(quality.spread));
+        }
+        let network = training.embedder();
+        let bytes = onnx::export(&network);
+        let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
+        let difference = difference(&network, &mut embedder, pictures)?;
+        // Not `>`: a difference that is no number is one.
+        if !matches!(difference, 0.0..=MOST_DIFFERENCE) {
+            return Err(Unpublishable::Differs(difference));
+        }
+        let Quality {
+            triplet_accuracy,
+            spread,
+            rank,
+        } = quality;
+        let metrics = [
+            ("triplet_accuracy", triplet_accuracy),
+            ("spread", spread),
+            ("rank", rank),
+            ("epochs", training.epoch() as f64),
+            ("behaviours", pictures.behaviours() as f64),
+            ("views", pictures.views() as f64),
+            ("weights", network.parameters().len() as f64),
+            ("onnx_difference", f64::from(difference)),
+        ];
+        let metrics: BTreeMap<_, _> = metrics.map(|(name, value)| (name.to_owned(), value)).into();
+        Ok(Self {
+            bytes,
+            lineage: Lineage {
+                data_digest: pictures.digest(),
+                configuration: configuration.to_toml(),
+                metrics,
+                ..Lineage::default()
+            },
+        })
+    }
+
+    pub(crate) fn digest(&self) -> CheckpointDigest {
+        CheckpointDigest::of(&self.bytes)
+    }
+
+    /// The messages that publish it.
+    pub(crate) fn requests(&self) -> Vec<v1::PublishCheckpointRequest> {
+        self.lineage.publish_requests(&self.bytes)
+    }
+}
+
+/// The largest difference between the two's embeddings, over pictures from first to last.
+fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -> Result<f32, Unpublishable> {
+    let count = pictures.behaviours().min(COMPARED);
+    let compared = (0..count).map(|i| i * pictures.behaviours() / count);
+    let images: Vec<&[u8]> = compared
+        .map(|behaviour| pictures.picture(behaviour, behaviour % pictures.views()))
+        .collect();
+    let ours = network.embed(&images.concat());
+    let theirs = embedder.embed(&images)?.concat();
+    let differences = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
+    // Not f32::max, which passes over what is no number.
+    Ok(differences.fold(
+        0.0,
+        |most, difference| if difference <= most { most } else { difference },
+    ))
+}
