@@ -24,7 +24,10 @@ impl Trainers {
     /// # Errors
     /// See [`JobError`].
     pub async fn train(&self, job: TrainingJob) -> Result<CheckpointDigest, JobError> {
-        let outputs = self.0.submit(Work::Training(Box::new(job)), Arc::default()).await?;
+        let outputs = self
+            .0
+            .submit(Work::Training(Box::new(job)), Arc::default())
+            .await?;
         outputs
             .into_iter()
             .find_map(Output::into_checkpoint)

@@ -62,7 +62,6 @@ mod tests {
                 side: 50,
                 views: 2,
                 behaviours,
-                saved: false,
             })),
         }
     }
