@@ -30,6 +30,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
         coordinator: cluster.url(),
         name: "honest".to_owned(),
         threads: std::num::NonZeroUsize::MIN,
+        cache: folder.path().join("cache"),
     };
     let (stop, stopped) = tokio::sync::watch::channel(false);
     let worker = tokio::spawn(murmuration_worker::client::run(options, stopped));
@@ -67,6 +68,7 @@ async fn impossible_results_are_refused_by_name() {
     let good = || v1::Evaluation {
         features: vec![0.0; 5],
         image: vec![0; 2500],
+        embedding: Vec::new(),
     };
     let cases = [
         (
@@ -121,6 +123,7 @@ async fn results_for_leases_that_never_were_are_ignored() {
         let evaluation = v1::Evaluation {
             features: vec![0.0; 5],
             image: vec![0; 2500],
+            embedding: Vec::new(),
         };
         for lease in [
             v1::LeaseId { epoch: 1, number: 1 },
@@ -143,6 +146,7 @@ async fn a_lie_that_another_worker_contradicts_fails_the_campaign_aloud() {
     let lie = |speed| v1::Evaluation {
         features: vec![speed, 0.0, 0.0, 0.0, 0.0],
         image: vec![0; 2500],
+        embedding: Vec::new(),
     };
     let url = cluster.url();
     // The first falls silent, its lease goes to the second, and then both answer.
