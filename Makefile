@@ -11,7 +11,8 @@ demo: build runtime
 
 # Everything that must hold before a change lands.
 test: lint build runtime
-	$(CARGO) test --release --workspace
+	python="$$(scripts/python-onnxruntime $(CURDIR)/target/python)"; \
+		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --release --workspace
 
 lint: toolchain
 	$(CARGO) fmt --all --check

@@ -234,11 +234,19 @@ pub(crate) fn channels_first<T: Real>(rows: &[T], pixels: usize, channels: usize
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::training::Architecture;
+    use murmuration_proto::{onnx::EmbedderModel, training::Architecture};
 
     fn graph(architecture: Architecture) -> GraphProto {
         let bytes = export(&Network::initialise(architecture, 1));
         ModelProto::decode(bytes.as_slice()).unwrap().graph.unwrap()
+    }
+
+    #[test]
+    fn what_is_exported_is_an_embedder() {
+        for network in [Architecture::compact, Architecture::paper] {
+            let bytes = export(&Network::initialise(network(50, 5).unwrap(), 1));
+            assert_eq!(EmbedderModel::read(&bytes).unwrap().dimensions(), 5);
+        }
     }
 
     #[test]

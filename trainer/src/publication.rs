@@ -12,8 +12,13 @@ use std::collections::BTreeMap;
 
 /// Pictures that both embed, the network and ONNX Runtime.
 const COMPARED: usize = 256;
-/// By how much a number of the two embeddings may differ; embeddings have spread 1.
+/// By how much a number of the two embeddings, which have spread 1, may differ: rounding, and what scaling adds to it.
+/// A network that is not trained can have its embeddings so close together (spread 1e-5 at a distance of 0.1 from 0)
+/// that what its last layer adds up, then scaled to 10,000, is far larger than what comes out.
 const MOST_DIFFERENCE: f32 = 1e-5;
+const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
+/// Spread of a collapsed embedding: to scale it to 1 would make rounding errors large.
+const LEAST_SPREAD: f64 = 1e-6;
 
 /// A checkpoint ready to be published.
 #[derive(Debug)]
@@ -26,7 +31,7 @@ pub(crate) struct Publication {
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Unpublishable {
     #[error(
-        "the embedding collapsed: held-out pictures have spread {0}, so that nothing is told apart. Lower the \
+        "the embedding collapsed: held-out pictures have spread {0:.1e}, so that nothing is told apart. Lower the \
          recipe's learning_rate, or raise its margin"
     )]
     Collapsed(f64),
@@ -35,10 +40,14 @@ pub(crate) enum Unpublishable {
     #[error("the exported network cannot be run: {0}")]
     Embed(#[from] EmbedError),
     #[error(
-        "the exported network differs from the trained one: embeddings by up to {0:.1e}, at most \
-         {MOST_DIFFERENCE:.0e} is allowed"
+        "the exported network differs from the trained one: embeddings, scaled from spread {spread:.1e} to 1, by up to \
+         {difference:.1e}; at most {allowed:.1e} is allowed"
     )]
-    Differs(f32),
+    Differs {
+        difference: f32,
+        allowed: f32,
+        spread: f64,
+    },
 }
 
 impl Publication {
@@ -50,16 +59,21 @@ impl Publication {
         runtime: &Runtime,
     ) -> Result<Self, Unpublishable> {
         let quality = training.quality();
-        if quality.spread <= 0.0 || !quality.spread.is_finite() {
+        if !quality.spread.is_finite() || quality.spread < LEAST_SPREAD {
             return Err(Unpublishable::Collapsed(quality.spread));
         }
         let network = training.embedder();
         let bytes = onnx::export(&network);
         let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
         let difference = difference(&network, &mut embedder, pictures)?;
+        let allowed = allowed_difference(&network);
         // Not `>`: a difference that is no number is one.
-        if !matches!(difference, 0.0..=MOST_DIFFERENCE) {
-            return Err(Unpublishable::Differs(difference));
+        if !matches!(difference, 0.0..) || difference > allowed {
+            return Err(Unpublishable::Differs {
+                difference,
+                allowed,
+                spread: quality.spread,
+            });
         }
         let Quality {
             triplet_accuracy,
@@ -98,6 +112,16 @@ impl Publication {
     }
 }
 
+/// In proportion to the biases of the last layer, which come last: what it adds up is as large, where it is larger
+/// than the embeddings.
+fn allowed_difference(network: &Network) -> f32 {
+    let biases = network.parameters().len() - network.architecture().dimensions();
+    let largest = network.parameters()[biases..]
+        .iter()
+        .fold(1.0, |most: f32, bias| most.max(bias.abs()));
+    (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
+}
+
 /// The largest difference between the two's embeddings, over pictures from first to last.
 fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -> Result<f32, Unpublishable> {
     let count = pictures.behaviours().min(COMPARED);
@@ -109,8 +133,9 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
     let theirs = embedder.embed(&images)?.concat();
     let differences = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
     // Not f32::max, which passes over what is no number.
-    Ok(differences.fold(
-        0.0,
-        |most, difference| if difference <= most { most } else { difference },
-    ))
+    let larger = |most: f32, difference: f32| match difference > most || difference.is_nan() {
+        true => difference,
+        false => most,
+    };
+    Ok(differences.fold(0.0, larger))
 }

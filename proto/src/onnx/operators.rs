@@ -5,14 +5,14 @@
 use super::{
     AttributeProto, AttributeType, DataType, NodeProto,
     embedder_model::MAX_NODE_PRODUCTS,
-    shape::{Value, Window, broadcast, product, reshape, slide},
+    shape::{Value, Window, broadcast, product, reduce, reshape, slide},
     tensor,
 };
 
 /// Every operator that [`output`] knows, for messages.
 const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant, Conv, Div, Elu, Flatten, Gemm, \
     GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
-    Mul, Neg, Relu, Reshape, Sigmoid, Softplus, Sub, Tanh";
+    Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
 
 /// What `node` makes of `inputs`.
 pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, String> {
@@ -20,7 +20,8 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, Strin
     match (node.op_type.as_str(), inputs) {
         ("Constant", []) => constant(&node.attribute),
         (
-            "Abs" | "Elu" | "Identity" | "LeakyRelu" | "Neg" | "Relu" | "Sigmoid" | "Softplus" | "Tanh",
+            "Abs" | "Elu" | "Identity" | "LeakyRelu" | "Neg" | "Relu" | "Sigmoid" | "Softplus" | "Sqrt"
+            | "Tanh",
             [x],
         ) => floats(x),
         ("Cast", [x]) => match attributes.integer("to", 0)? {
@@ -42,6 +43,9 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, Strin
         }
         ("Gemm", [x, weights, bias @ ..]) if bias.len() <= 1 => dense(attributes, x, weights, bias),
         ("MatMul", [x, weights]) => product_with(x.batched()?, weights.floats()?),
+        // Its axes became an input with version 18 of the operators.
+        ("ReduceMean", [x]) => mean(attributes, x, attributes.integers("axes")?),
+        ("ReduceMean", [x, axes]) => mean(attributes, x, axes.integers()?),
         ("Flatten", [x]) => match attributes.integer("axis", 1)? {
             1 => Ok(Value::Batched(vec![product(x.batched()?)])),
             axis => Err(format!(
@@ -198,6 +202,11 @@ fn normalised(attributes: Attributes<'_>, x: &Value, parameters: &[&Value]) -> R
     Ok(Value::Batched(sizes.to_vec()))
 }
 
+fn mean(attributes: Attributes<'_>, x: &Value, axes: &[i64]) -> Result<Value, String> {
+    let keeps = attributes.integer("keepdims", 1)? != 0;
+    reduce(x.batched()?, axes, keeps).map(Value::Batched)
+}
+
 fn dense(attributes: Attributes<'_>, x: &Value, weights: &Value, bias: &[&Value]) -> Result<Value, String> {
     if attributes.integer("transA", 0)? != 0 {
         return Err("it transposes the batch".to_owned());
@@ -257,6 +266,15 @@ impl<'a> Attributes<'a> {
             None => Ok(default),
             Some(attribute) if attribute.r#type() == AttributeType::Int => Ok(attribute.i),
             Some(_) => Err(format!("{name} is no whole number")),
+        }
+    }
+
+    /// Empty where there are none.
+    fn integers(self, name: &str) -> Result<&'a [i64], String> {
+        match self.find(name) {
+            None => Ok(&[]),
+            Some(attribute) if attribute.r#type() == AttributeType::Ints => Ok(&attribute.ints),
+            Some(_) => Err(format!("{name} is no list of whole numbers")),
         }
     }
 

@@ -126,6 +126,32 @@ pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, Str
         .collect())
 }
 
+/// Sizes of images of `sizes` after a reduction over `axes`, each of which then has size 1, or is gone if not `kept`.
+///
+/// Axis 0 is the batch, which has to stay whole; axes under 0 count from the end.
+pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<usize>, String> {
+    let refused =
+        || format!("it reduces images of {sizes:?} over {axes:?}, which are not axes within an image");
+    let rank = sizes.len() as i64 + 1;
+    let mut reduced = vec![false; sizes.len()];
+    for &axis in axes {
+        let from_front = if axis < 0 { axis.saturating_add(rank) } else { axis };
+        let place = usize::try_from(from_front.saturating_sub(1)).map_err(|_| refused())?;
+        let reduced = reduced.get_mut(place).filter(|reduced| !**reduced);
+        *reduced.ok_or_else(refused)? = true;
+    }
+    // Without axes it would be all of them, the batch's too.
+    if axes.is_empty() {
+        return Err(refused());
+    }
+    let pairs = sizes.iter().zip(reduced);
+    let left = pairs.filter_map(|(&size, reduced)| match reduced {
+        true => kept.then_some(1),
+        false => Some(size),
+    });
+    Ok(left.collect())
+}
+
 /// Size along one axis after a window of `kernel` has slid over it, if it fits.
 pub(super) fn slide(size: usize, window: &Window, round_up: bool) -> Option<usize> {
     let reach = (window.kernel.checked_sub(1)?)
@@ -209,6 +235,30 @@ mod tests {
         check(&[0, 4, 5, 6, 0], None);
         check(&[0, -2, -60], None);
         check(&[], None);
+    }
+
+    #[test]
+    fn a_reduction_keeps_the_batch() {
+        let check = |axes: &[i64], kept: Option<&[usize]>, dropped: Option<&[usize]>| {
+            let made = [true, false].map(|keeps| reduce(&[4, 5, 6], axes, keeps).ok());
+            assert_eq!(made.each_ref().map(Option::as_deref), [kept, dropped], "{axes:?}");
+        };
+        check(&[3], Some(&[4, 5, 1]), Some(&[4, 5]));
+        check(&[2, -1], Some(&[4, 1, 1]), Some(&[4]));
+        check(&[1, 2, 3], Some(&[1, 1, 1]), Some(&[]));
+        for refused in [
+            &[0][..],
+            &[-4],
+            &[],
+            &[4],
+            &[-5],
+            &[2, 2],
+            &[3, -1],
+            &[i64::MIN],
+            &[i64::MAX],
+        ] {
+            check(refused, None, None);
+        }
     }
 
     #[test]
