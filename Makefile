@@ -25,6 +25,7 @@ build: toolchain
 # Performance figures of this machine, each beside a baseline of the same run.
 bench: build runtime
 	./target/release/murmuration bench simulate
+	./target/release/murmuration bench train
 	$(CARGO) bench --workspace
 
 # ONNX Runtime, which embedders run on: a pinned library, fetched once into the cache folder.

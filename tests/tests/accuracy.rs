@@ -15,6 +15,10 @@ struct Set {
 
 impl Set {
     fn new() -> Self {
+        Self::of_images(12, 8)
+    }
+
+    fn of_images(height: u32, width: u32) -> Self {
         let set = Self {
             folder: tempfile::tempdir().unwrap(),
         };
@@ -22,9 +26,9 @@ impl Set {
         fs::create_dir(set.path("images")).unwrap();
         for k in 0..3 {
             let file = File::create(set.path(&format!("images/{k}.png"))).unwrap();
-            let mut encoder = png::Encoder::new(file, 8, 12);
+            let mut encoder = png::Encoder::new(file, width, height);
             encoder.set_color(png::ColorType::Grayscale);
-            let pixels: Vec<u8> = (0..96)
+            let pixels: Vec<u8> = (0..height * width)
                 .map(|pixel| (pixel * (7 + 4 * k) + 31 * k) as u8)
                 .collect();
             encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
@@ -118,6 +122,57 @@ fn images_are_embedded_by_a_checkpoint() {
         &["--checkpoint", SMALL, "--images", &images, "--images", &images],
         "one for each",
     );
+}
+
+#[test]
+fn a_checkpoint_is_named_by_the_beginning_of_its_digest_too() {
+    let set = Set::new();
+    let murmuration = Murmuration::over(&set.path("data"));
+    let imported = json(&murmuration.run(&["checkpoints", "import", SMALL, "--json"]));
+    let digest = imported["checkpoint"].as_str().unwrap();
+    let labels = set.labels().display().to_string();
+    let accuracy = |checkpoint| {
+        let arguments = [
+            "accuracy",
+            "--labels",
+            &labels,
+            "--checkpoint",
+            checkpoint,
+            "--json",
+        ];
+        json(&murmuration.run(&arguments))
+    };
+    assert_eq!(accuracy(&digest[..8]), accuracy(SMALL));
+    let unknown = murmuration.run(&["accuracy", "--labels", &labels, "--checkpoint", "ffff"]);
+    assert_eq!(unknown.code, Some(2), "{}", unknown.stderr);
+    assert!(
+        unknown.stderr.contains("no checkpoint \"ffff\""),
+        "{}",
+        unknown.stderr
+    );
+}
+
+#[test]
+fn untrained_networks_are_summed_up() {
+    let set = Set::of_images(50, 50);
+    let untrained = |arguments: &[&str]| json(&set.run(&[&["--json", "--untrained"], arguments].concat()));
+    let four = untrained(&["4"]);
+    assert_eq!(
+        (&four["networks"], &four["network"]),
+        (&4.into(), &"compact".into())
+    );
+    let every = &four["every_anchor"];
+    assert!(
+        (0.0..=100.0).contains(&every["mean_percent"].as_f64().unwrap()),
+        "{every}"
+    );
+    assert!(every["deviation_percent"].as_f64().is_some());
+    assert_eq!(four, untrained(&["4"]));
+    let one = untrained(&["1", "--network", "paper"]);
+    assert!(one["every_anchor"]["deviation_percent"].is_null());
+    set.check_refused(&["--untrained", "0"], "--untrained");
+    set.check_refused(&["--untrained", "1", "--features"], "cannot be used with");
+    Set::new().check_refused(&["--untrained", "1"], "images/0.png");
 }
 
 #[test]

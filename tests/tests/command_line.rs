@@ -412,6 +412,28 @@ fn checkpoints_are_imported_listed_shown_and_exported() {
 }
 
 #[test]
+fn trainings_are_measured() {
+    let desk = Desk::new();
+    let measured = desk
+        .murmuration
+        .run(&["bench", "train", "--behaviours", "300", "--json"]);
+    assert_eq!(measured.code, Some(0), "{}", measured.stderr);
+    let figures: Vec<Value> = measured
+        .stdout
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(figures.len(), 4);
+    for figures in &figures {
+        let figure = |name: &str| figures[name].as_f64().unwrap();
+        assert!(
+            0.0 < figure("seconds_per_step") && figure("seconds_per_step") <= figure("seconds_per_epoch")
+        );
+    }
+    desk.check(&["bench", "train", "--behaviours", "3"], 2, "3 behaviours");
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish"] {

@@ -10,7 +10,7 @@ use murmuration_proto::{
     CapabilityModel, ControllerSpace, ImageFormat, Purpose, Stream, World, training::Configuration, v1,
 };
 use murmuration_trainer::{
-    accuracy::TripletAccuracy, kin::kin, network::Network, onnx, pictures::Pictures, training::Training,
+    accuracy::TripletAccuracy, network::Network, onnx, pictures::Pictures, training::Training,
 };
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
@@ -28,9 +28,9 @@ struct Arguments {
     /// Random controllers to train on
     #[arg(long, default_value_t = 10_000)]
     controllers: usize,
-    /// Pictures of each: the controller itself, then kin of it from other starts
+    /// Random starts of each, and so pictures
     #[arg(long, default_value_t = 2)]
-    views: usize,
+    starts: usize,
     /// Training configuration, TOML; its seed is replaced
     #[arg(long, default_value = "")]
     configuration: String,
@@ -102,33 +102,53 @@ fn write_embeddings(model: &Path, judge: &Labelled, embedder: &Network) -> Resul
 
 /// The pictures of random controllers, as a campaign's dataset stage would have them.
 fn simulate(arguments: &Arguments, seed: u64) -> Result<Pictures, Box<dyn Error>> {
+    let starts: Result<Vec<Vec<u8>>, _> = (0..arguments.starts)
+        .map(|start| from_one_start(arguments, seed, start))
+        .collect();
+    let starts = starts?;
+    let mut bytes = Vec::new();
+    for picture in 0..arguments.controllers {
+        for start in &starts {
+            bytes.extend(&start[picture * 2500..][..2500]);
+        }
+    }
+    Ok(Pictures::new(50, arguments.starts, bytes)?)
+}
+
+/// One picture of each controller; kept on disk from one experiment to the next.
+fn from_one_start(arguments: &Arguments, seed: u64, start: usize) -> Result<Vec<u8>, Box<dyn Error>> {
+    let Arguments {
+        model, controllers, ..
+    } = *arguments;
+    let name = format!(
+        "murmuration-{}-{controllers}-{seed}-{start}.pictures",
+        model.name()
+    );
+    let kept = std::env::temp_dir().join(name);
+    if let Ok(bytes) = fs::read(&kept)
+        && bytes.len() == controllers * 2500
+    {
+        return Ok(bytes);
+    }
     let world = World::try_from(v1::World::default())?;
     let format = ImageFormat::default();
-    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), arguments.model)?;
-    let controllers: Vec<_> = (0..arguments.controllers as u64)
-        .map(|index| space.sample(&mut Stream::derive(seed, Purpose::Propose, index)))
-        .collect();
-    let evaluated: Result<Vec<Vec<u8>>, _> = controllers
-        .par_iter()
-        .enumerate()
-        .map(|(index, controller)| {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model)?;
+    let pictures: Result<Vec<Vec<u8>>, _> = (0..controllers)
+        .into_par_iter()
+        .map(|index| {
+            let controller = space.sample(&mut Stream::derive(seed, Purpose::Propose, index as u64));
+            let from = Stream::derive(seed, Purpose::Start, (start * controllers + index) as u64).bits();
             let mut evaluator = Evaluator::new(&world, &format)?;
-            let mut kinship = Stream::derive(seed, Purpose::Augment, index as u64);
-            let mut pictures = Vec::new();
-            for view in 0..arguments.views {
-                let one = if view == 0 {
-                    *controller
-                } else {
-                    kin(controller, &mut kinship)?
-                };
-                let start = (index * arguments.views + view) as u64;
-                let start = Start::seeded(Stream::derive(seed, Purpose::Start, start).bits());
-                pictures.extend(evaluator.evaluate(&one, &start)?.into_image());
-            }
-            Ok::<_, murmuration_proto::Invalid>(pictures)
+            Ok::<_, murmuration_proto::Invalid>(
+                evaluator
+                    .evaluate(&controller, &Start::seeded(from))?
+                    .into_image(),
+            )
         })
         .collect();
-    Ok(Pictures::new(50, arguments.views, evaluated?.concat())?)
+    let bytes = pictures?.concat();
+    fs::write(kept, &bytes)?;
+    Ok(bytes)
 }
 
 /// Behaviours whose classes are known.

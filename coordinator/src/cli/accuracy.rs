@@ -1,14 +1,15 @@
 //! `accuracy`: how well an embedding agrees with classes that people gave.
 
-use super::{CliError, json};
-use crate::accuracy::{Accuracy, Labels, LabelsError, Tally};
+use super::{CliError, Global, checkpoints, connection::Connection, json};
+use crate::accuracy::{Accuracy, Labels, LabelsError, Summary, Tally};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
-use murmuration_proto::onnx::EmbedderModel;
+use murmuration_proto::{CheckpointDigest, ImageFormat, onnx::EmbedderModel, training::Architecture};
+use murmuration_trainer::network::Network;
 use serde_json::{Map, Value, json};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::{fs, num::NonZeroU32, path::Path, path::PathBuf};
+
+/// Length of an untrained network's embeddings, as many as there are features.
+const DIMENSIONS: usize = 5;
 
 /// Arguments of `accuracy`.
 #[derive(Debug, clap::Args)]
@@ -20,7 +21,8 @@ Counted with anchors a of every class, and with anchors of every class but `rand
 
 Examples:
   murmuration accuracy --labels single_sensor/validation.csv --features
-  murmuration accuracy --labels two_sensor/validation.csv --labels rare/validation.csv --checkpoint embedder.onnx"
+  murmuration accuracy --labels two_sensor/validation.csv --labels rare/validation.csv --checkpoint 1f0c
+  murmuration accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
 )]
 pub(super) struct AccuracyCommand {
     /// Labelled behaviours (columns id and class, rows without a class are skipped); repeat it to join sets
@@ -29,37 +31,117 @@ pub(super) struct AccuracyCommand {
     /// Folder of the images ID.png, one for each --labels [default: `images` beside the CSV]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
-    /// Compare embeddings by this ONNX model
-    #[arg(long, value_name = "FILE", group = "embedding")]
-    checkpoint: Option<PathBuf>,
+    /// Compare embeddings by this ONNX file, or by the checkpoint of this digest (or enough of its beginning)
+    #[arg(long, value_name = "FILE|DIGEST", group = "embedding")]
+    checkpoint: Option<String>,
     /// Compare absolute values of the five hand-crafted features, which are columns of the CSV
     #[arg(long, group = "embedding")]
     features: bool,
+    /// Compare embeddings by this many networks as they are initialised, with seeds from 1: mean and deviation
+    #[arg(long, value_name = "N", group = "embedding")]
+    untrained: Option<NonZeroU32>,
+    /// The network that is not trained
+    #[arg(long, value_parser = ["compact", "paper"], default_value = "compact", requires = "untrained")]
+    network: String,
 }
 
 impl AccuracyCommand {
-    pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let sets = self
             .labels
             .iter()
             .map(Labels::read)
             .collect::<Result<Vec<_>, _>>()?;
+        if let Some(networks) = self.untrained {
+            return self.untrained(&sets, networks, global.json);
+        }
         let (embedding, vectors) = match &self.checkpoint {
             None => ("features".to_owned(), features(&sets)?),
-            Some(path) => {
-                let (digest, embedder) = checkpoint(path)?;
-                (digest, embeddings(&sets, &self.image_folders()?, embedder)?)
+            Some(named) => {
+                let (digest, embedder) = checkpoint(named, global).await?;
+                (digest, self.embeddings(&sets, embedder)?)
             }
         };
-        let classes = sets.iter().flat_map(Labels::classes);
-        let behaviours: Vec<(&str, Vec<f64>)> = classes.zip(vectors).collect();
-        let accuracy = Accuracy::measure(&behaviours);
-        if as_json {
-            json::print(&self.to_json(&embedding, behaviours.len(), &accuracy));
+        let accuracy = measure(&sets, vectors);
+        let behaviours = behaviours(&sets);
+        if global.json {
+            let mut value = self.to_json(&embedding, behaviours);
+            value.insert(
+                "anchor_not_random".to_owned(),
+                tally_json(accuracy.anchor_not_random()),
+            );
+            value.insert("every_anchor".to_owned(), tally_json(accuracy.every_anchor()));
+            let classes = accuracy.classes();
+            let classes: Map<String, Value> = classes
+                .map(|(class, tally)| (class.to_owned(), tally_json(tally)))
+                .collect();
+            value.insert("by_class_of_anchor".to_owned(), classes.into());
+            json::print(&value.into());
         } else {
-            print_table(behaviours.len(), &accuracy);
+            print_table(&accuracy);
+            eprintln!("{behaviours} labelled behaviours");
         }
         Ok(())
+    }
+
+    /// What networks that nobody trained make of the sets.
+    fn untrained(&self, sets: &[Labels], networks: NonZeroU32, as_json: bool) -> Result<(), CliError> {
+        let side = ImageFormat::default().resolution() as usize;
+        let architecture = Architecture::named(&self.network, side, DIMENSIONS)
+            .map_err(|error| CliError::Input(error.to_string()))?;
+        let images = self.images(sets, side, side)?.concat();
+        let accuracies: Vec<Accuracy> = (1..=networks.get())
+            .map(|seed| {
+                let network = Network::<f32>::initialise(architecture.clone(), u64::from(seed));
+                let embeddings = network.embed(&images);
+                let each = embeddings.chunks_exact(DIMENSIONS).map(exactly);
+                measure(sets, each.collect())
+            })
+            .collect();
+        let over = |tally: fn(&Accuracy) -> Tally| {
+            let percents = accuracies.iter().filter_map(|accuracy| tally(accuracy).percent());
+            Summary::of(&percents.collect::<Vec<_>>())
+        };
+        let [not_random, every] = [over(Accuracy::anchor_not_random), over(Accuracy::every_anchor)];
+        let behaviours = behaviours(sets);
+        if as_json {
+            let mut value = self.to_json("untrained", behaviours);
+            value.insert("network".to_owned(), self.network.clone().into());
+            value.insert("networks".to_owned(), networks.get().into());
+            value.insert("anchor_not_random".to_owned(), summary_json(not_random));
+            value.insert("every_anchor".to_owned(), summary_json(every));
+            json::print(&value.into());
+        } else {
+            println!(
+                "{:<24}{:>14}{:>14}{:>12}",
+                "ANCHORS", "NETWORKS", "ACCURACY", "DEVIATION"
+            );
+            for (anchors, summary) in [("all but random", not_random), ("all", every)] {
+                let percent =
+                    |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2} %"));
+                let mean = percent(summary.map(|summary| summary.mean));
+                let deviation = percent(summary.and_then(|summary| summary.deviation));
+                println!("{anchors:<24}{networks:>14}{mean:>14}{deviation:>12}");
+            }
+            eprintln!("{behaviours} labelled behaviours");
+        }
+        Ok(())
+    }
+
+    fn embeddings(&self, sets: &[Labels], mut embedder: Embedder) -> Result<Vec<Vec<f64>>, CliError> {
+        let images = self.images(sets, embedder.model().height(), embedder.model().width())?;
+        let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
+        let embeddings = embedder.embed(&images)?;
+        Ok(embeddings.iter().map(|embedding| exactly(embedding)).collect())
+    }
+
+    /// The grey pixels of every labelled behaviour.
+    fn images(&self, sets: &[Labels], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
+        let mut images = Vec::new();
+        for (set, folder) in sets.iter().zip(self.image_folders()?) {
+            images.extend(set.images(&folder, height, width)?);
+        }
+        Ok(images)
     }
 
     /// A folder for each set.
@@ -81,21 +163,29 @@ impl AccuracyCommand {
         Ok(self.images.clone())
     }
 
-    fn to_json(&self, embedding: &str, behaviours: usize, accuracy: &Accuracy) -> Value {
-        let classes: Map<String, Value> = accuracy
-            .classes()
-            .map(|(class, tally)| (class.to_owned(), tally_json(tally)))
-            .collect();
-        json!({
-            "schema": 1,
-            "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
-            "embedding": embedding,
-            "behaviours": behaviours,
-            "anchor_not_random": tally_json(accuracy.anchor_not_random()),
-            "every_anchor": tally_json(accuracy.every_anchor()),
-            "by_class_of_anchor": classes,
-        })
+    /// What every answer says.
+    fn to_json(&self, embedding: &str, behaviours: usize) -> Map<String, Value> {
+        let labels = self.labels.iter().map(|labels| labels.display().to_string());
+        Map::from_iter([
+            ("schema".to_owned(), json::SCHEMA.into()),
+            ("labels".to_owned(), labels.collect::<Vec<_>>().into()),
+            ("embedding".to_owned(), embedding.into()),
+            ("behaviours".to_owned(), behaviours.into()),
+        ])
     }
+}
+
+fn behaviours(sets: &[Labels]) -> usize {
+    sets.iter().map(|set| set.classes().count()).sum()
+}
+
+fn measure(sets: &[Labels], vectors: Vec<Vec<f64>>) -> Accuracy {
+    let classes = sets.iter().flat_map(Labels::classes);
+    Accuracy::measure(&classes.zip(vectors).collect::<Vec<_>>())
+}
+
+fn exactly(embedding: &[f32]) -> Vec<f64> {
+    embedding.iter().map(|&value| f64::from(value)).collect()
 }
 
 fn features(sets: &[Labels]) -> Result<Vec<Vec<f64>>, CliError> {
@@ -110,35 +200,35 @@ fn features(sets: &[Labels]) -> Result<Vec<Vec<f64>>, CliError> {
     Ok(vectors)
 }
 
-/// The digest of a checkpoint's file, and an embedder of it.
-fn checkpoint(path: &Path) -> Result<(String, Embedder), CliError> {
-    let file = fs::read(path).map_err(|error| CliError::unreadable(path, &error))?;
-    let model = EmbedderModel::read(&file)
-        .map_err(|error| CliError::Input(format!("{}: {error}", path.display())))?;
+/// The digest and an embedder of a checkpoint that is named by its file, or else by its digest.
+async fn checkpoint(named: &str, global: &Global) -> Result<(String, Embedder), CliError> {
+    let path = Path::new(named);
+    let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let file = if is_digest && !path.exists() {
+        let mut connection = Connection::open(global, 0).await?;
+        let fetched = checkpoints::fetch(&mut connection.checkpoints, named).await;
+        connection.close().await?;
+        fetched?
+    } else {
+        fs::read(path).map_err(|error| CliError::unreadable(path, &error))?
+    };
+    let model = EmbedderModel::read(&file).map_err(|error| CliError::Input(format!("{named}: {error}")))?;
     let embedder = Embedder::open(&Runtime::load()?, model)?;
-    Ok((blake3::hash(&file).to_string(), embedder))
-}
-
-fn embeddings(
-    sets: &[Labels],
-    folders: &[PathBuf],
-    mut embedder: Embedder,
-) -> Result<Vec<Vec<f64>>, CliError> {
-    let mut vectors = Vec::new();
-    for (set, folder) in sets.iter().zip(folders) {
-        let images = set.images(folder, embedder.model().height(), embedder.model().width())?;
-        let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
-        let exactly = |embedding: Vec<f32>| embedding.into_iter().map(f64::from).collect();
-        vectors.extend(embedder.embed(&images)?.into_iter().map(exactly));
-    }
-    Ok(vectors)
+    Ok((CheckpointDigest::of(&file).to_string(), embedder))
 }
 
 fn tally_json(tally: Tally) -> Value {
     json!({ "correct": tally.correct, "triplets": tally.triplets, "percent": tally.percent() })
 }
 
-fn print_table(behaviours: usize, accuracy: &Accuracy) {
+fn summary_json(summary: Option<Summary>) -> Value {
+    json!({
+        "mean_percent": summary.map(|summary| summary.mean),
+        "deviation_percent": summary.and_then(|summary| summary.deviation),
+    })
+}
+
+fn print_table(accuracy: &Accuracy) {
     println!(
         "{:<24}{:>14}{:>14}{:>12}",
         "ANCHORS", "TRIPLETS", "CORRECT", "ACCURACY"
@@ -152,7 +242,6 @@ fn print_table(behaviours: usize, accuracy: &Accuracy) {
         let percent = percent.map_or("-".to_owned(), |percent| format!("{percent:.2} %"));
         println!("{anchors:<24}{triplets:>14}{correct:>14}{percent:>12}");
     }
-    eprintln!("{behaviours} labelled behaviours");
 }
 
 impl From<LabelsError> for CliError {

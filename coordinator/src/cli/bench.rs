@@ -4,6 +4,7 @@ use super::{CliError, json};
 use murmuration_proto::{
     CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, Stream, World, v1,
 };
+use murmuration_trainer::bench as train;
 use murmuration_worker::{
     evaluate::Evaluator,
     simulate::{Arch, Start, Swarm},
@@ -22,35 +23,75 @@ pub(super) enum Bench {
         #[arg(long, default_value_t = 2.0)]
         seconds: f64,
     },
+    /// Seconds a step and an epoch of training take on all cores, and peak memory: both networks, both recipes
+    Train {
+        /// Behaviours to train on, as many as in a campaign's data set
+        #[arg(long, default_value_t = 10_000)]
+        behaviours: usize,
+    },
 }
 
 impl Bench {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
-        let Self::Simulate { seconds } = self;
-        let span = Duration::try_from_secs_f64(seconds)
-            .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a number of seconds")))?;
-        if !as_json {
-            println!(
-                "{:<14} {:<34} {:>16} {:>10}",
-                "MODEL", "WHAT", "EVALUATIONS/S", "x SCALAR"
-            );
+        match self {
+            Self::Simulate { seconds } => simulations(seconds, as_json),
+            Self::Train { behaviours } => trainings(behaviours, as_json),
         }
-        for model in CapabilityModel::ALL {
-            for (what, full) in [("simulation", false), ("simulation + features + image", true)] {
-                let [scalar, fast] = alternately(model, full, span)?;
-                if as_json {
-                    json::print(&json::bench(model, what, fast, fast / scalar));
-                } else {
-                    println!(
-                        "{:<14} {what:<34} {fast:>16.0} {:>10.2}",
-                        model.name(),
-                        fast / scalar
-                    );
-                }
+    }
+}
+
+fn trainings(behaviours: usize, as_json: bool) -> Result<(), CliError> {
+    if !as_json {
+        println!(
+            "{:<10} {:<10} {:>9} {:>14} {:>9} {:>9} {:>14}",
+            "NETWORK", "RECIPE", "WEIGHTS", "TRIPLETS/STEP", "S/STEP", "S/EPOCH", "PEAK MEMORY"
+        );
+    }
+    let report = |figures: train::Figures| {
+        if as_json {
+            json::print(&json::bench_train(&figures));
+            return;
+        }
+        let memory = figures
+            .peak_memory
+            .map_or("-".to_owned(), |bytes| format!("{} MiB", bytes >> 20));
+        println!(
+            "{:<10} {:<10} {:>9} {:>14} {:>9.3} {:>9.2} {memory:>14}",
+            figures.network,
+            figures.recipe,
+            figures.weights,
+            figures.triplets_per_step,
+            figures.step_seconds,
+            figures.epoch_seconds,
+        );
+    };
+    train::train(behaviours, report).map_err(|error| CliError::Input(error.to_string()))
+}
+
+fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
+    let span = Duration::try_from_secs_f64(seconds)
+        .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a number of seconds")))?;
+    if !as_json {
+        println!(
+            "{:<14} {:<34} {:>16} {:>10}",
+            "MODEL", "WHAT", "EVALUATIONS/S", "x SCALAR"
+        );
+    }
+    for model in CapabilityModel::ALL {
+        for (what, full) in [("simulation", false), ("simulation + features + image", true)] {
+            let [scalar, fast] = alternately(model, full, span)?;
+            if as_json {
+                json::print(&json::bench_simulate(model, what, fast, fast / scalar));
+            } else {
+                println!(
+                    "{:<14} {what:<34} {fast:>16.0} {:>10.2}",
+                    model.name(),
+                    fast / scalar
+                );
             }
         }
-        Ok(())
     }
+    Ok(())
 }
 
 /// Evaluations a second, scalar and with this machine's best instructions: the same uniform sample of the paper's

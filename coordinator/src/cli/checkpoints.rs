@@ -108,7 +108,15 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) {
 }
 
 async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Result<(), CliError> {
-    let digest = find(client, digest).await?.digest;
+    let bytes = fetch(client, digest).await?;
+    fs::write(file, bytes).map_err(|error| CliError::unwritable(file, &error))?;
+    eprintln!("wrote {}", file.display());
+    Ok(())
+}
+
+/// The model of the one checkpoint whose digest begins like this.
+pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Result<Vec<u8>, CliError> {
+    let digest = find(client, beginning).await?.digest;
     let request = v1::FetchCheckpointRequest {
         digest: digest.clone(),
     };
@@ -122,9 +130,7 @@ async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Res
             "the bytes that came are not those of checkpoint {digest}"
         )));
     }
-    fs::write(file, bytes).map_err(|error| CliError::unwritable(file, &error))?;
-    eprintln!("wrote {}", file.display());
-    Ok(())
+    Ok(bytes)
 }
 
 async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {

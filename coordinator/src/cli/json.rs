@@ -4,7 +4,7 @@ use murmuration_proto::{CampaignSpec, CapabilityModel, Dataset, EmbedderSource, 
 use serde_json::{Value, json};
 
 /// Version of every object printed here; it rises when a field changes its meaning or goes.
-const SCHEMA: u32 = 1;
+pub(super) const SCHEMA: u32 = 1;
 
 /// What a campaign's embedder is trained on, if one is.
 fn dataset(spec: &CampaignSpec) -> Option<&Dataset> {
@@ -124,13 +124,27 @@ pub(super) fn checkpoint(checkpoint: &v1::Checkpoint) -> Value {
     })
 }
 
-/// A figure of `murmuration bench`.
-pub(super) fn bench(model: CapabilityModel, what: &str, per_second: f64, ratio: f64) -> Value {
+/// A figure of `murmuration bench simulate`.
+pub(super) fn bench_simulate(model: CapabilityModel, what: &str, per_second: f64, ratio: f64) -> Value {
     json!({
         "schema": SCHEMA,
         "model": model.name(),
         "what": what,
         "evaluations_per_second_per_core": per_second,
         "ratio_to_scalar": ratio,
+    })
+}
+
+/// A figure of `murmuration bench train`.
+pub(super) fn bench_train(figures: &murmuration_trainer::bench::Figures) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "network": figures.network,
+        "recipe": figures.recipe,
+        "weights": figures.weights,
+        "triplets_per_step": figures.triplets_per_step,
+        "seconds_per_step": figures.step_seconds,
+        "seconds_per_epoch": figures.epoch_seconds,
+        "peak_memory_bytes": figures.peak_memory,
     })
 }

@@ -148,7 +148,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Simulate(simulate) => simulate.execute(global.json),
         Command::Filter(filter) => filter.execute(global.json),
         Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
-        Command::Accuracy(accuracy) => accuracy.execute(global.json),
+        Command::Accuracy(accuracy) => accuracy.execute(&global).await,
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

@@ -126,6 +126,33 @@ fn an_embedder_has_mean_zero_and_spread_one() {
 }
 
 #[test]
+fn the_untrained_recipe_publishes_the_first_weights() {
+    let configuration = Configuration::from_toml(&format!("recipe = \"untrained\"\n{SMALL}")).unwrap();
+    let mut training = Training::new(&configuration, bars()).unwrap();
+    assert_eq!(
+        (training.ending(), training.epoch()),
+        (Some(Ending::LastEpoch), 0)
+    );
+    assert_eq!(training.step(), None);
+    let quality = training.quality();
+    assert!((0.0..=1.0).contains(&quality.triplet_accuracy) && quality.spread > 0.0 && quality.rank >= 1.0);
+    let architecture = configuration.architecture(12).unwrap();
+    let first =
+        Network::<f32>::initialise(architecture, configuration.seed()).embed(training.held_out.plain());
+    let published = training.embedder().embed(training.held_out.plain());
+    let mean = Moments::of(&first, 3).mean;
+    for (first, published) in first.chunks_exact(3).zip(published.chunks_exact(3)) {
+        for ((first, published), mean) in first.iter().zip(published).zip(&mean) {
+            let scaled = (f64::from(*first) - mean) / quality.spread;
+            assert!(
+                (scaled - f64::from(*published)).abs() < 1e-4,
+                "{scaled} is not {published}"
+            );
+        }
+    }
+}
+
+#[test]
 fn training_stops_when_held_out_triplets_get_no_better() {
     let text = "[recipe.in-batch]\nbatch = 54\nepochs = 1000\npatience = 3\nlearning_rate = 1e-9";
     let training = finished(training(text));
