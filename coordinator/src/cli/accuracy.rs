@@ -1,7 +1,10 @@
 //! `accuracy`: how well an embedding agrees with classes that people gave.
 
 use super::{CliError, Global, checkpoints, connection::Connection, json};
-use crate::accuracy::{Accuracy, Labels, LabelsError, Summary, Tally};
+use crate::{
+    accuracy::{Accuracy, Labels, LabelsError, Summary, Tally},
+    local::Helpers,
+};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_proto::{CheckpointDigest, ImageFormat, onnx::EmbedderModel, training::Architecture};
 use murmuration_trainer::network::Network;
@@ -205,7 +208,7 @@ async fn checkpoint(named: &str, global: &Global) -> Result<(String, Embedder), 
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
     let file = if is_digest && !path.exists() {
-        let mut connection = Connection::open(global, 0).await?;
+        let mut connection = Connection::open(global, Helpers::NONE).await?;
         let fetched = checkpoints::fetch(&mut connection.checkpoints, named).await;
         connection.close().await?;
         fetched?

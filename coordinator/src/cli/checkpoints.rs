@@ -5,16 +5,12 @@ use super::{
     connection::{CheckpointClient, Connection},
     json,
 };
-use crate::local::Helpers;
-use crate::store::DataDirectory;
+use crate::{local::Helpers, store::DataDirectory};
 use murmuration_proto::{CheckpointDigest, Lineage, v1};
 use std::{
     fs,
     path::{Path, PathBuf},
 };
-
-/// Bytes in one chunk.
-const CHUNK: usize = 1 << 20;
 
 /// What to do with checkpoints.
 #[derive(Debug, clap::Subcommand)]
@@ -135,15 +131,7 @@ pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Res
 
 async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {
     let bytes = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
-    let lineage = Lineage::default();
-    let description = lineage.describe(CheckpointDigest::of(&bytes), bytes.len() as u64, 0);
-    let chunks = bytes
-        .chunks(CHUNK)
-        .map(|data| v1::CheckpointChunk { data: data.to_vec() });
-    let parts: Vec<_> = std::iter::once(v1::publish_checkpoint_request::Part::Description(description))
-        .chain(chunks.map(v1::publish_checkpoint_request::Part::Chunk))
-        .map(|part| v1::PublishCheckpointRequest { part: Some(part) })
-        .collect();
+    let parts = Lineage::default().publish_requests(&bytes);
     let checkpoint = client
         .publish_checkpoint(tokio_stream::iter(parts))
         .await?

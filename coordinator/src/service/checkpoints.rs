@@ -6,11 +6,8 @@ use crate::{
     store::CheckpointRecord,
 };
 use bytes::{Bytes, BytesMut};
-use murmuration_proto::{CheckpointDigest, Invalid, Lineage, onnx::MAX_MODEL_BYTES, v1};
+use murmuration_proto::{CheckpointDigest, Invalid, Lineage, PART_BYTES, onnx::MAX_MODEL_BYTES, v1};
 use tonic::{Request, Response, Status, Streaming};
-
-/// Bytes in one chunk.
-const CHUNK: usize = 1 << 20;
 
 /// Implements `murmuration.v1.CheckpointService`.
 #[derive(Debug, Clone)]
@@ -51,9 +48,9 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
     ) -> Result<Response<Self::FetchCheckpointStream>, Status> {
         let digest = request.get_ref().digest.parse::<CheckpointDigest>()?;
         let mut rest = self.checkpoints.fetch(digest).await?;
-        let mut chunks = Vec::with_capacity(rest.len().div_ceil(CHUNK));
+        let mut chunks = Vec::with_capacity(rest.len().div_ceil(PART_BYTES));
         while !rest.is_empty() {
-            let data = rest.split_to(CHUNK.min(rest.len())).to_vec();
+            let data = rest.split_to(PART_BYTES.min(rest.len())).to_vec();
             chunks.push(Ok(v1::CheckpointChunk { data }));
         }
         Ok(Response::new(Box::pin(tokio_stream::iter(chunks))))

@@ -6,13 +6,10 @@ use crate::{
     dispatch::Trainers,
     store::{CampaignRecord, Store, StoreError},
 };
-use murmuration_proto::{TRAINER_VERSION, v1};
+use murmuration_proto::{PART_BYTES, TRAINER_VERSION, v1};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
-
-/// Bytes in one part, about.
-const PART: usize = 1 << 20;
 
 /// Implements `murmuration.v1.TrainerService`.
 #[derive(Debug, Clone)]
@@ -78,7 +75,7 @@ fn send(
             .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
             .is_ok()
     };
-    let each = (PART / record.spec.image().pixels()).max(1) as u64;
+    let each = (PART_BYTES / record.spec.image().pixels()).max(1) as u64;
     for place in (0..record.pictures_done).step_by(each as usize) {
         let images = store.dataset_images(&record.id, place..place + each)?;
         if !send(Part::Pictures(images)) {
@@ -86,7 +83,7 @@ fn send(
         }
     }
     if let Some(saved) = store.saved_training(&record.id)? {
-        for part in saved.bytes.chunks(PART) {
+        for part in saved.bytes.chunks(PART_BYTES) {
             if !send(Part::Saved(part.to_vec())) {
                 return Ok(());
             }
