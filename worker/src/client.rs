@@ -6,6 +6,8 @@ mod checkpoints;
 mod desk;
 mod lease;
 mod pool;
+#[cfg(test)]
+mod tests;
 
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
