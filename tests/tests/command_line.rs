@@ -358,7 +358,7 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
     desk.check(
         &["resume", "small-1"],
         0,
-        "campaign small-1 goes on after generation 0",
+        "campaign small-1 goes on with its stage evolve after generation 0",
     );
     desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
 }

@@ -5,18 +5,18 @@ use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
     CheckpointDigest, Lineage,
     onnx::{EmbedderModel, ModelError},
-    training::Configuration,
+    training::{Configuration, Recipe},
     v1,
 };
 use std::collections::BTreeMap;
 
 /// Pictures that both embed, the network and ONNX Runtime.
 const COMPARED: usize = 256;
-/// By how much a number of the two embeddings, which have spread 1, may differ: rounding, and what scaling adds to it.
-/// A network that is not trained can have its embeddings so close together (spread 1e-5 at a distance of 0.1 from 0)
-/// that what its last layer adds up, then scaled to 10,000, is far larger than what comes out.
+/// By how much a number of the two embeddings, which have spread 1, may differ: rounding.
 const MOST_DIFFERENCE: f32 = 1e-5;
-const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
+/// The same for a network that is not trained: its embeddings can lie so close together (spread 1e-5 at a distance of
+/// 0.1 from 0) that what its last layer adds up, once scaled, is far larger than what comes out.
+const MOST_UNTRAINED_DIFFERENCE: f32 = 1e-2;
 /// Spread of a collapsed embedding: to scale it to 1 would make rounding errors large.
 const LEAST_SPREAD: f64 = 1e-6;
 
@@ -66,7 +66,10 @@ impl Publication {
         let bytes = onnx::export(&network);
         let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
         let difference = difference(&network, &mut embedder, pictures)?;
-        let allowed = allowed_difference(&network);
+        let allowed = match configuration.recipe() {
+            Recipe::Untrained => allowed_untrained(&network),
+            Recipe::Paper(_) | Recipe::InBatch(_) => MOST_DIFFERENCE,
+        };
         // Not `>`: a difference that is no number is one.
         if !matches!(difference, 0.0..) || difference > allowed {
             return Err(Unpublishable::Differs {
@@ -114,12 +117,12 @@ impl Publication {
 
 /// In proportion to the biases of the last layer, which come last: what it adds up is as large, where it is larger
 /// than the embeddings.
-fn allowed_difference(network: &Network) -> f32 {
+fn allowed_untrained(network: &Network) -> f32 {
     let biases = network.parameters().len() - network.architecture().dimensions();
     let largest = network.parameters()[biases..]
         .iter()
         .fold(1.0, |most: f32, bias| most.max(bias.abs()));
-    (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
+    (MOST_DIFFERENCE * largest).min(MOST_UNTRAINED_DIFFERENCE)
 }
 
 /// The largest difference between the two's embeddings, over pictures from first to last.

@@ -3,7 +3,7 @@
 use super::{
     CliError, Global,
     connection::Connection,
-    follow::{Show, follow},
+    follow::{Show, follow, stage_name},
     json,
     report::write_report,
 };
@@ -118,8 +118,10 @@ impl Resume {
         let campaign = connection.client.resume_campaign(request).await?.into_inner();
         if connection.is_own() {
             eprintln!(
-                "campaign {} goes on after generation {}",
-                campaign.id, campaign.generations_done
+                "campaign {} goes on with its stage {} after generation {}",
+                campaign.id,
+                stage_name(campaign.stage()),
+                campaign.generations_done
             );
             return to_report(connection, global, &campaign.id).await;
         }
