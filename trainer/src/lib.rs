@@ -5,11 +5,9 @@
 //! called in. [`client`] is the network face: it leases trainings from a coordinator and publishes what they come to.
 #![deny(missing_docs)]
 
-pub mod accuracy;
 mod augment;
 pub mod bench;
 pub mod client;
-pub mod kin;
 mod lanes;
 mod layers;
 mod loss;

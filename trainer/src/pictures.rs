@@ -1,7 +1,7 @@
 //! What is trained on: grey pictures, one or more of each behaviour.
 
 /// Grey pictures, all of one side. Several pictures of one behaviour (its views) belong together without anybody
-/// having labelled them: the same controller from other starts, say, or [close kin of it](crate::kin).
+/// having labelled them: the same controller from other starts, say.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pictures {
     side: usize,

@@ -171,7 +171,7 @@ impl Default for InBatch {
         Self {
             margin: 1.0,
             batch: 256,
-            learning_rate: 4e-3,
+            learning_rate: 3e-3,
             weight_decay: 1e-6,
             epochs: 16,
             patience: 8,
