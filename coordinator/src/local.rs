@@ -3,19 +3,19 @@
 use crate::server::{Coordinator, Options, ServerError};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
-use std::num::NonZeroUsize;
+use std::{fmt::Display, num::NonZeroUsize};
 use tokio::{sync::watch, task::JoinHandle};
 
-/// How many helpers a coordinator has in its own process.
+/// The workers and trainers that a coordinator has in its own process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Helpers {
+pub struct Crew {
     /// Workers, of one thread each.
     pub workers: usize,
     /// Trainers; they share the process's thread pool.
     pub trainers: usize,
 }
 
-impl Helpers {
+impl Crew {
     /// None: work waits for processes elsewhere.
     pub const NONE: Self = Self {
         workers: 0,
@@ -23,21 +23,21 @@ impl Helpers {
     };
 }
 
-/// A coordinator with helpers in its own process.
+/// A coordinator with a crew in its own process.
 #[derive(Debug)]
 pub struct LocalCluster {
     coordinator: Coordinator,
     stop: watch::Sender<bool>,
     /// Each ends when it was told to stop, or has said in the log why it failed.
-    helpers: Vec<JoinHandle<()>>,
+    crew: Vec<JoinHandle<()>>,
 }
 
 impl LocalCluster {
-    /// Starts the coordinator, then the helpers, which connect to it.
+    /// Starts the coordinator, then its crew, which connects to it.
     ///
     /// # Errors
     /// If the coordinator cannot start.
-    pub async fn start(options: Options, helpers: Helpers) -> Result<Self, ServerError> {
+    pub async fn start(options: Options, crew: Crew) -> Result<Self, ServerError> {
         let cache = options.data.path().join("cache");
         let coordinator = Coordinator::start(options).await?;
         let url = coordinator.url();
@@ -49,29 +49,19 @@ impl LocalCluster {
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
             };
-            let stopped = stopped.clone();
-            tokio::spawn(async move {
-                if let Err(error) = worker::run(options, stopped).await {
-                    tracing::error!(%error, "a worker of this process gave up");
-                }
-            })
+            spawn(worker::run(options, stopped.clone()))
         };
         let train = |number| {
             let options = trainer::Options {
                 coordinator: url.clone(),
                 name: format!("in-process-{number}"),
             };
-            let stopped = stopped.clone();
-            tokio::spawn(async move {
-                if let Err(error) = trainer::run(options, stopped).await {
-                    tracing::error!(%error, "a trainer of this process gave up");
-                }
-            })
+            spawn(trainer::run(options, stopped.clone()))
         };
-        let workers = (1..=helpers.workers).map(work);
-        let trainers = (1..=helpers.trainers).map(train);
+        let workers = (1..=crew.workers).map(work);
+        let trainers = (1..=crew.trainers).map(train);
         Ok(Self {
-            helpers: workers.chain(trainers).collect(),
+            crew: workers.chain(trainers).collect(),
             coordinator,
             stop,
         })
@@ -83,17 +73,25 @@ impl LocalCluster {
         &self.coordinator
     }
 
-    /// Stops campaigns, helpers and coordinator, in that order.
+    /// Stops campaigns, crew and coordinator, in that order.
     ///
     /// # Errors
     /// If the server had broken.
     pub async fn shutdown(self) -> Result<(), ServerError> {
         self.coordinator.stop_searches().await;
         self.stop.send_replace(true);
-        for helper in self.helpers {
+        for member in self.crew {
             // One that panicked has said so in the log.
-            let _ = helper.await;
+            let _ = member.await;
         }
         self.coordinator.shutdown().await
     }
+}
+
+fn spawn<E: Display>(run: impl Future<Output = Result<(), E>> + Send + 'static) -> JoinHandle<()> {
+    tokio::spawn(async move {
+        if let Err(error) = run.await {
+            tracing::error!(%error, "a worker or trainer of this process gave up");
+        }
+    })
 }

@@ -2,7 +2,7 @@
 
 use murmuration_coordinator::{
     dispatch,
-    local::{Helpers, LocalCluster},
+    local::{Crew, LocalCluster},
     server::Options,
     store::DataDirectory,
 };
@@ -61,7 +61,7 @@ impl Cluster {
             checkpoints: None,
             dispatch: quick_dispatch(),
         };
-        let local = LocalCluster::start(options, Helpers { workers, trainers: 1 })
+        let local = LocalCluster::start(options, Crew { workers, trainers: 1 })
             .await
             .unwrap();
         let client = CampaignServiceClient::connect(local.coordinator().url())

@@ -1,6 +1,6 @@
 //! The command line as people and programs meet it: exit codes, words, JSON.
 
-use murmuration_tests::{Finished, Murmuration, Running, small_spec};
+use murmuration_tests::{Finished, Murmuration, Running, small_latent_spec, small_spec};
 use serde_json::Value;
 use std::{fs, path::Path};
 use tempfile::TempDir;
@@ -464,4 +464,48 @@ fn workers_of_their_own_processes_come_and_go() {
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let digest = desk.murmuration.run(&["digest", "small-2"]);
     assert_eq!(digest.stdout.trim(), undisturbed);
+}
+
+#[test]
+fn a_latent_campaign_runs_unattended_and_moves_to_another_checkpoint() {
+    let desk = Desk::new();
+    let spec = desk.write("latent.toml", &small_latent_spec("").to_toml());
+    let first = desk.murmuration.run(&["run", &spec]);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let again = json(&desk.murmuration.run(&["run", &spec, "--json"]));
+    assert!(
+        first.stdout.contains(again["digest"].as_str().unwrap()),
+        "{}",
+        first.stdout
+    );
+    let other = json(&desk.murmuration.run(&["run", &spec, "--seed", "9", "--json"]));
+    assert_ne!(other["digest"], again["digest"]);
+
+    let checkpoints = desk.murmuration.run(&["checkpoints", "list", "--json"]).stdout;
+    let checkpoints: Vec<Value> = checkpoints
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(checkpoints.len(), 2, "one of each seed");
+    for metric in ["triplet_accuracy", "spread", "rank"] {
+        assert!(checkpoints[0]["metrics"][metric].as_f64().unwrap() > 0.0);
+    }
+    let second = checkpoints[1]["checkpoint"].as_str().unwrap();
+    desk.check(
+        &["adopt", "small-1", &second[..10]],
+        0,
+        "open the report in a browser",
+    );
+    let shown = json(&desk.murmuration.run(&["show", "small-1", "--json"]));
+    assert_eq!(
+        (&shown["checkpoint"], &shown["state"]),
+        (&second.into(), &"completed".into())
+    );
+    let page = fs::read_to_string(desk.path("data/reports/small-1/report.html")).unwrap();
+    assert!(page.contains(second) && page.contains("learned embedding"));
+    desk.check(
+        &["adopt", "small-1", "0000"],
+        2,
+        "there is no checkpoint \"0000\"",
+    );
 }

@@ -195,3 +195,22 @@ async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
     assert_eq!(cluster.status(&id).await.state(), v1::CampaignState::Completed);
     cluster.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_that_is_cancelled_leaves_its_trainer_to_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let endless = small_latent_spec("").to_toml().replace("epochs = 3", "epochs = 100000");
+    let endless = endless.replace("patience = 8", "patience = 100000");
+    let endless = cluster.create(&CampaignSpec::from_toml(&endless).unwrap()).await;
+    while cluster.status(&endless).await.training.is_none() {
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+    let request = v1::CancelCampaignRequest {
+        campaign: endless.clone(),
+    };
+    cluster.client.cancel_campaign(request).await.unwrap();
+    assert_eq!(cluster.status(&endless).await.state(), v1::CampaignState::Cancelled);
+    run(&mut cluster, &small_latent_spec("")).await;
+    cluster.stop().await;
+}

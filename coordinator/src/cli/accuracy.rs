@@ -3,7 +3,7 @@
 use super::{CliError, Global, checkpoints, connection::Connection, json};
 use crate::{
     accuracy::{Accuracy, Labels, LabelsError, Summary, Tally},
-    local::Helpers,
+    local::Crew,
 };
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_proto::{CheckpointDigest, ImageFormat, onnx::EmbedderModel, training::Architecture};
@@ -208,7 +208,7 @@ async fn checkpoint(named: &str, global: &Global) -> Result<(String, Embedder), 
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
     let file = if is_digest && !path.exists() {
-        let mut connection = Connection::open(global, Helpers::NONE).await?;
+        let mut connection = Connection::open(global, Crew::NONE).await?;
         let fetched = checkpoints::fetch(&mut connection.checkpoints, named).await;
         connection.close().await?;
         fetched?

@@ -5,9 +5,9 @@ use super::{
     connection::{Client, Connection},
     follow::{Show as FollowShow, follow},
     json,
-    run::{HelperCounts, read_spec},
+    run::{CrewSize, read_spec},
 };
-use crate::local::Helpers;
+use crate::local::Crew;
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, v1};
 use std::path::PathBuf;
 use tonic::Status;
@@ -51,7 +51,7 @@ pub(super) struct Show {
 impl Submit {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let spec = read_spec(&self.spec, self.seed)?;
-        let mut connection = Connection::open(global, Helpers::NONE).await?;
+        let mut connection = Connection::open(global, Crew::NONE).await?;
         if connection.is_own() {
             connection.close().await?;
             let said = "no coordinator is running: start `murmuration serve`, or use `murmuration run`";
@@ -74,7 +74,7 @@ impl Submit {
 impl Adopt {
     /// Has a campaign move to another checkpoint; where this process runs the coordinator, to the end.
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, HelperCounts::default().count()).await?;
+        let mut connection = Connection::open(global, CrewSize::default().count()).await?;
         let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
         let request = v1::AdoptCheckpointRequest {
             campaign: self.campaign,
@@ -101,7 +101,7 @@ pub(super) fn changed(global: &Global, campaign: &v1::Campaign, what: &str, next
 }
 
 pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Helpers::NONE).await?;
+    let mut connection = Connection::open(global, Crew::NONE).await?;
     let show = if global.json {
         FollowShow::Lines
     } else {
@@ -128,7 +128,7 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
 }
 
 pub(super) async fn list(global: &Global) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Helpers::NONE).await?;
+    let mut connection = Connection::open(global, Crew::NONE).await?;
     let listed = connection
         .client
         .list_campaigns(v1::ListCampaignsRequest {})
@@ -184,7 +184,7 @@ fn state(campaign: &v1::Campaign) -> String {
 
 impl Show {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, Helpers::NONE).await?;
+        let mut connection = Connection::open(global, Crew::NONE).await?;
         let request = v1::GetCampaignRequest {
             campaign: self.campaign,
         };
@@ -260,7 +260,7 @@ fn show_individual(
 }
 
 pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Helpers::NONE).await?;
+    let mut connection = Connection::open(global, Crew::NONE).await?;
     let request = v1::PauseCampaignRequest {
         campaign: campaign.to_owned(),
     };
@@ -277,7 +277,7 @@ pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliErro
 }
 
 pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Helpers::NONE).await?;
+    let mut connection = Connection::open(global, Crew::NONE).await?;
     let request = v1::CancelCampaignRequest {
         campaign: campaign.to_owned(),
     };
@@ -293,7 +293,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
 }
 
 pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Helpers::NONE).await?;
+    let mut connection = Connection::open(global, Crew::NONE).await?;
     let answer = id_and_digest(&mut connection.client, campaign).await;
     connection.close().await?;
     let (id, digest) = answer?;

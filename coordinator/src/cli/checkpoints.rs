@@ -5,7 +5,7 @@ use super::{
     connection::{CheckpointClient, Connection},
     json,
 };
-use crate::{local::Helpers, store::DataDirectory};
+use crate::{local::Crew, store::DataDirectory};
 use murmuration_proto::{CheckpointDigest, Lineage, v1};
 use std::{
     fs,
@@ -40,9 +40,9 @@ impl CheckpointsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let mut connection = match &self {
             Self::Import { .. } if global.coordinator.is_none() && !global.data.exists() => {
-                Connection::start(global, DataDirectory::hold(&global.data)?, Helpers::NONE).await?
+                Connection::start(global, DataDirectory::hold(&global.data)?, Crew::NONE).await?
             }
-            _ => Connection::open(global, Helpers::NONE).await?,
+            _ => Connection::open(global, Crew::NONE).await?,
         };
         let done = self.with(&mut connection.checkpoints, global.json).await;
         connection.close().await?;

@@ -3,7 +3,7 @@
 use super::{CliError, Global, loopback};
 use crate::{
     dispatch,
-    local::{Helpers, LocalCluster},
+    local::{Crew, LocalCluster},
     server::Options,
     store::{DataDirectory, StoreError},
 };
@@ -29,13 +29,13 @@ pub(super) struct Connection {
 
 impl Connection {
     /// Reaches the coordinator that was named, or the one that holds the data directory, or starts one over it
-    /// with these helpers (which goes on with no campaign by itself).
-    pub(super) async fn open(global: &Global, helpers: Helpers) -> Result<Self, CliError> {
+    /// with this crew (which goes on with no campaign by itself).
+    pub(super) async fn open(global: &Global, crew: Crew) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
             return Self::to(url, None).await;
         }
         match DataDirectory::hold_existing(&global.data) {
-            Ok(data) => Self::start(global, data, helpers).await,
+            Ok(data) => Self::start(global, data, crew).await,
             Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                 Self::to(&holder.address, None).await
             }
@@ -44,11 +44,7 @@ impl Connection {
     }
 
     /// Starts a coordinator over a data directory that this process holds.
-    pub(super) async fn start(
-        global: &Global,
-        data: DataDirectory,
-        helpers: Helpers,
-    ) -> Result<Self, CliError> {
+    pub(super) async fn start(global: &Global, data: DataDirectory, crew: Crew) -> Result<Self, CliError> {
         let options = Options {
             data,
             listen: loopback(0),
@@ -56,7 +52,7 @@ impl Connection {
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
-        let own = LocalCluster::start(options, helpers).await?;
+        let own = LocalCluster::start(options, crew).await?;
         let url = own.coordinator().url();
         Self::to(&url, Some(own)).await
     }

@@ -6,7 +6,7 @@ use super::{
     error::report_folder,
 };
 use crate::{
-    local::Helpers,
+    local::Crew,
     novelty::Behaviours,
     projection,
     report::{self, Entry, GenerationSummary, Map, MedoidEntry, Report},
@@ -33,7 +33,7 @@ impl ReportCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let mut connection = Connection::open(
             global,
-            Helpers {
+            Crew {
                 workers: 1,
                 trainers: 0,
             },

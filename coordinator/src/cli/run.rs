@@ -7,7 +7,7 @@ use super::{
     json,
     report::write_report,
 };
-use crate::{local::Helpers, store::DataDirectory};
+use crate::{local::Crew, store::DataDirectory};
 use indicatif::HumanCount;
 use murmuration_embed::Runtime;
 use murmuration_link::termination;
@@ -29,7 +29,7 @@ pub(super) struct Run {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     #[command(flatten)]
-    helpers: HelperCounts,
+    crew: CrewSize,
 }
 
 /// Arguments of `resume`.
@@ -38,12 +38,12 @@ pub(super) struct Resume {
     /// Campaign id, or `latest`
     campaign: String,
     #[command(flatten)]
-    helpers: HelperCounts,
+    crew: CrewSize,
 }
 
 /// How many workers and trainers to start in this process.
 #[derive(Debug, Default, clap::Args)]
-pub(super) struct HelperCounts {
+pub(super) struct CrewSize {
     /// Workers in this process, one thread each [default: number of cores]
     #[arg(long, value_name = "N")]
     workers: Option<usize>,
@@ -52,35 +52,35 @@ pub(super) struct HelperCounts {
     trainers: Option<usize>,
 }
 
-impl HelperCounts {
-    pub(super) fn count(&self) -> Helpers {
+impl CrewSize {
+    pub(super) fn count(&self) -> Crew {
         let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let workers = self.workers.unwrap_or_else(cores);
-        Helpers {
+        Crew {
             workers,
             trainers: self.trainers.unwrap_or(workers.min(1)),
         }
     }
 
     /// At least one of each, where nobody else could do the work.
-    fn some(&self) -> Result<Helpers, CliError> {
-        let helpers = self.count();
-        if helpers.workers == 0 {
+    fn some(&self) -> Result<Crew, CliError> {
+        let crew = self.count();
+        if crew.workers == 0 {
             let said = "--workers 0: without workers nothing would be evaluated";
             return Err(CliError::Input(said.to_owned()));
         }
-        if helpers.trainers == 0 {
+        if crew.trainers == 0 {
             let said = "--trainers 0: without a trainer no embedder would be trained";
             return Err(CliError::Input(said.to_owned()));
         }
-        Ok(helpers)
+        Ok(crew)
     }
 }
 
 impl Run {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let spec = read_spec(&self.spec, self.seed)?;
-        let helpers = self.helpers.some()?;
+        let crew = self.crew.some()?;
         if let Some(url) = &global.coordinator {
             let hint =
                 format!("`run` does everything in this process; for the coordinator at {url} use `submit`");
@@ -92,7 +92,7 @@ impl Run {
             // To be told after the dataset is simulated would be late.
             Runtime::load()?;
         }
-        let mut connection = Connection::start(global, data, helpers).await?;
+        let mut connection = Connection::start(global, data, crew).await?;
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec).into()),
         };
@@ -103,7 +103,7 @@ impl Run {
             spec.model(),
             spec.method(),
             HumanCount(spec.search().evaluations()),
-            helpers.workers,
+            crew.workers,
         );
         to_report(connection, global, &campaign.id).await
     }
@@ -111,7 +111,7 @@ impl Run {
 
 impl Resume {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, self.helpers.some()?).await?;
+        let mut connection = Connection::open(global, self.crew.some()?).await?;
         let request = v1::ResumeCampaignRequest {
             campaign: self.campaign,
         };

@@ -1,6 +1,6 @@
 //! `serve`: a coordinator that stays.
 
-use super::{CliError, Global, loopback, run::HelperCounts};
+use super::{CliError, Global, loopback, run::CrewSize};
 use crate::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
 use murmuration_link::termination;
 use std::net::SocketAddr;
@@ -15,7 +15,7 @@ pub(super) struct Serve {
     #[arg(long, default_value_t = loopback(PORT))]
     listen: SocketAddr,
     #[command(flatten)]
-    helpers: HelperCounts,
+    crew: CrewSize,
 }
 
 impl Serve {
@@ -29,7 +29,7 @@ impl Serve {
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
-        let cluster = LocalCluster::start(options, self.helpers.count()).await?;
+        let cluster = LocalCluster::start(options, self.crew.count()).await?;
         let url = cluster.coordinator().url();
         eprintln!("serving {} at {url}", global.data.display());
         eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}");
