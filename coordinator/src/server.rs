@@ -6,6 +6,7 @@ use crate::{
     dispatch::{self, Dispatch, Trainers},
     service::{CampaignApi, CheckpointApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
+    web::{self, Web},
 };
 use murmuration_proto::{
     FILE_DESCRIPTORS,
@@ -17,7 +18,7 @@ use murmuration_proto::{
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::{net::TcpListener, sync::oneshot, task::JoinHandle};
 use tokio_stream::wrappers::TcpListenerStream;
-use tonic::transport::Server;
+use tonic::{service::Routes, transport::Server};
 
 /// Largest message taken from a worker: a full batch of the largest pictures.
 const MAX_WORKER_MESSAGE: usize = 96 << 20;
@@ -109,6 +110,10 @@ impl Coordinator {
             .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
+        let web = Web {
+            campaigns: campaigns.clone(),
+            store: store.clone(),
+        };
         let campaign_api = CampaignApi {
             campaigns: campaigns.clone(),
             store: store.clone(),
@@ -137,17 +142,20 @@ impl Coordinator {
             .set_serving::<TrainerServiceServer<TrainerApi>>()
             .await;
 
+        let services = Routes::new(campaign_service)
+            .add_service(worker_service)
+            .add_service(trainer_service)
+            .add_service(checkpoint_service)
+            .add_service(health)
+            .add_service(reflection);
         let (stop, stopped) = oneshot::channel();
         let server = Server::builder()
             .tcp_nodelay(true)
             .http2_keepalive_interval(Some(Duration::from_secs(2)))
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
-            .add_service(campaign_service)
-            .add_service(worker_service)
-            .add_service(trainer_service)
-            .add_service(checkpoint_service)
-            .add_service(health)
-            .add_service(reflection)
+            // What browsers speak on a plain connection.
+            .accept_http1(true)
+            .add_routes(web::beside(services, web))
             .serve_with_incoming_shutdown(TcpListenerStream::new(listener), async {
                 // A dropped sender stops the server too.
                 let _ = stopped.await;

@@ -200,7 +200,9 @@ async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
 async fn a_training_that_is_cancelled_leaves_its_trainer_to_others() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 2).await;
-    let endless = small_latent_spec("").to_toml().replace("epochs = 3", "epochs = 100000");
+    let endless = small_latent_spec("")
+        .to_toml()
+        .replace("epochs = 3", "epochs = 100000");
     let endless = endless.replace("patience = 8", "patience = 100000");
     let endless = cluster.create(&CampaignSpec::from_toml(&endless).unwrap()).await;
     while cluster.status(&endless).await.training.is_none() {
@@ -210,7 +212,10 @@ async fn a_training_that_is_cancelled_leaves_its_trainer_to_others() {
         campaign: endless.clone(),
     };
     cluster.client.cancel_campaign(request).await.unwrap();
-    assert_eq!(cluster.status(&endless).await.state(), v1::CampaignState::Cancelled);
+    assert_eq!(
+        cluster.status(&endless).await.state(),
+        v1::CampaignState::Cancelled
+    );
     run(&mut cluster, &small_latent_spec("")).await;
     cluster.stop().await;
 }

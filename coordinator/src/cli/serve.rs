@@ -32,6 +32,7 @@ impl Serve {
         let cluster = LocalCluster::start(options, self.crew.count()).await?;
         let url = cluster.coordinator().url();
         eprintln!("serving {} at {url}", global.data.display());
+        eprintln!("  pages:     {url} in a browser");
         eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}");
         eprintln!("  workers:   murmuration-worker --coordinator {url}");
         eprintln!("  trainers:  murmuration-trainer --coordinator {url}");

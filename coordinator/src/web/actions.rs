@@ -1,0 +1,84 @@
+//! What people ask for with a button.
+
+use super::{Web, wrong::Wrong};
+use crate::campaign::Change;
+use axum::{
+    Form,
+    extract::{Path, State},
+    response::Redirect,
+};
+use murmuration_proto::{CampaignSpec, Invalid, SpecFileError};
+use serde::Deserialize;
+
+/// Campaigns that can be started with one click: name, what it is, campaign file.
+pub(super) const EXAMPLES: [(&str, &str, &str); 5] = [
+    (
+        "quick-latent",
+        "A small campaign on a learned embedding, in half a minute",
+        include_str!("../../../examples/quick-latent.toml"),
+    ),
+    (
+        "single-sensor-latent",
+        "One sensor, a learned embedding: the paper's campaign",
+        include_str!("../../../examples/single-sensor-latent.toml"),
+    ),
+    (
+        "two-sensor-latent",
+        "Two sensors, a learned embedding",
+        include_str!("../../../examples/two-sensor-latent.toml"),
+    ),
+    (
+        "single-sensor",
+        "One sensor, hand-crafted features",
+        include_str!("../../../examples/single-sensor.toml"),
+    ),
+    (
+        "two-sensor",
+        "Two sensors, hand-crafted features",
+        include_str!("../../../examples/two-sensor.toml"),
+    ),
+];
+
+/// Which example to start.
+#[derive(Debug, Deserialize)]
+pub(super) struct Start {
+    example: String,
+}
+
+pub(super) async fn start(
+    State(web): State<Web>,
+    Form(Start { example }): Form<Start>,
+) -> Result<Redirect, Wrong> {
+    let found = EXAMPLES.iter().find(|(name, _, _)| *name == example);
+    let (_, _, text) = found.ok_or_else(|| {
+        let names = EXAMPLES.map(|(name, _, _)| name).join(", ");
+        Invalid::new("example", format!("{example:?}"), format!("one of {names}"))
+    })?;
+    let spec = CampaignSpec::from_toml(text).map_err(|error| match error {
+        SpecFileError::Value(invalid) => invalid,
+        SpecFileError::Syntax(error) => Invalid::new("example", example, error.to_string()),
+    })?;
+    let created = web.campaigns.create(spec).await?;
+    Ok(page_of(created.record.id.as_str()))
+}
+
+pub(super) async fn pause(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
+    change(web, id, Change::Pause).await
+}
+
+pub(super) async fn resume(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
+    change(web, id, Change::Resume).await
+}
+
+pub(super) async fn cancel(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
+    change(web, id, Change::Cancel).await
+}
+
+async fn change(State(web): State<Web>, Path(id): Path<String>, change: Change) -> Result<Redirect, Wrong> {
+    let changed = web.campaigns.change(&id, change).await?;
+    Ok(page_of(changed.record.id.as_str()))
+}
+
+fn page_of(campaign: &str) -> Redirect {
+    Redirect::to(&format!("/campaigns/{campaign}"))
+}

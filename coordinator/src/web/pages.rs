@@ -1,0 +1,257 @@
+//! The pages themselves.
+
+use super::{Web, actions::EXAMPLES, wrong::Wrong};
+use crate::{
+    campaign::{CampaignError, CampaignState, CampaignStatus, Change, Stage, blocking},
+    picture::grey_png,
+    taxonomy::Taxonomy,
+};
+use axum::{
+    extract::{Path, State},
+    http::header::{CACHE_CONTROL, CONTENT_TYPE},
+    response::IntoResponse,
+};
+use maud::{DOCTYPE, Markup, html};
+use murmuration_proto::EmbedderSource;
+
+/// Pixels of the page for one of a picture.
+const SCALE: u32 = 3;
+
+/// A whole page around `content`.
+pub(super) fn layout(title: &str, content: Markup) -> Markup {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) " · Murmuration" }
+                link rel="stylesheet" href="/style.css";
+                script src="/live.js" defer {}
+            }
+            body {
+                a.skip href="#content" { "Skip to the content" }
+                header { a.home href="/" { "Murmuration" } }
+                main #content { (content) }
+                p.stale-note role="status" { "The coordinator does not answer; this page goes on when it does." }
+            }
+        }
+    }
+}
+
+/// Every campaign, and how to start another.
+pub(super) async fn campaigns(State(web): State<Web>) -> Result<Markup, Wrong> {
+    let listed = web.campaigns.list().await?;
+    Ok(layout(
+        "Campaigns",
+        html! {
+            h1 { "Campaigns" }
+            p.lead { "Which collective behaviours can a swarm of such robots show? Each campaign is a search for them." }
+            section aria-label="Campaigns" data-live="/events" { (table(&listed)) }
+            section aria-labelledby="start" {
+                h2 #start { "Start from an example" }
+                ul.examples {
+                    @for (name, what, _) in EXAMPLES {
+                        li {
+                            form method="post" action="/" {
+                                input type="hidden" name="example" value=(name);
+                                button { "Start " (name) }
+                                span { (what) }
+                            }
+                        }
+                    }
+                }
+            }
+        },
+    ))
+}
+
+/// The part of the list that changes, newest first.
+pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
+    html! {
+        @if campaigns.is_empty() {
+            p { "There is none yet." }
+        } @else {
+            ul.campaigns {
+                @for status in campaigns.iter().rev() {
+                    @let id = status.record.id.as_str();
+                    li {
+                        a id={ "campaign-" (id) } href={ "/campaigns/" (id) } { (id) }
+                        span.about { (status.record.spec.model()) " · " (status.record.spec.method()) }
+                        (progress(status))
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One campaign: how it stands, what can be done with it, what it was asked.
+pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+    let status = web.campaigns.status(&id).await?;
+    let id = status.record.id.as_str();
+    Ok(layout(
+        id,
+        html! {
+            p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
+            h1 { (id) }
+            section aria-label="How it stands" data-live={ "/campaigns/" (id) "/events" } { (standing(&web, &status).await?) }
+            section aria-labelledby="specification" {
+                h2 #specification { "Specification" }
+                details { summary { "Every field" } pre tabindex="0" { code { (status.record.spec.to_toml()) } } }
+            }
+        },
+    ))
+}
+
+/// The part of a campaign's page that changes: progress, what can be done, and the taxonomy once there is one.
+pub(super) async fn standing(web: &Web, status: &CampaignStatus) -> Result<Markup, CampaignError> {
+    let (store, record) = (web.store.clone(), status.record.clone());
+    let taxonomy = blocking(move || Taxonomy::read(&store, &record.id, &record.spec)).await??;
+    let id = status.record.id.as_str();
+    Ok(html! {
+        (progress(status))
+        (facts(status))
+        @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
+        div.actions {
+            @for change in [Change::Pause, Change::Resume, Change::Cancel] {
+                @if offered(status, change) {
+                    form method="post" action={ "/campaigns/" (id) "/" (change.name()) } {
+                        button id=(change.name()) { (capitalised(change.name())) }
+                    }
+                }
+            }
+        }
+        @if let Some(taxonomy) = taxonomy { (behaviours(id, &taxonomy)) }
+    })
+}
+
+/// Whether a button for that makes sense: what the state allows, but not to resume what runs.
+fn offered(status: &CampaignStatus, change: Change) -> bool {
+    let allowed = status.record.state.after(change).is_some();
+    allowed && !(change == Change::Resume && status.active)
+}
+
+fn capitalised(word: &str) -> String {
+    let mut letters = word.chars();
+    letters
+        .next()
+        .map(|first| first.to_uppercase().chain(letters).collect())
+        .unwrap_or_default()
+}
+
+/// How far a campaign has come, as a bar and in words.
+fn progress(status: &CampaignStatus) -> Markup {
+    let (done, total, unit) = amount(status);
+    let state = match status.record.state {
+        CampaignState::Running if !status.active => "interrupted",
+        CampaignState::Running => stage(status.stage),
+        state => state.name(),
+    };
+    html! {
+        div.progress {
+            progress value=(done) max=(total.max(1)) aria-label={ "Progress of " (status.record.id) } {}
+            span.figures { strong { (state) } " · " (done) " of " (total) " " (unit) }
+        }
+    }
+}
+
+const fn stage(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Dataset => "simulating the dataset",
+        Stage::Pretrain => "training the embedder",
+        Stage::Embed => "embedding anew",
+        Stage::Evolve => "searching",
+        Stage::Taxonomy => "clustering",
+    }
+}
+
+/// What the stage has done and has to do, and of what.
+fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
+    let spec = &status.record.spec;
+    let search = spec.search();
+    let archived = u64::from(status.record.generations_done) * u64::from(search.population());
+    let arrived = u64::from(status.arrived);
+    let (done, total, unit) = match (status.stage, spec.embedder()) {
+        (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
+            status.record.pictures_done + arrived,
+            dataset.pictures(),
+            "pictures",
+        ),
+        (Stage::Pretrain, _) => {
+            let training = status.training.unwrap_or_default();
+            (training.epoch, training.epochs, "epochs")
+        }
+        (Stage::Embed, _) => (status.record.embedded + arrived, archived, "pictures"),
+        (Stage::Evolve, _) => (archived + arrived, search.evaluations(), "evaluations"),
+        (Stage::Taxonomy | Stage::Dataset, _) => (archived, search.evaluations(), "evaluations"),
+    };
+    (done.min(total), total, unit)
+}
+
+/// Figures of the moment.
+fn facts(status: &CampaignStatus) -> Markup {
+    let fact = |name: &str, value: String| html! { div { dt { (name) } dd { (value) } } };
+    html! {
+        dl.facts {
+            @if let Some((best, mean)) = status.record.last_novelty {
+                (fact("Best novelty", format!("{best:.4}")))
+                (fact("Mean novelty", format!("{mean:.4}")))
+            }
+            @if let Some(training) = status.training {
+                @if let Some(loss) = training.loss { (fact("Loss", format!("{loss:.4}"))) }
+                @if let Some(share) = training.triplet_accuracy {
+                    (fact("Held-out triplets", format!("{:.1} %", 100.0 * share)))
+                }
+            }
+            @if status.per_second > 0.0 { (fact("A second", format!("{:.0}", status.per_second))) }
+            (fact("Workers", status.workers.to_string()))
+            (fact("Trainers", status.trainers.to_string()))
+            @if let Some(checkpoint) = status.record.checkpoint {
+                (fact("Checkpoint", checkpoint.to_string().chars().take(12).collect()))
+            }
+        }
+    }
+}
+
+/// The medoids, largest cluster first.
+fn behaviours(campaign: &str, taxonomy: &Taxonomy) -> Markup {
+    let all = taxonomy.clusters.len().max(1) as f64;
+    html! {
+        h2 { (taxonomy.medoids.len()) " behaviours" }
+        p.lead {
+            "One picture a cluster: the last steps of the swarm at its centre. For motion and map: "
+            code { "murmuration report " (campaign) }
+        }
+        ul.behaviours {
+            @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
+                @let index = medoid.individual.index;
+                li {
+                    img src={ "/campaigns/" (campaign) "/individuals/" (index) } width="150" height="150" loading="lazy"
+                        alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
+                    p { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
+                    p { code { (medoid.individual.controller) } }
+                }
+            }
+        }
+    }
+}
+
+/// An individual's picture, as a PNG.
+pub(super) async fn image(
+    State(web): State<Web>,
+    Path((id, index)): Path<(String, u64)>,
+) -> Result<impl IntoResponse, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let resolution = record.spec.image().resolution();
+    let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
+    let pixels = individual.image.ok_or(Wrong::NoPage)?;
+    let file = grey_png(&pixels, resolution, SCALE)?;
+    // What is archived never changes.
+    let headers = [
+        (CONTENT_TYPE, "image/png"),
+        (CACHE_CONTROL, "public, max-age=31536000, immutable"),
+    ];
+    Ok((headers, file))
+}

@@ -1,0 +1,182 @@
+//! The pages, as a browser's requests meet them, on the port that gRPC is served on.
+
+use murmuration_proto::v1;
+use murmuration_tests::{Cluster, small_spec};
+use std::io::{BufRead as _, BufReader};
+use ureq::{
+    Agent, Body,
+    http::{Response, StatusCode},
+};
+
+/// A browser at one coordinator; status codes are answers, not errors, and redirects are not followed.
+#[derive(Clone)]
+struct Browser {
+    agent: Agent,
+    url: String,
+}
+
+impl Browser {
+    fn at(cluster: &Cluster) -> Self {
+        let agent = Agent::config_builder()
+            .http_status_as_error(false)
+            .max_redirects(0)
+            .build();
+        Self {
+            agent: agent.into(),
+            url: cluster.url(),
+        }
+    }
+
+    async fn get(&self, path: &str) -> Response<Body> {
+        let (agent, url) = (self.agent.clone(), format!("{}{path}", self.url));
+        let answer = tokio::task::spawn_blocking(move || agent.get(url).call());
+        answer.await.unwrap().unwrap()
+    }
+
+    async fn page(&self, path: &str) -> String {
+        let mut answer = self.get(path).await;
+        assert_eq!(answer.status(), StatusCode::OK, "{path}");
+        answer.body_mut().read_to_string().unwrap()
+    }
+
+    async fn post(&self, path: &str, form: &'static [(&str, &str)], origin: Option<&str>) -> Response<Body> {
+        let mut request = self.agent.post(format!("{}{path}", self.url));
+        if let Some(origin) = origin {
+            request = request.header("Origin", origin);
+        }
+        let answer = tokio::task::spawn_blocking(move || request.send_form(form.iter().copied()));
+        answer.await.unwrap().unwrap()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_finished_campaign_shows_its_behaviours() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    assert!(browser.page("/").await.contains("There is none yet"));
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    let list = browser.page("/").await;
+    assert!(
+        list.contains("/campaigns/small-1") && list.contains("100 of 100 evaluations"),
+        "{list}"
+    );
+    let page = browser.page("/campaigns/small-1").await;
+    assert!(
+        page.contains("4 behaviours") && page.contains("<strong>completed</strong>"),
+        "{page}"
+    );
+
+    let request = v1::GetTaxonomyRequest { campaign: id };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap().into_inner();
+    let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
+    let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
+    assert!(page.contains(&path), "{page}");
+    let mut picture = browser.get(&path).await;
+    assert_eq!(picture.headers()["content-type"], "image/png");
+    let bytes = picture.body_mut().read_to_vec().unwrap();
+    let decoder = png::Decoder::new(std::io::Cursor::new(bytes))
+        .read_info()
+        .unwrap();
+    assert_eq!(decoder.info().size(), (150, 150));
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_is_started_and_cancelled_with_buttons() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    let own = Some(browser.url.clone());
+    let started = browser
+        .post("/", &[("example", "quick-latent")], own.as_deref())
+        .await;
+    assert_eq!(started.status(), StatusCode::SEE_OTHER);
+    assert_eq!(started.headers()["location"], "/campaigns/quick-latent-1");
+    let page = browser.page("/campaigns/quick-latent-1").await;
+    assert!(
+        page.contains("Pause") && page.contains("Cancel") && !page.contains("Resume"),
+        "{page}"
+    );
+    let cancelled = browser
+        .post("/campaigns/quick-latent-1/cancel", &[], own.as_deref())
+        .await;
+    assert_eq!(cancelled.status(), StatusCode::SEE_OTHER);
+    let status = cluster.status("quick-latent-1").await;
+    assert_eq!(status.state(), v1::CampaignState::Cancelled);
+    let again = browser
+        .post("/campaigns/quick-latent-1/pause", &[], own.as_deref())
+        .await;
+    assert_eq!(again.status(), StatusCode::CONFLICT);
+    let unknown = browser.post("/", &[("example", "nothing")], own.as_deref()).await;
+    assert_eq!(unknown.status(), StatusCode::BAD_REQUEST);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_sites_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    for origin in [None, Some("http://evil.example"), Some("null")] {
+        let answer = browser.post("/", &[("example", "quick-latent")], origin).await;
+        assert_eq!(answer.status(), StatusCode::FORBIDDEN, "{origin:?}");
+        assert!(
+            answer.headers()["content-security-policy"]
+                .to_str()
+                .unwrap()
+                .contains("default-src 'none'")
+        );
+    }
+    let listed = cluster
+        .client
+        .list_campaigns(v1::ListCampaignsRequest {})
+        .await
+        .unwrap();
+    assert_eq!(listed.into_inner().campaigns, []);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_not_there_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    for path in [
+        "/nothing",
+        "/campaigns/nobody-7",
+        "/campaigns/nobody-7/individuals/0",
+    ] {
+        let answer = browser.get(path).await;
+        assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_follows_what_happens() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let events = Browser::at(&cluster).get("/events").await;
+    assert_eq!(events.headers()["content-type"], "text/event-stream");
+    let (lines, mut heard) = tokio::sync::mpsc::unbounded_channel();
+    std::thread::spawn(move || {
+        for line in BufReader::new(events.into_body().into_reader()).lines() {
+            let Ok(line) = line else { return };
+            if lines.send(line).is_err() {
+                return;
+            }
+        }
+    });
+    assert!(heard.recv().await.unwrap().contains("There is none yet"));
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    while !heard
+        .recv()
+        .await
+        .expect("the stream goes on")
+        .contains("completed")
+    {}
+    cluster.stop().await;
+}
