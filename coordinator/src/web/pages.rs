@@ -109,8 +109,16 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 pub(super) async fn standing(web: &Web, status: &CampaignStatus) -> Result<Markup, CampaignError> {
     let (store, record) = (web.store.clone(), status.record.clone());
     let taxonomy = blocking(move || Taxonomy::read(&store, &record.id, &record.spec)).await??;
-    let id = status.record.id.as_str();
     Ok(html! {
+        (figures(status))
+        @if let Some(taxonomy) = taxonomy { (behaviours(status.record.id.as_str(), &taxonomy)) }
+    })
+}
+
+/// Progress, figures of the moment, and what can be done.
+pub(super) fn figures(status: &CampaignStatus) -> Markup {
+    let id = status.record.id.as_str();
+    html! {
         (progress(status))
         (facts(status))
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
@@ -123,8 +131,7 @@ pub(super) async fn standing(web: &Web, status: &CampaignStatus) -> Result<Marku
                 }
             }
         }
-        @if let Some(taxonomy) = taxonomy { (behaviours(id, &taxonomy)) }
-    })
+    }
 }
 
 /// Whether a button for that makes sense: what the state allows, but not to resume what runs.
