@@ -5,18 +5,19 @@ use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
     CheckpointDigest, Lineage,
     onnx::{EmbedderModel, ModelError},
-    training::{Configuration, Recipe},
+    training::Configuration,
     v1,
 };
 use std::collections::BTreeMap;
 
 /// Pictures that both embed, the network and ONNX Runtime.
 const COMPARED: usize = 256;
-/// By how much a number of the two embeddings, which have spread 1, may differ: rounding.
+/// By how much a number of the two embeddings, which have spread 1, may differ: rounding. In proportion to what the last
+/// layer adds up where that is larger than the embeddings: those of a network that is not trained, or was trained with
+/// the paper's learning rate, can lie close together and far from 0, and are then all rounding in their last digits.
 const MOST_DIFFERENCE: f32 = 1e-5;
-/// The same for a network that is not trained: its embeddings can lie so close together (spread 1e-5 at a distance of
-/// 0.1 from 0) that what its last layer adds up, once scaled, is far larger than what comes out.
-const MOST_UNTRAINED_DIFFERENCE: f32 = 1e-2;
+/// However large that is.
+const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
 /// Spread of a collapsed embedding: to scale it to 1 would make rounding errors large.
 const LEAST_SPREAD: f64 = 1e-6;
 
@@ -66,10 +67,7 @@ impl Publication {
         let bytes = onnx::export(&network);
         let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
         let difference = difference(&network, &mut embedder, pictures)?;
-        let allowed = match configuration.recipe() {
-            Recipe::Untrained => allowed_untrained(&network),
-            Recipe::Paper(_) | Recipe::InBatch(_) => MOST_DIFFERENCE,
-        };
+        let allowed = allowed_difference(&network);
         // Not `>`: a difference that is no number is one.
         if !matches!(difference, 0.0..) || difference > allowed {
             return Err(Unpublishable::Differs {
@@ -117,12 +115,12 @@ impl Publication {
 
 /// In proportion to the biases of the last layer, which come last: what it adds up is as large, where it is larger
 /// than the embeddings.
-fn allowed_untrained(network: &Network) -> f32 {
+fn allowed_difference(network: &Network) -> f32 {
     let biases = network.parameters().len() - network.architecture().dimensions();
     let largest = network.parameters()[biases..]
         .iter()
         .fold(1.0, |most: f32, bias| most.max(bias.abs()));
-    (MOST_DIFFERENCE * largest).min(MOST_UNTRAINED_DIFFERENCE)
+    (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
 }
 
 /// The largest difference between the two's embeddings, over pictures from first to last.
