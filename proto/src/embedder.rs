@@ -126,6 +126,11 @@ fn configuration(
             allowed,
         ));
     }
+    if recipe.is_labelled() {
+        let allowed = "one without labels: a campaign begins before anybody has given any";
+        let named = format!("\"{}\"", recipe.name());
+        return Err(Invalid::new("training.recipe", named, allowed));
+    }
     let side = image.resolution() as usize;
     if let Err(error) = configuration.architecture(side) {
         let allowed = format!("one for pictures of side {side}: {error}");

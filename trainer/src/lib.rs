@@ -8,6 +8,7 @@
 mod augment;
 pub mod bench;
 pub mod client;
+pub mod labelled_pictures;
 mod lanes;
 mod layers;
 mod loss;

@@ -68,7 +68,7 @@ impl Publication {
         let difference = difference(&network, &mut embedder, pictures)?;
         let allowed = match configuration.recipe() {
             Recipe::Untrained => allowed_untrained(&network),
-            Recipe::Paper(_) | Recipe::InBatch(_) => MOST_DIFFERENCE,
+            _ => MOST_DIFFERENCE,
         };
         // Not `>`: a difference that is no number is one.
         if !matches!(difference, 0.0..) || difference > allowed {
