@@ -58,3 +58,51 @@ pub(crate) fn loss<T: Real>(
     }
     total * weight
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_proto::{Purpose, Stream};
+
+    #[test]
+    fn only_violated_triplets_count() {
+        // From 0 the own one is at 1 and the others at 3 and 9; from 3 the own one is at 6, the others at 3 and 2.
+        let embeddings = [0.0, 1.0, 3.0, 9.0];
+        let loss = loss(&embeddings, 1, 2, 2.5, &mut [0.0; 4]);
+        let violations = [1.0 - 3.0 + 2.5, 1.0 - 2.0 + 2.5, 6.0 - 3.0 + 2.5, 6.0 - 2.0 + 2.5];
+        // From 9 the own one is at 6, the others at 9 and 8: one violation of half.
+        let mean = (violations.iter().sum::<f64>() + 0.5) / 5.0;
+        assert!((loss - mean).abs() < 1e-5, "{loss} is not {mean}");
+    }
+
+    #[test]
+    fn classes_that_are_apart_have_no_loss_and_no_gradient() {
+        let mut gradient = [7.0; 4];
+        assert_eq!(loss(&[0.0, 0.1, 5.0, 5.1], 1, 2, 1.0, &mut gradient), 0.0);
+        assert_eq!(gradient, [0.0; 4]);
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_loss() {
+        const STEP: f64 = 1e-6;
+        let mut stream = Stream::derive(1, Purpose::Train, 0);
+        let mut embeddings: Vec<f64> = (0..3 * 4 * 2).map(|_| stream.between(-1.0, 1.0)).collect();
+        let mut gradient = vec![0.0; embeddings.len()];
+        let of = |embeddings: &[f64], gradient: &mut [f64]| loss(embeddings, 2, 4, 0.3, gradient);
+        of(&embeddings, &mut gradient);
+        for i in 0..embeddings.len() {
+            let value = embeddings[i];
+            let [above, below] = [STEP, -STEP].map(|step| {
+                embeddings[i] = value + step;
+                of(&embeddings, &mut vec![0.0; 24])
+            });
+            embeddings[i] = value;
+            let slope = (above - below) / (2.0 * STEP);
+            assert!(
+                (gradient[i] - slope).abs() < 1e-7,
+                "{i}: {}, not {slope}",
+                gradient[i]
+            );
+        }
+    }
+}

@@ -71,3 +71,6 @@ impl Training {
         Ok(training)
     }
 }
+
+#[cfg(test)]
+mod tests;
