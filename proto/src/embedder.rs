@@ -225,6 +225,10 @@ mod tests {
             "method = \"latent\"\n[training]\nrecipe = \"untrained\"",
             "training.recipe = \"untrained\"",
         );
+        check_refused(
+            "method = \"latent\"\n[training.recipe.labelled]",
+            "training.recipe = \"labelled\": must be one without labels",
+        );
         check_refused("method = \"latent\"\n[training]\nsed = 1", "unknown field `sed`");
         check_refused(
             "method = \"latent\"\n[dataset]\ncontrollers = 3",

@@ -94,7 +94,7 @@ mod tests {
             let value = embeddings[i];
             let [above, below] = [STEP, -STEP].map(|step| {
                 embeddings[i] = value + step;
-                of(&embeddings, &mut vec![0.0; 24])
+                of(&embeddings, &mut [0.0; 24])
             });
             embeddings[i] = value;
             let slope = (above - below) / (2.0 * STEP);

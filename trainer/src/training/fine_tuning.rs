@@ -16,9 +16,9 @@ pub struct FineTuning {
 
 /// What a training keeps of it.
 #[derive(Debug)]
-pub(super) struct Lesson {
-    pub(super) labelled: Arc<LabelledPictures>,
-    pub(super) parent: CheckpointDigest,
+pub(crate) struct Lesson {
+    pub(crate) labelled: Arc<LabelledPictures>,
+    pub(crate) parent: CheckpointDigest,
 }
 
 impl Training {
@@ -69,6 +69,11 @@ impl Training {
         let mut training = Self::fine_tune(configuration, pictures, fine_tuning)?;
         saved::restore(&mut training, saved)?;
         Ok(training)
+    }
+
+    /// What it learns from labels, if its recipe does.
+    pub(crate) const fn lesson(&self) -> Option<&Lesson> {
+        self.lesson.as_ref()
     }
 }
 

@@ -19,7 +19,6 @@ use crate::{
     pictures::Pictures,
     quality::{Moments, Quality},
 };
-use fine_tuning::Lesson;
 use held_out::HeldOut;
 use murmuration_proto::{
     Purpose, Stream,
@@ -29,6 +28,7 @@ use schedule::Schedule;
 use std::{sync::Arc, time::Instant};
 
 pub use fine_tuning::FineTuning;
+pub(crate) use fine_tuning::Lesson;
 pub use progress::{Ending, Progress};
 
 /// A training and all it depends on. Configuration, pictures and epoch decide every bit of it, on one kind of CPU;
