@@ -79,10 +79,7 @@ fn simulate(controllers: &[Controller], seed: u64, start: usize) -> Result<Vec<u
 
 /// Behaviours whose classes are known.
 pub struct Behaviours {
-    /// The genes of each controller.
-    genes: Vec<Vec<f64>>,
     classes: Vec<String>,
-    /// Of each behaviour the picture that was labelled, then those from other starts.
     pictures: Vec<Vec<u8>>,
 }
 
@@ -96,59 +93,36 @@ impl Behaviours {
             at.ok_or_else(|| format!("there is no column {name}"))
         };
         let (id, class) = (column("id")?, column("class")?);
-        let genes = column("v1")?..column("average_speed")?;
         let mut behaviours = Self {
-            genes: Vec::new(),
             classes: Vec::new(),
             pictures: Vec::new(),
         };
         for line in lines.filter(|line| !line[class].is_empty()) {
             behaviours.classes.push(line[class].to_owned());
-            let values: Result<Vec<f64>, _> = line[genes.clone()].iter().map(|value| value.parse()).collect();
-            behaviours.genes.push(values?);
             let picture = grey(&folder.join(format!("images/{}.png", line[id])))?;
             behaviours.pictures.push(picture);
         }
         Ok(behaviours)
     }
 
-    /// Adds pictures of the same controllers from so many other starts.
-    pub fn simulate(&mut self, model: CapabilityModel, starts: usize) -> Result<(), Error> {
-        let controllers: Result<Vec<_>, _> = self
-            .genes
-            .iter()
-            .map(|genes| Controller::new(model, genes))
-            .collect();
-        let controllers = controllers?;
-        for start in 0..starts {
-            let simulated = simulate(&controllers, 0, start)?;
-            for (pictures, picture) in self.pictures.iter_mut().zip(simulated.chunks(PIXELS)) {
-                pictures.extend(picture);
-            }
-        }
-        Ok(())
-    }
-
     pub fn count(&self) -> usize {
         self.classes.len()
     }
 
-    /// All pictures of some behaviours, and a class for each picture.
+    /// Pictures and classes of some behaviours.
     pub fn labelled(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let mut names: Vec<&String> = self.classes.iter().collect();
         names.sort();
         names.dedup();
         let pictures = which.iter().map(|&i| self.pictures[i].as_slice());
-        let classes = which.iter().flat_map(|&i| {
-            let class = names.binary_search(&&self.classes[i]).unwrap_or_default();
-            vec![class as u32; self.pictures[i].len() / PIXELS]
-        });
+        let class = |&i: &usize| names.binary_search(&&self.classes[i]).unwrap_or_default() as u32;
+        let classes = which.iter().map(class);
         (pictures.collect::<Vec<_>>().concat(), classes.collect())
     }
 
     /// Correct triplets of some behaviours in percent: anchors not random, and of every class.
     pub fn accuracy(&self, embedder: &Network, which: &[usize]) -> [f64; 2] {
-        let pictures: Vec<&[u8]> = which.iter().map(|&i| &self.pictures[i][..PIXELS]).collect();
+        let pictures: Vec<&[u8]> = which.iter().map(|&i| self.pictures[i].as_slice()).collect();
         let embeddings = embedder.embed(&pictures.concat());
         let embeddings: Vec<&[f32]> = embeddings.chunks(embedder.architecture().dimensions()).collect();
         let squared = |a: usize, b: usize| -> f64 {

@@ -21,6 +21,9 @@ use murmuration_trainer::{
 use rayon::prelude::*;
 use std::{path::PathBuf, sync::Arc, time::Instant};
 
+/// Index of the stream that orders the labels: 0 is a training's own.
+const ORDER: u64 = 7;
+
 type Error = Box<dyn std::error::Error + Send + Sync>;
 
 /// Training on labels, judged by other labels
@@ -47,9 +50,6 @@ struct Arguments {
     /// Cross-validate within train.csv by so many folds (0: judge on validation.csv)
     #[arg(long, default_value_t = 0)]
     folds: usize,
-    /// Further random starts of every labelled controller, whose pictures count as of its class
-    #[arg(long, default_value_t = 0)]
-    starts: usize,
 }
 
 /// What is learned from, and what judges.
@@ -63,8 +63,7 @@ struct Case {
 
 fn main() -> Result<(), Error> {
     let arguments = Arguments::parse();
-    let mut train = Behaviours::read(&arguments.labelled, "train")?;
-    train.simulate(arguments.model, arguments.starts)?;
+    let train = Behaviours::read(&arguments.labelled, "train")?;
     let validation = Behaviours::read(&arguments.labelled, "validation")?;
     let judge = if arguments.folds == 0 { &validation } else { &train };
     let cases: Result<Vec<_>, _> = arguments
@@ -108,7 +107,7 @@ fn cases(
     };
     let pictures = Arc::new(pretraining.pictures()?);
     let parent = pretraining.network(&pictures)?;
-    let mut stream = Stream::derive(seed, Purpose::HeldOut, 7);
+    let mut stream = Stream::derive(seed, Purpose::HeldOut, ORDER);
     let mut order: Vec<usize> = (0..train.count()).collect();
     for i in (1..order.len()).rev() {
         order.swap(i, stream.below(i as u64 + 1) as usize);
