@@ -48,7 +48,7 @@ impl Default for Labelled {
             unlabelled: 64,
             unlabelled_weight: 0.25,
             steps: 20,
-            epochs: 15,
+            epochs: 10,
             learning_rate: 3e-3,
             weight_decay: 1e-6,
             crop: [1.0, 1.0],
