@@ -141,3 +141,39 @@ fn augmented(
     });
     images
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_class_of_a_step_has_as_many_pictures_and_all_of_them_take_turns(
+            classes in prop::collection::vec(0..6u32, 2..40),
+            per_class in 2..9usize,
+            most in 2..7usize,
+        ) {
+            prop_assume!(classes.iter().any(|&class| class != classes[0]));
+            let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
+            let recipe = Labelled { per_class, classes: most, ..Labelled::default() };
+            let mut stream = Stream::derive(1, Purpose::Train, 0);
+            let mut deck = Deck::new(&labelled, &mut stream);
+            let mut dealt = vec![0_usize; classes.len()];
+            for _ in 0..5 {
+                let pictures = deck.deal(&recipe, &mut stream);
+                prop_assert_eq!(pictures.len(), per_class * most.min(labelled.ranges().len()));
+                for class in pictures.chunks_exact(per_class) {
+                    prop_assert!(class.iter().all(|&picture| classes[picture] == classes[class[0]]));
+                }
+                for picture in pictures {
+                    dealt[picture] += 1;
+                }
+            }
+            for range in labelled.ranges() {
+                let times = labelled.by_class()[range.clone()].iter().map(|&picture| dealt[picture]);
+                prop_assert!(times.clone().max().unwrap() - times.min().unwrap() <= 1);
+            }
+        }
+    }
+}

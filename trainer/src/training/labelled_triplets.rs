@@ -100,3 +100,38 @@ impl Batch<'_> {
         images.extend(triplets.iter().flat_map(|triplet| plain(triplet.negative)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_positive_is_another_of_the_class_and_a_negative_of_another(
+            classes in prop::collection::vec(0..6u32, 2..20),
+            augmented in 0.0..=1.0,
+            seed: u64,
+        ) {
+            prop_assume!(classes.iter().any(|&class| class != classes[0]));
+            let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
+            let mut stream = Stream::derive(seed, Purpose::Train, 0);
+            for _ in 0..50 {
+                let Triplet { anchor, positive, negative } = Triplet::draw(&labelled, augmented, &mut stream);
+                prop_assert_ne!(classes[anchor], classes[negative]);
+                if let Some(positive) = positive {
+                    prop_assert!(positive != anchor && classes[positive] == classes[anchor]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn as_many_positives_are_augmented_anchors_as_the_recipe_says() {
+        let labelled = LabelledPictures::new(1, vec![0; 6], vec![0, 0, 0, 1, 1, 1]).unwrap();
+        let mut stream = Stream::derive(1, Purpose::Train, 0);
+        let drawn = (0..10_000).map(|_| Triplet::draw(&labelled, 0.6, &mut stream));
+        let augmented = drawn.filter(|triplet| triplet.positive.is_none()).count();
+        assert!((5_800..6_200).contains(&augmented), "{augmented}");
+    }
+}
