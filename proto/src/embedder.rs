@@ -126,6 +126,11 @@ fn configuration(
             allowed,
         ));
     }
+    if recipe.is_labelled() {
+        let allowed = "one without labels: a campaign begins before anybody has given any";
+        let named = format!("\"{}\"", recipe.name());
+        return Err(Invalid::new("training.recipe", named, allowed));
+    }
     let side = image.resolution() as usize;
     if let Err(error) = configuration.architecture(side) {
         let allowed = format!("one for pictures of side {side}: {error}");
@@ -219,6 +224,10 @@ mod tests {
         check_refused(
             "method = \"latent\"\n[training]\nrecipe = \"untrained\"",
             "training.recipe = \"untrained\"",
+        );
+        check_refused(
+            "method = \"latent\"\n[training.recipe.labelled]",
+            "training.recipe = \"labelled\": must be one without labels",
         );
         check_refused("method = \"latent\"\n[training]\nsed = 1", "unknown field `sed`");
         check_refused(

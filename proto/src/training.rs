@@ -3,8 +3,10 @@
 
 mod architecture;
 mod configuration;
+mod labelled_recipe;
 mod recipe;
 
 pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
 pub use configuration::{Configuration, ConfigurationError, NetworkSettings, Settings};
+pub use labelled_recipe::{Labelled, PaperLabelled};
 pub use recipe::{InBatch, RandomTriplets, Recipe};

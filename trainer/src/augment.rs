@@ -32,6 +32,15 @@ impl From<&Recipe> for Augmentation {
                 crop: recipe.crop,
                 symmetries: Symmetries::All,
             },
+            // Of unlabelled pictures; those that are labelled have a crop of their own.
+            Recipe::Labelled(recipe) => Self {
+                crop: recipe.unlabelled_crop,
+                symmetries: Symmetries::All,
+            },
+            Recipe::PaperLabelled(recipe) => Self {
+                crop: recipe.crop,
+                symmetries: Symmetries::Turns,
+            },
             // For the measure of its quality alone.
             Recipe::Untrained => Self::from(&Recipe::default()),
         }

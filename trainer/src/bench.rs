@@ -83,7 +83,7 @@ fn one_epoch(
     let triplets_per_step = match recipe_settings {
         Recipe::Paper(recipe) => recipe.batch as u64,
         Recipe::InBatch(recipe) => recipe.batch as u64 * (recipe.batch as u64 - 1),
-        Recipe::Untrained => 1,
+        Recipe::Labelled(_) | Recipe::PaperLabelled(_) | Recipe::Untrained => 1,
     };
     let steps = (triplets / triplets_per_step).max(1);
     Ok(Figures {

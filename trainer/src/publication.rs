@@ -1,6 +1,12 @@
 //! What a finished training comes to: a checkpoint that was tried on ONNX Runtime before anybody else has it.
 
-use crate::{network::Network, onnx, pictures::Pictures, quality::Quality, training::Training};
+use crate::{
+    network::Network,
+    onnx,
+    pictures::Pictures,
+    quality::Quality,
+    training::{Lesson, Training},
+};
 use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
     CheckpointDigest, Lineage,
@@ -91,15 +97,21 @@ impl Publication {
             ("weights", network.parameters().len() as f64),
             ("onnx_difference", f64::from(difference)),
         ];
-        let metrics: BTreeMap<_, _> = metrics.map(|(name, value)| (name.to_owned(), value)).into();
+        let mut metrics: BTreeMap<_, _> = metrics.map(|(name, value)| (name.to_owned(), value)).into();
+        let mut lineage = Lineage {
+            data_digest: pictures.digest(),
+            configuration: configuration.to_toml(),
+            ..Lineage::default()
+        };
+        if let Some(Lesson { labelled, parent }) = training.lesson() {
+            lineage.parent = Some(*parent);
+            lineage.label_digest = labelled.digest();
+            metrics.insert("labels".to_owned(), labelled.count() as f64);
+            metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
+        }
         Ok(Self {
             bytes,
-            lineage: Lineage {
-                data_digest: pictures.digest(),
-                configuration: configuration.to_toml(),
-                metrics,
-                ..Lineage::default()
-            },
+            lineage: Lineage { metrics, ..lineage },
         })
     }
 

@@ -205,7 +205,13 @@ mod tests {
     #[test]
     fn what_is_written_reads_back() {
         let layers = "[network]\nlayers = [{ convolution = { channels = 2, kernel = 3 } }, \"relu\", { dense = { units = 3 } }]";
-        for text in ["seed = 7", "[recipe.paper]\nmargin = 0.1", layers] {
+        for text in [
+            "seed = 7",
+            "[recipe.paper]\nmargin = 0.1",
+            "[recipe.labelled]\nper_class = 3",
+            "[recipe.paper-labelled]\naugmented = 0.1",
+            layers,
+        ] {
             let configuration = Configuration::from_toml(text).unwrap();
             assert_eq!(
                 Configuration::from_toml(&configuration.to_toml()).unwrap(),
@@ -231,6 +237,22 @@ mod tests {
         check_refused(
             "[recipe.in-batch]\ncrop = [0.6, 2.1]",
             "recipe.in-batch.crop[1] = 2.1",
+        );
+        check_refused(
+            "[recipe.labelled]\nper_class = 1",
+            "recipe.labelled.per_class = 1",
+        );
+        check_refused(
+            "[recipe.labelled]\nunlabelled_crop = [0, 1]",
+            "recipe.labelled.unlabelled_crop[0] = 0",
+        );
+        check_refused(
+            "[recipe.paper-labelled]\naugmented = 1.5",
+            "recipe.paper-labelled.augmented = 1.5",
+        );
+        check_refused(
+            "[recipe.paper-labelled]\nmargin = 0",
+            "recipe.paper-labelled.margin = 0",
         );
         check_refused("[recipe.in-batch]\ncrop = [0.6, 0.5]", "a number from 0.6 to 2");
         check_refused("[recipe.supervised]\n", "unknown variant `supervised`");

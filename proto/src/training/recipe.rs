@@ -1,5 +1,6 @@
 //! How a network is trained: recipes by name, with every number of theirs as it is written.
 
+use super::labelled_recipe::{Labelled, PaperLabelled};
 use crate::{
     Invalid,
     invalid::{positive, real, whole},
@@ -14,12 +15,16 @@ pub enum Recipe {
     Paper(RandomTriplets),
     /// The default: every other picture of the batch is a negative.
     InBatch(InBatch),
+    /// From a trained network on: labelled triplets, all of a batch, and unlabelled ones beside them.
+    Labelled(Labelled),
+    /// From a trained network on: random labelled triplets, the paper's way.
+    PaperLabelled(PaperLabelled),
     /// None: the network stays as it was initialised (the paper's baseline).
     Untrained,
 }
 
 impl Recipe {
-    /// The recipe of that name, `paper`, `in-batch` or `untrained`, with its own numbers.
+    /// The recipe of that name, `paper`, `in-batch`, `labelled`, `paper-labelled` or `untrained`, with its own numbers.
     ///
     /// # Errors
     /// Where there is no recipe of that name.
@@ -27,11 +32,13 @@ impl Recipe {
         match name {
             "paper" => Ok(Self::Paper(RandomTriplets::default())),
             "in-batch" => Ok(Self::InBatch(InBatch::default())),
+            "labelled" => Ok(Self::Labelled(Labelled::default())),
+            "paper-labelled" => Ok(Self::PaperLabelled(PaperLabelled::default())),
             "untrained" => Ok(Self::Untrained),
             _ => Err(Invalid::new(
                 "recipe",
                 format!("\"{name}\""),
-                "\"in-batch\", \"paper\" or \"untrained\"",
+                "\"in-batch\", \"paper\", \"labelled\", \"paper-labelled\" or \"untrained\"",
             )),
         }
     }
@@ -42,8 +49,16 @@ impl Recipe {
         match self {
             Self::Paper(_) => "paper",
             Self::InBatch(_) => "in-batch",
+            Self::Labelled(_) => "labelled",
+            Self::PaperLabelled(_) => "paper-labelled",
             Self::Untrained => "untrained",
         }
+    }
+
+    /// Whether it goes on from a trained network, on labels.
+    #[must_use]
+    pub const fn is_labelled(&self) -> bool {
+        matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
     /// Most epochs that it trains for.
@@ -52,6 +67,8 @@ impl Recipe {
         match self {
             Self::Paper(recipe) => recipe.epochs,
             Self::InBatch(recipe) => recipe.epochs,
+            Self::Labelled(recipe) => recipe.epochs,
+            Self::PaperLabelled(recipe) => recipe.epochs,
             Self::Untrained => 0,
         }
     }
@@ -62,16 +79,21 @@ impl Recipe {
         match self {
             Self::Paper(recipe) => recipe.learning_rate,
             Self::InBatch(recipe) => recipe.learning_rate,
+            Self::Labelled(recipe) => recipe.learning_rate,
+            Self::PaperLabelled(recipe) => recipe.learning_rate,
             Self::Untrained => 0.0,
         }
     }
 
     pub(crate) fn check(&self) -> Result<(), Invalid> {
-        match self {
-            Self::Paper(recipe) => recipe.check().map_err(|error| error.within("paper")),
-            Self::InBatch(recipe) => recipe.check().map_err(|error| error.within("in-batch")),
+        let checked = match self {
+            Self::Paper(recipe) => recipe.check(),
+            Self::InBatch(recipe) => recipe.check(),
+            Self::Labelled(recipe) => recipe.check(),
+            Self::PaperLabelled(recipe) => recipe.check(),
             Self::Untrained => Ok(()),
-        }
+        };
+        checked.map_err(|error| error.within(self.name()))
     }
 }
 
@@ -130,7 +152,7 @@ impl Default for RandomTriplets {
 }
 
 impl RandomTriplets {
-    fn check(&self) -> Result<(), Invalid> {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
         positive("margin", self.margin, 1000.0)?;
         whole("batch", self.batch, 1..=65_536)?;
         whole("steps", self.steps, 1..=100_000)?;
@@ -141,7 +163,7 @@ impl RandomTriplets {
         whole("epochs", self.epochs, 1..=100_000)?;
         real("enough", self.enough, 0.0..=1e9)?;
         whole("enough_over", self.enough_over, 1..=10_000)?;
-        check_crop(self.crop)
+        check_crop("crop", self.crop)
     }
 }
 
@@ -188,12 +210,12 @@ impl InBatch {
         real("weight_decay", self.weight_decay, 0.0..=1.0)?;
         whole("epochs", self.epochs, 1..=100_000)?;
         whole("patience", self.patience, 1..=100_000)?;
-        check_crop(self.crop)
+        check_crop("crop", self.crop)
     }
 }
 
-fn check_crop(crop: [f64; 2]) -> Result<(), Invalid> {
-    positive("crop[0]", crop[0], 2.0)?;
-    real("crop[1]", crop[1], crop[0]..=2.0)?;
+pub(super) fn check_crop(field: &str, crop: [f64; 2]) -> Result<(), Invalid> {
+    positive(&format!("{field}[0]"), crop[0], 2.0)?;
+    real(&format!("{field}[1]"), crop[1], crop[0]..=2.0)?;
     Ok(())
 }

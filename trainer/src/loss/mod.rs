@@ -1,6 +1,7 @@
 //! The losses: what embeddings should be like, and which way to push them.
 
 pub(crate) mod in_batch;
+pub(crate) mod labelled;
 pub(crate) mod triplets;
 
 use crate::real::Real;

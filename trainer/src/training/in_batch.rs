@@ -6,7 +6,7 @@ use murmuration_proto::{Purpose, Stream, training::InBatch};
 use rayon::prelude::*;
 
 /// Images in a chunk.
-const CHUNK: usize = 16;
+pub(super) const CHUNK: usize = 16;
 
 pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Stream) -> EpochLoss {
     let mut behaviours = training.held_out.trained_on().to_vec();
@@ -47,7 +47,7 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
 }
 
 /// The images of a batch: an anchor of each behaviour, then a positive of each, from another view if there is one.
-fn augmented(training: &Training, behaviours: &[usize], stream: &mut Stream) -> Vec<f32> {
+pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut Stream) -> Vec<f32> {
     let pictures = &training.pictures;
     let (side, views) = (pictures.side(), pictures.views() as u64);
     let anchors: Vec<u64> = behaviours.iter().map(|_| stream.below(views)).collect();

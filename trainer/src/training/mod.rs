@@ -1,7 +1,11 @@
 //! A training, stepped an epoch at a time. It can be put aside after any of them, and taken up again.
 
+mod fine_tuning;
 mod held_out;
 mod in_batch;
+mod labelled;
+mod labelled_triplets;
+mod progress;
 mod random_triplets;
 mod saved;
 mod schedule;
@@ -18,10 +22,14 @@ use crate::{
 use held_out::HeldOut;
 use murmuration_proto::{
     Purpose, Stream,
-    training::{ArchitectureError, Configuration, Recipe},
+    training::{Architecture, ArchitectureError, Configuration, Recipe},
 };
 use schedule::Schedule;
 use std::{sync::Arc, time::Instant};
+
+pub use fine_tuning::FineTuning;
+pub(crate) use fine_tuning::Lesson;
+pub use progress::{Ending, Progress};
 
 /// A training and all it depends on. Configuration, pictures and epoch decide every bit of it, on one kind of CPU;
 /// the number of threads of the rayon pool that it is stepped in does not.
@@ -30,6 +38,8 @@ pub struct Training {
     configuration: Configuration,
     pictures: Arc<Pictures>,
     held_out: HeldOut,
+    /// `None` where the recipe takes no labels.
+    lesson: Option<Lesson>,
     lanes: Lanes<f32>,
     gradient: Vec<f32>,
     state: State,
@@ -54,46 +64,6 @@ struct Best {
     triplet_accuracy: f64,
 }
 
-/// What an epoch came to.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Progress {
-    /// Epochs done, 1 or more.
-    pub epoch: u64,
-    /// Most epochs that there will be.
-    pub epochs: u64,
-    /// Mean loss of the epoch's steps.
-    pub loss: f64,
-    /// Learning rate of the epoch's last step.
-    pub learning_rate: f64,
-    /// Triplets that the epoch learned from.
-    pub triplets: u64,
-    /// Time that its steps took, seconds, without the measuring of quality.
-    pub seconds: f64,
-    /// What held-out behaviours say of the network after the epoch.
-    pub quality: Quality,
-}
-
-impl Progress {
-    /// Triplets learned from in a second.
-    #[must_use]
-    pub fn triplets_per_second(&self) -> f64 {
-        self.triplets as f64 / self.seconds
-    }
-}
-
-/// Why a training has come to its end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ending {
-    /// The last epoch is done.
-    LastEpoch,
-    /// The accuracy on held-out triplets did not improve for as many epochs as the recipe is patient.
-    NoBetter,
-    /// The loss is as low as the recipe asks for.
-    LowLoss,
-    /// The loss is no number any more: the learning rate is too high for the network.
-    Diverged,
-}
-
 /// Why a training cannot begin, or be taken up again.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
@@ -105,6 +75,23 @@ pub enum TrainingError {
         /// What is wrong.
         source: ArchitectureError,
     },
+    /// The recipe learns from labels, and there are none.
+    #[error("the recipe \"{0}\" needs labels")]
+    NoLabels(&'static str),
+    /// The recipe learns without labels, and there are some.
+    #[error("the recipe \"{0}\" has no use for labels")]
+    NoUseForLabels(&'static str),
+    /// Labelled pictures are larger or smaller than the others.
+    #[error("labelled pictures have side {labelled}, unlabelled ones {side}")]
+    LabelledSide {
+        /// Pixels along a side of the pictures.
+        side: usize,
+        /// Pixels along a side of the labelled ones.
+        labelled: usize,
+    },
+    /// The network to go on from has other layers than the configuration says.
+    #[error("the network to go on from is another than the configuration's")]
+    OtherParent,
     /// What was saved is damaged, or of another version of the trainer.
     #[error("not a saved training: {0}")]
     Damaged(String),
@@ -120,19 +107,38 @@ struct EpochLoss {
 }
 
 impl Training {
-    /// A training before its first epoch.
+    /// A training without labels before its first epoch.
     ///
     /// # Errors
-    /// Where the network does not fit the pictures.
+    /// Where the network does not fit the pictures, or the recipe learns from labels.
     pub fn new(configuration: &Configuration, pictures: Arc<Pictures>) -> Result<Self, TrainingError> {
-        let side = pictures.side();
-        let architecture = configuration
-            .architecture(side)
-            .map_err(|source| TrainingError::Architecture { side, source })?;
+        if configuration.recipe().is_labelled() {
+            return Err(TrainingError::NoLabels(configuration.recipe().name()));
+        }
+        let architecture = Self::architecture(configuration, &pictures)?;
         let network = Network::initialise(architecture, configuration.seed());
+        Ok(Self::starting_with(network, configuration, pictures, None))
+    }
+
+    fn architecture(
+        configuration: &Configuration,
+        pictures: &Pictures,
+    ) -> Result<Architecture, TrainingError> {
+        let side = pictures.side();
+        let architecture = configuration.architecture(side);
+        architecture.map_err(|source| TrainingError::Architecture { side, source })
+    }
+
+    fn starting_with(
+        network: Network,
+        configuration: &Configuration,
+        pictures: Arc<Pictures>,
+        lesson: Option<Lesson>,
+    ) -> Self {
         let weights = network.parameters().len();
-        Ok(Self {
+        Self {
             held_out: HeldOut::new(configuration, &pictures),
+            lesson,
             lanes: Lanes::new(&network),
             gradient: vec![0.0; weights],
             state: State {
@@ -148,7 +154,7 @@ impl Training {
             },
             configuration: configuration.clone(),
             pictures,
-        })
+        }
     }
 
     /// Takes up a training that [`Training::save`] put aside: it goes on as if it had never stopped.
@@ -186,14 +192,13 @@ impl Training {
             best,
             ..
         } = &self.state;
-        let recipe = self.configuration.recipe();
-        match recipe {
+        let low = |enough, over| schedule.mean_of_last(over) < enough;
+        match self.configuration.recipe() {
             _ if schedule.has_diverged() => Some(Ending::Diverged),
-            Recipe::Paper(recipe) if schedule.mean_of_last(recipe.enough_over) < recipe.enough => {
-                Some(Ending::LowLoss)
-            }
+            Recipe::Paper(recipe) if low(recipe.enough, recipe.enough_over) => Some(Ending::LowLoss),
+            Recipe::PaperLabelled(recipe) if low(recipe.enough, recipe.enough_over) => Some(Ending::LowLoss),
             Recipe::InBatch(recipe) if epoch - best.epoch >= recipe.patience => Some(Ending::NoBetter),
-            _ if *epoch >= recipe.epochs() => Some(Ending::LastEpoch),
+            recipe if *epoch >= recipe.epochs() => Some(Ending::LastEpoch),
             _ => None,
         }
     }
@@ -205,10 +210,17 @@ impl Training {
         }
         let started = Instant::now();
         let mut stream = Stream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
-        let loss = match self.configuration.recipe().clone() {
-            Recipe::Paper(recipe) => random_triplets::epoch(self, &recipe, &mut stream),
-            Recipe::InBatch(recipe) => in_batch::epoch(self, &recipe, &mut stream),
-            Recipe::Untrained => return None,
+        let labelled = self.lesson.as_ref().map(|lesson| Arc::clone(&lesson.labelled));
+        let loss = match (self.configuration.recipe().clone(), labelled) {
+            (Recipe::Paper(recipe), _) => random_triplets::epoch(self, &recipe, &mut stream),
+            (Recipe::InBatch(recipe), _) => in_batch::epoch(self, &recipe, &mut stream),
+            (Recipe::Labelled(recipe), Some(labelled)) => {
+                labelled::epoch(self, &labelled, &recipe, &mut stream)
+            }
+            (Recipe::PaperLabelled(recipe), Some(labelled)) => {
+                labelled_triplets::epoch(self, &labelled, &recipe, &mut stream)
+            }
+            (Recipe::Untrained, _) | (_, None) => return None,
         };
         let seconds = started.elapsed().as_secs_f64();
         let learning_rate = self.state.schedule.learning_rate();
@@ -233,8 +245,8 @@ impl Training {
         &self.state.network
     }
 
-    /// The embedder to publish: of the paper's recipe the weights after the last epoch, else those that were most
-    /// accurate on held-out triplets.
+    /// The embedder to publish: of the in-batch recipe the weights that were most accurate on held-out triplets, else
+    /// those after the last epoch.
     ///
     /// It is moved and scaled (in its last layer, which changes no comparison of distances) such that the held-out
     /// behaviours have mean 0 and spread 1, so that novelty is in one unit whatever the recipe. A collapsed network
@@ -271,8 +283,8 @@ impl Training {
             network, epoch, best, ..
         } = &mut self.state;
         let candidate = match self.configuration.recipe() {
-            Recipe::Paper(_) | Recipe::Untrained => true,
             Recipe::InBatch(_) => quality.triplet_accuracy > best.triplet_accuracy,
+            _ => true,
         };
         if candidate && quality.spread.is_finite() {
             best.parameters.copy_from_slice(network.parameters());

@@ -3,9 +3,10 @@
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::triplets, network::scaled, pictures::Pictures};
 use murmuration_proto::{Purpose, Stream, training::RandomTriplets};
+use std::sync::Arc;
 
 /// Triplets in a chunk.
-const CHUNK: usize = 64;
+pub(super) const CHUNK: usize = 64;
 
 pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> EpochLoss {
     let mut total = 0.0;
@@ -18,9 +19,9 @@ pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &m
     }
 }
 
-/// One step of the optimiser; returns the mean loss of its triplets.
+/// A step on random triplets of the pictures; returns their mean loss.
 fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> f64 {
-    let pictures = &*training.pictures;
+    let pictures = &*Arc::clone(&training.pictures);
     let behaviours = training.held_out.trained_on();
     let pairs: Vec<Pair> = (0..recipe.batch)
         .map(|_| Pair::draw(behaviours, pictures.views(), stream))
@@ -31,12 +32,22 @@ fn step(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -
         augmentation: Augmentation::from(training.configuration.recipe()),
         key: stream.bits(),
     };
+    learn(training, recipe, |chunk, images| batch.append(chunk, images))
+}
+
+/// One step of the optimiser on `batch` triplets, whose images `images` appends a chunk at a time: all anchors, all
+/// positives, all negatives. Returns their mean loss.
+pub(super) fn learn(
+    training: &mut Training,
+    recipe: &RandomTriplets,
+    images: impl Fn(usize, &mut Vec<f32>) + Sync,
+) -> f64 {
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
     let total = training.lanes.gradient_by_chunk(
         &state.network,
         recipe.batch.div_ceil(CHUNK),
-        |chunk, images| batch.append(chunk, images),
+        images,
         |_, embeddings, gradient| {
             triplets::loss(embeddings, dimensions, recipe.margin, recipe.batch, gradient)
         },

@@ -40,6 +40,12 @@ struct Saved {
     best_epoch: u64,
     #[prost(double, tag = "15")]
     best_triplet_accuracy: f64,
+    /// Empty without labels.
+    #[prost(string, tag = "17")]
+    label_digest: String,
+    /// The checkpoint that was started from; empty if none was.
+    #[prost(string, tag = "18")]
+    parent: String,
     /// BLAKE3 of the message without this field.
     #[prost(bytes = "vec", tag = "16")]
     check: Vec<u8>,
@@ -53,6 +59,7 @@ pub(super) fn save(training: &Training) -> Vec<u8> {
         lowest,
         waited,
     } = state.schedule.state.clone();
+    let (label_digest, parent) = lesson(training);
     let mut saved = Saved {
         version: VERSION.to_owned(),
         configuration: training.configuration.to_toml(),
@@ -69,6 +76,8 @@ pub(super) fn save(training: &Training) -> Vec<u8> {
         best_parameters: bytes(&state.best.parameters),
         best_epoch: state.best.epoch,
         best_triplet_accuracy: state.best.triplet_accuracy,
+        label_digest,
+        parent,
         check: Vec::new(),
     };
     saved.check = check(&saved);
@@ -90,6 +99,13 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
     }
     if saved.data_digest != training.pictures.digest() {
         return Err(TrainingError::Other("set of pictures"));
+    }
+    let (label_digest, parent) = lesson(training);
+    if saved.label_digest != label_digest {
+        return Err(TrainingError::Other("set of labels"));
+    }
+    if saved.parent != parent {
+        return Err(TrainingError::Other("parent"));
     }
     let state = &mut training.state;
     let all_read = [
@@ -113,6 +129,14 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
     state.best.epoch = saved.best_epoch;
     state.best.triplet_accuracy = saved.best_triplet_accuracy;
     Ok(())
+}
+
+/// Digests of the labels and of the parent.
+fn lesson(training: &Training) -> (String, String) {
+    let lesson = training.lesson.as_ref();
+    lesson.map_or_else(Default::default, |lesson| {
+        (lesson.labelled.digest(), lesson.parent.to_string())
+    })
 }
 
 fn check(saved: &Saved) -> Vec<u8> {

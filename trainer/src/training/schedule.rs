@@ -1,6 +1,6 @@
 //! How the learning rate falls, and which losses there were.
 
-use murmuration_proto::training::Recipe;
+use murmuration_proto::training::{RandomTriplets, Recipe};
 
 /// The learning rate and what it follows from.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,18 +29,25 @@ struct Plateau {
     remembered: usize,
 }
 
+impl Plateau {
+    const fn of(recipe: &RandomTriplets) -> Self {
+        Self {
+            patience: recipe.plateau,
+            factor: recipe.plateau_factor,
+            remembered: recipe.enough_over,
+        }
+    }
+}
+
 /// A loss counts as lower where it is lower by more than this share.
 const THRESHOLD: f64 = 1e-4;
 
 impl Schedule {
     pub(super) fn new(recipe: &Recipe) -> Self {
         let plateau = match recipe {
-            Recipe::Paper(recipe) => Some(Plateau {
-                patience: recipe.plateau,
-                factor: recipe.plateau_factor,
-                remembered: recipe.enough_over,
-            }),
-            Recipe::InBatch(_) | Recipe::Untrained => None,
+            Recipe::Paper(recipe) => Some(Plateau::of(recipe)),
+            Recipe::PaperLabelled(recipe) => Some(Plateau::of(&recipe.triplets())),
+            Recipe::InBatch(_) | Recipe::Labelled(_) | Recipe::Untrained => None,
         };
         Self {
             state: ScheduleState {
@@ -102,7 +109,6 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::training::RandomTriplets;
 
     fn schedule() -> Schedule {
         Schedule::new(&Recipe::Paper(RandomTriplets {

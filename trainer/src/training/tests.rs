@@ -3,7 +3,7 @@
 use super::*;
 use crate::onnx;
 
-const SMALL: &str = "
+pub(super) const SMALL: &str = "
     [network]
     layers = [
         { convolution = { channels = 4, kernel = 3, stride = 2, padding = 1 } },
@@ -16,7 +16,7 @@ const IN_BATCH: &str = "[recipe.in-batch]\nbatch = 20\nepochs = 4\n";
 const PAPER: &str = "[recipe.paper]\nbatch = 100\nsteps = 2\nepochs = 4\nlearning_rate = 0.01\n";
 
 /// Bars of one width and brightness each: two views of sixty.
-fn bars() -> Arc<Pictures> {
+pub(super) fn bars() -> Arc<Pictures> {
     let mut stream = Stream::derive(5, Purpose::Train, 0);
     let mut bytes = Vec::new();
     for behaviour in 0..60 {
@@ -39,16 +39,16 @@ fn training(text: &str) -> Training {
     Training::new(&configuration(text), bars()).unwrap()
 }
 
-fn configuration(text: &str) -> Configuration {
+pub(super) fn configuration(text: &str) -> Configuration {
     Configuration::from_toml(&format!("{SMALL}{text}")).unwrap()
 }
 
-fn finished(mut training: Training) -> Training {
+pub(super) fn finished(mut training: Training) -> Training {
     while training.step().is_some() {}
     training
 }
 
-fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+pub(super) fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -101,7 +101,7 @@ fn another_seed_is_another_training() {
 }
 
 #[test]
-fn bars_are_told_apart() {
+pub(super) fn bars_are_told_apart() {
     let text = "[recipe.in-batch]\nbatch = 40\nepochs = 100\npatience = 100\ncrop = [0.9, 1.0]";
     let configuration = Configuration::from_toml(&format!("held_out = 0.3\n{SMALL}{text}")).unwrap();
     let mut training = Training::new(&configuration, bars()).unwrap();

@@ -1,0 +1,163 @@
+//! How a trained network is trained further on what people have labelled.
+
+use super::recipe::{RandomTriplets, check_crop};
+use crate::{
+    Invalid,
+    invalid::{positive, real, whole},
+};
+use serde::{Deserialize, Serialize};
+
+/// The numbers of the labelled recipe. A step has as many pictures of every class, all triplets of which count that
+/// are violated; and beside them triplets of unlabelled behaviours as in [`InBatch`](super::InBatch), so that what
+/// nobody has named yet stays apart. The weights after the last epoch are published: nothing is held out of the
+/// labels, which may be few.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Labelled {
+    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
+    pub margin: f64,
+    /// Pictures of each class in a step, 2 to 1,024; where a class has fewer, they return under other symmetries.
+    pub per_class: usize,
+    /// Most classes in a step, 2 to 1,024; where there are more, each step draws some.
+    pub classes: usize,
+    /// Unlabelled anchors a step, each with a positive, 2 to 65,536 (fewer if there are not so many behaviours).
+    pub unlabelled: usize,
+    /// How much their loss counts beside that of the labelled, 0 to 1,000.
+    pub unlabelled_weight: f64,
+    /// Steps an epoch, 1 to 100,000.
+    pub steps: usize,
+    /// Epochs, 1 to 100,000.
+    pub epochs: u64,
+    /// Adam's first learning rate, over 0 to 1. It falls to nothing in a straight line over all epochs.
+    pub learning_rate: f64,
+    /// Share of the weights that is added to the gradient, 0 to 1.
+    pub weight_decay: f64,
+    /// Least and greatest share of width and height that a crop of a labelled picture keeps, over 0 to 2; over 1 the
+    /// picture shrinks, on black.
+    pub crop: [f64; 2],
+    /// The same of an unlabelled picture.
+    pub unlabelled_crop: [f64; 2],
+}
+
+impl Default for Labelled {
+    fn default() -> Self {
+        Self {
+            margin: 1.0,
+            per_class: 12,
+            classes: 16,
+            unlabelled: 64,
+            unlabelled_weight: 0.25,
+            steps: 20,
+            epochs: 10,
+            learning_rate: 3e-3,
+            weight_decay: 1e-6,
+            crop: [1.0, 1.0],
+            unlabelled_crop: [0.7, 1.3],
+        }
+    }
+}
+
+impl Labelled {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        positive("margin", self.margin, 1000.0)?;
+        whole("per_class", self.per_class, 2..=1024)?;
+        whole("classes", self.classes, 2..=1024)?;
+        whole("unlabelled", self.unlabelled, 2..=65_536)?;
+        real("unlabelled_weight", self.unlabelled_weight, 0.0..=1000.0)?;
+        whole("steps", self.steps, 1..=100_000)?;
+        whole("epochs", self.epochs, 1..=100_000)?;
+        positive("learning_rate", self.learning_rate, 1.0)?;
+        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
+        check_crop("crop", self.crop)?;
+        check_crop("unlabelled_crop", self.unlabelled_crop)
+    }
+}
+
+/// The numbers of the paper's recipe on labels: anchor and negative are labelled pictures of two classes as they are,
+/// the positive is another of the anchor's class or the anchor, augmented.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PaperLabelled {
+    /// Share of the triplets whose positive is the anchor, augmented, 0 to 1 (always, where the anchor is alone in
+    /// its class).
+    pub augmented: f64,
+    /// As in [`RandomTriplets`], from here on.
+    pub margin: f64,
+    /// Triplets a step.
+    pub batch: usize,
+    /// Steps an epoch.
+    pub steps: usize,
+    /// Adam's first learning rate.
+    pub learning_rate: f64,
+    /// Share of the weights that is added to the gradient.
+    pub weight_decay: f64,
+    /// Epochs without a lower loss that are borne.
+    pub plateau: u64,
+    /// What the learning rate is then multiplied by.
+    pub plateau_factor: f64,
+    /// Most epochs.
+    pub epochs: u64,
+    /// Mean loss under which training stops.
+    pub enough: f64,
+    /// Epochs that `enough` is a mean over.
+    pub enough_over: usize,
+    /// Least and greatest share of width and height that a crop keeps.
+    pub crop: [f64; 2],
+}
+
+impl Default for PaperLabelled {
+    fn default() -> Self {
+        let RandomTriplets {
+            margin,
+            batch,
+            steps,
+            learning_rate,
+            weight_decay,
+            plateau,
+            plateau_factor,
+            epochs: _,
+            enough,
+            enough_over,
+            crop,
+        } = RandomTriplets::default();
+        Self {
+            augmented: 0.6,
+            margin,
+            batch,
+            steps,
+            learning_rate,
+            weight_decay,
+            plateau,
+            plateau_factor,
+            epochs: 300,
+            enough,
+            enough_over,
+            crop,
+        }
+    }
+}
+
+impl PaperLabelled {
+    /// What it has in common with the paper's recipe without labels.
+    #[must_use]
+    pub const fn triplets(&self) -> RandomTriplets {
+        RandomTriplets {
+            margin: self.margin,
+            batch: self.batch,
+            steps: self.steps,
+            learning_rate: self.learning_rate,
+            weight_decay: self.weight_decay,
+            plateau: self.plateau,
+            plateau_factor: self.plateau_factor,
+            epochs: self.epochs,
+            enough: self.enough,
+            enough_over: self.enough_over,
+            crop: self.crop,
+        }
+    }
+
+    pub(super) fn check(&self) -> Result<(), Invalid> {
+        real("augmented", self.augmented, 0.0..=1.0)?;
+        self.triplets().check()
+    }
+}

@@ -1,0 +1,157 @@
+//! What people have said of behaviours: grey pictures, each with the class that it was given.
+
+use std::ops::Range;
+
+/// Grey pictures, all of one side, each of a class. Classes are numbered from 0 in the order of the caller's choice;
+/// what they are called makes no difference to a training.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LabelledPictures {
+    side: usize,
+    bytes: Vec<u8>,
+    /// One of each picture.
+    classes: Vec<u32>,
+    /// All pictures, class after class.
+    by_class: Vec<usize>,
+    /// Where in that list each class is that has a picture.
+    ranges: Vec<Range<usize>>,
+}
+
+/// Why pictures and classes are nothing to learn from.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LabelledPicturesError {
+    /// Pictures without pixels, or too large.
+    #[error("labelled pictures of side {0}: must be 1 to 1,000 pixels")]
+    Side(usize),
+    /// Not as many pictures as classes.
+    #[error("{bytes} bytes are not {labels} labelled pictures of {each} bytes")]
+    Count {
+        /// Bytes of all pictures.
+        bytes: usize,
+        /// Classes given.
+        labels: usize,
+        /// Bytes of a picture.
+        each: usize,
+    },
+    /// All are of one class, so that there is nothing to tell apart.
+    #[error("the labels name {0} classes: at least two are needed")]
+    TooFewClasses(usize),
+}
+
+impl LabelledPictures {
+    /// Pictures of `side` x `side` bytes, one after the other, and the class of each.
+    ///
+    /// # Errors
+    /// Where the numbers do not fit, or there are fewer than two classes.
+    pub fn new(side: usize, bytes: Vec<u8>, classes: Vec<u32>) -> Result<Self, LabelledPicturesError> {
+        if !(1..=1000).contains(&side) {
+            return Err(LabelledPicturesError::Side(side));
+        }
+        let (each, labels) = (side * side, classes.len());
+        if labels.checked_mul(each) != Some(bytes.len()) {
+            let bytes = bytes.len();
+            return Err(LabelledPicturesError::Count { bytes, labels, each });
+        }
+        let mut by_class: Vec<usize> = (0..labels).collect();
+        by_class.sort_by_key(|&picture| classes[picture]);
+        let mut ranges = Vec::new();
+        for class in by_class.chunk_by(|&one, &other| classes[one] == classes[other]) {
+            let start = ranges.last().map_or(0, |last: &Range<usize>| last.end);
+            ranges.push(start..start + class.len());
+        }
+        if ranges.len() < 2 {
+            return Err(LabelledPicturesError::TooFewClasses(ranges.len()));
+        }
+        Ok(Self {
+            side,
+            bytes,
+            classes,
+            by_class,
+            ranges,
+        })
+    }
+
+    /// Pixels along a side.
+    #[must_use]
+    pub const fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Number of pictures, 2 or more.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.classes.len()
+    }
+
+    /// All pictures by their index, class after class.
+    #[must_use]
+    pub(crate) fn by_class(&self) -> &[usize] {
+        &self.by_class
+    }
+
+    /// Where in [`LabelledPictures::by_class`] the pictures of each class are: two ranges or more, none empty.
+    #[must_use]
+    pub(crate) fn ranges(&self) -> &[Range<usize>] {
+        &self.ranges
+    }
+
+    /// A picture, counted from 0 and within what there is.
+    #[must_use]
+    pub(crate) fn picture(&self, index: usize) -> &[u8] {
+        let pixels = self.side * self.side;
+        &self.bytes[index * pixels..][..pixels]
+    }
+
+    /// BLAKE3 over side, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        let mut hasher = blake3::Hasher::new_derive_key("murmuration labelled pictures v1");
+        hasher.update(&(self.side as u64).to_le_bytes());
+        for class in &self.classes {
+            hasher.update(&class.to_le_bytes());
+        }
+        hasher.update(&self.bytes);
+        hasher.finalize().to_hex().to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_found_by_class() {
+        let labelled = LabelledPictures::new(1, vec![10, 20, 30, 40], vec![7, 2, 7, 0]).unwrap();
+        assert_eq!(labelled.count(), 4);
+        let members = labelled.ranges().iter();
+        let members: Vec<_> = members.map(|range| &labelled.by_class()[range.clone()]).collect();
+        assert_eq!(members, [&[3][..], &[1], &[0, 2]]);
+        assert_eq!(labelled.picture(2), [30]);
+    }
+
+    #[test]
+    fn what_is_nothing_to_learn_from_is_refused() {
+        let refusal = |side, bytes, classes: &[u32]| {
+            LabelledPictures::new(side, vec![0; bytes], classes.to_vec()).unwrap_err()
+        };
+        assert_eq!(refusal(0, 0, &[]), LabelledPicturesError::Side(0));
+        let (bytes, labels, each) = (9, 2, 4);
+        assert_eq!(
+            refusal(2, 9, &[0, 1]),
+            LabelledPicturesError::Count { bytes, labels, each }
+        );
+        assert_eq!(refusal(1, 2, &[3, 3]), LabelledPicturesError::TooFewClasses(1));
+        assert_eq!(refusal(1, 0, &[]), LabelledPicturesError::TooFewClasses(0));
+    }
+
+    #[test]
+    fn the_digest_depends_on_every_class_and_picture() {
+        let digest = |bytes: &[u8], classes: &[u32]| {
+            LabelledPictures::new(1, bytes.to_vec(), classes.to_vec())
+                .unwrap()
+                .digest()
+        };
+        assert_eq!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[0, 1]));
+        assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[1, 0]));
+        assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[2, 1], &[0, 1]));
+    }
+}

@@ -1,0 +1,179 @@
+//! An epoch of the labelled recipe: steps that have as many pictures of every class, and unlabelled pairs beside
+//! them.
+
+use super::{
+    EpochLoss, Training,
+    held_out::shuffle,
+    in_batch::{self, CHUNK},
+};
+use crate::{
+    augment::{Augmentation, Symmetries},
+    labelled_pictures::LabelledPictures,
+    loss,
+};
+use murmuration_proto::{Purpose, Stream, training::Labelled};
+use rayon::prelude::*;
+use std::ops::Range;
+
+pub(super) fn epoch(
+    training: &mut Training,
+    labelled: &LabelledPictures,
+    recipe: &Labelled,
+    stream: &mut Stream,
+) -> EpochLoss {
+    let mut deck = Deck::new(labelled, stream);
+    let mut unlabelled = training.held_out.trained_on().to_vec();
+    shuffle(&mut unlabelled, stream);
+    let pairs = recipe.unlabelled.min(unlabelled.len());
+    let mut left = unlabelled.iter().copied().cycle();
+    let mut sum = EpochLoss {
+        mean: 0.0,
+        triplets: 0,
+    };
+    for step in 0..recipe.steps {
+        let done = training.state.epoch as f64 + step as f64 / recipe.steps as f64;
+        let rate = recipe.learning_rate * (1.0 - done / recipe.epochs as f64);
+        training.state.schedule.set_learning_rate(rate);
+        let dealt = deck.deal(recipe, stream);
+        let behaviours: Vec<usize> = left.by_ref().take(pairs).collect();
+        let mut images = augmented(labelled, &dealt, recipe, stream);
+        images.extend(in_batch::augmented(training, &behaviours, stream));
+        sum.mean += self::step(training, recipe, dealt.len(), &images) / recipe.steps as f64;
+        let triplets = dealt.len() * (recipe.per_class - 1) * (dealt.len() - recipe.per_class);
+        sum.triplets += (triplets + pairs * (pairs - 1)) as u64;
+    }
+    sum
+}
+
+/// One step of the optimiser on `images`, the first `labelled` of which are; returns its loss.
+fn step(training: &mut Training, recipe: &Labelled, labelled: usize, images: &[f32]) -> f64 {
+    let state = &mut training.state;
+    let dimensions = state.network.architecture().dimensions();
+    let loss = training.lanes.gradient_at_once(
+        &state.network,
+        images,
+        CHUNK,
+        |embeddings, gradient| {
+            let ours = labelled * dimensions;
+            let (by_labelled, by_unlabelled) = gradient.split_at_mut(ours);
+            let margin = recipe.margin;
+            let named = loss::labelled::loss(
+                &embeddings[..ours],
+                dimensions,
+                recipe.per_class,
+                margin,
+                by_labelled,
+            );
+            let unnamed = loss::in_batch::loss(&embeddings[ours..], dimensions, margin, by_unlabelled);
+            for slope in by_unlabelled {
+                *slope *= recipe.unlabelled_weight as f32;
+            }
+            named + recipe.unlabelled_weight * unnamed
+        },
+        &mut training.gradient,
+    );
+    let rate = state.schedule.learning_rate();
+    let weights = state.network.parameters_mut();
+    state
+        .adam
+        .step(weights, &training.gradient, rate, recipe.weight_decay);
+    loss
+}
+
+/// The labelled pictures of each class in random order, from which they are taken turn by turn: none comes back
+/// before the others of its class have been.
+struct Deck {
+    classes: Vec<Class>,
+}
+
+struct Class {
+    pictures: Vec<usize>,
+    next: usize,
+}
+
+impl Deck {
+    fn new(labelled: &LabelledPictures, stream: &mut Stream) -> Self {
+        let class = |range: &Range<usize>| {
+            let mut pictures = labelled.by_class()[range.clone()].to_vec();
+            shuffle(&mut pictures, stream);
+            Class { pictures, next: 0 }
+        };
+        Self {
+            classes: labelled.ranges().iter().map(class).collect(),
+        }
+    }
+
+    /// The pictures of a step, class after class.
+    fn deal(&mut self, recipe: &Labelled, stream: &mut Stream) -> Vec<usize> {
+        if self.classes.len() > recipe.classes {
+            shuffle(&mut self.classes, stream);
+        }
+        let drawn = self.classes.iter_mut().take(recipe.classes);
+        drawn
+            .flat_map(|class| {
+                let first = class.next;
+                class.next = (first + recipe.per_class) % class.pictures.len();
+                let pictures = class.pictures.iter().cycle().skip(first);
+                pictures.take(recipe.per_class).copied().collect::<Vec<_>>()
+            })
+            .collect()
+    }
+}
+
+/// The images of the labelled pictures of a step.
+fn augmented(
+    labelled: &LabelledPictures,
+    dealt: &[usize],
+    recipe: &Labelled,
+    stream: &mut Stream,
+) -> Vec<f32> {
+    let side = labelled.side();
+    let augmentation = Augmentation {
+        crop: recipe.crop,
+        symmetries: Symmetries::All,
+    };
+    let key = stream.bits();
+    let mut images = vec![0.0; dealt.len() * side * side];
+    let places = images.par_chunks_mut(side * side).zip(dealt).enumerate();
+    places.for_each(|(i, (image, &picture))| {
+        let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+        augmentation.apply(labelled.picture(picture), side, &mut stream, image);
+    });
+    images
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_class_of_a_step_has_as_many_pictures_and_all_of_them_take_turns(
+            classes in prop::collection::vec(0..6u32, 2..40),
+            per_class in 2..9usize,
+            most in 2..7usize,
+        ) {
+            prop_assume!(classes.iter().any(|&class| class != classes[0]));
+            let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
+            let recipe = Labelled { per_class, classes: most, ..Labelled::default() };
+            let mut stream = Stream::derive(1, Purpose::Train, 0);
+            let mut deck = Deck::new(&labelled, &mut stream);
+            let mut dealt = vec![0_usize; classes.len()];
+            for _ in 0..5 {
+                let pictures = deck.deal(&recipe, &mut stream);
+                prop_assert_eq!(pictures.len(), per_class * most.min(labelled.ranges().len()));
+                for class in pictures.chunks_exact(per_class) {
+                    prop_assert!(class.iter().all(|&picture| classes[picture] == classes[class[0]]));
+                }
+                for picture in pictures {
+                    dealt[picture] += 1;
+                }
+            }
+            for range in labelled.ranges() {
+                let times = labelled.by_class()[range.clone()].iter().map(|&picture| dealt[picture]);
+                prop_assert!(times.clone().max().unwrap() - times.min().unwrap() <= 1);
+            }
+        }
+    }
+}
