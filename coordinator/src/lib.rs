@@ -19,6 +19,7 @@ pub mod medoids;
 pub mod novelty;
 pub mod picture;
 pub mod projection;
+pub mod queries;
 pub mod report;
 pub mod server;
 pub mod service;
