@@ -8,11 +8,12 @@ use super::{
     json,
 };
 use crate::{labels::Annotator, local::Crew};
-use murmuration_proto::{CampaignSpec, Invalid, v1};
+use murmuration_proto::{CampaignSpec, v1};
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     time::{SystemTime, UNIX_EPOCH},
 };
+use table::Table;
 
 /// Arguments of `label`.
 #[derive(Debug, clap::Args)]
@@ -84,9 +85,9 @@ pub(super) struct AgreementCommand {
 
 impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let rows = table::read(&self.csv, self.annotator.as_ref())?;
+        let table = Table::read(&self.csv, self.annotator.as_ref())?;
         let mut connection = Connection::open(global, Crew::NONE).await?;
-        let added = add(&mut connection, self.campaign, &self.csv, rows).await;
+        let added = add(&mut connection, self.campaign, table).await;
         connection.close().await?;
         let (campaign, count, digest) = added?;
         if global.json {
@@ -103,17 +104,19 @@ impl LabelCommand {
 async fn add(
     connection: &mut Connection,
     campaign: String,
-    file: &Path,
-    rows: Vec<table::Row>,
+    table: Table,
 ) -> Result<(String, usize, String), CliError> {
     let request = v1::GetCampaignRequest { campaign };
     let status = connection.client.get_campaign(request).await?.into_inner();
-    check_indices(&status, file, &rows)?;
+    let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
+    let len = u64::from(status.generations_done) * u64::from(spec.search().population());
+    // The coordinator would refuse them too, but knows no lines.
+    table.check_indices(&status.id, len)?;
     let campaign = status.id;
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),
         request_id: request_id(),
-        answers: rows.into_iter().map(|row| row.answer).collect(),
+        answers: table.into_answers(),
     };
     let added = connection.labels.append_labels(request).await?.into_inner();
     let request = v1::ListLabelsRequest {
@@ -121,22 +124,6 @@ async fn add(
     };
     let digest = connection.labels.list_labels(request).await?.into_inner().digest;
     Ok((campaign, added.entries.len(), digest))
-}
-
-/// The coordinator would refuse them too, but knows no lines.
-fn check_indices(campaign: &v1::Campaign, file: &Path, rows: &[table::Row]) -> Result<(), CliError> {
-    let spec = campaign.spec.clone().unwrap_or_default();
-    let population = CampaignSpec::try_from(spec)?.search().population();
-    let len = u64::from(campaign.generations_done) * u64::from(population);
-    let beyond = rows.iter().find(|row| row.answer.index >= len);
-    beyond.map_or(Ok(()), |row| {
-        let allowed = format!(
-            "the index of one of the {len} individuals in the archive of {}",
-            campaign.id
-        );
-        let error = Invalid::new("id", row.answer.index, allowed);
-        Err(table::at(file, row.line, &error))
-    })
 }
 
 /// A name that no other request has: when, and by which process.

@@ -2,17 +2,28 @@
 
 use super::super::CliError;
 use crate::labels::{Annotator, Answer};
-use csv::{ReaderBuilder, StringRecord};
+use csv::{ErrorKind, ReaderBuilder, StringRecord};
 use murmuration_proto::{Invalid, v1};
-use std::path::Path;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 const COLUMNS: [&str; 4] = ["id", "class", "annotator", "time"];
 
-/// An answer, and the line that it comes from, from 1.
-#[derive(Debug, PartialEq)]
-pub(super) struct Row {
-    pub(super) line: u64,
-    pub(super) answer: v1::Answer,
+/// A file of answers, read and understood.
+#[derive(Debug)]
+pub(super) struct Table {
+    file: PathBuf,
+    text: Vec<u8>,
+    rows: Vec<Row>,
+}
+
+/// An answer, and where in the text its row begins.
+#[derive(Debug)]
+struct Row {
+    byte: usize,
+    answer: v1::Answer,
 }
 
 /// Where the columns are; a file without the last two takes them from elsewhere.
@@ -23,36 +34,80 @@ struct Places {
     time: Option<usize>,
 }
 
-/// Reads the answers of a file; rows without a class are passed over. `annotator` is who gave those that do not say.
-pub(super) fn read(file: &Path, annotator: Option<&Annotator>) -> Result<Vec<Row>, CliError> {
-    let refused = |error: csv::Error| CliError::Input(format!("{}: {error}", file.display()));
-    let mut reader = ReaderBuilder::new().from_path(file).map_err(refused)?;
-    let places = Places::of(reader.headers().map_err(refused)?).map_err(|column| {
-        let said = format!("{}, line 1: there is no column \"{column}\"", file.display());
-        CliError::Input(said)
-    })?;
-    let mut rows = Vec::new();
-    for record in reader.into_records() {
-        let record = record.map_err(refused)?;
-        let line = record.position().map_or(0, csv::Position::line);
-        if record[places.class].trim().is_empty() {
-            continue;
+impl Table {
+    /// Reads the answers of a file; rows without a class are passed over. `annotator` is who gave those that do not say.
+    pub(super) fn read(file: &Path, annotator: Option<&Annotator>) -> Result<Self, CliError> {
+        let text = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
+        let mut table = Self {
+            file: file.to_owned(),
+            text,
+            rows: Vec::new(),
+        };
+        table.rows = table.parse(annotator)?;
+        if table.rows.is_empty() {
+            let said = format!("{}: no row has a class", file.display());
+            return Err(CliError::Input(said));
         }
-        let answer = places
-            .answer(&record, annotator)
-            .map_err(|error| at(file, line, &error))?;
-        rows.push(Row { line, answer });
+        Ok(table)
     }
-    if rows.is_empty() {
-        let said = format!("{}: no row has a class", file.display());
-        return Err(CliError::Input(said));
-    }
-    Ok(rows)
-}
 
-/// An error about one line of a file.
-pub(super) fn at(file: &Path, line: u64, error: &Invalid) -> CliError {
-    CliError::Input(format!("{}, line {line}: {error}", file.display()))
+    fn parse(&self, annotator: Option<&Annotator>) -> Result<Vec<Row>, CliError> {
+        let mut reader = ReaderBuilder::new().from_reader(self.text.as_slice());
+        let places = Places::of(reader.headers().map_err(|error| self.not_csv(&error))?)
+            .map_err(|column| self.error(0, &format!("there is no column \"{column}\"")))?;
+        let mut rows = Vec::new();
+        for record in reader.into_records() {
+            let record = record.map_err(|error| self.not_csv(&error))?;
+            let byte = record.position().map_or(0, |position| position.byte() as usize);
+            if record[places.class].trim().is_empty() {
+                continue;
+            }
+            let answer = places.answer(&record, annotator);
+            let answer = answer.map_err(|error| self.error(byte, &error))?;
+            rows.push(Row { byte, answer });
+        }
+        Ok(rows)
+    }
+
+    /// Checks that all of them are about individuals of an archive of `len`.
+    pub(super) fn check_indices(&self, campaign: &str, len: u64) -> Result<(), CliError> {
+        let beyond = self.rows.iter().find(|row| row.answer.index >= len);
+        beyond.map_or(Ok(()), |row| {
+            let allowed = format!("the index of one of the {len} individuals in the archive of {campaign}");
+            Err(self.error(row.byte, &Invalid::new("id", row.answer.index, allowed)))
+        })
+    }
+
+    /// The answers, in their order.
+    pub(super) fn into_answers(self) -> Vec<v1::Answer> {
+        self.rows.into_iter().map(|row| row.answer).collect()
+    }
+
+    fn not_csv(&self, error: &csv::Error) -> CliError {
+        match error.kind() {
+            ErrorKind::UnequalLengths {
+                pos: Some(position),
+                expected_len,
+                len,
+            } => {
+                let said = format!("{len} cells under {expected_len} names of columns");
+                self.error(position.byte() as usize, &said)
+            }
+            _ => CliError::Input(format!("{}: {error}", self.file.display())),
+        }
+    }
+
+    /// An error about the row at `byte`, or after the empty lines there.
+    fn error(&self, byte: usize, error: &dyn std::fmt::Display) -> CliError {
+        let (before, rest) = self.text.split_at(byte.min(self.text.len()));
+        let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
+        let line = 1 + before
+            .iter()
+            .chain(empty)
+            .filter(|&&character| character == b'\n')
+            .count();
+        CliError::Input(format!("{}, line {line}: {error}", self.file.display()))
+    }
 }
 
 impl Places {
@@ -95,7 +150,7 @@ impl Places {
     }
 }
 
-/// Writes answers to a file that [`read`] understands.
+/// Writes answers to a file that [`Table::read`] understands.
 pub(super) fn write<'a>(file: &Path, answers: impl Iterator<Item = &'a v1::Answer>) -> Result<(), CliError> {
     let failed = |error: csv::Error| CliError::Failed(format!("cannot write {}: {error}", file.display()));
     let mut writer = csv::Writer::from_path(file).map_err(failed)?;
@@ -112,14 +167,13 @@ pub(super) fn write<'a>(file: &Path, answers: impl Iterator<Item = &'a v1::Answe
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use std::fs;
 
-    fn read_text(text: &str, annotator: Option<&str>) -> Result<Vec<Row>, String> {
+    fn read_text(text: &str, annotator: Option<&str>) -> Result<Table, String> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("labels.csv");
         fs::write(&file, text).unwrap();
         let annotator = annotator.map(|name| name.parse::<Annotator>().unwrap());
-        read(&file, annotator.as_ref()).map_err(|error| error.to_string())
+        Table::read(&file, annotator.as_ref()).map_err(|error| error.to_string())
     }
 
     #[track_caller]
@@ -130,24 +184,16 @@ mod tests {
 
     #[test]
     fn rows_with_a_class_are_read_whatever_other_columns_there_are() {
-        let rows = read_text(
+        let table = read_text(
             "x,class,id,annotator\n1,ring,7,ana\n2,,8,\n3,\"not sure\",9, \n",
             Some("ben"),
-        )
-        .unwrap();
-        let read: Vec<_> = rows
+        );
+        let answers = table.unwrap().into_answers();
+        let read: Vec<_> = answers
             .iter()
-            .map(|row| {
-                let answer = &row.answer;
-                (
-                    row.line,
-                    answer.index,
-                    answer.answer.as_str(),
-                    answer.annotator.as_str(),
-                )
-            })
+            .map(|answer| (answer.index, answer.answer.as_str(), answer.annotator.as_str()))
             .collect();
-        assert_eq!(read, [(2, 7, "ring", "ana"), (4, 9, "not sure", "ben")]);
+        assert_eq!(read, [(7, "ring", "ana"), (9, "not sure", "ben")]);
     }
 
     #[test]
@@ -163,7 +209,11 @@ mod tests {
             &format!("{head}2,{},ana,5\n", "x".repeat(65)),
             "must be 1 to 64 characters",
         );
-        check_refused(&format!("{head}2,ring\n"), "line: 3");
+        check_refused(
+            &format!("{head}\r\n\n2,ring\n"),
+            "line 5: 2 cells under 4 names of columns",
+        );
+        check_refused(&format!("{head}\n2,\"a\nb\",ana,\n"), "line 4: class = \"a\\nb\"");
         check_refused("id,klass\n1,ring\n", "line 1: there is no column \"class\"");
         check_refused("id,class\n1,\n", "no row has a class");
     }
@@ -188,9 +238,7 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let file = folder.path().join("labels.csv");
             write(&file, answers.iter()).unwrap();
-            let rows = read(&file, None).unwrap();
-            let read: Vec<_> = rows.into_iter().map(|row| row.answer).collect();
-            prop_assert_eq!(read, answers);
+            prop_assert_eq!(Table::read(&file, None).unwrap().into_answers(), answers);
         }
     }
 }
