@@ -76,19 +76,24 @@ impl fmt::Display for LabelDigest {
 }
 
 impl Labels {
-    /// What these entries, a whole log in order, come to.
+    /// Number of entries of the log that they come from.
+    #[must_use]
+    pub const fn entries(&self) -> u64 {
+        self.entries
+    }
+
+    /// Takes in the entries of the log from [`Labels::entries`] on, in order.
     ///
     /// # Errors
-    /// [`BrokenLog`] at the first entry that could not follow those before it.
-    pub fn replay(log: &[Entry]) -> Result<Self, BrokenLog> {
-        let mut labels = Self::default();
+    /// [`BrokenLog`] at the first entry that could not follow those before it; those were taken in.
+    pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
         for entry in log {
-            match labels.record(entry.change.clone()) {
-                Ok(again) if again == *entry => {}
+            match self.record(entry.change) {
+                Ok(again) if (again.number, again.supersedes) == (entry.number, entry.supersedes) => {}
                 _ => return Err(BrokenLog(entry.number)),
             }
         }
-        Ok(labels)
+        Ok(())
     }
 
     /// Takes in what somebody says; the entry that says so in the log.

@@ -76,6 +76,8 @@ type Kind = (Strategy, bool);
 struct Open {
     rankings: BTreeMap<Strategy, Ranked>,
     leases: QueryLeases<Kind>,
+    /// As they stood when somebody asked last.
+    labels: Labels,
 }
 
 /// A ranking, and what it was made of.
@@ -107,7 +109,11 @@ impl Queries {
             Arc::clone(campaigns.entry(record.id.clone()).or_default())
         };
         let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
-        let Open { rankings, leases } = &mut *open;
+        let Open {
+            rankings,
+            leases,
+            labels,
+        } = &mut *open;
         let individuals = archive_len(&record);
         if !rankings
             .get(&wish.strategy)
@@ -116,13 +122,13 @@ impl Queries {
             rankings.insert(wish.strategy, self.rank(&record, wish.strategy)?);
         }
         let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
-        let labels = self.store.labels(&record.id)?;
+        *labels = self.store.catch_up(&record.id, std::mem::take(labels))?;
         let queries = leases.top_up(
             &wish.holder,
             (wish.strategy, wish.agreement),
             wish.count,
             ranking.unwrap_or_default(),
-            |index| is_open(&labels, index as u64, wish),
+            |index| is_open(labels, index as u64, wish),
             now,
         );
         Ok(Asked {
@@ -223,3 +229,6 @@ fn is_open(labels: &Labels, index: u64, wish: &Wish) -> bool {
     let answered: Vec<_> = answered.collect();
     answered.iter().any(|(_, names_class)| *names_class) && !answered.iter().any(|(who, _)| own(who))
 }
+
+#[cfg(test)]
+mod tests;

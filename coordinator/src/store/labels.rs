@@ -31,7 +31,7 @@ impl Store {
     /// # Errors
     /// If it cannot be read.
     pub fn label_log(&self, campaign: &CampaignId) -> Result<Vec<Entry>, StoreError> {
-        self.read(|connection| log(connection, number_of(connection, campaign)?))
+        self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
     }
 
     /// What the log of a campaign comes to.
@@ -39,7 +39,15 @@ impl Store {
     /// # Errors
     /// If it cannot be read.
     pub fn labels(&self, campaign: &CampaignId) -> Result<Labels, StoreError> {
-        replay(&self.label_log(campaign)?)
+        self.catch_up(campaign, Labels::default())
+    }
+
+    /// As [`Store::labels`], where the beginning of the log was read before: only what is new is read.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn catch_up(&self, campaign: &CampaignId, labels: Labels) -> Result<Labels, StoreError> {
+        self.read(|connection| follow(connection, number_of(connection, campaign)?, labels))
     }
 
     /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A request
@@ -83,7 +91,7 @@ fn add(
         };
     }
     check_individuals(transaction, campaign, number, &changes)?;
-    let mut labels = replay(&log(transaction, number)?)?;
+    let mut labels = follow(transaction, number, Labels::default())?;
     let added = changes
         .into_iter()
         .map(|change| labels.record(change))
@@ -152,12 +160,16 @@ fn insert(
     Ok(())
 }
 
-fn log(connection: &Connection, number: i64) -> Result<Vec<Entry>, StoreError> {
-    entries(connection, "", params![number])
+/// The log from entry `from` on.
+fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, StoreError> {
+    entries(connection, "AND entry >= ?2", params![number, clamped(from)])
 }
 
-fn replay(log: &[Entry]) -> Result<Labels, StoreError> {
-    Labels::replay(log).map_err(|error: BrokenLog| StoreError::damaged(error.to_string()))
+fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<Labels, StoreError> {
+    let new = log(connection, number, labels.entries())?;
+    let broken = |error: BrokenLog| StoreError::damaged(error.to_string());
+    labels.follow(new).map_err(broken)?;
+    Ok(labels)
 }
 
 fn entries(
