@@ -21,6 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/worker.proto",
             "murmuration/v1/checkpoint.proto",
             "murmuration/v1/trainer.proto",
+            "murmuration/v1/label.proto",
         ],
         ["."],
     )?;

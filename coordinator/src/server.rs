@@ -4,7 +4,8 @@ use crate::{
     campaign::{CampaignError, Campaigns},
     checkpoints::{CheckpointError, Checkpoints},
     dispatch::{self, Dispatch, Trainers},
-    service::{CampaignApi, CheckpointApi, TrainerApi, WorkerApi},
+    queries::Queries,
+    service::{self, CampaignApi, CheckpointApi, LabelApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
     web::{self, Web},
 };
@@ -12,7 +13,8 @@ use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
-        trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
+        label_service_server::LabelServiceServer, trainer_service_server::TrainerServiceServer,
+        worker_service_server::WorkerServiceServer,
     },
 };
 use std::{io, net::SocketAddr, time::Duration};
@@ -134,6 +136,14 @@ impl Coordinator {
         health_reporter
             .set_serving::<WorkerServiceServer<WorkerApi>>()
             .await;
+        let label_service = LabelServiceServer::new(LabelApi {
+            store: store.clone(),
+            queries: Queries::new(store.clone()),
+        })
+        .max_decoding_message_size(service::MAX_LABEL_MESSAGE);
+        health_reporter
+            .set_serving::<LabelServiceServer<LabelApi>>()
+            .await;
         let trainer_service = TrainerServiceServer::new(TrainerApi {
             trainers: trainers.clone(),
             store,
@@ -146,6 +156,7 @@ impl Coordinator {
             .add_service(worker_service)
             .add_service(trainer_service)
             .add_service(checkpoint_service)
+            .add_service(label_service)
             .add_service(health)
             .add_service(reflection);
         let (stop, stopped) = oneshot::channel();

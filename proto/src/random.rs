@@ -26,6 +26,8 @@ pub enum Purpose {
     Dataset,
     /// Seeds of a dataset's starts; the index is the picture's.
     DatasetStart,
+    /// Which behaviours people are asked about; the index is 0.
+    Query,
 }
 
 impl Purpose {
@@ -41,6 +43,7 @@ impl Purpose {
             Self::HeldOut => "held out",
             Self::Dataset => "dataset",
             Self::DatasetStart => "dataset start",
+            Self::Query => "query",
         }
     }
 }

@@ -9,20 +9,23 @@ use crate::{
 };
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
+    label_service_client::LabelServiceClient,
 };
 use std::time::Duration;
 use tonic::transport::{Channel, Endpoint};
 
-/// Largest message taken from a coordinator: a replay of many agents.
+/// Largest message taken from a coordinator: a replay of many agents, or all labels of a large archive.
 const MAX_MESSAGE: usize = 128 << 20;
 
 pub(super) type Client = CampaignServiceClient<Channel>;
 pub(super) type CheckpointClient = CheckpointServiceClient<Channel>;
+pub(super) type LabelClient = LabelServiceClient<Channel>;
 
 /// A coordinator that answers, for as long as this value lives.
 pub(super) struct Connection {
     pub(super) client: Client,
     pub(super) checkpoints: CheckpointClient,
+    pub(super) labels: LabelClient,
     /// Present if this process had to start one.
     own: Option<LocalCluster>,
 }
@@ -61,7 +64,8 @@ impl Connection {
         let channel = connect(url).await?;
         Ok(Self {
             client: Client::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE),
-            checkpoints: CheckpointClient::new(channel),
+            checkpoints: CheckpointClient::new(channel.clone()),
+            labels: LabelClient::new(channel).max_decoding_message_size(MAX_MESSAGE),
             own,
         })
     }

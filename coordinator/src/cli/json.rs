@@ -124,6 +124,63 @@ pub(super) fn checkpoint(checkpoint: &v1::Checkpoint) -> Value {
     })
 }
 
+/// What `murmuration label` added, and the digest of what stands then.
+pub(super) fn labelled(campaign: &str, added: usize, digest: &str) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "campaign": campaign,
+        "added": added,
+        "label_digest": digest,
+    })
+}
+
+pub(super) fn label(label: &v1::Label) -> Value {
+    let answer = label.answer.clone().unwrap_or_default();
+    json!({
+        "schema": SCHEMA,
+        "index": answer.index,
+        "class": answer.answer,
+        "annotator": answer.annotator,
+        "time_ms": answer.time_ms,
+        "entry": label.entry,
+    })
+}
+
+pub(super) fn label_class(class: &v1::LabelClass) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "class": class.name,
+        "colour": class.colour,
+        "labels": class.labels,
+    })
+}
+
+pub(super) fn agreement(first: &str, second: &str, agreement: &v1::Agreement) -> Value {
+    let confusion = |confusion: &v1::Confusion| {
+        json!({
+            "first": confusion.first,
+            "second": confusion.second,
+            "individuals": confusion.individuals,
+        })
+    };
+    let disagreement = |difference: &v1::Disagreement| {
+        json!({
+            "index": difference.index,
+            "first": difference.first,
+            "second": difference.second,
+        })
+    };
+    json!({
+        "schema": SCHEMA,
+        "annotators": [first, second],
+        "both": agreement.both,
+        "agreed": agreement.agreed,
+        "kappa": agreement.kappa,
+        "confusions": agreement.confusions.iter().map(confusion).collect::<Vec<_>>(),
+        "disagreements": agreement.disagreements.iter().map(disagreement).collect::<Vec<_>>(),
+    })
+}
+
 /// A figure of `murmuration bench simulate`.
 pub(super) fn bench_simulate(model: CapabilityModel, what: &str, per_second: f64, ratio: f64) -> Value {
     json!({

@@ -12,6 +12,7 @@ mod error;
 mod filter;
 mod follow;
 mod json;
+mod labels;
 mod report;
 mod run;
 mod serve;
@@ -100,6 +101,14 @@ enum Command {
     /// Published embedders
     #[command(subcommand)]
     Checkpoints(checkpoints::CheckpointsCommand),
+    /// Add labels to a campaign: classes that people gave to individuals of its archive
+    Label(labels::LabelCommand),
+    /// List the labels of a campaign, or write them to a file
+    Labels(labels::LabelsCommand),
+    /// List the classes of a campaign; create, rename, merge or colour one
+    Classes(labels::ClassesCommand),
+    /// Compare the classes that two annotators gave: Cohen's kappa, and where they differ
+    Agreement(labels::AgreementCommand),
     /// Measure how well an embedding agrees with classes that people gave
     Accuracy(accuracy::AccuracyCommand),
     /// Measure this machine
@@ -148,6 +157,10 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Simulate(simulate) => simulate.execute(global.json),
         Command::Filter(filter) => filter.execute(global.json),
         Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
+        Command::Label(label) => label.execute(&global).await,
+        Command::Labels(labels) => labels.execute(&global).await,
+        Command::Classes(classes) => classes.execute(&global).await,
+        Command::Agreement(agreement) => agreement.execute(&global).await,
         Command::Accuracy(accuracy) => accuracy.execute(&global).await,
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {

@@ -1,4 +1,4 @@
-//! The colours of agents and of clusters.
+//! The colours of agents, of clusters and of classes.
 
 /// Red, green and blue in sRGB.
 pub(crate) type Rgb = [u8; 3];
@@ -34,6 +34,11 @@ pub(crate) const CLUSTERS: [Rgb; 24] = [
 /// The colour of the cluster at `place`.
 pub(crate) const fn cluster(place: usize) -> Rgb {
     CLUSTERS[place % CLUSTERS.len()]
+}
+
+/// The colour that the class at `place` has until it is given another.
+pub(crate) const fn class(place: usize) -> Rgb {
+    AGENTS[place % AGENTS.len()]
 }
 
 /// `#rrggbb`.

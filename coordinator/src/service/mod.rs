@@ -2,12 +2,15 @@
 
 mod campaigns;
 mod checkpoints;
+mod labels;
 mod messages;
 mod training;
 mod work;
 
 pub use campaigns::CampaignApi;
 pub use checkpoints::CheckpointApi;
+pub use labels::LabelApi;
+pub(crate) use labels::MAX_LABEL_MESSAGE;
 pub use training::TrainerApi;
 pub use work::WorkerApi;
 

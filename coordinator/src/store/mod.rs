@@ -9,6 +9,7 @@ mod checkpoints;
 mod data_directory;
 mod embeddings;
 mod error;
+mod labels;
 mod pictures;
 mod schema;
 
@@ -18,6 +19,7 @@ pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
 pub use embeddings::Switch;
 pub use error::StoreError;
+pub use labels::LabelError;
 pub use pictures::{Picture, SavedTraining};
 
 use rusqlite::{Connection, Transaction};

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 3] = [
+const MIGRATIONS: [&str; 4] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -83,6 +83,26 @@ const MIGRATIONS: [&str; 3] = [
         embedding BLOB NOT NULL,
         PRIMARY KEY (campaign, checkpoint, place)
     ) STRICT, WITHOUT ROWID;
+",
+    "
+    CREATE TABLE labels (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        entry INTEGER NOT NULL,
+        request TEXT NOT NULL,
+        annotator TEXT NOT NULL,
+        time_ms INTEGER NOT NULL,
+        action TEXT NOT NULL,
+        place INTEGER,
+        class TEXT,
+        value TEXT,
+        supersedes INTEGER,
+        PRIMARY KEY (campaign, entry)
+    ) STRICT, WITHOUT ROWID;
+    CREATE INDEX labels_by_request ON labels (campaign, request);
+    CREATE TRIGGER labels_stay BEFORE UPDATE ON labels
+        BEGIN SELECT RAISE (ABORT, 'labels are never changed'); END;
+    CREATE TRIGGER labels_remain BEFORE DELETE ON labels
+        BEGIN SELECT RAISE (ABORT, 'labels are never deleted'); END;
 ",
 ];
 

@@ -1,0 +1,261 @@
+//! What a log comes to: the classes there are, and the answers that stand.
+
+use super::{
+    Action, Annotator, Answer, Change, ClassName, Colour, Entry, Refusal,
+    classes::{ClassNumber, Classes},
+};
+use std::{collections::BTreeMap, fmt};
+
+/// The labels of a campaign as they stand: a function of its log.
+///
+/// Each annotator has at most one standing answer about an individual. Classes are followed through renaming and
+/// merging, whatever they were called when an answer was given.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Labels {
+    entries: u64,
+    classes: Classes,
+    /// Every answer of the log, by entry.
+    given: BTreeMap<u64, Given>,
+    /// By individual and annotator, the entry of the answer that stands; no individual without one.
+    standing: BTreeMap<u64, BTreeMap<Annotator, u64>>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Given {
+    verdict: Verdict,
+    time_ms: u64,
+    supersedes: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Verdict {
+    Class(ClassNumber),
+    NotSure,
+    Skip,
+}
+
+/// An answer that stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Label {
+    /// Its entry in the log.
+    pub entry: u64,
+    /// Index of the individual.
+    pub index: u64,
+    /// Who answered.
+    pub annotator: Annotator,
+    /// The answer, its class by its name of today.
+    pub answer: Answer,
+    /// When, milliseconds since 1970-01-01 UTC.
+    pub time_ms: u64,
+}
+
+/// A class as it stands.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Class {
+    /// Its name.
+    pub name: ClassName,
+    /// Its colour: that which it was given, or one of its own.
+    pub colour: Colour,
+    /// Number of standing answers that name it.
+    pub labels: u64,
+}
+
+/// A log that nobody could have written entry by entry.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("entry {0} of the label log does not follow from those before it")]
+pub struct BrokenLog(pub u64);
+
+/// BLAKE3 of the pairs (individual, class) that stand; 64 hexadecimal digits as text.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LabelDigest(blake3::Hash);
+
+impl fmt::Display for LabelDigest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.to_hex())
+    }
+}
+
+impl Labels {
+    /// Number of entries of the log that they come from.
+    #[must_use]
+    pub const fn entries(&self) -> u64 {
+        self.entries
+    }
+
+    /// Takes in the entries of the log from [`Labels::entries`] on, in order.
+    ///
+    /// # Errors
+    /// [`BrokenLog`] at the first entry that could not follow those before it; those were taken in.
+    pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
+        for entry in log {
+            match self.record(entry.change) {
+                Ok(again) if (again.number, again.supersedes) == (entry.number, entry.supersedes) => {}
+                _ => return Err(BrokenLog(entry.number)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes in what somebody says; the entry that says so in the log.
+    ///
+    /// # Errors
+    /// See [`Refusal`]; nothing has changed then.
+    pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
+        let supersedes = match &change.action {
+            Action::Answer { index, answer } => self.answer(*index, answer, &change)?,
+            Action::Undo => Some(self.undo(&change.annotator)?),
+            Action::Create { class } => self.classes.create(class).map(|_| None)?,
+            Action::Rename { class, to } => self.classes.rename(class, to).map(|()| None)?,
+            Action::Merge { class, into } => self.classes.merge(class, into).map(|()| None)?,
+            Action::Colour { class, colour } => self.classes.colour(class, *colour).map(|()| None)?,
+        };
+        let number = self.entries;
+        self.entries += 1;
+        Ok(Entry {
+            number,
+            change,
+            supersedes,
+        })
+    }
+
+    fn answer(&mut self, index: u64, answer: &Answer, change: &Change) -> Result<Option<u64>, Refusal> {
+        let verdict = match answer {
+            Answer::Class(class) => Verdict::Class(self.classes.find_or_create(class)?),
+            Answer::NotSure => Verdict::NotSure,
+            Answer::Skip => Verdict::Skip,
+        };
+        let about = self.standing.entry(index).or_default();
+        let supersedes = about.insert(change.annotator.clone(), self.entries);
+        let given = Given {
+            verdict,
+            time_ms: change.time_ms,
+            supersedes,
+        };
+        self.given.insert(self.entries, given);
+        Ok(supersedes)
+    }
+
+    fn undo(&mut self, annotator: &Annotator) -> Result<u64, Refusal> {
+        let own = self
+            .standing
+            .iter()
+            .filter_map(|(index, about)| Some((*about.get(annotator)?, *index)));
+        let (undone, index) = own
+            .max()
+            .ok_or_else(|| Refusal::NothingToUndo(annotator.clone()))?;
+        let before = self.given.get(&undone).and_then(|given| given.supersedes);
+        let about = self.standing.entry(index).or_default();
+        match before {
+            Some(before) => about.insert(annotator.clone(), before),
+            None => about.remove(annotator),
+        };
+        if about.is_empty() {
+            self.standing.remove(&index);
+        }
+        Ok(undone)
+    }
+
+    /// The answers that stand, by individual, then annotator.
+    pub fn standing(&self) -> impl Iterator<Item = Label> {
+        self.standing.iter().flat_map(move |(index, about)| {
+            let label = |(annotator, entry): (_, &u64)| self.label(*index, annotator, *entry);
+            about.iter().filter_map(label)
+        })
+    }
+
+    fn label(&self, index: u64, annotator: &Annotator, entry: u64) -> Option<Label> {
+        let given = self.given.get(&entry)?;
+        let answer = match given.verdict {
+            Verdict::Class(class) => Answer::Class(self.classes.name(class).clone()),
+            Verdict::NotSure => Answer::NotSure,
+            Verdict::Skip => Answer::Skip,
+        };
+        Some(Label {
+            entry,
+            index,
+            annotator: annotator.clone(),
+            answer,
+            time_ms: given.time_ms,
+        })
+    }
+
+    /// Who has a standing answer about an individual, by name, and whether it names a class.
+    pub fn answered(&self, index: u64) -> impl Iterator<Item = (&Annotator, bool)> {
+        let about = self.standing.get(&index).into_iter().flatten();
+        about.map(|(annotator, entry)| (annotator, self.names_class(*entry)))
+    }
+
+    /// Number of individuals about which somebody has a standing answer.
+    #[must_use]
+    pub fn individuals(&self) -> usize {
+        self.standing.len()
+    }
+
+    fn names_class(&self, entry: u64) -> bool {
+        self.given
+            .get(&entry)
+            .is_some_and(|given| matches!(given.verdict, Verdict::Class(_)))
+    }
+
+    /// The classes, in the order in which they were created.
+    #[must_use]
+    pub fn classes(&self) -> Vec<Class> {
+        let mut labels: BTreeMap<ClassNumber, u64> = BTreeMap::new();
+        let entries = self.standing.values().flat_map(BTreeMap::values);
+        for given in entries.filter_map(|entry| self.given.get(entry)) {
+            if let Verdict::Class(class) = given.verdict {
+                *labels.entry(self.classes.today(class)).or_default() += 1;
+            }
+        }
+        self.classes
+            .iter()
+            .map(|(number, name, colour)| Class {
+                name: name.clone(),
+                colour,
+                labels: labels.get(&number).copied().unwrap_or_default(),
+            })
+            .collect()
+    }
+
+    /// The class of each individual that has one: where annotators differ, what was said last.
+    #[must_use]
+    pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
+        let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
+        for label in self.standing() {
+            if let Answer::Class(class) = label.answer
+                && newest
+                    .get(&label.index)
+                    .is_none_or(|(entry, _)| *entry < label.entry)
+            {
+                newest.insert(label.index, (label.entry, class));
+            }
+        }
+        newest
+            .into_iter()
+            .map(|(index, (_, class))| (index, class))
+            .collect()
+    }
+
+    /// The classes that one annotator gave.
+    #[must_use]
+    pub fn by(&self, annotator: &Annotator) -> BTreeMap<u64, ClassName> {
+        let own = self.standing().filter(|label| label.annotator == *annotator);
+        own.filter_map(|label| match label.answer {
+            Answer::Class(class) => Some((label.index, class)),
+            Answer::NotSure | Answer::Skip => None,
+        })
+        .collect()
+    }
+
+    /// The digest of [`Labels::by_individual`]: who gave a label, when, and what stood before it do not matter.
+    #[must_use]
+    pub fn digest(&self) -> LabelDigest {
+        let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
+        for (index, class) in self.by_individual() {
+            hasher.update(&index.to_le_bytes());
+            hasher.update(&(class.as_str().len() as u64).to_le_bytes());
+            hasher.update(class.as_str().as_bytes());
+        }
+        LabelDigest(hasher.finalize())
+    }
+}

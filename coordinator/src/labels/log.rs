@@ -1,0 +1,86 @@
+//! The log: what people said, in the order in which they said it.
+
+use super::{Annotator, Answer, ClassName, Colour};
+
+/// What somebody says about a campaign's behaviours or classes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Change {
+    /// Who.
+    pub annotator: Annotator,
+    /// When, milliseconds since 1970-01-01 UTC.
+    pub time_ms: u64,
+    /// What.
+    pub action: Action,
+}
+
+/// What can be said.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Action {
+    /// The answer to which class an individual is of. A class that there is not yet is created.
+    Answer {
+        /// Index of the individual in its archive.
+        index: u64,
+        /// The answer.
+        answer: Answer,
+    },
+    /// Takes back the newest of the annotator's own answers that stand; what that had superseded stands again.
+    Undo,
+    /// Adds a class.
+    Create {
+        /// Its name, which no class has.
+        class: ClassName,
+    },
+    /// Gives a class another name.
+    Rename {
+        /// The class.
+        class: ClassName,
+        /// Its name from now on, which no class has.
+        to: ClassName,
+    },
+    /// Makes one class of two.
+    Merge {
+        /// The class that ends; its labels go to the other.
+        class: ClassName,
+        /// The class that goes on.
+        into: ClassName,
+    },
+    /// Gives a class another colour.
+    Colour {
+        /// The class.
+        class: ClassName,
+        /// Its colour from now on.
+        colour: Colour,
+    },
+}
+
+/// One entry of a campaign's log; entries are never changed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Place in the log, from 0.
+    pub number: u64,
+    /// What was said.
+    pub change: Change,
+    /// The answer that no longer stands because of this one: of an answer, that of the same annotator about the same
+    /// individual if there was one; of an undo, the one that was taken back.
+    pub supersedes: Option<u64>,
+}
+
+/// Why something cannot be said; the log is as it was.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// There is no class of that name.
+    #[error("there is no class \"{0}\": `murmuration classes` shows those there are")]
+    NoClass(ClassName),
+    /// The name is taken.
+    #[error("there is a class \"{0}\" already: to make one of two, merge them")]
+    ClassExists(ClassName),
+    /// There are 1,000 classes.
+    #[error("there is no room for class \"{0}\": there are 1,000 classes")]
+    TooManyClasses(ClassName),
+    /// A class cannot be merged into itself.
+    #[error("class \"{0}\" cannot be merged into itself")]
+    IntoItself(ClassName),
+    /// None of the annotator's answers stands.
+    #[error("{0} has no answer that could be undone")]
+    NothingToUndo(Annotator),
+}

@@ -1,0 +1,19 @@
+//! What people say about behaviours: an append-only log, and what it comes to.
+//!
+//! [`Labels`] is a pure function of the log of a campaign: whoever holds the entries knows the classes, the answers that
+//! stand, and what stood before. Limits: no I/O; where the log is kept is [`store`](crate::store)'s business, what to ask
+//! next is [`queries`](crate::queries)'.
+
+mod agreement;
+mod classes;
+mod current;
+mod log;
+mod names;
+
+pub use agreement::{Agreement, Confusion, Disagreement};
+pub use current::{BrokenLog, Class, Label, LabelDigest, Labels};
+pub use log::{Action, Change, Entry, Refusal};
+pub use names::{Annotator, Answer, ClassName, Colour, RequestId};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,260 @@
+//! What a log comes to, as its users see it.
+
+use super::*;
+use proptest::prelude::*;
+use std::collections::BTreeMap;
+
+fn change(annotator: &str, action: Action) -> Change {
+    Change {
+        annotator: annotator.parse().unwrap(),
+        time_ms: 7,
+        action,
+    }
+}
+
+fn answer(annotator: &str, index: u64, answer: &str) -> Change {
+    let answer = answer.parse().unwrap();
+    change(annotator, Action::Answer { index, answer })
+}
+
+fn undo(annotator: &str) -> Change {
+    change(annotator, Action::Undo)
+}
+
+fn class(name: &str) -> ClassName {
+    name.parse().unwrap()
+}
+
+fn rename(from: &str, to: &str) -> Change {
+    let (class, to) = (class(from), class(to));
+    change("ana", Action::Rename { class, to })
+}
+
+fn merge(from: &str, into: &str) -> Change {
+    let (class, into) = (class(from), class(into));
+    change("ana", Action::Merge { class, into })
+}
+
+fn replay(log: &[Entry]) -> Result<Labels, BrokenLog> {
+    let mut labels = Labels::default();
+    labels.follow(log.to_vec()).map(|()| labels)
+}
+
+/// What is left of changes that nobody refuses: who says what about which, and the log.
+#[track_caller]
+fn check(changes: &[Change], standing: &[(u64, &str, &str)]) -> (Labels, Vec<Entry>) {
+    let mut labels = Labels::default();
+    let log: Vec<Entry> = changes
+        .iter()
+        .map(|change| labels.record(change.clone()).unwrap())
+        .collect();
+    let stands: Vec<_> = labels.standing().collect();
+    let stands: Vec<_> = stands
+        .iter()
+        .map(|label| (label.index, label.annotator.as_str(), label.answer.as_str()))
+        .collect();
+    assert_eq!(stands, standing);
+    assert_eq!(replay(&log).as_ref(), Ok(&labels));
+    (labels, log)
+}
+
+fn classes(labels: &Labels) -> Vec<(String, u64)> {
+    let classes = labels.classes().into_iter();
+    classes
+        .map(|class| (class.name.to_string(), class.labels))
+        .collect()
+}
+
+#[test]
+fn the_last_answer_of_each_annotator_stands() {
+    let (labels, log) = check(
+        &[
+            answer("ana", 3, "ring"),
+            answer("ben", 3, "clump"),
+            answer("ana", 1, "not sure"),
+            answer("ana", 3, "clump"),
+        ],
+        &[(1, "ana", "not sure"), (3, "ana", "clump"), (3, "ben", "clump")],
+    );
+    let superseded: Vec<_> = log.iter().map(|entry| entry.supersedes).collect();
+    assert_eq!(superseded, [None, None, None, Some(0)]);
+    assert_eq!(classes(&labels), [("ring".into(), 0), ("clump".into(), 2)]);
+    assert_eq!(labels.by_individual(), BTreeMap::from([(3, class("clump"))]));
+    assert_eq!(labels.individuals(), 2);
+}
+
+#[test]
+fn an_undo_restores_what_was_superseded_and_goes_back_step_by_step() {
+    let said = [
+        answer("ana", 3, "ring"),
+        answer("ana", 4, "ring"),
+        answer("ben", 3, "wall"),
+        answer("ana", 3, "clump"),
+        undo("ana"),
+        undo("ana"),
+        undo("ana"),
+    ];
+    let (labels, log) = check(&said, &[(3, "ben", "wall")]);
+    let undone: Vec<_> = log[4..].iter().map(|entry| entry.supersedes).collect();
+    assert_eq!(undone, [Some(3), Some(1), Some(0)]);
+    check(
+        &said[..5],
+        &[(3, "ana", "ring"), (3, "ben", "wall"), (4, "ana", "ring")],
+    );
+    let nothing = labels.clone().record(undo("ana"));
+    assert_eq!(nothing, Err(Refusal::NothingToUndo("ana".parse().unwrap())));
+    // After an undo, an answer supersedes what was restored.
+    let mut again = said[..5].to_vec();
+    again.push(answer("ana", 3, "wall"));
+    let (_, log) = check(
+        &again,
+        &[(3, "ana", "wall"), (3, "ben", "wall"), (4, "ana", "ring")],
+    );
+    assert_eq!(log[5].supersedes, Some(0));
+}
+
+#[test]
+fn answers_follow_their_class_through_renaming_and_merging() {
+    let (labels, _) = check(
+        &[
+            answer("ana", 1, "ring"),
+            answer("ana", 2, "circle"),
+            rename("ring", "milling"),
+            merge("circle", "milling"),
+            rename("milling", "mill"),
+            // The old names are free again.
+            answer("ana", 3, "ring"),
+        ],
+        &[(1, "ana", "mill"), (2, "ana", "mill"), (3, "ana", "ring")],
+    );
+    assert_eq!(classes(&labels), [("mill".into(), 2), ("ring".into(), 1)]);
+}
+
+#[test]
+fn what_cannot_be_said_is_refused_and_changes_nothing() {
+    let (mut labels, _) = check(
+        &[answer("ana", 1, "ring"), answer("ana", 2, "clump")],
+        &[(1, "ana", "ring"), (2, "ana", "clump")],
+    );
+    let before = labels.clone();
+    let create = |name: &str| change("ana", Action::Create { class: class(name) });
+    for (said, refusal) in [
+        (rename("wall", "x"), Refusal::NoClass(class("wall"))),
+        (rename("ring", "clump"), Refusal::ClassExists(class("clump"))),
+        (merge("ring", "wall"), Refusal::NoClass(class("wall"))),
+        (merge("ring", "ring"), Refusal::IntoItself(class("ring"))),
+        (create("ring"), Refusal::ClassExists(class("ring"))),
+    ] {
+        assert_eq!(labels.record(said), Err(refusal));
+        assert_eq!(labels, before);
+    }
+    for index in 3..1001 {
+        labels.record(create(&index.to_string())).unwrap();
+    }
+    let one_more = labels.record(answer("ana", 1, "wall"));
+    assert_eq!(one_more, Err(Refusal::TooManyClasses(class("wall"))));
+    assert_eq!(labels.by_individual(), before.by_individual());
+}
+
+#[test]
+fn classes_have_colours_of_their_own_until_they_are_given_one() {
+    let (mut labels, _) = check(
+        &[answer("ana", 1, "ring"), answer("ana", 2, "clump")],
+        &[(1, "ana", "ring"), (2, "ana", "clump")],
+    );
+    let colours =
+        |labels: &Labels| -> Vec<Colour> { labels.classes().into_iter().map(|class| class.colour).collect() };
+    assert_ne!(colours(&labels)[0], colours(&labels)[1]);
+    let colour = "#010203".parse().unwrap();
+    let class = class("clump");
+    labels
+        .record(change("ana", Action::Colour { class, colour }))
+        .unwrap();
+    assert_eq!(colours(&labels)[1], colour);
+}
+
+/// If this changes, checkpoints no longer name the labels that they were trained on.
+#[test]
+fn the_digest_covers_individuals_and_classes_alone() {
+    let ring = [answer("ana", 2, "ring"), answer("ana", 1, "clump")];
+    let (labels, _) = check(&ring, &[(1, "ana", "clump"), (2, "ana", "ring")]);
+    let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
+    for (index, class) in [(1u64, "clump"), (2, "ring")] {
+        hasher.update(&index.to_le_bytes());
+        hasher.update(&(class.len() as u64).to_le_bytes());
+        hasher.update(class.as_bytes());
+    }
+    assert_eq!(
+        labels.digest().to_string(),
+        hasher.finalize().to_hex().to_string()
+    );
+    let (otherwise, _) = check(
+        &[
+            answer("ben", 1, "wall"),
+            answer("ben", 2, "ring"),
+            answer("ben", 3, "skip"),
+            answer("ana", 1, "clump"),
+        ],
+        &[
+            (1, "ana", "clump"),
+            (1, "ben", "wall"),
+            (2, "ben", "ring"),
+            (3, "ben", "skip"),
+        ],
+    );
+    assert_eq!(otherwise.digest(), labels.digest());
+    let (other, _) = check(&ring[..1], &[(2, "ana", "ring")]);
+    assert_ne!(other.digest(), labels.digest());
+}
+
+#[test]
+fn a_log_that_nobody_could_have_written_is_noticed() {
+    let (_, mut log) = check(
+        &[answer("ana", 1, "ring"), answer("ana", 1, "clump")],
+        &[(1, "ana", "clump")],
+    );
+    log[1].supersedes = None;
+    assert_eq!(replay(&log), Err(BrokenLog(1)));
+    log.remove(0);
+    assert_eq!(replay(&log), Err(BrokenLog(1)));
+}
+
+fn anything() -> impl Strategy<Value = Change> {
+    let who = prop::sample::select(vec!["ana", "ben"]);
+    let class = prop::sample::select(vec!["a", "b", "c"]);
+    let word = prop::sample::select(vec!["a", "b", "c", "not sure", "skip"]);
+    prop_oneof![
+        6 => (who.clone(), 0u64..4, word).prop_map(|(who, index, word)| answer(who, index, word)),
+        3 => who.prop_map(undo),
+        1 => (class.clone(), class.clone()).prop_map(|(class, to)| rename(class, to)),
+        1 => (class.clone(), class).prop_map(|(class, into)| merge(class, into)),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn replaying_any_log_gives_the_labels_that_it_was_written_with(
+        said in prop::collection::vec(anything(), 0..60),
+    ) {
+        let mut labels = Labels::default();
+        let log: Vec<Entry> = said.into_iter().filter_map(|change| labels.record(change).ok()).collect();
+        prop_assert_eq!(replay(&log), Ok(labels));
+    }
+
+    /// Answering and undoing it leaves what was.
+    #[test]
+    fn an_undo_takes_back_the_answer_before_it(
+        said in prop::collection::vec(anything(), 0..40), index in 0u64..4,
+    ) {
+        let mut labels = Labels::default();
+        for change in said {
+            // Some are refused.
+            let _ = labels.record(change);
+        }
+        let before: Vec<Label> = labels.standing().collect();
+        if labels.record(answer("ana", index, "a")).is_ok() {
+            labels.record(undo("ana")).unwrap();
+        }
+        prop_assert_eq!(labels.standing().collect::<Vec<_>>(), before);
+    }
+}

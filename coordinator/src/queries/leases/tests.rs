@@ -1,0 +1,155 @@
+//! Nobody is given what somebody else has, whatever happens in whatever order.
+
+use super::*;
+use crate::queries::Reason;
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+
+fn holder(annotator: &str, session: &str) -> Holder {
+    Holder {
+        annotator: annotator.parse().unwrap(),
+        session: session.to_owned(),
+    }
+}
+
+fn ranking(count: usize) -> Vec<Query> {
+    let query = |index| Query {
+        index,
+        reason: Reason::Lot,
+    };
+    (0..count).map(query).collect()
+}
+
+/// Ten behaviours, some answered, and what is given to whom.
+struct Table {
+    leases: QueryLeases<char>,
+    answered: BTreeSet<usize>,
+    now: Instant,
+}
+
+impl Table {
+    fn new() -> Self {
+        Self {
+            leases: QueryLeases::new(),
+            answered: BTreeSet::new(),
+            now: Instant::now(),
+        }
+    }
+
+    fn ask(&mut self, holder: &Holder, kind: char, count: usize) -> Vec<usize> {
+        let given = self.leases.top_up(
+            holder,
+            kind,
+            count,
+            &ranking(10),
+            |index| !self.answered.contains(&index),
+            self.now,
+        );
+        given.iter().map(|query| query.index).collect()
+    }
+}
+
+#[test]
+fn who_asks_again_keeps_what_they_have() {
+    let (ana, ben) = (holder("ana", ""), holder("ben", ""));
+    let mut table = Table::new();
+    assert_eq!(table.ask(&ana, 'a', 3), [0, 1, 2]);
+    assert_eq!(table.ask(&ben, 'a', 2), [3, 4]);
+    table.answered.insert(1);
+    assert_eq!(table.ask(&ana, 'a', 3), [0, 2, 5]);
+    assert_eq!(table.ask(&ana, 'a', 1), [0]);
+    assert_eq!(table.ask(&ben, 'a', 4), [3, 4, 2, 5]);
+}
+
+#[test]
+fn windows_of_one_annotator_are_given_different_queries() {
+    let mut table = Table::new();
+    assert_eq!(table.ask(&holder("ana", "1"), 'a', 2), [0, 1]);
+    assert_eq!(table.ask(&holder("ana", "2"), 'a', 2), [2, 3]);
+}
+
+#[test]
+fn another_kind_of_question_gives_back_the_former() {
+    let (ana, ben) = (holder("ana", ""), holder("ben", ""));
+    let mut table = Table::new();
+    assert_eq!(table.ask(&ana, 'a', 2), [0, 1]);
+    assert_eq!(table.ask(&ben, 'a', 1), [2]);
+    assert_eq!(table.ask(&ana, 'b', 3), [0, 1, 3]);
+}
+
+#[test]
+fn what_nobody_answers_in_time_is_given_to_others() {
+    let (ana, ben) = (holder("ana", ""), holder("ben", ""));
+    let mut table = Table::new();
+    table.ask(&ana, 'a', 2);
+    table.now += PATIENCE - Duration::from_secs(1);
+    assert_eq!(table.ask(&ana, 'a', 1), [0]);
+    table.now += Duration::from_secs(2);
+    // Index 0 was renewed, 1 was given back.
+    assert_eq!(table.ask(&ben, 'a', 2), [1, 2]);
+    table.now += PATIENCE;
+    assert_eq!(table.ask(&ana, 'a', 3), [0, 1, 2]);
+}
+
+#[test]
+fn what_is_open_again_is_asked_again() {
+    let ana = holder("ana", "");
+    let mut table = Table::new();
+    table.ask(&ana, 'a', 1);
+    table.answered.insert(0);
+    assert_eq!(table.ask(&ana, 'a', 1), [1]);
+    table.answered.remove(&0);
+    assert_eq!(table.ask(&ana, 'a', 2), [1, 0]);
+}
+
+#[derive(Debug, Clone)]
+enum Step {
+    Ask(usize, char, usize),
+    Answer(usize),
+    Undo(usize),
+    Wait(u64),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        4 => (0..3usize, prop::sample::select(vec!['a', 'b']), 1..6usize)
+            .prop_map(|(who, kind, count)| Step::Ask(who, kind, count)),
+        3 => (0..10usize).prop_map(Step::Answer),
+        1 => (0..10usize).prop_map(Step::Undo),
+        1 => (1..400u64).prop_map(Step::Wait),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn a_query_is_with_one_holder_at_a_time(steps in prop::collection::vec(step(), 0..60)) {
+        let holders = ["ana", "ben", "eva"].map(|name| holder(name, ""));
+        let mut table = Table::new();
+        // What each was given last, and when.
+        let mut given: [(Vec<usize>, Instant); 3] = std::array::from_fn(|_| (Vec::new(), table.now));
+        for step in steps {
+            match step {
+                Step::Answer(index) => drop(table.answered.insert(index)),
+                Step::Undo(index) => drop(table.answered.remove(&index)),
+                Step::Wait(seconds) => table.now += Duration::from_secs(seconds),
+                Step::Ask(who, kind, count) => {
+                    let queries = table.ask(&holders[who], kind, count);
+                    let unique: BTreeSet<_> = queries.iter().collect();
+                    prop_assert_eq!(unique.len(), queries.len());
+                    prop_assert!(queries.iter().all(|index| !table.answered.contains(index)));
+                    let mut elsewhere = 0;
+                    for (other, (theirs, since)) in given.iter().enumerate() {
+                        if other != who && table.now < *since + PATIENCE {
+                            prop_assert!(theirs.iter().all(|index| !queries.contains(index)));
+                            elsewhere += theirs.iter().filter(|index| !table.answered.contains(index)).count();
+                        }
+                    }
+                    // Nothing that is free is withheld.
+                    let free = 10 - table.answered.len() - elsewhere;
+                    prop_assert_eq!(queries.len(), count.min(free));
+                    given[who] = (queries, table.now);
+                }
+            }
+        }
+    }
+}

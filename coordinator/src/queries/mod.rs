@@ -1,0 +1,16 @@
+//! What to ask people next: which behaviours, in which order, and with whom a question is.
+//!
+//! A *ranking* is an order of all behaviours of an archive, each with the reason for its place; it does not depend on who
+//! asks, nor on what was asked. [`QueryLeases`] gives the first of a ranking that are open to whoever asks, so that nobody
+//! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator.
+
+mod committee;
+mod doubt;
+mod leases;
+mod open;
+mod ranking;
+
+pub use committee::{Committee, NoCommittee};
+pub use leases::{Holder, PATIENCE, QueryLeases};
+pub use open::{Asked, Queries, QueryError, Wish};
+pub use ranking::{Query, Reason, Strategy, by_committee, by_doubt, by_lot};

@@ -1,0 +1,234 @@
+//! The queries of a coordinator: rankings made once, and who holds what.
+
+use super::{
+    Holder, Query, QueryLeases, Strategy,
+    committee::{Committee, NoCommittee},
+    ranking,
+};
+use crate::{
+    campaign::{CampaignId, CampaignState},
+    labels::{Annotator, Labels},
+    medoids,
+    novelty::{Behaviours, Misfit},
+    store::{CampaignRecord, Store, StoreError},
+};
+use murmuration_proto::{CheckpointDigest, Purpose, Stream};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, PoisonError},
+    time::Instant,
+};
+
+/// Individuals read from the store at a time.
+const CHUNK: u64 = 4096;
+
+/// What somebody would like to be asked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Wish {
+    /// Who.
+    pub holder: Holder,
+    /// How it is chosen.
+    pub strategy: Strategy,
+    /// Whether it is about behaviours to which others gave a class, to see whether annotators agree. Otherwise about
+    /// those that nobody was asked about.
+    pub agreement: bool,
+    /// Queries that they want to hold at once.
+    pub count: usize,
+}
+
+/// What somebody is asked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Asked {
+    /// The queries that they hold now, oldest first.
+    pub queries: Vec<Query>,
+    /// Individuals about which somebody has answered.
+    pub answered: u64,
+    /// Individuals in the archive.
+    pub individuals: u64,
+}
+
+/// Why nobody can be asked.
+#[derive(Debug, thiserror::Error)]
+pub enum QueryError {
+    /// The store could not be read, or has no such campaign.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The archive holds vectors that cannot be compared.
+    #[error("the archive cannot be asked about: {0}")]
+    Misfit(#[from] Misfit),
+    /// The campaign has no embeddings that could differ.
+    #[error("strategy \"committee\": {0}")]
+    Committee(#[from] NoCommittee),
+}
+
+/// Which queries are with whom, campaign by campaign; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Queries {
+    store: Store,
+    /// One lock a campaign: its labels are read and its queries leased under it, so that no two are given the same.
+    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Mutex<Open>>>>>,
+}
+
+/// Of a strategy, whether for agreement.
+type Kind = (Strategy, bool);
+
+#[derive(Debug, Default)]
+struct Open {
+    rankings: BTreeMap<Strategy, Ranked>,
+    leases: QueryLeases<Kind>,
+    /// As they stood when somebody asked last.
+    labels: Labels,
+}
+
+/// A ranking, and what it was made of.
+#[derive(Debug)]
+struct Ranked {
+    order: Vec<Query>,
+    checkpoint: Option<CheckpointDigest>,
+}
+
+impl Queries {
+    /// Nobody has been asked anything yet.
+    #[must_use]
+    pub fn new(store: Store) -> Self {
+        Self {
+            store,
+            campaigns: Arc::default(),
+        }
+    }
+
+    /// What to ask now; `campaign` may be `latest`. Blocks while the archive is clustered, once for a strategy and
+    /// checkpoint, and again when the archive has grown.
+    ///
+    /// # Errors
+    /// See [`QueryError`].
+    pub fn next(&self, campaign: &str, wish: &Wish, now: Instant) -> Result<Asked, QueryError> {
+        let record = self.store.campaign(campaign)?;
+        let open = {
+            let mut campaigns = self.campaigns.lock().unwrap_or_else(PoisonError::into_inner);
+            Arc::clone(campaigns.entry(record.id.clone()).or_default())
+        };
+        let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
+        let Open {
+            rankings,
+            leases,
+            labels,
+        } = &mut *open;
+        let individuals = archive_len(&record);
+        if !rankings
+            .get(&wish.strategy)
+            .is_some_and(|ranked| ranked.still_fits(&record))
+        {
+            rankings.insert(wish.strategy, self.rank(&record, wish.strategy)?);
+        }
+        let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
+        *labels = self.store.catch_up(&record.id, std::mem::take(labels))?;
+        let queries = leases.top_up(
+            &wish.holder,
+            (wish.strategy, wish.agreement),
+            wish.count,
+            ranking.unwrap_or_default(),
+            |index| is_open(labels, index as u64, wish),
+            now,
+        );
+        Ok(Asked {
+            queries,
+            answered: labels.individuals() as u64,
+            individuals,
+        })
+    }
+
+    fn rank(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Ranked, QueryError> {
+        let stream = |purpose| Stream::derive(record.spec.seed(), purpose, 0);
+        let (order, checkpoint) = match strategy {
+            Strategy::Random => {
+                let count = archive_len(record) as usize;
+                let order = ranking::by_lot(count, &mut stream(Purpose::Query));
+                (order, record.checkpoint)
+            }
+            Strategy::Medoids => {
+                let (behaviours, checkpoint) = self.behaviours(record)?;
+                let count = record.spec.medoids() as usize;
+                // The stream of the taxonomy: in a completed campaign these are its clusters.
+                let clustering = medoids::cluster(&behaviours, count, &mut stream(Purpose::Medoids));
+                (ranking::by_doubt(&behaviours, &clustering), checkpoint)
+            }
+            Strategy::Committee => {
+                let (behaviours, checkpoint) = self.behaviours(record)?;
+                let members = [behaviours];
+                let committee = Committee::new(&members)?;
+                let order = ranking::by_committee(&committee, &mut stream(Purpose::Query));
+                (order, checkpoint)
+            }
+        };
+        Ok(Ranked { order, checkpoint })
+    }
+
+    /// The behaviours of an archive, and the checkpoint whose embeddings they are.
+    fn behaviours(
+        &self,
+        record: &CampaignRecord,
+    ) -> Result<(Behaviours, Option<CheckpointDigest>), QueryError> {
+        let checkpoint =
+            || -> Result<_, StoreError> { Ok(self.store.campaign(record.id.as_str())?.checkpoint) };
+        let mut before = checkpoint()?;
+        loop {
+            let read = self.read_behaviours(record);
+            let after = checkpoint()?;
+            // An archive that switched meanwhile was read in two spaces.
+            if before == after {
+                return Ok((read?, after));
+            }
+            before = after;
+        }
+    }
+
+    fn read_behaviours(&self, record: &CampaignRecord) -> Result<Behaviours, QueryError> {
+        let (model, method) = (record.spec.model(), record.spec.method());
+        let mut behaviours: Option<Behaviours> = None;
+        let len = archive_len(record);
+        for start in (0..len).step_by(CHUNK as usize) {
+            let range = start..len.min(start + CHUNK);
+            for individual in self.store.individuals(&record.id, model, range, false)? {
+                let vector = method.behaviour(&individual.features, &individual.embedding);
+                behaviours
+                    .get_or_insert_with(|| Behaviours::new(vector.len()))
+                    .push(&vector)?;
+            }
+        }
+        Ok(behaviours.unwrap_or_else(|| Behaviours::new(0)))
+    }
+}
+
+impl Ranked {
+    /// Whether it can still be asked from. While a campaign searches, a ranking serves until the archive is a quarter
+    /// larger: clustering it after every generation would help nobody.
+    fn still_fits(&self, record: &CampaignRecord) -> bool {
+        let (ranked, len) = (self.order.len() as u64, archive_len(record));
+        let slack = match record.state {
+            CampaignState::Running => ranked / 4,
+            _ => 0,
+        };
+        self.checkpoint == record.checkpoint && len <= ranked + slack
+    }
+}
+
+/// Number of individuals of complete generations.
+fn archive_len(record: &CampaignRecord) -> u64 {
+    u64::from(record.generations_done) * u64::from(record.spec.search().population())
+}
+
+/// Whether `wish` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what
+/// they answered themselves.
+fn is_open(labels: &Labels, index: u64, wish: &Wish) -> bool {
+    let mut answered = labels.answered(index);
+    if !wish.agreement {
+        return answered.next().is_none();
+    }
+    let own = |who: &Annotator| *who == wish.holder.annotator;
+    let answered: Vec<_> = answered.collect();
+    answered.iter().any(|(_, names_class)| *names_class) && !answered.iter().any(|(who, _)| own(who))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,138 @@
+//! Orders of behaviours to ask about.
+
+use super::{committee::Committee, doubt};
+use crate::{medoids::Clustering, novelty::Behaviours};
+use murmuration_proto::Stream;
+use std::{cmp::Reverse, fmt};
+
+/// How it is chosen what to ask next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Strategy {
+    /// By lot.
+    Random,
+    /// The medoids of the archive, then the members of their clusters that nearly belong to another.
+    Medoids,
+    /// Where several embeddings differ most about what is near to what.
+    Committee,
+}
+
+/// Why a behaviour is asked about, in words for whoever is asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reason {
+    /// By lot.
+    Lot,
+    /// It stands for a cluster.
+    Medoid {
+        /// The cluster, from 1, the largest first.
+        cluster: usize,
+        /// How many behaviours it has.
+        size: usize,
+    },
+    /// It is nearly as far from the medoid of its own cluster as from that of another.
+    Doubtful {
+        /// Its cluster, from 1.
+        cluster: usize,
+        /// The other; `None` where there is but one cluster.
+        other: Option<usize>,
+    },
+    /// Embeddings do not agree what it is like.
+    Disputed {
+        /// Share of the comparisons about which they are not of one mind, 0 to 1.
+        share: f64,
+    },
+}
+
+/// A behaviour to ask about.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Query {
+    /// Its index in the archive.
+    pub index: usize,
+    /// Why.
+    pub reason: Reason,
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lot => f.write_str("drawn by lot"),
+            Self::Medoid { cluster, size: 1 } => write!(f, "cluster {cluster} on its own"),
+            Self::Medoid { cluster, size } => {
+                write!(f, "stands for cluster {cluster}, {size} behaviours")
+            }
+            Self::Doubtful {
+                cluster,
+                other: Some(other),
+            } => write!(f, "between cluster {cluster} and cluster {other}"),
+            Self::Doubtful { cluster, other: None } => write!(f, "in cluster {cluster}"),
+            Self::Disputed { share } => {
+                write!(
+                    f,
+                    "embeddings differ on {:.0} % of its comparisons",
+                    share * 100.0
+                )
+            }
+        }
+    }
+}
+
+/// `count` behaviours in an order that the stream decides.
+#[must_use]
+pub fn by_lot(count: usize, stream: &mut Stream) -> Vec<Query> {
+    let mut order: Vec<usize> = (0..count).collect();
+    for last in (1..count).rev() {
+        order.swap(last, stream.below(last as u64 + 1) as usize);
+    }
+    let query = |index| Query {
+        index,
+        reason: Reason::Lot,
+    };
+    order.into_iter().map(query).collect()
+}
+
+/// The medoids of the clustering of `behaviours`, then all other behaviours, the most doubtful first, the clusters taking
+/// turns so that no border is asked about ten times in a row.
+///
+/// Doubtful is who is nearly as far from the own medoid as from the next, as a share of the latter: 1 on the border.
+#[must_use]
+pub fn by_doubt(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
+    let mut sizes = vec![0; clustering.medoids.len()];
+    for &cluster in &clustering.clusters {
+        sizes[cluster as usize] += 1;
+    }
+    let medoids = clustering.medoids.iter().zip(sizes).enumerate();
+    let medoids = medoids.map(|(place, (&index, size))| Query {
+        index,
+        reason: Reason::Medoid {
+            cluster: place + 1,
+            size,
+        },
+    });
+    let doubtful = doubt::members(behaviours, clustering);
+    medoids.chain(in_turns(doubtful)).collect()
+}
+
+/// First each list's first, then each list's second, and so on.
+fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
+    let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
+    let turn = |place| lists.iter().filter_map(move |list| list.get(place).copied());
+    (0..longest).flat_map(turn).collect()
+}
+
+/// All behaviours, those first about which the committee is least of one mind; equal ones by index. The stream draws the
+/// comparisons.
+#[must_use]
+pub fn by_committee(committee: &Committee<'_>, stream: &mut Stream) -> Vec<Query> {
+    let disputed = committee.disputed(stream);
+    let mut order: Vec<usize> = (0..disputed.len()).collect();
+    order.sort_by_key(|&index| Reverse(disputed[index].minority));
+    let query = |index: usize| Query {
+        index,
+        reason: Reason::Disputed {
+            share: disputed[index].share(),
+        },
+    };
+    order.into_iter().map(query).collect()
+}
+
+#[cfg(test)]
+mod tests;

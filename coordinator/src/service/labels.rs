@@ -1,0 +1,198 @@
+//! The service for people who teach: labels, classes, what to ask next.
+
+mod messages;
+
+use crate::{
+    campaign::blocking,
+    labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
+    queries::{Queries, Wish},
+    store::{LabelError, Store, StoreError},
+};
+use murmuration_proto::{Invalid, v1};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use tonic::{Request, Response, Status};
+
+/// Most answers in one request.
+const MAX_ANSWERS: usize = 50_000;
+/// Largest message taken from a client: as many answers of the longest names.
+pub(crate) const MAX_LABEL_MESSAGE: usize = 32 << 20;
+
+/// Implements `murmuration.v1.LabelService`.
+#[derive(Debug, Clone)]
+pub struct LabelApi {
+    /// What is on disk.
+    pub store: Store,
+    /// Who is asked what.
+    pub queries: Queries,
+}
+
+type Result<T> = std::result::Result<T, Status>;
+type Answered<T> = Result<Response<T>>;
+
+impl LabelApi {
+    /// Runs `work` on the store where it does not hold up the network.
+    async fn with<T: Send + 'static, E: Into<Status> + Send + 'static>(
+        &self,
+        work: impl FnOnce(&Store) -> std::result::Result<T, E> + Send + 'static,
+    ) -> Result<T> {
+        let store = self.store.clone();
+        blocking(move || work(&store)).await?.map_err(Into::into)
+    }
+
+    async fn add(&self, campaign: String, request: RequestId, changes: Vec<Change>) -> Result<Vec<Entry>> {
+        self.with(move |store| -> std::result::Result<_, LabelError> {
+            let id = store.campaign(&campaign)?.id;
+            store.add_labels(&id, &request, changes)
+        })
+        .await
+    }
+
+    async fn labels(&self, campaign: String) -> Result<Labels> {
+        self.with(move |store| -> std::result::Result<_, StoreError> {
+            store.labels(&store.campaign(&campaign)?.id)
+        })
+        .await
+    }
+
+    async fn classes(&self, campaign: String) -> Result<v1::ListClassesResponse> {
+        let classes = self.labels(campaign).await?.classes();
+        Ok(v1::ListClassesResponse {
+            classes: classes.into_iter().map(Into::into).collect(),
+        })
+    }
+}
+
+#[tonic::async_trait]
+impl v1::label_service_server::LabelService for LabelApi {
+    async fn append_labels(
+        &self,
+        request: Request<v1::AppendLabelsRequest>,
+    ) -> Answered<v1::AppendLabelsResponse> {
+        let v1::AppendLabelsRequest {
+            campaign,
+            request_id,
+            answers,
+        } = request.into_inner();
+        if !(1..=MAX_ANSWERS).contains(&answers.len()) {
+            let allowed = format!("1 to {MAX_ANSWERS} answers");
+            return Err(Invalid::new("answers", answers.len(), allowed).into());
+        }
+        let now = now_ms();
+        let changes = answers
+            .into_iter()
+            .enumerate()
+            .map(|(place, answer)| {
+                messages::change(answer, now).map_err(|error| error.within(&format!("answers[{place}]")))
+            })
+            .collect::<std::result::Result<_, _>>()?;
+        let entries = self.add(campaign, request_id.parse()?, changes).await?;
+        Ok(Response::new(v1::AppendLabelsResponse {
+            entries: entries.into_iter().map(Into::into).collect(),
+        }))
+    }
+
+    async fn undo_label(&self, request: Request<v1::UndoLabelRequest>) -> Answered<v1::LabelEntry> {
+        let v1::UndoLabelRequest {
+            campaign,
+            request_id,
+            annotator,
+        } = request.into_inner();
+        let undo = Change {
+            annotator: annotator.parse()?,
+            time_ms: now_ms(),
+            action: Action::Undo,
+        };
+        let mut entries = self.add(campaign, request_id.parse()?, vec![undo]).await?;
+        let entry = entries
+            .pop()
+            .ok_or_else(|| Status::internal("an undo left no entry (this is a bug)"))?;
+        Ok(Response::new(entry.into()))
+    }
+
+    async fn list_labels(&self, request: Request<v1::ListLabelsRequest>) -> Answered<v1::ListLabelsResponse> {
+        let labels = self.labels(request.into_inner().campaign).await?;
+        Ok(Response::new(v1::ListLabelsResponse {
+            labels: labels.standing().map(Into::into).collect(),
+            digest: labels.digest().to_string(),
+        }))
+    }
+
+    async fn list_label_entries(
+        &self,
+        request: Request<v1::ListLabelEntriesRequest>,
+    ) -> Answered<v1::ListLabelEntriesResponse> {
+        let campaign = request.into_inner().campaign;
+        let log = self
+            .with(move |store| -> std::result::Result<_, StoreError> {
+                store.label_log(&store.campaign(&campaign)?.id)
+            })
+            .await?;
+        Ok(Response::new(v1::ListLabelEntriesResponse {
+            entries: log.into_iter().map(Into::into).collect(),
+        }))
+    }
+
+    async fn list_classes(
+        &self,
+        request: Request<v1::ListClassesRequest>,
+    ) -> Answered<v1::ListClassesResponse> {
+        Ok(Response::new(self.classes(request.into_inner().campaign).await?))
+    }
+
+    async fn change_class(
+        &self,
+        request: Request<v1::ChangeClassRequest>,
+    ) -> Answered<v1::ListClassesResponse> {
+        let v1::ChangeClassRequest {
+            campaign,
+            request_id,
+            annotator,
+            change,
+        } = request.into_inner();
+        let change = change.ok_or_else(|| Invalid::new("change", "nothing", "a change of a class"))?;
+        let change = Change {
+            annotator: annotator.parse()?,
+            time_ms: now_ms(),
+            action: change.try_into()?,
+        };
+        self.add(campaign.clone(), request_id.parse()?, vec![change])
+            .await?;
+        Ok(Response::new(self.classes(campaign).await?))
+    }
+
+    async fn next_queries(
+        &self,
+        request: Request<v1::NextQueriesRequest>,
+    ) -> Answered<v1::NextQueriesResponse> {
+        let message = request.into_inner();
+        let campaign = message.campaign.clone();
+        let (queries, wish) = (self.queries.clone(), Wish::try_from(message)?);
+        let asked = blocking(move || queries.next(&campaign, &wish, Instant::now())).await??;
+        Ok(Response::new(asked.into()))
+    }
+
+    async fn get_agreement(&self, request: Request<v1::GetAgreementRequest>) -> Answered<v1::Agreement> {
+        let v1::GetAgreementRequest {
+            campaign,
+            first,
+            second,
+        } = request.into_inner();
+        let annotator = |field: &str, name: String| -> Result<Annotator> {
+            let named = name.parse::<Annotator>().map_err(|error| Invalid {
+                field: field.to_owned(),
+                ..error
+            });
+            Ok(named?)
+        };
+        let (first, second) = (annotator("first", first)?, annotator("second", second)?);
+        let labels = self.labels(campaign).await?;
+        let agreement = Agreement::between(&labels.by(&first), &labels.by(&second));
+        Ok(Response::new(agreement.into()))
+    }
+}
+
+fn now_ms() -> u64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |age| age.as_millis() as u64)
+}

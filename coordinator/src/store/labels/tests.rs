@@ -1,0 +1,153 @@
+//! The label log on disk.
+
+use super::*;
+use crate::labels::ClassName;
+use crate::store::{ArchivedIndividual, DataDirectory, GenerationRecord};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+use std::path::Path;
+
+/// A store with a campaign of three individuals.
+fn open(folder: &Path) -> (Store, CampaignId) {
+    let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
+    let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+    let id = store.create_campaign(&spec, 7).unwrap();
+    let individual = |index| ArchivedIndividual {
+        index,
+        generation: 0,
+        controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
+        seed: 0,
+        features: [0.0; 5],
+        embedding: Vec::new(),
+        novelty: 0.0,
+        image: None,
+    };
+    let record = GenerationRecord::of(0, &[0.0], 0);
+    store
+        .commit_generation(&id, &record, &[0, 1, 2].map(individual))
+        .unwrap();
+    (store, id)
+}
+
+fn change(time_ms: u64, action: Action) -> Change {
+    Change {
+        annotator: "ana".parse().unwrap(),
+        time_ms,
+        action,
+    }
+}
+
+fn answer(index: u64, answer: &str) -> Change {
+    let answer = answer.parse().unwrap();
+    change(7, Action::Answer { index, answer })
+}
+
+fn request(id: &str) -> RequestId {
+    id.parse().unwrap()
+}
+
+#[test]
+fn every_action_reads_back_and_survives_reopening() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let [class, to, into] = ["a", "b", "c"].map(|name| name.parse::<ClassName>().unwrap());
+    let said = vec![
+        answer(2, "a"),
+        answer(2, "not sure"),
+        change(8, Action::Undo),
+        change(8, Action::Create { class: into.clone() }),
+        change(
+            8,
+            Action::Rename {
+                class,
+                to: to.clone(),
+            },
+        ),
+        change(
+            8,
+            Action::Merge {
+                class: to,
+                into: into.clone(),
+            },
+        ),
+        change(
+            8,
+            Action::Colour {
+                class: into,
+                colour: "#012345".parse().unwrap(),
+            },
+        ),
+    ];
+    let added = store.add_labels(&id, &request("1"), said.clone()).unwrap();
+    assert!(added.iter().map(|entry| &entry.change).eq(&said));
+    let labels = store.labels(&id).unwrap();
+    drop(store);
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    assert_eq!(store.label_log(&id).unwrap(), added);
+    assert_eq!(store.labels(&id).unwrap(), labels);
+    assert_eq!(labels.by_individual()[&2].as_str(), "c");
+}
+
+#[test]
+fn a_request_made_again_adds_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let added = store
+        .add_labels(&id, &request("1"), vec![answer(0, "a"), answer(1, "b")])
+        .unwrap();
+    store
+        .add_labels(&id, &request("2"), vec![answer(0, "c")])
+        .unwrap();
+    let mut later = vec![answer(0, "a"), answer(1, "b")];
+    later[0].time_ms = 99;
+    let again = store.add_labels(&id, &request("1"), later).unwrap();
+    assert_eq!(again, added);
+    assert_eq!(store.label_log(&id).unwrap().len(), 3);
+    for other in [vec![answer(0, "a")], vec![answer(0, "a"), answer(1, "c")]] {
+        let refused = store.add_labels(&id, &request("1"), other);
+        assert!(matches!(refused, Err(LabelError::OtherRequest(_))), "{refused:?}");
+    }
+    let undone = store.add_labels(&id, &request("3"), vec![change(9, Action::Undo)]);
+    let again = store.add_labels(&id, &request("3"), vec![change(9, Action::Undo)]);
+    assert_eq!(undone.unwrap(), again.unwrap());
+    assert_eq!(store.labels(&id).unwrap().by_individual()[&0].as_str(), "a");
+}
+
+#[test]
+fn what_is_refused_leaves_nothing_of_its_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let class = "a".parse().unwrap();
+    let taken = vec![answer(0, "a"), change(7, Action::Create { class })];
+    let refused = store.add_labels(&id, &request("1"), taken);
+    assert!(matches!(
+        refused,
+        Err(LabelError::Refused(Refusal::ClassExists(_)))
+    ));
+    let beyond = store.add_labels(&id, &request("1"), vec![answer(0, "a"), answer(3, "a")]);
+    let said = beyond.unwrap_err().to_string();
+    assert!(
+        said.contains("has no individual 3: its archive holds 3"),
+        "{said}"
+    );
+    assert_eq!(store.label_log(&id).unwrap(), []);
+    // The id is still free.
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+}
+
+#[test]
+fn rows_are_neither_changed_nor_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+    for attempt in ["UPDATE labels SET class = 'b'", "DELETE FROM labels"] {
+        let done = store.write(|transaction| Ok(transaction.execute(attempt, [])?));
+        assert!(
+            done.unwrap_err().to_string().contains("labels are never"),
+            "{attempt}"
+        );
+    }
+}
