@@ -12,6 +12,7 @@ mod error;
 mod filter;
 mod follow;
 mod json;
+mod judge;
 mod report;
 mod run;
 mod serve;
@@ -102,6 +103,8 @@ enum Command {
     Checkpoints(checkpoints::CheckpointsCommand),
     /// Measure how well an embedding agrees with classes that people gave
     Accuracy(accuracy::AccuracyCommand),
+    /// Measure how well the rule-based judge agrees with classes that people gave
+    Judge(judge::JudgeCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -149,6 +152,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Filter(filter) => filter.execute(global.json),
         Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
         Command::Accuracy(accuracy) => accuracy.execute(&global).await,
+        Command::Judge(judge) => judge.execute(&global),
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(
