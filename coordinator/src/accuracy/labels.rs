@@ -1,5 +1,7 @@
 //! Labelled sets: a CSV file of behaviours and, beside it, their images.
 
+mod swarms;
+
 use super::grey_image::pixels;
 use csv::{ReaderBuilder, StringRecord};
 use murmuration_proto::{FEATURE_NAMES, Features};

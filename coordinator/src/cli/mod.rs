@@ -12,6 +12,7 @@ mod error;
 mod filter;
 mod follow;
 mod json;
+mod judge;
 mod labels;
 mod report;
 mod run;
@@ -111,6 +112,8 @@ enum Command {
     Agreement(labels::AgreementCommand),
     /// Measure how well an embedding agrees with classes that people gave
     Accuracy(accuracy::AccuracyCommand),
+    /// Measure how well the rule-based judge agrees with classes that people gave
+    Judge(judge::JudgeCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -162,6 +165,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Classes(classes) => classes.execute(&global).await,
         Command::Agreement(agreement) => agreement.execute(&global).await,
         Command::Accuracy(accuracy) => accuracy.execute(&global).await,
+        Command::Judge(judge) => judge.execute(&global),
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

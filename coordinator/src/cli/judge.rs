@@ -1,0 +1,129 @@
+//! `judge`: how well the synthetic annotator agrees with people.
+
+use super::{CliError, Global, json};
+use crate::{
+    accuracy::Labels,
+    judge::{Agreement, Verdict, judge},
+};
+use murmuration_proto::{Controller, World};
+use murmuration_worker::{replay::replay, simulate::Start};
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+use std::{num::NonZeroU32, path::PathBuf};
+
+/// Steps between the frames that are judged: the judge looks at every fourth step.
+const STRIDE: NonZeroU32 = NonZeroU32::new(4).unwrap();
+
+/// Arguments of `judge`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Simulates the labelled swarms again, in the paper's world, and lets the rule-based judge name the class of each.
+
+Examples:
+  murmuration judge --labels single_sensor/validation.csv
+  murmuration judge --labels two_sensor/validation.csv --labels rare/validation.csv --json")]
+pub(super) struct JudgeCommand {
+    /// Labelled behaviours (columns id, class and the controller's); repeat it to join sets
+    #[arg(long, required = true, value_name = "CSV")]
+    labels: Vec<PathBuf>,
+    /// Where their swarms start, one for each --labels [default: `starts.csv` beside the CSV]
+    #[arg(long, value_name = "CSV")]
+    starts: Vec<PathBuf>,
+}
+
+impl JudgeCommand {
+    pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
+        let mut answers = Vec::new();
+        for (file, starts) in self.labels.iter().zip(self.start_files()?) {
+            let labels = Labels::read(file)?;
+            let verdicts = labels
+                .swarms(&starts)?
+                .par_iter()
+                .map(|(controller, start)| verdict(controller, start))
+                .collect::<Result<Vec<_>, _>>()?;
+            let classes = labels.classes().map(str::to_owned);
+            answers.extend(classes.zip(verdicts.iter().map(|verdict| verdict.class.name())));
+        }
+        let agreement = Agreement::of(answers.iter().map(|(people, judge)| (people.as_str(), *judge)));
+        if global.json {
+            json::print(&self.to_json(&agreement));
+        } else {
+            print_table(&agreement);
+        }
+        Ok(())
+    }
+
+    fn start_files(&self) -> Result<Vec<PathBuf>, CliError> {
+        if self.starts.is_empty() {
+            let beside = |labels: &PathBuf| labels.with_file_name("starts.csv");
+            return Ok(self.labels.iter().map(beside).collect());
+        }
+        if self.starts.len() != self.labels.len() {
+            return Err(CliError::Input(format!(
+                "{} --starts for {} --labels: give one for each, in the same order",
+                self.starts.len(),
+                self.labels.len()
+            )));
+        }
+        Ok(self.starts.clone())
+    }
+
+    fn to_json(&self, agreement: &Agreement) -> Value {
+        let said = agreement.answers();
+        let row = |class: &str| -> Map<String, Value> {
+            let counts = said.iter().map(|&judge| (judge, agreement.count(class, judge)));
+            let counted = counts.filter(|&(_, count)| count > 0);
+            counted
+                .map(|(judge, count)| (judge.to_owned(), count.into()))
+                .collect()
+        };
+        let by_class: Map<String, Value> = said
+            .iter()
+            .map(|&class| (class.to_owned(), row(class).into()))
+            .collect();
+        json!({
+            "schema": json::SCHEMA,
+            "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
+            "behaviours": agreement.total(),
+            "agreed": agreement.same(),
+            "kappa": agreement.kappa(),
+            "judged_by_class": by_class,
+        })
+    }
+}
+
+fn verdict(controller: &Controller, start: &Start) -> Result<Verdict, CliError> {
+    let world = World::default();
+    Ok(judge(&replay(controller, &world, start, STRIDE)?, &world))
+}
+
+/// For each class that people gave, what the judge said.
+fn print_table(agreement: &Agreement) {
+    let answers = agreement.answers();
+    print!("{:<16}{:>8}{:>8}{:>10}", "CLASS", "GIVEN", "AGREED", "SHARE");
+    for judge in &answers {
+        print!("{judge:>16}");
+    }
+    println!();
+    for class in &answers {
+        let (given, agreed) = (agreement.said(class), agreement.count(class, class));
+        print!("{class:<16}{given:>8}{agreed:>8}{:>10}", percent(agreed, given));
+        for judge in &answers {
+            print!("{:>16}", agreement.count(class, judge));
+        }
+        println!();
+    }
+    let (all, same) = (agreement.total(), agreement.same());
+    println!("{:<16}{all:>8}{same:>8}{:>10}", "all", percent(same, all));
+    let kappa = agreement
+        .kappa()
+        .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
+    println!("Cohen's kappa {kappa}");
+}
+
+fn percent(part: u64, whole: u64) -> String {
+    if whole == 0 {
+        return "-".to_owned();
+    }
+    format!("{:.1} %", 100.0 * part as f64 / whole as f64)
+}

@@ -1,0 +1,123 @@
+//! How a swarm is spread out: neighbours and clusters.
+
+use super::{
+    Scale,
+    geometry::{length, minus},
+    measures::{quantile, share},
+    window::{Point, Window},
+};
+
+/// Agents whose nearest mate is nearer than this are crowded; in spacings. Of agents strewn at random nearly half are.
+const CROWDED: f64 = 0.43;
+/// The same for the centres of their paths: private circles may come closer to each other than agents.
+const CROWDED_HOMES: f64 = 0.32;
+/// Bodies whose centres are nearer than this are in contact; in radii (bodies touch at 2).
+const CONTACT: f64 = 3.0;
+/// Agents nearer than this to one of a cluster belong to it; in radii: room for two bodies between.
+const CLUSTER_LINK: f64 = 6.0;
+
+/// Measures of where the agents are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Arrangement {
+    /// Median distance from the median position at the end; in packed radii, so about 0.7 for a tight disc.
+    pub spread: f64,
+    /// Median distance to the third nearest mate at the end; in body radii, so 2 in a tight disc.
+    pub packing: f64,
+    /// Share of agents whose nearest mate is closer than 0.43 spacings at the end.
+    pub crowded: f64,
+    /// Share of agents whose path has its centre closer than 0.32 spacings to another's.
+    pub crowded_homes: f64,
+    /// Share of all times and agents with a mate's centre within three radii.
+    pub contact: f64,
+    /// Sizes of the clusters at the end, largest first: agents are linked over up to six radii.
+    pub clusters: Vec<usize>,
+}
+
+impl Arrangement {
+    pub(super) fn of(window: &Window, scale: &Scale) -> Self {
+        let end = window.end();
+        let homes = window.homes();
+        let nearest = |points: &[Point]| neighbours(points, 1);
+        let crowded = |points, spacings: f64| {
+            share(
+                nearest(points)
+                    .iter()
+                    .map(|&distance| distance < spacings * scale.spacing),
+            )
+        };
+        let middle = [0, 1].map(|axis| quantile(end.iter().map(|point| point[axis]), 0.5));
+        let contact = (0..window.times()).flat_map(|time| nearest(&window.at(time).collect::<Vec<_>>()));
+        Self {
+            spread: quantile(end.iter().map(|&point| length(minus(point, middle))), 0.5) / scale.packed,
+            packing: quantile(neighbours(&end, 3).into_iter(), 0.5) / scale.radius,
+            crowded: crowded(&end, CROWDED),
+            crowded_homes: crowded(&homes, CROWDED_HOMES),
+            contact: share(contact.map(|distance| distance < CONTACT * scale.radius)),
+            clusters: clusters(&end, CLUSTER_LINK * scale.radius)
+                .iter()
+                .map(Vec::len)
+                .collect(),
+        }
+    }
+
+    /// Share of agents in the two largest clusters.
+    #[must_use]
+    pub fn in_two_clusters(&self) -> f64 {
+        let agents: usize = self.clusters.iter().sum();
+        self.clusters.iter().take(2).sum::<usize>() as f64 / agents.max(1) as f64
+    }
+}
+
+/// Distance from each point to its `rank`-th nearest other; infinite where there are not as many.
+fn neighbours(points: &[Point], rank: usize) -> Vec<f64> {
+    let nearest = |(i, &point): (usize, &Point)| {
+        let others = points.iter().enumerate().filter(|&(j, _)| j != i);
+        let mut distances: Vec<f64> = others.map(|(_, &other)| length(minus(other, point))).collect();
+        distances.sort_by(f64::total_cmp);
+        distances.get(rank - 1).copied().unwrap_or(f64::INFINITY)
+    };
+    points.iter().enumerate().map(nearest).collect()
+}
+
+/// Members of the clusters of `points` by single linkage over up to `link`, largest first.
+pub(super) fn clusters(points: &[Point], link: f64) -> Vec<Vec<usize>> {
+    linked(points.len(), |i, j| length(minus(points[i], points[j])) <= link)
+}
+
+/// Groups of the numbers under `count` that a symmetric relation connects, largest first, then by least member.
+pub(super) fn linked(count: usize, link: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
+    let mut free: Vec<usize> = (0..count).collect();
+    let mut groups = Vec::new();
+    while !free.is_empty() {
+        let mut group = vec![free.remove(0)];
+        let mut reached = 0;
+        while let Some(&member) = group.get(reached) {
+            let (near, far) = free.iter().partition(|&&other| link(member, other));
+            group.extend::<Vec<usize>>(near);
+            free = far;
+            reached += 1;
+        }
+        group.sort_unstable();
+        groups.push(group);
+    }
+    groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
+    groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clusters_are_what_short_steps_connect() {
+        let points = [0.0, 9.0, 1.0, 20.0, 2.0, 10.0].map(|x| [x, 0.0]);
+        assert_eq!(clusters(&points, 1.5), [vec![0, 2, 4], vec![1, 5], vec![3]]);
+        assert_eq!(clusters(&[], 1.0), Vec::<Vec<usize>>::new());
+    }
+
+    #[test]
+    fn a_lone_point_has_no_neighbour() {
+        assert_eq!(neighbours(&[[0.0, 0.0], [3.0, 4.0]], 1), [5.0, 5.0]);
+        assert_eq!(neighbours(&[[0.0, 0.0]], 1), [f64::INFINITY]);
+    }
+}

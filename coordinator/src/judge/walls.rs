@@ -1,0 +1,58 @@
+//! What a swarm does at the walls.
+
+use super::{
+    Scale,
+    geometry::{cross, length, minus},
+    measures::{ratio, share},
+    window::{Point, Window, mean},
+};
+use murmuration_proto::World;
+
+/// An agent is near a wall when it could move this far to it; in radii.
+const NEAR: f64 = 4.0;
+/// It moves along a wall when its way is closer than this; in radii.
+const ALONG: f64 = 3.0;
+
+/// Measures of motion at the walls.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Walls {
+    /// Share of all times and agents within four radii of touching a wall.
+    pub near: f64,
+    /// Share of all motion that is within three radii of touching one.
+    pub along: f64,
+    /// How much of that goes one way around the arena: 1 all of it, 0 as much either way, or straight at the walls.
+    pub circulation: f64,
+    /// Mean length of an agent's way along walls; in spacings.
+    pub way: f64,
+}
+
+impl Walls {
+    pub(super) fn of(window: &Window, world: &World, scale: &Scale) -> Self {
+        let room = |point: Point| room(point, world) / scale.radius;
+        let centre = [world.width() / 2.0, world.height() / 2.0];
+        let (mut all, mut along, mut around) = (0.0, 0.0, 0.0);
+        for pair in window.paths().iter().flat_map(|path| path.windows(2)) {
+            let step = minus(pair[1], pair[0]);
+            let middle = mean(pair);
+            all += length(step);
+            if room(middle) < ALONG {
+                let arm = minus(middle, centre);
+                along += length(step);
+                around += ratio(cross(arm, step), length(arm));
+            }
+        }
+        let points = window.paths().iter().flatten();
+        Self {
+            near: share(points.map(|&point| room(point) < NEAR)),
+            along: ratio(along, all),
+            circulation: ratio(around.abs(), along),
+            way: along / window.paths().len() as f64 / scale.spacing,
+        }
+    }
+}
+
+/// How far an agent's centre is from where its body touches the nearest wall.
+fn room([x, y]: Point, world: &World) -> f64 {
+    let room = |value: f64, side: f64| value.min(side - value) - world.margin();
+    room(x, world.width()).min(room(y, world.height()))
+}

@@ -1,0 +1,109 @@
+//! The last steps of a swarm's motion, at evenly spaced times.
+
+use murmuration_proto::{Pose, Replay};
+
+/// Steps that are looked at, as many as the pictures show that people judge; fewer where the motion is shorter.
+const WINDOW_STEPS: u32 = 160;
+/// Stretches that the window is cut into: one for every four of its steps.
+const STRETCHES: u32 = 40;
+
+/// A point or a vector, world units; y points down the screen.
+pub(super) type Point = [f64; 2];
+
+/// Where each agent was at 41 evenly spaced times of the window.
+#[derive(Debug, Clone)]
+pub(super) struct Window {
+    paths: Vec<Vec<Point>>,
+}
+
+impl Window {
+    /// The window at the end of a replay; positions between two frames are interpolated.
+    pub(super) fn of(replay: &Replay) -> Self {
+        let frames: Vec<&[Pose]> = replay.frames().collect();
+        let end = replay.steps().last().copied().unwrap_or(0);
+        let begin = end.saturating_sub(WINDOW_STEPS);
+        let mut paths = vec![Vec::with_capacity(STRETCHES as usize + 1); replay.agents()];
+        for stretch in 0..=STRETCHES {
+            let time = f64::from(begin) + f64::from(end - begin) * f64::from(stretch) / f64::from(STRETCHES);
+            let after = replay
+                .steps()
+                .partition_point(|&step| f64::from(step) < time)
+                .min(frames.len() - 1);
+            let before = after.saturating_sub(1);
+            let [from, to] = [before, after].map(|frame| f64::from(replay.steps()[frame]));
+            let part = if to > from {
+                (time - from) / (to - from)
+            } else {
+                0.0
+            };
+            for (path, (a, b)) in paths.iter_mut().zip(frames[before].iter().zip(frames[after])) {
+                path.push([0, 1].map(|axis| {
+                    let [a, b] = [a[axis], b[axis]].map(f64::from);
+                    a + (b - a) * part
+                }));
+            }
+        }
+        Self { paths }
+    }
+
+    /// One path an agent, in index order, each of 41 points.
+    pub(super) fn paths(&self) -> &[Vec<Point>] {
+        &self.paths
+    }
+
+    /// Number of times.
+    pub(super) fn times(&self) -> usize {
+        self.paths.first().map_or(0, Vec::len)
+    }
+
+    /// Where the agents are at one of the times.
+    pub(super) fn at(&self, time: usize) -> impl Iterator<Item = Point> + Clone {
+        self.paths.iter().map(move |path| path[time])
+    }
+
+    /// Where the agents are at the end.
+    pub(super) fn end(&self) -> Vec<Point> {
+        self.at(self.times() - 1).collect()
+    }
+
+    /// The mean position of each agent.
+    pub(super) fn homes(&self) -> Vec<Point> {
+        self.paths.iter().map(|path| mean(path)).collect()
+    }
+}
+
+/// The mean of at least one point.
+pub(super) fn mean(points: &[Point]) -> Point {
+    let count = points.len() as f64;
+    [0, 1].map(|axis| points.iter().map(|point| point[axis]).sum::<f64>() / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_window_is_the_same_whatever_the_stride_of_a_straight_motion() {
+        let replay = |stride: usize| {
+            let steps: Vec<u32> = (0..=1200).step_by(stride).collect();
+            let poses = steps.iter().map(|&step| [step as f32, 7.0, 0.0]).collect();
+            Window::of(&Replay::new(steps, 1, poses).unwrap())
+        };
+        for stride in [1, 3, 16, 1200] {
+            let window = replay(stride);
+            assert_eq!(window.times(), 41);
+            for (k, [x, y]) in window.paths()[0].iter().enumerate() {
+                assert!(
+                    (x - (1040 + 4 * k) as f64).abs() < 1e-9 && *y == 7.0,
+                    "{stride}: {x}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_start_alone_is_a_motion_too() {
+        let window = Window::of(&Replay::new(vec![0], 1, vec![[3.0, 4.0, 0.0]]).unwrap());
+        assert!(window.paths()[0].iter().all(|&point| point == [3.0, 4.0]));
+    }
+}

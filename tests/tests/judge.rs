@@ -1,0 +1,76 @@
+//! The synthetic annotator against people, on swarms that it was not tuned on.
+
+use murmuration_coordinator::{
+    accuracy::Labels,
+    judge::{Agreement, judge},
+};
+use murmuration_proto::World;
+use murmuration_tests::Murmuration;
+use murmuration_worker::replay::replay;
+use serde_json::Value;
+use std::{num::NonZeroU32, path::PathBuf};
+
+fn file(set: &str, name: &str) -> PathBuf {
+    PathBuf::from(format!("{}/labelled/{set}/{name}", env!("CARGO_MANIFEST_DIR")))
+}
+
+/// The judge agrees with the annotators at least this often, of so many.
+#[track_caller]
+fn check(set: &str, agreed: u64, of: u64) {
+    let labels = Labels::read(file(set, "validation.csv")).unwrap();
+    let world = World::default();
+    let swarms = labels.swarms(&file(set, "starts.csv")).unwrap();
+    let judged = swarms.iter().map(|(controller, start)| {
+        let motion = replay(controller, &world, start, NonZeroU32::new(4).unwrap()).unwrap();
+        judge(&motion, &world).class.name()
+    });
+    let agreement = Agreement::of(labels.classes().zip(judged));
+    for class in agreement.answers() {
+        let row: Vec<u64> = agreement
+            .answers()
+            .iter()
+            .map(|judge| agreement.count(class, judge))
+            .collect();
+        println!("{set:<16}{class:<16}{row:?}");
+    }
+    println!(
+        "{set}: {} of {}, kappa {:.3}",
+        agreement.same(),
+        agreement.total(),
+        agreement.kappa().unwrap()
+    );
+    assert_eq!(agreement.total(), of);
+    assert!(agreement.same() >= agreed, "{}", agreement.same());
+}
+
+#[test]
+fn it_agrees_with_people_on_one_sensor() {
+    check("single_sensor", 180, 200);
+}
+
+#[test]
+fn it_agrees_with_people_on_two_sensors() {
+    check("two_sensor", 176, 200);
+}
+
+#[test]
+fn it_agrees_with_people_on_rare_classes() {
+    check("rare", 34, 41);
+}
+
+#[test]
+fn the_command_says_the_same() {
+    let murmuration = Murmuration::over(&std::env::temp_dir());
+    let labels = file("rare", "validation.csv").display().to_string();
+    let finished = murmuration.run(&["judge", "--labels", &labels, "--json"]);
+    assert_eq!(finished.code, Some(0), "{}", finished.stderr);
+    let said: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(said["behaviours"], 41);
+    assert!(said["agreed"].as_u64().unwrap() >= 34, "{said}");
+    let missing = murmuration.run(&["judge", "--labels", &labels, "--starts", "nowhere.csv"]);
+    assert!(
+        missing.code == Some(2) && missing.stderr.contains("nowhere.csv"),
+        "{}",
+        missing.stderr
+    );
+}
