@@ -58,10 +58,14 @@ impl Agreement {
         self.sum(|(one, other)| one == other)
     }
 
-    /// Cohen's kappa: agreement beyond what chance gives, 1 for perfect; `None` where chance alone gives all of it.
+    /// Cohen's kappa: agreement beyond what chance gives, 1 for perfect; `None` where chance alone gives all of it, or there
+    /// is no pair.
     #[must_use]
     pub fn kappa(&self) -> Option<f64> {
         let total = self.total() as f64;
+        if total == 0.0 {
+            return None;
+        }
         let observed = self.same() as f64 / total;
         let by_chance = |answer: &str| {
             let one = self.sum(|(said, _)| said == answer) as f64;

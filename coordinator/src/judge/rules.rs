@@ -85,9 +85,11 @@ fn is_nested(body: &Body) -> bool {
     body.inside > 0.0 && body.deepest >= 0.22
 }
 
-/// A rim without gaps, however slowly it turns; a rim as wide as the arena is a dispersal at the walls.
+/// A rim without gaps, however slowly it turns, with few agents inside: a tight clump has a rim too. One as wide as the
+/// arena is a dispersal at the walls.
 fn is_closed_rim(arrangement: &Arrangement, body: &Body) -> bool {
-    body.depth <= 0.047 && body.gap <= 0.9 && arrangement.spread <= 6.4
+    let rim = body.depth <= 0.047 && body.gap <= 0.9 && body.inside <= 0.25;
+    rim && arrangement.spread <= 6.4
 }
 
 /// Single file around an empty middle, at least four tenths of a turn in the window: paths that wave leave the rim.
