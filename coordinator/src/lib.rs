@@ -25,5 +25,6 @@ pub mod report;
 pub mod server;
 pub mod service;
 pub mod store;
+pub mod synthetic;
 pub mod taxonomy;
 mod web;

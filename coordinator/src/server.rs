@@ -7,6 +7,7 @@ use crate::{
     queries::Queries,
     service::{self, CampaignApi, CheckpointApi, LabelApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
+    synthetic::SyntheticAnnotator,
     web::{self, Web},
 };
 use murmuration_proto::{
@@ -100,12 +101,13 @@ impl Coordinator {
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         let dispatch = Dispatch::start(options.dispatch);
         let trainers = Trainers::start(options.dispatch);
-        let campaigns = Campaigns::new(
-            store.clone(),
-            dispatch.clone(),
-            trainers.clone(),
-            checkpoints.clone(),
-        );
+        let queries = Queries::new(store.clone());
+        let annotator = SyntheticAnnotator {
+            store: store.clone(),
+            queries: queries.clone(),
+            dispatch: dispatch.clone(),
+        };
+        let campaigns = Campaigns::new(trainers.clone(), checkpoints.clone(), annotator.clone());
 
         let (health_reporter, health) = tonic_health::server::health_reporter();
         let reflection = tonic_reflection::server::Builder::configure()
@@ -138,7 +140,8 @@ impl Coordinator {
             .await;
         let label_service = LabelServiceServer::new(LabelApi {
             store: store.clone(),
-            queries: Queries::new(store.clone()),
+            queries,
+            annotator,
         })
         .max_decoding_message_size(service::MAX_LABEL_MESSAGE);
         health_reporter

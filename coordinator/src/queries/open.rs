@@ -1,7 +1,7 @@
 //! The queries of a coordinator: rankings made once, and who holds what.
 
 use super::{
-    Holder, Query, QueryLeases, Strategy,
+    Holder, Query, QueryLeases,
     committee::{Committee, NoCommittee},
     ranking,
 };
@@ -12,7 +12,7 @@ use crate::{
     novelty::{Behaviours, Misfit},
     store::{CampaignRecord, Store, StoreError},
 };
-use murmuration_proto::{CheckpointDigest, Purpose, Stream};
+use murmuration_proto::{CheckpointDigest, Purpose, Strategy, Stream};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, PoisonError},
@@ -114,7 +114,7 @@ impl Queries {
             leases,
             labels,
         } = &mut *open;
-        let individuals = archive_len(&record);
+        let individuals = record.individuals();
         if !rankings
             .get(&wish.strategy)
             .is_some_and(|ranked| ranked.still_fits(&record))
@@ -138,11 +138,29 @@ impl Queries {
         })
     }
 
+    /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
+    /// so many: a function of archive and log alone, whoever is being asked meanwhile.
+    ///
+    /// # Errors
+    /// See [`QueryError`].
+    pub fn unanswered(
+        &self,
+        record: &CampaignRecord,
+        strategy: Strategy,
+        count: usize,
+    ) -> Result<Vec<usize>, QueryError> {
+        let labels = self.store.labels(&record.id)?;
+        let order = self.rank(record, strategy)?.order;
+        let indices = order.into_iter().map(|query| query.index);
+        let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
+        Ok(open.take(count).collect())
+    }
+
     fn rank(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Ranked, QueryError> {
         let stream = |purpose| Stream::derive(record.spec.seed(), purpose, 0);
         let (order, checkpoint) = match strategy {
             Strategy::Random => {
-                let count = archive_len(record) as usize;
+                let count = record.individuals() as usize;
                 let order = ranking::by_lot(count, &mut stream(Purpose::Query));
                 (order, record.checkpoint)
             }
@@ -186,7 +204,7 @@ impl Queries {
     fn read_behaviours(&self, record: &CampaignRecord) -> Result<Behaviours, QueryError> {
         let (model, method) = (record.spec.model(), record.spec.method());
         let mut behaviours: Option<Behaviours> = None;
-        let len = archive_len(record);
+        let len = record.individuals();
         for start in (0..len).step_by(CHUNK as usize) {
             let range = start..len.min(start + CHUNK);
             for individual in self.store.individuals(&record.id, model, range, false)? {
@@ -204,18 +222,13 @@ impl Ranked {
     /// Whether it can still be asked from. While a campaign searches, a ranking serves until the archive is a quarter
     /// larger: clustering it after every generation would help nobody.
     fn still_fits(&self, record: &CampaignRecord) -> bool {
-        let (ranked, len) = (self.order.len() as u64, archive_len(record));
+        let (ranked, len) = (self.order.len() as u64, record.individuals());
         let slack = match record.state {
             CampaignState::Running => ranked / 4,
             _ => 0,
         };
         self.checkpoint == record.checkpoint && len <= ranked + slack
     }
-}
-
-/// Number of individuals of complete generations.
-fn archive_len(record: &CampaignRecord) -> u64 {
-    u64::from(record.generations_done) * u64::from(record.spec.search().population())
 }
 
 /// Whether `wish` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what

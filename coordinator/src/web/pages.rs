@@ -12,7 +12,7 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{DOCTYPE, Markup, html};
-use murmuration_proto::EmbedderSource;
+use murmuration_proto::{EmbedderSource, Feedback};
 
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
@@ -170,6 +170,8 @@ const fn stage(stage: Stage) -> &'static str {
         Stage::Pretrain => "training the embedder",
         Stage::Embed => "embedding anew",
         Stage::Evolve => "searching",
+        Stage::Label => "labelling",
+        Stage::FineTune => "learning from labels",
         Stage::Taxonomy => "clustering",
     }
 }
@@ -178,7 +180,8 @@ const fn stage(stage: Stage) -> &'static str {
 fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
     let spec = &status.record.spec;
     let search = spec.search();
-    let archived = u64::from(status.record.generations_done) * u64::from(search.population());
+    let archived = status.record.individuals();
+    let evaluations = u64::from(status.record.generations()) * u64::from(search.population());
     let arrived = u64::from(status.arrived);
     let (done, total, unit) = match (status.stage, spec.embedder()) {
         (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
@@ -186,13 +189,17 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
             dataset.pictures(),
             "pictures",
         ),
-        (Stage::Pretrain, _) => {
+        (Stage::Pretrain | Stage::FineTune, _) => {
             let training = status.training.unwrap_or_default();
             (training.epoch, training.epochs, "epochs")
         }
         (Stage::Embed, _) => (status.record.embedded + arrived, archived, "pictures"),
-        (Stage::Evolve, _) => (archived + arrived, search.evaluations(), "evaluations"),
-        (Stage::Taxonomy | Stage::Dataset, _) => (archived, search.evaluations(), "evaluations"),
+        (Stage::Label, _) => {
+            let wanted = spec.feedback().map_or(0, Feedback::labels);
+            (arrived, wanted.into(), "labels")
+        }
+        (Stage::Evolve, _) => (archived + arrived, evaluations, "evaluations"),
+        (Stage::Taxonomy | Stage::Dataset, _) => (archived, evaluations, "evaluations"),
     };
     (done.min(total), total, unit)
 }
