@@ -103,12 +103,23 @@ impl Checkpoints {
         })
     }
 
-    /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing.
+    /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing. It has seen what its parent
+    /// has seen.
     ///
     /// # Errors
-    /// [`CheckpointError::Model`] where the bytes are no embedder; otherwise if it cannot be stored.
-    pub async fn publish(&self, lineage: Lineage, bytes: Bytes) -> Result<CheckpointRecord, CheckpointError> {
+    /// [`CheckpointError::Model`] where the bytes are no embedder; [`StoreError::NoCheckpoint`] where its parent is not
+    /// here; otherwise if it cannot be stored.
+    pub async fn publish(
+        &self,
+        mut lineage: Lineage,
+        bytes: Bytes,
+    ) -> Result<CheckpointRecord, CheckpointError> {
         EmbedderModel::read(&bytes)?;
+        if let Some(parent) = lineage.parent {
+            lineage
+                .labelled
+                .join(&self.describe(parent).await?.lineage.labelled);
+        }
         let digest = CheckpointDigest::of(&bytes);
         let created_ms = SystemTime::now()
             .duration_since(UNIX_EPOCH)

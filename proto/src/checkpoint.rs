@@ -1,6 +1,6 @@
 //! Checkpoints: published embedders, named by the digest of their bytes.
 
-use crate::{Invalid, v1};
+use crate::{Invalid, SeenPictures, v1};
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
 /// BLAKE3 of a checkpoint's ONNX bytes; 64 hexadecimal digits as text.
@@ -48,6 +48,8 @@ pub struct Lineage {
     pub configuration: String,
     /// Figures measured on it, by name, all finite; at most 100.
     pub metrics: BTreeMap<String, f64>,
+    /// The pictures whose classes it was told.
+    pub labelled: SeenPictures,
 }
 
 impl Lineage {
@@ -66,6 +68,7 @@ impl Lineage {
             configuration: self.configuration.clone(),
             metrics: self.metrics.clone().into_iter().collect(),
             created_ms,
+            labelled: self.labelled.to_bytes(),
         }
     }
 
@@ -120,6 +123,7 @@ impl TryFrom<v1::Checkpoint> for Lineage {
             label_digest: message.label_digest,
             configuration: message.configuration,
             metrics: message.metrics.into_iter().collect(),
+            labelled: SeenPictures::from_bytes(&message.labelled)?,
         })
     }
 }
@@ -145,6 +149,7 @@ mod tests {
             data_digest: "d".into(),
             configuration: "network = \"compact\"".into(),
             metrics: BTreeMap::from([("triplet_accuracy".into(), 0.9)]),
+            labelled: SeenPictures::of([&[7; 9][..]].into_iter()),
             ..Lineage::default()
         };
         let message = lineage.describe(CheckpointDigest::of(b"model"), 5, 0);

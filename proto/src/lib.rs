@@ -23,6 +23,7 @@ mod random;
 mod record;
 mod replay;
 mod search;
+mod seen;
 mod space;
 mod toml_names;
 pub mod training;
@@ -42,6 +43,7 @@ pub use method::Method;
 pub use random::{Purpose, Stream};
 pub use replay::{Pose, Replay};
 pub use search::Search;
+pub use seen::SeenPictures;
 pub use space::ControllerSpace;
 pub use world::World;
 

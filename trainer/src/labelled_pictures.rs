@@ -1,5 +1,6 @@
 //! What people have said of behaviours: grey pictures, each with the class that it was given.
 
+use murmuration_proto::SeenPictures;
 use std::ops::Range;
 
 /// Grey pictures, all of one side, each of a class. Classes are numbered from 0 in the order of the caller's choice;
@@ -99,6 +100,12 @@ impl LabelledPictures {
     pub(crate) fn picture(&self, index: usize) -> &[u8] {
         let pixels = self.side * self.side;
         &self.bytes[index * pixels..][..pixels]
+    }
+
+    /// What an embedder that learns from them has seen.
+    #[must_use]
+    pub fn seen(&self) -> SeenPictures {
+        SeenPictures::of(self.bytes.chunks_exact(self.side * self.side))
     }
 
     /// BLAKE3 over side, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.

@@ -106,6 +106,7 @@ impl Publication {
         if let Some(Lesson { labelled, parent }) = training.lesson() {
             lineage.parent = Some(*parent);
             lineage.label_digest = labelled.digest();
+            lineage.labelled = labelled.seen();
             metrics.insert("labels".to_owned(), labelled.count() as f64);
             metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
         }

@@ -6,7 +6,9 @@ use crate::{
     local::Crew,
 };
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
-use murmuration_proto::{CheckpointDigest, ImageFormat, onnx::EmbedderModel, training::Architecture};
+use murmuration_proto::{
+    CheckpointDigest, ImageFormat, SeenPictures, onnx::EmbedderModel, training::Architecture, v1,
+};
 use murmuration_trainer::network::Network;
 use serde_json::{Map, Value, json};
 use std::{fs, num::NonZeroU32, path::Path, path::PathBuf};
@@ -61,8 +63,12 @@ impl AccuracyCommand {
         let (embedding, vectors) = match &self.checkpoint {
             None => ("features".to_owned(), features(&sets)?),
             Some(named) => {
-                let (digest, embedder) = checkpoint(named, global).await?;
-                (digest, self.embeddings(&sets, embedder)?)
+                let Named {
+                    digest,
+                    seen,
+                    embedder,
+                } = checkpoint(named, global).await?;
+                (digest, self.embeddings(&sets, embedder, &seen)?)
             }
         };
         let accuracy = measure(&sets, vectors);
@@ -131,9 +137,22 @@ impl AccuracyCommand {
         Ok(())
     }
 
-    fn embeddings(&self, sets: &[Labels], mut embedder: Embedder) -> Result<Vec<Vec<f64>>, CliError> {
+    fn embeddings(
+        &self,
+        sets: &[Labels],
+        mut embedder: Embedder,
+        seen: &SeenPictures,
+    ) -> Result<Vec<Vec<f64>>, CliError> {
         let images = self.images(sets, embedder.model().height(), embedder.model().width())?;
         let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
+        let known = images.iter().filter(|image| seen.has(image)).count();
+        if known > 0 {
+            return Err(CliError::Input(format!(
+                "{known} of the {} pictures are among those whose classes the checkpoint, or one that it goes on from, was \
+                 told: judge it by others",
+                images.len()
+            )));
+        }
         let embeddings = embedder.embed(&images)?;
         Ok(embeddings.iter().map(|embedding| exactly(embedding)).collect())
     }
@@ -203,21 +222,44 @@ fn features(sets: &[Labels]) -> Result<Vec<Vec<f64>>, CliError> {
     Ok(vectors)
 }
 
-/// The digest and an embedder of a checkpoint that is named by its file, or else by its digest.
-async fn checkpoint(named: &str, global: &Global) -> Result<(String, Embedder), CliError> {
+/// A checkpoint that was named.
+struct Named {
+    digest: String,
+    /// The pictures whose classes it was told; of a file nobody knows.
+    seen: SeenPictures,
+    embedder: Embedder,
+}
+
+/// A checkpoint by its file, or else by its digest.
+async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let file = if is_digest && !path.exists() {
+    let (file, seen) = if is_digest && !path.exists() {
         let mut connection = Connection::open(global, Crew::NONE).await?;
-        let fetched = checkpoints::fetch(&mut connection.checkpoints, named).await;
+        let fetched = fetch(&mut connection, named).await;
         connection.close().await?;
         fetched?
     } else {
-        fs::read(path).map_err(|error| CliError::unreadable(path, &error))?
+        let file = fs::read(path).map_err(|error| CliError::unreadable(path, &error))?;
+        (file, SeenPictures::default())
     };
     let model = EmbedderModel::read(&file).map_err(|error| CliError::Input(format!("{named}: {error}")))?;
     let embedder = Embedder::open(&Runtime::load()?, model)?;
-    Ok((CheckpointDigest::of(&file).to_string(), embedder))
+    Ok(Named {
+        digest: CheckpointDigest::of(&file).to_string(),
+        seen,
+        embedder,
+    })
+}
+
+/// The bytes of a checkpoint, and what it has seen.
+async fn fetch(connection: &mut Connection, named: &str) -> Result<(Vec<u8>, SeenPictures), CliError> {
+    let file = checkpoints::fetch(&mut connection.checkpoints, named).await?;
+    let request = v1::GetCheckpointRequest {
+        digest: CheckpointDigest::of(&file).to_string(),
+    };
+    let described = connection.checkpoints.get_checkpoint(request).await?.into_inner();
+    Ok((file, SeenPictures::from_bytes(&described.labelled)?))
 }
 
 fn tally_json(tally: Tally) -> Value {

@@ -27,7 +27,10 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
             .list()
             .await?
             .into_iter()
-            .map(Into::into)
+            .map(|record| v1::Checkpoint {
+                labelled: Vec::new(),
+                ..record.into()
+            })
             .collect();
         Ok(Response::new(v1::ListCheckpointsResponse { checkpoints }))
     }

@@ -19,7 +19,7 @@ pub struct CheckpointRecord {
 }
 
 const SELECT: &str = "
-    SELECT digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms FROM checkpoints";
+    SELECT digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled FROM checkpoints";
 
 impl Store {
     /// Records a checkpoint whose bytes are stored. One of the same digest is left as it was.
@@ -35,8 +35,8 @@ impl Store {
         self.write(|transaction| {
             transaction.execute(
                 "INSERT INTO checkpoints
-                    (digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8) ON CONFLICT (digest) DO NOTHING",
+                    (digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9) ON CONFLICT (digest) DO NOTHING",
                 params![
                     message.digest,
                     message.size as i64,
@@ -46,6 +46,7 @@ impl Store {
                     message.configuration,
                     metrics,
                     message.created_ms as i64,
+                    message.labelled,
                 ],
             )?;
             Ok(())
@@ -112,6 +113,7 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
             configuration: row.get(5)?,
             created_ms: row.get::<_, i64>(7)?.unsigned_abs(),
             metrics: Default::default(),
+            labelled: row.get(8)?,
         },
         metrics: row.get(6)?,
     })

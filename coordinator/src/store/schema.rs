@@ -107,6 +107,7 @@ const MIGRATIONS: [&str; 5] = [
     "
     ALTER TABLE campaigns ADD COLUMN rounds INTEGER NOT NULL DEFAULT 0;
     ALTER TABLE campaigns ADD COLUMN lesson INTEGER;
+    ALTER TABLE checkpoints ADD COLUMN labelled BLOB NOT NULL DEFAULT x'';
 ",
 ];
 

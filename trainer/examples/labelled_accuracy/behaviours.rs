@@ -2,7 +2,7 @@
 
 use super::Error;
 use murmuration_proto::{
-    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, Stream, World,
+    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, SeenPictures, Stream, World,
     training::Configuration, v1,
 };
 use murmuration_trainer::{network::Network, onnx, pictures::Pictures, training::Training};
@@ -103,6 +103,16 @@ impl Behaviours {
             behaviours.pictures.push(picture);
         }
         Ok(behaviours)
+    }
+
+    /// All pictures whose classes are known.
+    pub fn seen(&self) -> SeenPictures {
+        SeenPictures::of(self.pictures.iter().map(Vec::as_slice))
+    }
+
+    /// How many of the pictures are among those that something else has seen.
+    pub fn known_to(&self, seen: &SeenPictures) -> usize {
+        self.pictures.iter().filter(|picture| seen.has(picture)).count()
     }
 
     pub fn count(&self) -> usize {

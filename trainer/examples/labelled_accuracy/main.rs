@@ -65,6 +65,10 @@ fn main() -> Result<(), Error> {
     let arguments = Arguments::parse();
     let train = Behaviours::read(&arguments.labelled, "train")?;
     let validation = Behaviours::read(&arguments.labelled, "validation")?;
+    let known = validation.known_to(&train.seen());
+    if known > 0 {
+        return Err(format!("{known} pictures of validation.csv are in train.csv too").into());
+    }
     let judge = if arguments.folds == 0 { &validation } else { &train };
     let cases: Result<Vec<_>, _> = arguments
         .seeds

@@ -1,0 +1,86 @@
+//! Which pictures an embedder was told the classes of, so that nobody judges it by them.
+
+use crate::Invalid;
+use std::collections::BTreeSet;
+
+/// Bytes of a fingerprint: two pictures of a million have the same by chance once in ten million times.
+const BYTES: usize = 8;
+
+/// The pictures whose classes an embedder has learned from, its ancestors' included, as the first eight bytes of their
+/// BLAKE3 digests.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct SeenPictures(BTreeSet<[u8; BYTES]>);
+
+impl SeenPictures {
+    /// Most pictures: 2 MiB of fingerprints.
+    pub const MOST: usize = 1 << 18;
+
+    /// These pictures, each as its grey values.
+    #[must_use]
+    pub fn of<'a>(pictures: impl Iterator<Item = &'a [u8]>) -> Self {
+        Self(pictures.map(fingerprint).collect())
+    }
+
+    /// Whether a picture is among them, or (once in ten million times) looks as if it were.
+    #[must_use]
+    pub fn has(&self, picture: &[u8]) -> bool {
+        self.0.contains(&fingerprint(picture))
+    }
+
+    /// Adds those of an ancestor.
+    pub fn join(&mut self, other: &Self) {
+        self.0.extend(&other.0);
+    }
+
+    /// The fingerprints one after the other, in ascending order.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.0.iter().flatten().copied().collect()
+    }
+
+    /// Reads what [`SeenPictures::to_bytes`] wrote.
+    ///
+    /// # Errors
+    /// Where they are no whole number of fingerprints, or too many.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Invalid> {
+        let (fingerprints, rest) = bytes.as_chunks::<BYTES>();
+        if !rest.is_empty() || fingerprints.len() > Self::MOST {
+            let allowed = format!("a multiple of {BYTES}, for at most {} pictures", Self::MOST);
+            return Err(Invalid::new(
+                "labelled",
+                format!("{} bytes", bytes.len()),
+                allowed,
+            ));
+        }
+        Ok(Self(fingerprints.iter().copied().collect()))
+    }
+}
+
+fn fingerprint(picture: &[u8]) -> [u8; BYTES] {
+    let digest = blake3::hash(picture);
+    std::array::from_fn(|place| digest.as_bytes()[place])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_seen_is_known_again() {
+        let pictures: [&[u8]; 3] = [&[1; 2500], &[2; 2500], &[1; 2500]];
+        let mut seen = SeenPictures::of(pictures.into_iter());
+        assert!(seen.has(&[2; 2500]) && !seen.has(&[3; 2500]));
+        assert_eq!(seen.to_bytes().len(), 16, "the same picture counts once");
+        assert_eq!(SeenPictures::from_bytes(&seen.to_bytes()).unwrap(), seen);
+        seen.join(&SeenPictures::of([&[3; 2500][..]].into_iter()));
+        assert!(seen.has(&[3; 2500]) && seen.has(&[1; 2500]));
+    }
+
+    #[test]
+    fn what_is_no_list_of_fingerprints_is_refused() {
+        assert_eq!(SeenPictures::from_bytes(&[0; 9]).unwrap_err().field, "labelled");
+        let many = vec![0; 8 * (SeenPictures::MOST + 1)];
+        assert!(SeenPictures::from_bytes(&many).is_err());
+        assert_eq!(SeenPictures::from_bytes(&[]).unwrap(), SeenPictures::default());
+    }
+}
