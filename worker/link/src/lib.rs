@@ -7,10 +7,12 @@
 mod attempts;
 mod backoff;
 mod link;
+mod process;
 mod stop;
 
 pub use attempts::{attempts, may_pass};
 pub use link::{Broken, Link};
+pub use process::{log_to_stderr, until_terminated};
 pub use stop::{stopped, termination};
 
 use backoff::Backoff;
