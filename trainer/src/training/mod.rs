@@ -56,6 +56,15 @@ struct State {
     best: Best,
 }
 
+impl State {
+    /// One step of the optimiser against the gradient by the weights.
+    fn descend(&mut self, gradient: &[f32], weight_decay: f64) {
+        let rate = self.schedule.learning_rate();
+        let weights = self.network.parameters_mut();
+        self.adam.step(weights, gradient, rate, weight_decay);
+    }
+}
+
 /// The weights to publish.
 #[derive(Debug, Clone, PartialEq)]
 struct Best {

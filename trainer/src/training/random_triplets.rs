@@ -53,11 +53,7 @@ pub(super) fn learn(
         },
         &mut training.gradient,
     );
-    let rate = state.schedule.learning_rate();
-    let weights = state.network.parameters_mut();
-    state
-        .adam
-        .step(weights, &training.gradient, rate, recipe.weight_decay);
+    state.descend(&training.gradient, recipe.weight_decay);
     total / recipe.batch as f64
 }
 
