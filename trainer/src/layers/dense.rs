@@ -1,6 +1,6 @@
 //! Dense layers: every value to every unit.
 
-use super::Backward;
+use super::{Backward, repeat};
 use crate::real::{Real, matrix, multiply};
 use murmuration_proto::training::Shape;
 
@@ -15,9 +15,7 @@ impl Dense {
     pub(crate) fn forward<T: Real>(self, parameters: &[T], input: &[T], output: &mut [T]) {
         let values = self.input.len();
         let (weights, biases) = parameters.split_at(self.units * values);
-        for row in output.chunks_exact_mut(self.units) {
-            row.copy_from_slice(biases);
-        }
+        repeat(biases, output);
         let samples = input.len() / values;
         let weights = matrix(self.units, values, weights);
         multiply(matrix(samples, values, input), weights.t(), true, output);
