@@ -11,6 +11,7 @@ mod saved;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod triplets;
 
 use crate::{
     lanes::Lanes,
