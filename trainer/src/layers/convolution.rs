@@ -1,6 +1,6 @@
 //! Convolutions, by copying the patch under every place of the kernel into a row of a matrix.
 
-use super::{Backward, plane, repeat};
+use super::{Backward, plane};
 use crate::real::{Real, matrix, multiply};
 use murmuration_proto::training::Shape;
 
@@ -46,7 +46,9 @@ impl Convolution {
             plane::correlate(kernel, biases[0], self.input.side, input, output);
             return;
         }
-        repeat(biases, output);
+        for pixel in output.chunks_exact_mut(channels) {
+            pixel.copy_from_slice(biases);
+        }
         let weights = matrix(channels, patch, weights);
         let block = self.samples_at_once();
         let blocks = input.chunks(block * self.input.len());

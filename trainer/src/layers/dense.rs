@@ -1,6 +1,6 @@
 //! Dense layers: every value to every unit.
 
-use super::{Backward, repeat};
+use super::Backward;
 use crate::real::{Real, matrix, multiply};
 use murmuration_proto::training::Shape;
 
@@ -15,7 +15,9 @@ impl Dense {
     pub(crate) fn forward<T: Real>(self, parameters: &[T], input: &[T], output: &mut [T]) {
         let values = self.input.len();
         let (weights, biases) = parameters.split_at(self.units * values);
-        repeat(biases, output);
+        for row in output.chunks_exact_mut(self.units) {
+            row.copy_from_slice(biases);
+        }
         let samples = input.len() / values;
         let weights = matrix(self.units, values, weights);
         multiply(matrix(samples, values, input), weights.t(), true, output);

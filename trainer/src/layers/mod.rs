@@ -116,18 +116,3 @@ impl Operation {
         }
     }
 }
-
-/// Values that [`repeat`] copies at once.
-const REPEATED_AT_ONCE: usize = 1 << 12;
-
-/// Fills `output` with `values`, over and over.
-fn repeat<T: Real>(values: &[T], output: &mut [T]) {
-    let block = values.len() * (REPEATED_AT_ONCE / values.len()).max(1);
-    let (first, rest) = output.split_at_mut(block.min(output.len()));
-    for place in first.chunks_exact_mut(values.len()) {
-        place.copy_from_slice(values);
-    }
-    for block in rest.chunks_mut(block) {
-        block.copy_from_slice(&first[..block.len()]);
-    }
-}
