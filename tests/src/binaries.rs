@@ -1,5 +1,6 @@
 //! The real binaries, in real processes.
 
+use serde_json::Value;
 use std::{
     io::{BufRead as _, BufReader, Read as _},
     path::{Path, PathBuf},
@@ -50,6 +51,24 @@ pub struct Finished {
 #[derive(Debug)]
 pub struct Running {
     child: Child,
+}
+
+impl Finished {
+    /// What it printed as JSON, a value a line. It must have succeeded.
+    #[must_use]
+    #[track_caller]
+    pub fn lines(&self) -> Vec<Value> {
+        assert_eq!(self.code, Some(0), "{}", self.stderr);
+        let lines = self.stdout.lines();
+        lines.map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    /// The last of its [`Finished::lines`].
+    #[must_use]
+    #[track_caller]
+    pub fn last_line(&self) -> Value {
+        self.lines().pop().expect("it printed something")
+    }
 }
 
 impl Murmuration {

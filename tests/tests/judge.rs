@@ -1,9 +1,6 @@
 //! The synthetic annotator against people, on swarms that it was not tuned on.
 
-use murmuration_coordinator::{
-    accuracy::Labels,
-    judge::{Agreement, judge},
-};
+use murmuration_coordinator::{accuracy::Labels, judge::judge, labels::ConfusionMatrix};
 use murmuration_proto::World;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::replay;
@@ -24,23 +21,23 @@ fn check(set: &str, agreed: u64, of: u64) {
         let motion = replay(controller, &world, start, NonZeroU32::new(4).unwrap()).unwrap();
         judge(&motion, &world).class.name()
     });
-    let agreement = Agreement::of(labels.classes().zip(judged));
-    for class in agreement.answers() {
-        let row: Vec<u64> = agreement
+    let matrix: ConfusionMatrix<&str> = labels.classes().zip(judged).collect();
+    for class in matrix.answers() {
+        let row: Vec<u64> = matrix
             .answers()
             .iter()
-            .map(|judge| agreement.count(class, judge))
+            .map(|judge| matrix.count(class, judge))
             .collect();
         println!("{set:<16}{class:<16}{row:?}");
     }
     println!(
         "{set}: {} of {}, kappa {:.3}",
-        agreement.same(),
-        agreement.total(),
-        agreement.kappa().unwrap()
+        matrix.same(),
+        matrix.total(),
+        matrix.kappa().unwrap()
     );
-    assert_eq!(agreement.total(), of);
-    assert!(agreement.same() >= agreed, "{}", agreement.same());
+    assert_eq!(matrix.total(), of);
+    assert!(matrix.same() >= agreed, "{}", matrix.same());
 }
 
 #[test]

@@ -1,7 +1,10 @@
 //! Another picture of the same behaviour: cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
-use murmuration_proto::{Stream, training::Recipe};
+use murmuration_proto::{
+    Stream,
+    training::{PaperLabelled, RandomTriplets, Recipe},
+};
 
 /// How far pictures are changed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,8 +27,9 @@ pub(crate) enum Symmetries {
 impl From<&Recipe> for Augmentation {
     fn from(recipe: &Recipe) -> Self {
         match recipe {
-            Recipe::Paper(recipe) => Self {
-                crop: recipe.crop,
+            Recipe::Paper(RandomTriplets { crop, .. })
+            | Recipe::PaperLabelled(PaperLabelled { crop, .. }) => Self {
+                crop: *crop,
                 symmetries: Symmetries::Turns,
             },
             Recipe::InBatch(recipe) => Self {
@@ -36,10 +40,6 @@ impl From<&Recipe> for Augmentation {
             Recipe::Labelled(recipe) => Self {
                 crop: recipe.unlabelled_crop,
                 symmetries: Symmetries::All,
-            },
-            Recipe::PaperLabelled(recipe) => Self {
-                crop: recipe.crop,
-                symmetries: Symmetries::Turns,
             },
             // For the measure of its quality alone.
             Recipe::Untrained => Self::from(&Recipe::default()),

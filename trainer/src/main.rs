@@ -1,11 +1,9 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::termination;
+use murmuration_link::{log_to_stderr, until_terminated};
 use murmuration_trainer::client::{self, Options};
 use std::{num::NonZeroUsize, process::ExitCode};
-use tokio::sync::watch;
-use tracing_subscriber::EnvFilter;
 
 /// Trains embedders for a Murmuration coordinator.
 ///
@@ -32,11 +30,7 @@ struct Arguments {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_env_filter(filter)
-        .init();
+    log_to_stderr("info");
     // To rayon 0 is the number of cores.
     let threads = arguments.threads.map_or(0, NonZeroUsize::get);
     if let Err(error) = rayon::ThreadPoolBuilder::new()
@@ -46,21 +40,9 @@ async fn main() -> ExitCode {
         eprintln!("error: cannot start {threads} threads: {error}");
         return ExitCode::FAILURE;
     }
-    let (stop, stopped) = watch::channel(false);
-    tokio::spawn(async move {
-        let signal = termination().await;
-        tracing::info!("{signal}, leaving after this epoch");
-        stop.send_replace(true);
-    });
     let options = Options {
         coordinator: arguments.coordinator,
         name: arguments.name,
     };
-    match client::run(options, stopped).await {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    until_terminated("leaving after this epoch", |stop| client::run(options, stop)).await
 }

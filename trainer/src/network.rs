@@ -88,6 +88,11 @@ impl<T: Real> Network<T> {
         &self.stages
     }
 
+    /// How many values its stages make of one image.
+    pub(crate) fn values_per_image(&self) -> usize {
+        self.stages.iter().map(|stage| stage.output.len()).sum()
+    }
+
     /// Embeds grey pictures, given one after the other as bytes: `dimensions` numbers each, one after the other.
     /// A remainder shorter than a picture is left out. The bits do not depend on the number of threads.
     #[must_use]
@@ -148,20 +153,24 @@ impl<T: Real> Network<T> {
             gradients: [d_output, d_input],
             scratch,
         } = room;
-        d_output.clear();
-        d_output.extend_from_slice(d_embeddings);
+        // They only grow: a buffer that fitted each stage anew would be filled each time.
+        let largest = outputs.iter().map(Vec::len).max().unwrap_or(0);
+        for gradient in [&mut *d_output, &mut *d_input] {
+            gradient.resize(largest.max(gradient.len()), T::zero());
+        }
+        d_output[..d_embeddings.len()].copy_from_slice(d_embeddings);
         for (i, stage) in self.stages.iter().enumerate().rev() {
+            let d_here = &mut d_output[..outputs[i].len()];
             if let Some(activation) = stage.activation.and_then(Activation::of) {
-                activation.backward(&outputs[i], d_output);
+                activation.backward(&outputs[i], d_here);
             }
             let input = if i == 0 { images } else { &outputs[i - 1] };
-            d_input.resize(input.len(), T::zero());
             stage.operation.backward(Backward {
                 parameters: &self.parameters[stage.parameters.clone()],
                 input,
                 notes: &notes[i],
-                d_output,
-                d_input: (i > 0).then_some(d_input.as_mut_slice()),
+                d_output: d_here,
+                d_input: (i > 0).then(|| &mut d_input[..input.len()]),
                 d_parameters: &mut sum[stage.parameters.clone()],
                 scratch,
             });

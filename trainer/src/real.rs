@@ -67,20 +67,3 @@ pub(crate) fn multiply<T: Real>(a: ArrayView2<T>, b: ArrayView2<T>, add: bool, i
     let kept = if add { T::one() } else { T::zero() };
     general_mat_mul(T::one(), &a, &b, kept, &mut product);
 }
-
-/// The sum of products, in eight partial sums so that it vectorises.
-pub(crate) fn dot<T: Real>(a: &[T], b: &[T]) -> T {
-    let mut sums = [T::zero(); 8];
-    let (a_eights, a_rest) = a.as_chunks::<8>();
-    let (b_eights, b_rest) = b.as_chunks::<8>();
-    for (a, b) in a_eights.iter().zip(b_eights) {
-        for ((sum, &a), &b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
-    }
-    let rest = a_rest
-        .iter()
-        .zip(b_rest)
-        .fold(T::zero(), |sum, (&a, &b)| sum + a * b);
-    sums.into_iter().fold(rest, |total, sum| total + sum)
-}

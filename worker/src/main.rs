@@ -2,11 +2,9 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::termination;
+use murmuration_link::{log_to_stderr, until_terminated};
 use murmuration_worker::client::{self, Options};
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
-use tokio::sync::watch;
-use tracing_subscriber::EnvFilter;
 
 /// Evaluates controllers for a Murmuration coordinator, and embeds their pictures.
 ///
@@ -36,17 +34,7 @@ struct Arguments {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_env_filter(filter)
-        .init();
-    let (stop, stopped) = watch::channel(false);
-    tokio::spawn(async move {
-        let signal = termination().await;
-        tracing::info!("{signal}, leaving");
-        stop.send_replace(true);
-    });
+    log_to_stderr("info");
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let options = Options {
         coordinator: arguments.coordinator,
@@ -54,11 +42,5 @@ async fn main() -> ExitCode {
         threads: arguments.threads.unwrap_or(cores),
         cache: arguments.cache.unwrap_or_else(checkpoint_folder),
     };
-    match client::run(options, stopped).await {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    until_terminated("leaving", |stop| client::run(options, stop)).await
 }

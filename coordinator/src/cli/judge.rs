@@ -3,7 +3,8 @@
 use super::{CliError, Global, json};
 use crate::{
     accuracy::Labels,
-    judge::{Agreement, Verdict, judge},
+    judge::{Verdict, judge},
+    labels::ConfusionMatrix,
 };
 use murmuration_proto::{Controller, World};
 use murmuration_worker::{replay::replay, simulate::Start};
@@ -44,11 +45,12 @@ impl JudgeCommand {
             let classes = labels.classes().map(str::to_owned);
             answers.extend(classes.zip(verdicts.iter().map(|verdict| verdict.class.name())));
         }
-        let agreement = Agreement::of(answers.iter().map(|(people, judge)| (people.as_str(), *judge)));
+        let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
+        let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(&self.to_json(&agreement));
+            json::print(&self.to_json(&matrix));
         } else {
-            print_table(&agreement);
+            print_table(&matrix);
         }
         Ok(())
     }
@@ -68,10 +70,10 @@ impl JudgeCommand {
         Ok(self.starts.clone())
     }
 
-    fn to_json(&self, agreement: &Agreement) -> Value {
-        let said = agreement.answers();
+    fn to_json(&self, matrix: &ConfusionMatrix<&str>) -> Value {
+        let said = matrix.answers();
         let row = |class: &str| -> Map<String, Value> {
-            let counts = said.iter().map(|&judge| (judge, agreement.count(class, judge)));
+            let counts = said.iter().map(|&judge| (judge, matrix.count(class, judge)));
             let counted = counts.filter(|&(_, count)| count > 0);
             counted
                 .map(|(judge, count)| (judge.to_owned(), count.into()))
@@ -84,9 +86,9 @@ impl JudgeCommand {
         json!({
             "schema": json::SCHEMA,
             "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
-            "behaviours": agreement.total(),
-            "agreed": agreement.same(),
-            "kappa": agreement.kappa(),
+            "behaviours": matrix.total(),
+            "agreed": matrix.same(),
+            "kappa": matrix.kappa(),
             "judged_by_class": by_class,
         })
     }
@@ -98,24 +100,24 @@ fn verdict(controller: &Controller, start: &Start) -> Result<Verdict, CliError> 
 }
 
 /// For each class that people gave, what the judge said.
-fn print_table(agreement: &Agreement) {
-    let answers = agreement.answers();
+fn print_table(matrix: &ConfusionMatrix<&str>) {
+    let answers = matrix.answers();
     print!("{:<16}{:>8}{:>8}{:>10}", "CLASS", "GIVEN", "AGREED", "SHARE");
     for judge in &answers {
         print!("{judge:>16}");
     }
     println!();
     for class in &answers {
-        let (given, agreed) = (agreement.said(class), agreement.count(class, class));
+        let (given, agreed) = (matrix.said(class), matrix.count(class, class));
         print!("{class:<16}{given:>8}{agreed:>8}{:>10}", percent(agreed, given));
         for judge in &answers {
-            print!("{:>16}", agreement.count(class, judge));
+            print!("{:>16}", matrix.count(class, judge));
         }
         println!();
     }
-    let (all, same) = (agreement.total(), agreement.same());
+    let (all, same) = (matrix.total(), matrix.same());
     println!("{:<16}{all:>8}{same:>8}{:>10}", "all", percent(same, all));
-    let kappa = agreement
+    let kappa = matrix
         .kappa()
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
     println!("Cohen's kappa {kappa}");

@@ -22,8 +22,8 @@ mod simulate;
 pub use error::CliError;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
+use murmuration_link::log_to_stderr;
 use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
-use tracing_subscriber::EnvFilter;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -189,11 +189,7 @@ fn log(command: &Command) {
     } else {
         "error"
     };
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-    tracing_subscriber::fmt()
-        .with_writer(std::io::stderr)
-        .with_env_filter(filter)
-        .init();
+    log_to_stderr(default);
 }
 
 /// Addresses on which a coordinator of this machine alone listens.

@@ -4,7 +4,6 @@
 //! at features. [`Measures`] are geometry and kinematics in units of the bodies and the arena; [`Class::of`] is the list
 //! of rules. How well it agrees with people is measured by `murmuration judge` and in `tests/tests/judge.rs`.
 
-mod agreement;
 mod arrangement;
 mod body;
 mod class;
@@ -15,7 +14,6 @@ mod rules;
 mod walls;
 mod window;
 
-pub use agreement::Agreement;
 pub use arrangement::Arrangement;
 pub use body::Body;
 pub use class::{Class, Pattern};

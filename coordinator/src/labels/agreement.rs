@@ -1,6 +1,6 @@
 //! How far two annotators agree, over the individuals to which both gave a class.
 
-use super::ClassName;
+use super::{ClassName, ConfusionMatrix};
 use std::{cmp::Reverse, collections::BTreeMap};
 
 /// Two annotators compared.
@@ -10,9 +10,7 @@ pub struct Agreement {
     pub both: u64,
     /// Those to which they gave the same.
     pub agreed: u64,
-    /// Cohen's kappa (1960), at most 1: the agreement beyond what chance would give, as a share of what there could be.
-    /// `None` where chance leaves nothing to be shared: both gave one and the same class throughout, or there is no
-    /// individual.
+    /// As [`ConfusionMatrix::kappa`].
     pub kappa: Option<f64>,
     /// Which classes are taken for which, the most frequent first.
     pub confusions: Vec<Confusion>,
@@ -50,16 +48,15 @@ impl Agreement {
             .iter()
             .filter_map(|(index, one)| Some((*index, one, second.get(index)?)));
         let both: Vec<(u64, &ClassName, &ClassName)> = both.collect();
-        let differ: Vec<_> = both.iter().filter(|(_, one, other)| one != other).collect();
-        let agreed = both.len() - differ.len();
+        let matrix: ConfusionMatrix<_> = both.iter().map(|&(_, one, other)| (one, other)).collect();
+        let differ = both.into_iter().filter(|(_, one, other)| one != other);
         Self {
-            both: both.len() as u64,
-            agreed: agreed as u64,
-            kappa: kappa(&both, agreed),
-            confusions: confusions(differ.iter().map(|(_, one, other)| (*one, *other))),
+            both: matrix.total(),
+            agreed: matrix.same(),
+            kappa: matrix.kappa(),
+            confusions: confusions(&matrix),
             disagreements: differ
-                .iter()
-                .map(|&&(index, one, other)| Disagreement {
+                .map(|(index, one, other)| Disagreement {
                     index,
                     first: one.clone(),
                     second: other.clone(),
@@ -69,32 +66,13 @@ impl Agreement {
     }
 }
 
-/// (observed - chance) / (1 - chance), both as counts over the square of the number of individuals: one rounding.
-fn kappa(both: &[(u64, &ClassName, &ClassName)], agreed: usize) -> Option<f64> {
-    let mut counts: BTreeMap<&ClassName, [u64; 2]> = BTreeMap::new();
-    for (_, one, other) in both {
-        counts.entry(one).or_default()[0] += 1;
-        counts.entry(other).or_default()[1] += 1;
-    }
-    let all = both.len() as f64;
-    let by_chance: f64 = counts.values().map(|[one, other]| (one * other) as f64).sum();
-    let room = all * all - by_chance;
-    (room > 0.0).then(|| (agreed as f64 * all - by_chance) / room)
-}
-
-fn confusions<'a>(pairs: impl Iterator<Item = (&'a ClassName, &'a ClassName)>) -> Vec<Confusion> {
-    let mut counts: BTreeMap<_, u64> = BTreeMap::new();
-    for pair in pairs {
-        *counts.entry(pair).or_default() += 1;
-    }
-    let mut confusions: Vec<_> = counts
-        .into_iter()
-        .map(|((first, second), individuals)| Confusion {
-            first: first.clone(),
-            second: second.clone(),
-            individuals,
-        })
-        .collect();
+fn confusions(matrix: &ConfusionMatrix<&ClassName>) -> Vec<Confusion> {
+    let confusions = matrix.confusions().map(|(first, second, individuals)| Confusion {
+        first: first.clone(),
+        second: second.clone(),
+        individuals,
+    });
+    let mut confusions: Vec<_> = confusions.collect();
     confusions.sort_by_key(|confusion| Reverse(confusion.individuals));
     confusions
 }
@@ -107,37 +85,6 @@ mod tests {
     fn classes(names: &[&str]) -> BTreeMap<u64, ClassName> {
         let names = names.iter().map(|name| name.parse().unwrap());
         (0..).zip(names).collect()
-    }
-
-    /// Two annotators who gave the class of each row and column so many times.
-    fn table<const N: usize>(names: [&str; N], counts: [[usize; N]; N]) -> Agreement {
-        let (mut first, mut second) = (Vec::new(), Vec::new());
-        for (row, one) in counts.iter().zip(names) {
-            for (count, other) in row.iter().zip(names) {
-                first.extend(std::iter::repeat_n(one, *count));
-                second.extend(std::iter::repeat_n(other, *count));
-            }
-        }
-        Agreement::between(&classes(&first), &classes(&second))
-    }
-
-    #[test]
-    fn kappa_by_hand() {
-        // Observed 35/50, by chance (25 * 30 + 25 * 20) / 2500 = 0.5.
-        let two = table(["ring", "clump"], [[20, 5], [10, 15]]);
-        assert_eq!((two.both, two.agreed, two.kappa), (50, 35, Some(0.4)));
-        // Observed 13/20, by chance (8 * 7 + 6 * 6 + 6 * 7) / 400 = 134/400: (260 - 134) / (400 - 134).
-        let three = table(["a", "b", "c"], [[5, 1, 2], [1, 4, 1], [1, 1, 4]]);
-        assert_eq!(three.kappa, Some(126.0 / 266.0));
-        // As often right as by chance, and always wrong.
-        assert_eq!(table(["a", "b"], [[1, 1], [1, 1]]).kappa, Some(0.0));
-        assert_eq!(table(["a", "b"], [[0, 3], [3, 0]]).kappa, Some(-1.0));
-    }
-
-    #[test]
-    fn without_room_there_is_no_kappa() {
-        assert_eq!(table(["a", "b"], [[9, 0], [0, 0]]).kappa, None);
-        assert_eq!(Agreement::between(&classes(&["a"]), &classes(&[])).kappa, None);
     }
 
     #[test]

@@ -6,11 +6,13 @@
 
 mod agreement;
 mod classes;
+mod confusion_matrix;
 mod current;
 mod log;
 mod names;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
+pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, Label, LabelDigest, Labels};
 pub use log::{Action, Change, Entry, Refusal};
 pub use names::{Annotator, Answer, ClassName, Colour, RequestId};

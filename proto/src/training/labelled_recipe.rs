@@ -107,32 +107,20 @@ pub struct PaperLabelled {
 
 impl Default for PaperLabelled {
     fn default() -> Self {
-        let RandomTriplets {
-            margin,
-            batch,
-            steps,
-            learning_rate,
-            weight_decay,
-            plateau,
-            plateau_factor,
-            epochs: _,
-            enough,
-            enough_over,
-            crop,
-        } = RandomTriplets::default();
+        let paper = RandomTriplets::default();
         Self {
             augmented: 0.6,
-            margin,
-            batch,
-            steps,
-            learning_rate,
-            weight_decay,
-            plateau,
-            plateau_factor,
+            margin: paper.margin,
+            batch: paper.batch,
+            steps: paper.steps,
+            learning_rate: paper.learning_rate,
+            weight_decay: paper.weight_decay,
+            plateau: paper.plateau,
+            plateau_factor: paper.plateau_factor,
             epochs: 300,
-            enough,
-            enough_over,
-            crop,
+            enough: paper.enough,
+            enough_over: paper.enough_over,
+            crop: paper.crop,
         }
     }
 }

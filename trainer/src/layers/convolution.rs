@@ -23,9 +23,14 @@ impl Convolution {
         self.kernel * self.kernel * self.input.channels
     }
 
-    /// Whether rows can be convolved as they lie, without a matrix.
-    const fn is_plane(&self) -> bool {
-        self.input.channels == 1 && self.output.channels == 1 && self.stride == 1 && self.padding == 0
+    /// The kernel, if pictures can be convolved as they lie, without a matrix.
+    fn plane<'a, T>(&self, weights: &'a [T]) -> Option<plane::Kernel<'a, T>> {
+        let is_plane =
+            self.input.channels == 1 && self.output.channels == 1 && self.stride == 1 && self.padding == 0;
+        is_plane.then_some(plane::Kernel {
+            side: self.kernel,
+            weights,
+        })
     }
 
     pub(crate) fn forward<T: Real>(
@@ -37,17 +42,12 @@ impl Convolution {
     ) {
         let (patch, channels) = (self.patch(), self.output.channels);
         let (weights, biases) = parameters.split_at(channels * patch);
+        if let Some(kernel) = self.plane(weights) {
+            plane::correlate(kernel, biases[0], self.input.side, input, output);
+            return;
+        }
         for pixel in output.chunks_exact_mut(channels) {
             pixel.copy_from_slice(biases);
-        }
-        if self.is_plane() {
-            for (input, output) in self
-                .samples(input)
-                .zip(output.chunks_exact_mut(self.output.len()))
-            {
-                plane::add_correlation(self, weights, input, output);
-            }
-            return;
         }
         let weights = matrix(channels, patch, weights);
         let block = self.samples_at_once();
@@ -63,6 +63,15 @@ impl Convolution {
         let (patch, channels) = (self.patch(), self.output.channels);
         let weights = &pass.parameters[..channels * patch];
         let (d_weights, d_biases) = pass.d_parameters.split_at_mut(channels * patch);
+        if let Some(kernel) = self.plane(weights) {
+            let side = self.input.side;
+            let d_bias = &mut d_biases[0];
+            plane::add_parameter_gradient(side, pass.input, pass.d_output, d_weights, d_bias);
+            if let Some(d_input) = pass.d_input {
+                plane::input_gradient(kernel, side, pass.d_output, d_input, pass.scratch);
+            }
+            return;
+        }
         for pixel in pass.d_output.chunks_exact(channels) {
             for (sum, &value) in d_biases.iter_mut().zip(pixel) {
                 *sum += value;
@@ -71,17 +80,6 @@ impl Convolution {
         let mut d_input = pass.d_input;
         if let Some(d_input) = d_input.as_deref_mut() {
             d_input.fill(T::zero());
-        }
-        if self.is_plane() {
-            let d_outputs = pass.d_output.chunks_exact(self.output.len());
-            for (i, (input, d_output)) in self.samples(pass.input).zip(d_outputs).enumerate() {
-                plane::add_weight_gradient(self, input, d_output, d_weights);
-                if let Some(d_input) = d_input.as_deref_mut() {
-                    let d_input = &mut d_input[i * self.input.len()..][..self.input.len()];
-                    plane::add_input_gradient(self, weights, d_output, d_input);
-                }
-            }
-            return;
         }
         let block = self.samples_at_once();
         let weights = matrix(channels, patch, weights);

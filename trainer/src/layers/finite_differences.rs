@@ -123,6 +123,10 @@ fn convolutions() {
 #[test]
 fn convolutions_of_one_channel() {
     check(convolution(1, 3, 1, 0), (1, 12), (1, 10));
+    check(convolution(1, 3, 1, 0), (1, 18), (1, 16));
+    check(convolution(1, 3, 1, 0), (1, 23), (1, 21));
+    check(convolution(1, 4, 1, 0), (1, 20), (1, 17));
+    check(convolution(1, 5, 1, 0), (1, 5), (1, 1));
     check(convolution(1, 3, 1, 1), (1, 6), (1, 6));
 }
 

@@ -38,11 +38,7 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
         |embeddings, gradient| in_batch::loss(embeddings, dimensions, recipe.margin, gradient),
         &mut training.gradient,
     );
-    let rate = state.schedule.learning_rate();
-    let weights = state.network.parameters_mut();
-    state
-        .adam
-        .step(weights, &training.gradient, rate, recipe.weight_decay);
+    state.descend(&training.gradient, recipe.weight_decay);
     loss
 }
 

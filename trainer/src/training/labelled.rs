@@ -72,11 +72,7 @@ fn step(training: &mut Training, recipe: &Labelled, labelled: usize, images: &[f
         },
         &mut training.gradient,
     );
-    let rate = state.schedule.learning_rate();
-    let weights = state.network.parameters_mut();
-    state
-        .adam
-        .step(weights, &training.gradient, rate, recipe.weight_decay);
+    state.descend(&training.gradient, recipe.weight_decay);
     loss
 }
 

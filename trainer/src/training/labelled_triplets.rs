@@ -2,10 +2,10 @@
 
 use super::{
     EpochLoss, Training,
-    random_triplets::{CHUNK, learn},
+    triplets::{Triplet, learn},
 };
-use crate::{augment::Augmentation, labelled_pictures::LabelledPictures, network::scaled};
-use murmuration_proto::{Purpose, Stream, training::PaperLabelled};
+use crate::labelled_pictures::LabelledPictures;
+use murmuration_proto::{Stream, training::PaperLabelled};
 
 pub(super) fn epoch(
     training: &mut Training,
@@ -15,16 +15,9 @@ pub(super) fn epoch(
 ) -> EpochLoss {
     let mut total = 0.0;
     for _ in 0..recipe.steps {
-        let drawn = (0..recipe.batch).map(|_| Triplet::draw(labelled, recipe.augmented, stream));
-        let batch = Batch {
-            labelled,
-            triplets: drawn.collect(),
-            augmentation: Augmentation::from(training.configuration.recipe()),
-            key: stream.bits(),
-        };
-        total += learn(training, &recipe.triplets(), |chunk, images| {
-            batch.append(chunk, images)
-        });
+        let drawn = (0..recipe.batch).map(|_| Drawn::draw(labelled, recipe.augmented, stream));
+        let triplets: Vec<Triplet> = drawn.map(|drawn| drawn.of(labelled)).collect();
+        total += learn(training, &recipe.triplets(), &triplets, stream.bits());
     }
     EpochLoss {
         mean: total / recipe.steps as f64,
@@ -33,13 +26,13 @@ pub(super) fn epoch(
 }
 
 /// Which pictures a triplet is made of; without another positive, it is made of the anchor.
-struct Triplet {
+struct Drawn {
     anchor: usize,
     positive: Option<usize>,
     negative: usize,
 }
 
-impl Triplet {
+impl Drawn {
     /// Classes are drawn in proportion to their pictures: an anchor is any picture, a negative any of another class.
     fn draw(labelled: &LabelledPictures, augmented: f64, stream: &mut Stream) -> Self {
         let below = |count: usize, stream: &mut Stream| stream.below(count as u64) as usize;
@@ -61,49 +54,20 @@ impl Triplet {
             negative: pictures[negative],
         }
     }
-}
 
-struct Batch<'a> {
-    labelled: &'a LabelledPictures,
-    triplets: Vec<Triplet>,
-    augmentation: Augmentation,
-    /// Seed of the augmentations.
-    key: u64,
-}
-
-impl Batch<'_> {
-    /// Appends the images of a chunk: all anchors, all positives, all negatives.
-    fn append(&self, chunk: usize, images: &mut Vec<f32>) {
-        let first = chunk * CHUNK;
-        let triplets = &self.triplets[first..(first + CHUNK).min(self.triplets.len())];
-        let side = self.labelled.side();
-        let plain = |picture| {
-            self.labelled
-                .picture(picture)
-                .iter()
-                .map(|&grey| scaled::<f32>(grey))
-        };
-        images.extend(triplets.iter().flat_map(|triplet| plain(triplet.anchor)));
-        for (i, triplet) in triplets.iter().enumerate() {
-            match triplet.positive {
-                Some(positive) => images.extend(plain(positive)),
-                None => {
-                    let start = images.len();
-                    images.resize(start + side * side, 0.0);
-                    let mut stream = Stream::derive(self.key, Purpose::Augment, (first + i) as u64);
-                    let picture = self.labelled.picture(triplet.anchor);
-                    self.augmentation
-                        .apply(picture, side, &mut stream, &mut images[start..]);
-                }
-            }
+    fn of(self, labelled: &LabelledPictures) -> Triplet<'_> {
+        Triplet {
+            anchor: labelled.picture(self.anchor),
+            positive: self.positive.map(|positive| labelled.picture(positive)),
+            negative: labelled.picture(self.negative),
         }
-        images.extend(triplets.iter().flat_map(|triplet| plain(triplet.negative)));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::Purpose;
     use proptest::prelude::*;
 
     proptest! {
@@ -117,7 +81,7 @@ mod tests {
             let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
             let mut stream = Stream::derive(seed, Purpose::Train, 0);
             for _ in 0..50 {
-                let Triplet { anchor, positive, negative } = Triplet::draw(&labelled, augmented, &mut stream);
+                let Drawn { anchor, positive, negative } = Drawn::draw(&labelled, augmented, &mut stream);
                 prop_assert_ne!(classes[anchor], classes[negative]);
                 if let Some(positive) = positive {
                     prop_assert!(positive != anchor && classes[positive] == classes[anchor]);
@@ -130,7 +94,7 @@ mod tests {
     fn as_many_positives_are_augmented_anchors_as_the_recipe_says() {
         let labelled = LabelledPictures::new(1, vec![0; 6], vec![0, 0, 0, 1, 1, 1]).unwrap();
         let mut stream = Stream::derive(1, Purpose::Train, 0);
-        let drawn = (0..10_000).map(|_| Triplet::draw(&labelled, 0.6, &mut stream));
+        let drawn = (0..10_000).map(|_| Drawn::draw(&labelled, 0.6, &mut stream));
         let augmented = drawn.filter(|triplet| triplet.positive.is_none()).count();
         assert!((5_800..6_200).contains(&augmented), "{augmented}");
     }

@@ -11,6 +11,7 @@ mod saved;
 mod schedule;
 #[cfg(test)]
 mod tests;
+mod triplets;
 
 use crate::{
     lanes::Lanes,
@@ -54,6 +55,15 @@ struct State {
     /// Epochs done.
     epoch: u64,
     best: Best,
+}
+
+impl State {
+    /// One step of the optimiser against the gradient by the weights.
+    fn descend(&mut self, gradient: &[f32], weight_decay: f64) {
+        let rate = self.schedule.learning_rate();
+        let weights = self.network.parameters_mut();
+        self.adam.step(weights, gradient, rate, weight_decay);
+    }
 }
 
 /// The weights to publish.

@@ -48,7 +48,7 @@ pub(super) fn finished(mut training: Training) -> Training {
     training
 }
 
-pub(super) fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
+fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -56,33 +56,46 @@ pub(super) fn on_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Sen
     pool.install(work)
 }
 
+/// Checks that the bytes of a whole training do not depend on the number of threads.
+#[track_caller]
+pub(super) fn check_threads(training: impl Fn() -> Training + Sync) {
+    let bytes = |threads| {
+        on_threads(threads, || {
+            let training = finished(training());
+            (training.save(), onnx::export(&training.embedder()))
+        })
+    };
+    let one = bytes(1);
+    assert!(one == bytes(2) && one == bytes(4));
+}
+
+/// Checks that a training that is put aside after any of its four epochs ends as one that is not.
+#[track_caller]
+pub(super) fn check_interruption(training: impl Fn() -> Training) {
+    let whole = finished(training());
+    assert_eq!((whole.epoch(), whole.ending()), (4, Some(Ending::LastEpoch)));
+    for epochs in 0..4 {
+        let mut first = training();
+        for _ in 0..epochs {
+            first.step();
+        }
+        let second = training().taken_up(&first.save()).unwrap();
+        assert_eq!(second.epoch(), epochs);
+        assert!(finished(second).save() == whole.save());
+    }
+}
+
 #[test]
 fn the_bytes_do_not_depend_on_the_number_of_threads() {
     for recipe in [IN_BATCH, PAPER] {
-        let bytes = |threads| {
-            on_threads(threads, || {
-                let training = finished(training(recipe));
-                (training.save(), onnx::export(&training.embedder()))
-            })
-        };
-        let one = bytes(1);
-        assert!(one == bytes(2) && one == bytes(4));
+        check_threads(|| training(recipe));
     }
 }
 
 #[test]
 fn a_training_that_was_interrupted_ends_as_one_that_was_not() {
     for recipe in [IN_BATCH, PAPER] {
-        let whole = finished(training(recipe));
-        for epochs in 0..4 {
-            let mut first = training(recipe);
-            for _ in 0..epochs {
-                first.step();
-            }
-            let second = training(recipe).taken_up(&first.save()).unwrap();
-            assert_eq!(second.epoch(), epochs);
-            assert!(finished(second).save() == whole.save());
-        }
+        check_interruption(|| training(recipe));
     }
 }
 

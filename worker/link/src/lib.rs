@@ -8,11 +8,13 @@ mod attempts;
 mod backoff;
 mod checkpoints;
 mod link;
+mod process;
 mod stop;
 
 pub use attempts::{attempts, may_pass};
 pub use checkpoints::fetch_checkpoint;
 pub use link::{Broken, Link};
+pub use process::{log_to_stderr, until_terminated};
 pub use stop::{stopped, termination};
 
 use backoff::Backoff;

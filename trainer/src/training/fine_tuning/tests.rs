@@ -1,10 +1,7 @@
 //! What is promised of a training on labels.
 
 use super::*;
-use crate::training::{
-    Ending,
-    tests::{SMALL, bars, configuration, finished, on_threads},
-};
+use crate::training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished};
 use murmuration_proto::{Purpose, Stream};
 
 const LABELLED: &str = "[recipe.labelled]\nper_class = 5\nunlabelled = 10\nsteps = 3\nepochs = 4\n";
@@ -37,30 +34,14 @@ fn training(text: &str) -> Training {
 #[test]
 fn the_bytes_do_not_depend_on_the_number_of_threads() {
     for recipe in [LABELLED, PAPER] {
-        let bytes = |threads| {
-            on_threads(threads, || {
-                let training = finished(training(recipe));
-                (training.save(), onnx::export(&training.embedder()))
-            })
-        };
-        let one = bytes(1);
-        assert!(one == bytes(2) && one == bytes(4));
+        check_threads(|| training(recipe));
     }
 }
 
 #[test]
 fn a_training_that_was_interrupted_ends_as_one_that_was_not() {
     for recipe in [LABELLED, PAPER] {
-        let whole = finished(training(recipe));
-        assert_eq!((whole.epoch(), whole.ending()), (4, Some(Ending::LastEpoch)));
-        for epochs in 0..4 {
-            let mut first = training(recipe);
-            for _ in 0..epochs {
-                first.step();
-            }
-            let second = training(recipe).taken_up(&first.save()).unwrap();
-            assert!(finished(second).save() == whole.save());
-        }
+        check_interruption(|| training(recipe));
     }
 }
 

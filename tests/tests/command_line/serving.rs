@@ -1,0 +1,91 @@
+//! A coordinator that stays, and the commands that find it.
+
+use crate::Desk;
+use murmuration_tests::Running;
+use serde_json::Value;
+
+#[test]
+fn a_second_process_is_told_who_holds_the_data_directory() {
+    let desk = Desk::new();
+    let mut serving = desk
+        .murmuration
+        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "1"]);
+    let line = serving.wait_for("serving");
+    let url = line.rsplit(' ').next().unwrap().to_owned();
+    let spec = desk.path("small.toml");
+    desk.check(
+        &["run", &spec],
+        1,
+        &format!("at {url}: hand the campaign to it with `murmuration submit`"),
+    );
+    desk.check(&["serve"], 1, "one coordinator serves a data directory at a time");
+
+    // Other commands find the coordinator by the data directory.
+    let submitted = desk.murmuration.run(&["submit", &spec, "--json"]).last_line();
+    assert_eq!(submitted["campaign"], "small-1");
+    desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+    let lines = desk
+        .murmuration
+        .run(&["watch", "small-1", "--json", "--coordinator", &url]);
+    assert_eq!(lines.last_line()["state"], "completed");
+    assert_eq!(serving.terminate(), Some(0));
+}
+
+#[test]
+fn pause_resume_and_cancel_survive_the_coordinator() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--workers", "0"];
+    let mut serving = desk.murmuration.start(&serve);
+    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    desk.check(
+        &["submit", &spec],
+        0,
+        "campaign small-1 submitted; next: murmuration watch small-1",
+    );
+    desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
+    desk.check(
+        &["pause", "small-1"],
+        0,
+        "campaign small-1 is paused; next: murmuration resume small-1",
+    );
+    desk.check(&["cancel", "small-2"], 0, "campaign small-2 is cancelled");
+    desk.check(
+        &["pause", "small-2"],
+        1,
+        "cannot pause campaign small-2: it is cancelled",
+    );
+    serving.kill();
+
+    let listed = desk.murmuration.run(&["list", "--json"]).lines();
+    let states: Vec<Value> = listed.iter().map(|campaign| campaign["state"].clone()).collect();
+    assert_eq!(states, ["paused", "cancelled"]);
+    desk.check(&["list", "--coordinator", &url], 1, "no coordinator answers");
+    desk.check(
+        &["resume", "small-1"],
+        0,
+        "campaign small-1 goes on with its stage evolve after generation 0",
+    );
+    desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+}
+
+#[test]
+fn workers_of_their_own_processes_come_and_go() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    let undisturbed = desk.murmuration.run(&["run", &spec, "--json"]).last_line()["digest"].clone();
+
+    let mut serving = desk
+        .murmuration
+        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "0"]);
+    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    let leaves = Running::worker(&url);
+    desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
+    assert_eq!(leaves.terminate(), Some(0));
+    let killed = Running::worker(&url);
+    killed.kill();
+    let _stays = Running::worker(&url);
+    desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
+    let digest = desk.murmuration.run(&["digest", "small-2"]);
+    assert_eq!(digest.stdout.trim(), undisturbed);
+}

@@ -1,0 +1,80 @@
+//! A step of the paper's recipes: a batch of triplets, whose loss each chunk has for itself.
+
+use super::Training;
+use crate::{
+    augment::Augmentation,
+    loss::triplets,
+    network::{Network, scaled},
+};
+use murmuration_proto::{Purpose, Stream, training::RandomTriplets};
+
+/// Values that a chunk may leave behind on its way forward. The more images, the less weighs it to pack a dense layer's
+/// weights; the fewer, the more of them stays in a core's cache.
+const CHUNK_VALUES: usize = 3 << 20;
+
+/// Triplets in a chunk, a power of two: batches mostly are one.
+fn chunk(network: &Network) -> usize {
+    let most = CHUNK_VALUES / (3 * network.values_per_image());
+    1 << most.max(1).ilog2()
+}
+
+/// The pictures of a triplet. Without another positive, it is the anchor, augmented.
+pub(super) struct Triplet<'a> {
+    pub(super) anchor: &'a [u8],
+    pub(super) positive: Option<&'a [u8]>,
+    pub(super) negative: &'a [u8],
+}
+
+/// One step of the optimiser on `triplets`; `key` is the seed of their augmentations. Returns their mean loss.
+pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: &[Triplet], key: u64) -> f64 {
+    let augmentation = Augmentation::from(training.configuration.recipe());
+    let state = &mut training.state;
+    let architecture = state.network.architecture();
+    let (side, dimensions) = (architecture.side(), architecture.dimensions());
+    let at_once = chunk(&state.network);
+    let total = training.lanes.gradient_by_chunk(
+        &state.network,
+        triplets.len().div_ceil(at_once),
+        |chunk, images| {
+            let first = chunk * at_once;
+            let triplets = &triplets[first..(first + at_once).min(triplets.len())];
+            let stream = |i: usize| Stream::derive(key, Purpose::Augment, (first + i) as u64);
+            append(triplets, side, augmentation, stream, images);
+        },
+        |_, embeddings, gradient| {
+            triplets::loss(embeddings, dimensions, recipe.margin, triplets.len(), gradient)
+        },
+        &mut training.gradient,
+    );
+    state.descend(&training.gradient, recipe.weight_decay);
+    total / triplets.len() as f64
+}
+
+/// Appends the images of a chunk: all anchors, all positives, all negatives. `stream` is what the i-th positive is
+/// augmented by.
+fn append(
+    triplets: &[Triplet],
+    side: usize,
+    augmentation: Augmentation,
+    stream: impl Fn(usize) -> Stream,
+    images: &mut Vec<f32>,
+) {
+    let plain = |picture: &[u8], images: &mut Vec<f32>| {
+        images.extend(picture.iter().map(|&grey| scaled::<f32>(grey)));
+    };
+    for triplet in triplets {
+        plain(triplet.anchor, images);
+    }
+    for (i, triplet) in triplets.iter().enumerate() {
+        if let Some(positive) = triplet.positive {
+            plain(positive, images);
+            continue;
+        }
+        let start = images.len();
+        images.resize(start + side * side, 0.0);
+        augmentation.apply(triplet.anchor, side, &mut stream(i), &mut images[start..]);
+    }
+    for triplet in triplets {
+        plain(triplet.negative, images);
+    }
+}
