@@ -13,6 +13,7 @@ pub mod digest;
 pub mod dispatch;
 pub mod filter;
 pub mod judge;
+pub mod label_curve;
 pub mod labels;
 pub mod leases;
 pub mod local;

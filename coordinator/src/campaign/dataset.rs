@@ -68,7 +68,7 @@ pub(super) async fn collect(
 }
 
 /// Controllers of the dataset by index, each with the seeds of its starts.
-fn tasks(
+pub(crate) fn tasks(
     spec: &CampaignSpec,
     dataset: &Dataset,
     controllers: Range<u64>,

@@ -19,4 +19,5 @@ pub use error::CampaignError;
 pub use stage::Stage;
 pub use state::{CampaignId, CampaignState, Change, NotAllowed};
 
+pub(crate) use dataset::tasks as dataset_tasks;
 pub(crate) use run::blocking;

@@ -1,4 +1,6 @@
-//! `bench`: what this machine does.
+//! `bench`: what this machine does, and what labels bring.
+
+mod labels;
 
 use super::{CliError, json};
 use murmuration_proto::{
@@ -29,6 +31,8 @@ pub(super) enum Bench {
         #[arg(long, default_value_t = 10_000)]
         behaviours: usize,
     },
+    /// Accuracy of the embedding against the number of labels, strategy by strategy
+    Labels(labels::LabelsBench),
 }
 
 impl Bench {
@@ -36,6 +40,7 @@ impl Bench {
         match self {
             Self::Simulate { seconds } => simulations(seconds, as_json),
             Self::Train { behaviours } => trainings(behaviours, as_json),
+            Self::Labels(labels) => labels.execute(as_json),
         }
     }
 }

@@ -1,0 +1,164 @@
+//! `bench labels`: accuracy against the number of labels.
+
+use super::super::{CliError, json, run::read_spec};
+use crate::{
+    accuracy::{Labels, Summary},
+    label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot},
+};
+use murmuration_proto::{ImageFormat, Strategy, training::Recipe};
+use serde_json::json;
+use std::{collections::BTreeMap, fs, path::PathBuf};
+
+/// Arguments of `bench labels`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+For each seed an embedder is trained without labels as the campaign would train it, then fine-tuned on the labels of so
+many behaviours of train.csv, chosen by each strategy, and judged by validation.csv.
+
+Example:
+  murmuration bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
+pub(in crate::cli) struct LabelsBench {
+    /// Campaign file; what it says of dataset, training and feedback counts
+    spec: PathBuf,
+    /// Folder with train.csv, validation.csv and images/ID.png; repeat it to join sets
+    #[arg(long, required = true, value_name = "DIR")]
+    set: Vec<PathBuf>,
+    /// Seeds, instead of the file's; all embedders together are the committee
+    #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
+    seeds: Vec<u64>,
+    /// Numbers of labels; more than there are means all
+    #[arg(long, num_args = 1.., default_values_t = [0, 25, 50, 100, 200, 500])]
+    labels: Vec<usize>,
+    /// How they are chosen
+    #[arg(long, num_args = 1.., default_values_t = Strategy::ALL)]
+    strategies: Vec<Strategy>,
+    /// Write the curves to this file, SVG
+    #[arg(long, value_name = "OUT")]
+    plot: Option<PathBuf>,
+}
+
+impl LabelsBench {
+    pub(super) fn execute(mut self, as_json: bool) -> Result<(), CliError> {
+        self.labels.sort_unstable();
+        self.labels.dedup();
+        let spec = read_spec(&self.spec, None)?;
+        let sets = self.sets(spec.image())?;
+        let recipe = match spec.feedback() {
+            Some(feedback) => feedback.recipe().clone(),
+            None => Recipe::named("labelled")?,
+        };
+        let mut pretrained = Vec::new();
+        for &seed in &self.seeds {
+            eprintln!("seed {seed}: training without labels");
+            pretrained.push(Pretrained::of(&spec.clone().with_seed(seed)?)?);
+        }
+        let curves = Curves {
+            sets: &sets,
+            pretrained: &pretrained,
+            recipe: &recipe,
+            medoids: spec.medoids() as usize,
+        };
+        let mut points = Vec::new();
+        for &strategy in &self.strategies {
+            for which in 0..pretrained.len() {
+                curves.curve(strategy, which, &self.labels, |point| {
+                    tell(&point, as_json);
+                    points.push(point);
+                })?;
+            }
+        }
+        if !as_json {
+            print_table(&points);
+        }
+        if let Some(file) = &self.plot {
+            let svg = plot(&points, spec.model().name()).map_err(CliError::Failed)?;
+            fs::write(file, svg).map_err(|error| CliError::unwritable(file, &error))?;
+            eprintln!("wrote {}", file.display());
+        }
+        Ok(())
+    }
+
+    fn sets(&self, image: &ImageFormat) -> Result<Sets, CliError> {
+        let read = |name: &str| -> Result<Behaviours, CliError> {
+            let side = image.resolution() as usize;
+            let mut behaviours = Behaviours::new(side);
+            for folder in &self.set {
+                let labels = Labels::read(folder.join(name))?;
+                let pictures = labels.images(&folder.join("images"), side, side)?;
+                for (class, picture) in labels.classes().zip(pictures) {
+                    behaviours.push(class, picture);
+                }
+            }
+            Ok(behaviours)
+        };
+        Ok(Sets::new(read("train.csv")?, read("validation.csv")?)?)
+    }
+}
+
+fn tell(point: &Point, as_json: bool) {
+    if as_json {
+        json::print(&json!({
+            "schema": json::SCHEMA,
+            "strategy": point.strategy.name(),
+            "labels": point.labels,
+            "seed": point.seed,
+            "anchor_not_random_percent": point.not_random,
+            "every_anchor_percent": point.every,
+            "seconds": point.took.as_secs_f64(),
+        }));
+        return;
+    }
+    let percent = |figure: Option<f64>| figure.map_or("-".to_owned(), |figure| format!("{figure:.2} %"));
+    eprintln!(
+        "seed {}: {} labels by {}: {} / {} ({:.1} s)",
+        point.seed,
+        point.labels,
+        point.strategy,
+        percent(point.not_random),
+        percent(point.every),
+        point.took.as_secs_f64(),
+    );
+}
+
+/// Means over the seeds.
+fn print_table(points: &[Point]) {
+    println!(
+        "{:<12}{:>8}{:>20}{:>20}",
+        "STRATEGY", "LABELS", "ANCHOR NOT RANDOM", "EVERY ANCHOR"
+    );
+    let mut rows: BTreeMap<(Strategy, usize), Vec<&Point>> = BTreeMap::new();
+    for point in points {
+        rows.entry((point.strategy, point.labels))
+            .or_default()
+            .push(point);
+    }
+    for ((strategy, labels), points) in rows {
+        let over = |figure: fn(&Point) -> Option<f64>| {
+            let figures: Vec<f64> = points.iter().filter_map(|point| figure(point)).collect();
+            Summary::of(&figures).map_or("-".to_owned(), |summary| {
+                let deviation = summary
+                    .deviation
+                    .map_or(String::new(), |deviation| format!(" ± {deviation:.2}"));
+                format!("{:.2}{deviation}", summary.mean)
+            })
+        };
+        println!(
+            "{:<12}{labels:>8}{:>20}{:>20}",
+            strategy.name(),
+            over(|point| point.not_random),
+            over(|point| point.every),
+        );
+    }
+}
+
+impl From<Overlap> for CliError {
+    fn from(error: Overlap) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<CurveError> for CliError {
+    fn from(error: CurveError) -> Self {
+        Self::Input(error.to_string())
+    }
+}

@@ -1,0 +1,128 @@
+//! The curves as a picture.
+
+use super::Point;
+use crate::accuracy::Summary;
+use murmuration_proto::Strategy;
+use plotters::prelude::*;
+use std::collections::BTreeMap;
+
+/// Pixels.
+const SIZE: (u32, u32) = (900, 520);
+const INK: RGBColor = RGBColor(0x1d, 0x1d, 0x1b);
+const GRID: RGBColor = RGBColor(0xe4, 0xe1, 0xd8);
+
+/// Accuracy (anchor not random) against the number of labels as SVG: for each strategy the mean over the seeds, a bar of
+/// one standard deviation either way, and the figure of every seed as a dot.
+///
+/// # Errors
+/// Says why it cannot be drawn.
+pub fn plot(points: &[Point], title: &str) -> Result<String, String> {
+    let mut svg = String::new();
+    let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+    let drawn = draw(&area, points, title).and_then(|()| area.present());
+    drop(area);
+    drawn.map_err(|error| error.to_string())?;
+    Ok(svg)
+}
+
+fn draw(
+    area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
+    points: &[Point],
+    title: &str,
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    area.fill(&WHITE)?;
+    let figures = || points.iter().filter_map(|point| point.not_random);
+    let lowest = figures().fold(100.0, f64::min);
+    let most = points.iter().map(|point| point.labels).max().unwrap_or(1).max(1) as f64;
+    let text = |size: u32| ("sans-serif", size).into_font().color(&INK);
+    let mut chart = ChartBuilder::on(area)
+        .margin(16)
+        .caption(title, text(20))
+        .x_label_area_size(44)
+        .y_label_area_size(60)
+        .build_cartesian_2d(0.0..most * 1.03, (lowest - 2.0).max(0.0)..100.0)?;
+    chart
+        .configure_mesh()
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .axis_style(GRID)
+        .label_style(text(15))
+        .x_label_formatter(&|labels| format!("{labels:.0}"))
+        .y_label_formatter(&|percent| format!("{percent:.0} %"))
+        .x_desc("labels")
+        .y_desc("triplets told apart, anchor not random")
+        .draw()?;
+    for strategy in Strategy::ALL {
+        let of_strategy = || points.iter().filter(|point| point.strategy == strategy);
+        if of_strategy().next().is_none() {
+            continue;
+        }
+        let mut by_labels: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+        for point in of_strategy() {
+            by_labels
+                .entry(point.labels)
+                .or_default()
+                .extend(point.not_random);
+        }
+        let summaries: Vec<(f64, Summary)> = by_labels
+            .iter()
+            .filter_map(|(&labels, figures)| Some((labels as f64, Summary::of(figures)?)))
+            .collect();
+        let colour = colour(strategy);
+        let means = summaries.iter().map(|(labels, summary)| (*labels, summary.mean));
+        chart
+            .draw_series(LineSeries::new(means, colour.stroke_width(2)))?
+            .label(strategy.name())
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(2)));
+        chart.draw_series(summaries.iter().map(|(labels, summary)| {
+            let deviation = summary.deviation.unwrap_or(0.0);
+            let ends = [summary.mean - deviation, summary.mean + deviation];
+            PathElement::new(ends.map(|end| (*labels, end)), colour.mix(0.6))
+        }))?;
+        chart.draw_series(of_strategy().filter_map(|point| {
+            let at = (point.labels as f64, point.not_random?);
+            Some(Circle::new(at, 3, colour.mix(0.6).filled()))
+        }))?;
+    }
+    chart
+        .configure_series_labels()
+        .position(SeriesLabelPosition::LowerRight)
+        .background_style(WHITE)
+        .border_style(GRID)
+        .label_font(text(15))
+        .draw()
+}
+
+const fn colour(strategy: Strategy) -> RGBColor {
+    match strategy {
+        Strategy::Random => RGBColor(0x5f, 0x5e, 0x58),
+        Strategy::Medoids => RGBColor(0x1f, 0x5f, 0x8b),
+        Strategy::Committee => RGBColor(0xb0, 0x62, 0x1c),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn every_strategy_that_was_measured_is_in_the_legend() {
+        let point = |strategy, labels, percent| Point {
+            strategy,
+            labels,
+            seed: 1,
+            not_random: Some(percent),
+            every: Some(percent),
+            took: Duration::ZERO,
+        };
+        let points = [
+            point(Strategy::Random, 0, 80.0),
+            point(Strategy::Random, 100, 90.0),
+            point(Strategy::Medoids, 100, 92.0),
+        ];
+        let svg = plot(&points, "two sensors").unwrap();
+        assert!(svg.contains("random") && svg.contains("medoids") && !svg.contains("committee"));
+        assert_eq!(svg.matches("<circle").count(), 3);
+    }
+}

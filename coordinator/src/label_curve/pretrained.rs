@@ -1,0 +1,53 @@
+//! An embedder without labels: the one that a campaign's dataset and pretrain stages come to.
+
+use super::CurveError;
+use crate::campaign::dataset_tasks;
+use murmuration_proto::{CampaignSpec, EmbedderSource, Invalid, training::Configuration};
+use murmuration_trainer::{network::Network, pictures::Pictures, training::Training};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A pretrained embedder, and what it was trained on.
+#[derive(Debug)]
+pub struct Pretrained {
+    /// Seed of the campaign that would have trained it.
+    pub seed: u64,
+    /// How it was trained.
+    pub configuration: Configuration,
+    /// The network of the checkpoint.
+    pub network: Network,
+    /// The campaign's dataset.
+    pub pictures: Arc<Pictures>,
+}
+
+impl Pretrained {
+    /// Simulates the dataset and trains, on all cores, as a campaign of this specification does.
+    ///
+    /// # Errors
+    /// Where the campaign trains no embedder, or it cannot be trained.
+    pub fn of(spec: &CampaignSpec) -> Result<Self, CurveError> {
+        let Some(EmbedderSource::Trained { dataset, training }) = spec.embedder() else {
+            let allowed = "a campaign that trains an embedder of its own";
+            return Err(Invalid::new("method", format!("\"{}\"", spec.method()), allowed).into());
+        };
+        let tasks = dataset_tasks(spec, dataset, 0..u64::from(dataset.controllers()))?;
+        let images = tasks.par_iter().map(|&(controller, seed)| {
+            let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
+            Ok(evaluator
+                .evaluate(&controller, &Start::seeded(seed))?
+                .into_image())
+        });
+        let images = images.collect::<Result<Vec<_>, Invalid>>()?.concat();
+        let side = spec.image().resolution() as usize;
+        let pictures = Arc::new(Pictures::new(side, dataset.starts() as usize, images)?);
+        let mut training_to_do = Training::new(training, Arc::clone(&pictures))?;
+        while training_to_do.step().is_some() {}
+        Ok(Self {
+            seed: spec.seed(),
+            configuration: (**training).clone(),
+            network: training_to_do.embedder(),
+            pictures,
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! Labelled behaviours, and the wall between those that are learned from and those that judge.
+
+use murmuration_proto::SeenPictures;
+
+/// Behaviours whose classes are known.
+#[derive(Debug, Clone, Default)]
+pub struct Behaviours {
+    side: usize,
+    classes: Vec<String>,
+    pictures: Vec<Vec<u8>>,
+}
+
+/// The same pictures are to be learned from and to judge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("{0} pictures are in both sets, that which is learned from and that which judges")]
+pub struct Overlap(pub usize);
+
+/// A set that is learned from and one that judges, without a picture in common.
+#[derive(Debug, Clone)]
+pub struct Sets {
+    train: Behaviours,
+    validation: Behaviours,
+}
+
+impl Sets {
+    /// These two.
+    ///
+    /// # Errors
+    /// Where they share pictures.
+    pub fn new(train: Behaviours, validation: Behaviours) -> Result<Self, Overlap> {
+        let seen = SeenPictures::of(train.pictures.iter().map(Vec::as_slice));
+        match validation
+            .pictures
+            .iter()
+            .filter(|picture| seen.has(picture))
+            .count()
+        {
+            0 => Ok(Self { train, validation }),
+            shared => Err(Overlap(shared)),
+        }
+    }
+
+    /// What is learned from.
+    #[must_use]
+    pub const fn train(&self) -> &Behaviours {
+        &self.train
+    }
+
+    /// What judges.
+    #[must_use]
+    pub const fn validation(&self) -> &Behaviours {
+        &self.validation
+    }
+}
+
+impl Behaviours {
+    /// None yet, with pictures of `side` x `side` grey values.
+    #[must_use]
+    pub const fn new(side: usize) -> Self {
+        Self {
+            side,
+            classes: Vec::new(),
+            pictures: Vec::new(),
+        }
+    }
+
+    /// Adds a behaviour; its picture has `side` x `side` grey values.
+    pub fn push(&mut self, class: &str, picture: Vec<u8>) {
+        debug_assert_eq!(picture.len(), self.side * self.side);
+        self.classes.push(class.to_owned());
+        self.pictures.push(picture);
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.classes.len()
+    }
+
+    /// Pixels along a side of their pictures.
+    #[must_use]
+    pub const fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Their classes, in order.
+    pub fn classes(&self) -> impl Iterator<Item = &str> {
+        self.classes.iter().map(String::as_str)
+    }
+
+    /// The pictures of some of them, one after the other.
+    pub(super) fn pictures(&self, which: &[usize]) -> Vec<u8> {
+        which
+            .iter()
+            .flat_map(|&index| &self.pictures[index])
+            .copied()
+            .collect()
+    }
+
+    /// The classes of some of them, numbered by name.
+    pub(super) fn numbers(&self, which: &[usize]) -> Vec<u32> {
+        let mut names: Vec<&String> = self.classes.iter().collect();
+        names.sort_unstable();
+        names.dedup();
+        let number = |&index: &usize| names.binary_search(&&self.classes[index]).unwrap_or_default() as u32;
+        which.iter().map(number).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn behaviours(greys: &[u8]) -> Behaviours {
+        let mut behaviours = Behaviours::new(2);
+        for grey in greys {
+            behaviours.push(if grey % 2 == 0 { "even" } else { "odd" }, vec![*grey; 4]);
+        }
+        behaviours
+    }
+
+    #[test]
+    fn what_is_learned_from_does_not_judge() {
+        assert!(Sets::new(behaviours(&[1, 2]), behaviours(&[3, 4])).is_ok());
+        let shared = Sets::new(behaviours(&[1, 2, 3]), behaviours(&[3, 1])).unwrap_err();
+        assert_eq!(shared, Overlap(2));
+    }
+
+    #[test]
+    fn classes_are_numbered_by_name() {
+        let behaviours = behaviours(&[3, 2, 4]);
+        assert_eq!(behaviours.numbers(&[0, 2, 1]), [1, 0, 0]);
+        assert_eq!(behaviours.pictures(&[2, 0]), [4, 4, 4, 4, 3, 3, 3, 3]);
+    }
+}
