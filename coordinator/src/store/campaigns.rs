@@ -34,6 +34,14 @@ pub struct CampaignRecord {
     pub embedded: u64,
 }
 
+impl CampaignRecord {
+    /// Number of individuals in its archive: those of complete generations.
+    #[must_use]
+    pub const fn individuals(&self) -> u64 {
+        self.generations_done as u64 * self.spec.search().population() as u64
+    }
+}
+
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version,
            (SELECT count(*) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty,

@@ -178,7 +178,7 @@ const fn stage(stage: Stage) -> &'static str {
 fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
     let spec = &status.record.spec;
     let search = spec.search();
-    let archived = u64::from(status.record.generations_done) * u64::from(search.population());
+    let archived = status.record.individuals();
     let arrived = u64::from(status.arrived);
     let (done, total, unit) = match (status.stage, spec.embedder()) {
         (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
