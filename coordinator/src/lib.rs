@@ -12,6 +12,7 @@ pub mod cli;
 pub mod digest;
 pub mod dispatch;
 pub mod filter;
+pub mod gather;
 pub mod judge;
 pub mod labels;
 pub mod leases;
