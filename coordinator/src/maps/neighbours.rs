@@ -32,11 +32,19 @@ pub(super) fn embed(behaviours: &Behaviours, axes: &[[f64; 2]]) -> Points {
         .map(|value| (value / spread * START) as f32)
         .collect();
     let perplexity = PERPLEXITY.min((count - 1) as f32 / 4.0);
-    let placed = tSNE::<f32, Vec<f32>, 2>::new(&vectors)
-        .perplexity(perplexity)
-        .initial_embedding(start)
-        .barnes_hut(THETA, |one, other| distance(one, other))
-        .embedding();
+    let place = || {
+        tSNE::<f32, Vec<f32>, 2>::new(&vectors)
+            .perplexity(perplexity)
+            .initial_embedding(start)
+            .barnes_hut(THETA, |one, other| distance(one, other))
+            .embedding()
+    };
+    // The search goes first: a picture may take half the machine.
+    let threads = rayon::current_num_threads().div_ceil(2);
+    let placed = match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(place),
+        Err(_) => place(),
+    };
     let points: Points = placed
         .as_chunks::<2>()
         .0

@@ -11,7 +11,8 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// Name, kind and content of each.
-const ASSETS: [(&str, &str, &str); 16] = [
+const ASSETS: [(&str, &str, &str); 17] = [
+    ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),

@@ -23,7 +23,7 @@ pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Resul
             section.side aria-label="Your answer" {
                 div.seen {
                     img #picture width="150" height="150" alt="";
-                    div { p #which { strong { "…" } } p #reason.reason {} }
+                    div aria-live="polite" { p #which { strong { "…" } } p #reason.reason {} }
                 }
                 (parts::palette(true))
                 (parts::status_line())

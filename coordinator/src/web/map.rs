@@ -43,12 +43,19 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
         }
         (parts::who())
         div.desk.map-desk {
-            section.plane aria-label="Behaviours" {
-                canvas #points aria-hidden="true" {}
-                canvas #over tabindex="0" role="application" aria-describedby="how"
-                    aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
-                div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
-                p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
+            div.sight {
+                section.plane aria-label="Behaviours" {
+                    canvas #points aria-hidden="true" {}
+                    canvas #over tabindex="0" role="application" aria-describedby="how"
+                        aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
+                    div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
+                    p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
+                }
+                ul #legend.legend aria-label="Colours" {}
+                p #how.reason {
+                    "Near each other is alike. Point at a behaviour for its picture, click it for its motion. Draw around "
+                    "several to select them (with Shift, more of them; Escape, none), then press the number of a class."
+                }
             }
             section.side aria-label="Selection" {
                 (parts::stage("Motion of the behaviour that was chosen"))
@@ -57,11 +64,6 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
                 (parts::palette(false))
                 (parts::status_line())
             }
-        }
-        ul #legend.legend aria-label="Colours" {}
-        p #how.lead {
-            "Near each other is alike. Point at a behaviour for its picture, click it for its motion, draw around several to "
-            "select them (with Shift, more of them; Escape, none), then press the number of a class."
         }
     };
     Ok(pages::campaign_page(&record, Part::Map, "map.js", content))

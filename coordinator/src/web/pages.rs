@@ -32,7 +32,7 @@ impl Part {
     const ALL: [(Self, &str, &str); 5] = [
         (Self::Progress, "", "Progress"),
         (Self::Label, "/label", "Label"),
-        (Self::Sheet, "/sheet", "Contact sheet"),
+        (Self::Sheet, "/sheet", "Sheet"),
         (Self::Map, "/map", "Map"),
         (Self::Taxonomy, "/taxonomy", "Taxonomy"),
     ];
@@ -49,8 +49,8 @@ pub(super) fn campaign_page(record: &CampaignRecord, part: Part, script: &str, c
     let name = Part::ALL.iter().find(|(known, ..)| *known == part).map_or("", |(_, _, name)| *name);
     let title = format!("{name} · {id}");
     let links = html! {
+        span.campaign { (id) }
         nav aria-label="Campaign" {
-            span.campaign { (id) }
             @for (other, path, name) in Part::ALL {
                 a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
             }
@@ -69,6 +69,7 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) " · Murmuration" }
+                link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
                 @for script in scripts { script type="module" src={ "/assets/" (script) } {} }

@@ -28,13 +28,12 @@ pub(super) fn palette(single: bool) -> Markup {
             div.classes {}
             form.naming.new {
                 label { span.unseen { "Class" }
-                    input name="class" list="known" maxlength="64" autocomplete="off" placeholder="Class, new or not" ;
+                    input name="class" list="known" maxlength="64" autocomplete="off" placeholder="New class, or one by name";
                 }
-                button.plain { "Answer" }
+                button.plain { "New class " kbd { "n" } }
                 datalist #known {}
             }
             div.others {
-                button.plain type="button" data-do="name" { "New class " kbd { "n" } }
                 @if single {
                     button.plain type="button" data-answer="not sure" { "Not sure " kbd { "?" } }
                     button.plain type="button" data-answer="skip" { "Skip " kbd { "s" } }

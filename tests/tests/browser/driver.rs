@@ -74,6 +74,7 @@ impl Driver {
             "--disable-dev-shm-usage",
             "--disable-gpu",
             "--no-first-run",
+            "--hide-scrollbars",
             "--window-size=1280,900",
         ] {
             chrome.add_arg(argument).unwrap();

@@ -57,7 +57,7 @@ function colouring() {
     case "generation": {
       const last = Math.max(Math.ceil(points.count / points.population) - 1, 1);
       const of = (i) => shade(Math.floor(i / points.population) / last);
-      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${Math.round(part * last) + 1}`];
+      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${Math.round(part * last)}`];
       return { of, entries: [0, 0.5, 1].map(mark) };
     }
     default: {
@@ -134,7 +134,7 @@ function hover(i) {
 
 function choose(i) {
   if (i < 0) return;
-  at("chosen").textContent = `Individual ${i}, generation ${Math.floor(i / points.population) + 1}, ${nameOf(i)}.`;
+  at("chosen").textContent = `Individual ${i}, generation ${Math.floor(i / points.population)}, ${nameOf(i)}.`;
   player.show(i).catch((error) => complain(status, error));
 }
 

@@ -23,9 +23,10 @@ export class Palette {
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       const name = this.field.value.trim();
+      if (!name) return this.field.focus();
       this.field.value = "";
       this.field.blur();
-      if (name) this.answer(name);
+      this.answer(name);
     });
     this.field.addEventListener("keydown", (event) => {
       if (event.key !== "Escape") return;
@@ -37,8 +38,7 @@ export class Palette {
       if (!button || button.form) return;
       // A pointer leaves no focus behind: Space plays.
       if (event.detail > 0) button.blur();
-      if (button.dataset.do === "name") this.field.focus();
-      else if (button.dataset.do === "undo") this.undo();
+      if (button.dataset.do === "undo") this.undo();
       else this.answer(button.dataset.answer);
     });
     document.addEventListener("keydown", (event) => {

@@ -7,7 +7,7 @@ import { Outbox, complain } from "./outbox.js";
 import { Palette, isForPage } from "./palette.js";
 import { Player } from "./player.js";
 
-const SHOWN = 24;
+const SHOWN = 28;
 
 const at = (id) => document.getElementById(id);
 const status = at("status");
