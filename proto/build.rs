@@ -4,13 +4,14 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 7] = [
+const WRITTEN_BY_PEOPLE: [&str; 8] = [
     "World",
     "ImageFormat",
     "ControllerSpace",
     "Search",
     "TaxonomyFormat",
     "Dataset",
+    "Feedback",
     "CampaignSpec",
 ];
 
@@ -55,6 +56,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.training",
+            "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.Feedback.recipe",
             "#[serde(with = \"crate::toml_names::table\", skip_serializing_if = \"Option::is_none\")]",
         )
         .compile_fds(files)?;

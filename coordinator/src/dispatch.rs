@@ -7,7 +7,7 @@ mod job;
 mod service;
 mod trainers;
 
-pub use job::{Embedder, EmbeddingJob, EvaluationJob, JobError, ReplayJob, TrainingJob};
+pub use job::{Embedder, EmbeddingJob, EvaluationJob, JobError, Lesson, ReplayJob, TrainingJob};
 pub use trainers::Trainers;
 
 use crate::{

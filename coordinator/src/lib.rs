@@ -28,5 +28,6 @@ pub mod server;
 pub mod service;
 pub mod space;
 pub mod store;
+pub mod synthetic;
 pub mod taxonomy;
 mod web;

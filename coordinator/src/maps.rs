@@ -7,7 +7,7 @@
 mod neighbours;
 
 use crate::{
-    campaign::CampaignId,
+    campaign::{CampaignId, CampaignState},
     projection::{self, Projection},
     space::{Space, SpaceError},
     store::{CampaignRecord, Store},
@@ -66,12 +66,15 @@ impl Maps {
         Ok(self.current(record)?.1)
     }
 
-    /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first. Blocks as
-    /// [`Maps::axes`].
+    /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first, but not while the
+    /// archive grows. Blocks as [`Maps::axes`].
     ///
     /// # Errors
     /// See [`SpaceError`].
     pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
+        if record.state == CampaignState::Running {
+            return Ok(None);
+        }
         let (space, axes) = self.current(record)?;
         let of = version(record);
         let mut known = self.lock();
@@ -120,7 +123,7 @@ impl Maps {
     }
 }
 
-const fn version(record: &CampaignRecord) -> Version {
+fn version(record: &CampaignRecord) -> Version {
     (record.checkpoint, record.individuals())
 }
 

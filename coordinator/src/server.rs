@@ -8,6 +8,7 @@ use crate::{
     queries::Queries,
     service::{self, CampaignApi, CheckpointApi, LabelApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
+    synthetic::SyntheticAnnotator,
     web::{self, Web},
 };
 use murmuration_proto::{
@@ -101,12 +102,13 @@ impl Coordinator {
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         let dispatch = Dispatch::start(options.dispatch);
         let trainers = Trainers::start(options.dispatch);
-        let campaigns = Campaigns::new(
-            store.clone(),
-            dispatch.clone(),
-            trainers.clone(),
-            checkpoints.clone(),
-        );
+        let queries = Queries::new(store.clone());
+        let annotator = SyntheticAnnotator {
+            store: store.clone(),
+            queries: queries.clone(),
+            dispatch: dispatch.clone(),
+        };
+        let campaigns = Campaigns::new(trainers.clone(), checkpoints.clone(), annotator.clone());
 
         let (health_reporter, health) = tonic_health::server::health_reporter();
         let reflection = tonic_reflection::server::Builder::configure()
@@ -121,7 +123,8 @@ impl Coordinator {
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.
         let label_api = LabelApi {
             store: store.clone(),
-            queries: Queries::new(store.clone()),
+            queries,
+            annotator,
         };
         let web = Web {
             campaigns: campaigns.clone(),
@@ -145,8 +148,8 @@ impl Coordinator {
         health_reporter
             .set_serving::<WorkerServiceServer<WorkerApi>>()
             .await;
-        let label_service = LabelServiceServer::new(label_api)
-            .max_decoding_message_size(service::MAX_LABEL_MESSAGE);
+        let label_service =
+            LabelServiceServer::new(label_api).max_decoding_message_size(service::MAX_LABEL_MESSAGE);
         health_reporter
             .set_serving::<LabelServiceServer<LabelApi>>()
             .await;

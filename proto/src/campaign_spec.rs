@@ -1,8 +1,8 @@
 //! Everything that decides a campaign's outcome, validated as a whole.
 
 use crate::{
-    CapabilityModel, ControllerSpace, EmbedderSource, ImageFormat, Invalid, Method, Search, World, embedder,
-    invalid, v1,
+    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, ImageFormat, Invalid, Method, Search, World,
+    embedder, invalid, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
@@ -47,6 +47,7 @@ pub struct CampaignSpec {
     search: Search,
     medoids: u32,
     embedder: Option<EmbedderSource>,
+    feedback: Option<Feedback>,
 }
 
 impl CampaignSpec {
@@ -131,6 +132,21 @@ impl CampaignSpec {
         self.embedder.as_ref()
     }
 
+    /// How it is taught; `None` if and only if the method has no embedding.
+    #[must_use]
+    pub const fn feedback(&self) -> Option<&Feedback> {
+        self.feedback.as_ref()
+    }
+
+    /// Evaluations that it comes to when nobody intervenes, those after unattended rounds included.
+    #[must_use]
+    pub fn evaluations(&self) -> u64 {
+        let further = self.feedback.as_ref().map_or(0, |feedback| {
+            u64::from(feedback.rounds()) * u64::from(feedback.generations())
+        });
+        self.search.evaluations() + further * u64::from(self.search.population())
+    }
+
     /// The same with another seed (0 to 2^63 - 1), of its training too unless that has one of its own.
     ///
     /// # Errors
@@ -165,7 +181,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             .unwrap_or(default_medoids);
         let most_medoids = search.evaluations().min(1000) as u32;
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
-        let method = message.method.try_into()?;
+        let method = Method::try_from(message.method)?;
         let filter = message.filter.unwrap_or(false);
         let image = ImageFormat::for_world(message.image.unwrap_or_default(), &world)
             .map_err(|e| e.within("image"))?;
@@ -174,7 +190,19 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             dataset: message.dataset,
             training: message.training,
         };
+        let feedback = match (method.embeds(), message.feedback) {
+            (true, given) => {
+                let feedback = Feedback::try_from(given.unwrap_or_default());
+                Some(feedback.map_err(|error| error.within("feedback"))?)
+            }
+            (false, None) => None,
+            (false, Some(_)) => {
+                let allowed = format!("absent: the method \"{method}\" has no embedding to be taught");
+                return Err(Invalid::new("feedback", "given", allowed));
+            }
+        };
         Ok(Self {
+            feedback,
             name: message
                 .name
                 .unwrap_or_else(|| model.name().to_owned())
@@ -203,6 +231,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             checkpoint,
             dataset,
             training,
+            feedback: spec.feedback.as_ref().map(Into::into),
             name: Some(spec.name.0.clone()),
             seed: Some(spec.seed),
             model: v1::CapabilityModel::from(spec.model()) as i32,

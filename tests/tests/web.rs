@@ -139,33 +139,74 @@ async fn what_scripts_say_is_checked_and_said_once() {
     let ring = r#"{"request_id":"1","annotator":"ana","answers":[{"index":3,"answer":"ring"}]}"#;
     for _ in 0..2 {
         let told = browser.tell("labels", ring, StatusCode::OK).await;
-        assert_eq!((&told["classes"][0]["name"], &told["classes"][0]["labels"]), (&"ring".into(), &1.into()));
+        assert_eq!(
+            (&told["classes"][0]["name"], &told["classes"][0]["labels"]),
+            (&"ring".into(), &1.into())
+        );
     }
     let ask = |strategy: &str, again: &str| {
         format!(
             r#"{{"annotator":"ana","session":"1","strategy":"{strategy}","count":4,"agreement":false,"again":[{again}]}}"#
         )
     };
-    let asked = browser.tell("questions", &ask("medoids", ""), StatusCode::OK).await;
-    assert_eq!((asked["queries"].as_array().unwrap().len(), &asked["answered"]), (4, &1.into()));
+    let asked = browser
+        .tell("questions", &ask("medoids", ""), StatusCode::OK)
+        .await;
+    assert_eq!(
+        (asked["queries"].as_array().unwrap().len(), &asked["answered"]),
+        (4, &1.into())
+    );
 
     let undone = browser
         .tell("undo", r#"{"request_id":"2","annotator":"ana"}"#, StatusCode::OK)
         .await;
-    assert_eq!((&undone["index"], &undone["classes"][0]["labels"]), (&3.into(), &0.into()));
-    let asked = browser.tell("questions", &ask("medoids", "3"), StatusCode::OK).await;
+    assert_eq!(
+        (&undone["index"], &undone["classes"][0]["labels"]),
+        (&3.into(), &0.into())
+    );
+    let asked = browser
+        .tell("questions", &ask("medoids", "3"), StatusCode::OK)
+        .await;
     assert_eq!(asked["queries"][0]["index"], 3);
 
     let refused = [
-        ("labels", r#"{"request_id":"1","annotator":"ana","answers":[{"index":4,"answer":"ring"}]}"#, StatusCode::CONFLICT),
-        ("labels", r#"{"request_id":"3","annotator":"ana","answers":[{"index":100,"answer":"ring"}]}"#, StatusCode::NOT_FOUND),
-        ("labels", r#"{"request_id":"3","annotator":"","answers":[{"index":4,"answer":"ring"}]}"#, StatusCode::BAD_REQUEST),
-        ("labels", r#"{"request_id":"3","annotator":"ana","answers":[]}"#, StatusCode::BAD_REQUEST),
+        (
+            "labels",
+            r#"{"request_id":"1","annotator":"ana","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::CONFLICT,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[{"index":100,"answer":"ring"}]}"#,
+            StatusCode::NOT_FOUND,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
         ("labels", "{", StatusCode::BAD_REQUEST),
-        ("labels", r#"{"answers":"many"}"#, StatusCode::UNPROCESSABLE_ENTITY),
-        ("undo", r#"{"request_id":"3","annotator":"ana"}"#, StatusCode::CONFLICT),
+        (
+            "labels",
+            r#"{"answers":"many"}"#,
+            StatusCode::UNPROCESSABLE_ENTITY,
+        ),
+        (
+            "undo",
+            r#"{"request_id":"3","annotator":"ana"}"#,
+            StatusCode::CONFLICT,
+        ),
         ("questions", &ask("clairvoyance", ""), StatusCode::BAD_REQUEST),
-        ("classes", r#"{"request_id":"3","annotator":"ana","class":"ring"}"#, StatusCode::CONFLICT),
+        (
+            "classes",
+            r#"{"request_id":"3","annotator":"ana","class":"ring"}"#,
+            StatusCode::CONFLICT,
+        ),
     ];
     for (path, said, status) in refused {
         browser.tell(path, said, status).await;
@@ -183,9 +224,15 @@ async fn scripts_are_given_motions_and_maps() {
         serde_json::from_str(&browser.page(&format!("/campaigns/small-1/{path}")).await).unwrap()
     };
     let motion = look("individuals/7/motion").await;
-    assert_eq!((&motion["run"]["agents"], &motion["run"]["steps"][200]), (&24.into(), &200.into()));
+    assert_eq!(
+        (&motion["run"]["agents"], &motion["run"]["steps"][200]),
+        (&24.into(), &200.into())
+    );
     let points = look("points").await;
-    assert_eq!((&points["count"], points["medoids"].as_array().unwrap().len()), (&100.into(), 4));
+    assert_eq!(
+        (&points["count"], points["medoids"].as_array().unwrap().len()),
+        (&100.into(), 4)
+    );
     // 100 numbers of two bytes, four characters for three bytes.
     assert_eq!(look("points/axes").await["x"].as_str().unwrap().len(), 268);
     for path in ["individuals/100/motion", "points/nothing"] {

@@ -46,6 +46,8 @@ fn task(configuration: &str) -> v1::TrainingTask {
         side: SIDE as u32,
         views: VIEWS as u32,
         behaviours: BEHAVIOURS as u32,
+        parent: String::new(),
+        labelled: 0,
     }
 }
 
@@ -190,7 +192,8 @@ async fn a_trainer_that_leaves_hands_its_training_back() {
     let last = last.unwrap();
     assert!(last.last, "a snapshot in one part");
     let configuration = Configuration::from_toml(LONG).unwrap();
-    let restored = Training::restore(&configuration, pictures(), &last.data).unwrap();
+    let restored = Training::new(&configuration, pictures()).unwrap();
+    let restored = restored.taken_up(&last.data).unwrap();
     assert!(restored.epoch() == last.epoch && last.epoch >= 3);
     drop(session);
     fake.end().await.unwrap();

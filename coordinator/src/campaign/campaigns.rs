@@ -1,18 +1,15 @@
 //! The registry: every campaign of the store, and those at work in this process.
 
 use super::{
-    CampaignId, CampaignState, Change, NotAllowed, Stage,
+    CampaignError, CampaignId, CampaignState, Change, NotAllowed, Stage,
     live::{Live, Progress},
     run::{self, Means, blocking},
 };
 use crate::{
-    breeding::ProposeError,
-    checkpoints::{CheckpointError, Checkpoints},
-    dispatch::{Dispatch, JobError, Trainers},
-    novelty::Misfit,
-    store::{CampaignRecord, Store, StoreError},
+    checkpoints::Checkpoints, dispatch::Trainers, labels::Labels, store::CampaignRecord,
+    synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Method, SIMULATOR_VERSION, v1};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, SIMULATOR_VERSION, v1};
 use std::{
     collections::BTreeMap,
     sync::Arc,
@@ -22,56 +19,6 @@ use tokio::{
     sync::{Mutex, watch},
     task::JoinHandle,
 };
-
-/// Why a campaign stopped, or could not do what was asked.
-#[derive(Debug, thiserror::Error)]
-pub enum CampaignError {
-    /// The store could not be read or written.
-    #[error("{0}")]
-    Store(#[from] StoreError),
-    /// Its state does not allow the change.
-    #[error("{0}")]
-    NotAllowed(#[from] NotAllowed),
-    /// A generation could not be evaluated, or an embedder not trained.
-    #[error("{0}")]
-    Job(#[from] JobError),
-    /// A checkpoint cannot be used.
-    #[error("{0}")]
-    Checkpoint(#[from] CheckpointError),
-    /// It has no embedding that another checkpoint could make.
-    #[error(
-        "campaign {id} searches with the method \"{method}\", which has no embedding: no checkpoint suits it"
-    )]
-    NoEmbedding {
-        /// The campaign.
-        id: CampaignId,
-        /// Its method.
-        method: Method,
-    },
-    /// A generation could not be proposed.
-    #[error("{0}")]
-    Propose(#[from] ProposeError),
-    /// A worker returned features that cannot be compared.
-    #[error("a worker returned an impossible evaluation: {0}")]
-    Misfit(#[from] Misfit),
-    /// Its archive comes from another simulator, whose evaluations differ.
-    #[error(
-        "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \
-         run it with that version, or start a new campaign",
-        SIMULATOR_VERSION
-    )]
-    OtherSimulator {
-        /// The campaign.
-        id: CampaignId,
-        /// Version of the simulator that it was begun with.
-        theirs: String,
-    },
-    /// A bug: the search itself broke off.
-    #[error(
-        "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
-    )]
-    Broken,
-}
 
 /// A campaign as it stands: what is on disk, and what is happening.
 #[derive(Debug, Clone)]
@@ -113,12 +60,13 @@ struct AtWork {
 impl Campaigns {
     /// A registry over a store, with nothing at work.
     #[must_use]
-    pub fn new(store: Store, dispatch: Dispatch, trainers: Trainers, checkpoints: Checkpoints) -> Self {
+    pub fn new(trainers: Trainers, checkpoints: Checkpoints, annotator: SyntheticAnnotator) -> Self {
         let means = Means {
-            store,
-            dispatch,
+            store: annotator.store.clone(),
+            dispatch: annotator.dispatch.clone(),
             trainers,
             checkpoints,
+            annotator,
         };
         Self {
             means,
@@ -248,6 +196,53 @@ impl Campaigns {
         self.status(id.as_str()).await
     }
 
+    /// Begins a round of feedback: has a campaign fine-tuned on its labels as they stand, and its search go on after
+    /// that; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
+    pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let mut at_work = self.at_work.lock().await;
+        let CampaignRecord {
+            id,
+            spec,
+            state,
+            checkpoint,
+            ..
+        } = self.record(id).await?;
+        if state == CampaignState::Cancelled {
+            let change = Change::Refine;
+            return Err(NotAllowed { id, change, state }.into());
+        }
+        if !spec.method().embeds() {
+            let method = spec.method();
+            return Err(CampaignError::NoEmbedding { id, method });
+        }
+        if checkpoint.is_none() {
+            return Err(CampaignError::NoEmbedder(id));
+        }
+        let (store, labelled) = (self.means.store.clone(), id.clone());
+        let entries = blocking(move || {
+            let labels = store.labels(&labelled)?;
+            check_lesson(&labelled, &labels)?;
+            Ok::<_, CampaignError>(labels.entries())
+        })
+        .await??;
+        if let Some(work) = at_work.remove(&id) {
+            work.end().await;
+        }
+        let store = self.means.store.clone();
+        let record = blocking(move || {
+            store.begin_round(&id, entries)?;
+            store.campaign(id.as_str())
+        })
+        .await??;
+        let id = record.id.clone();
+        self.start(&mut at_work, record)?;
+        drop(at_work);
+        self.status(id.as_str()).await
+    }
+
     /// Every campaign, oldest first.
     ///
     /// # Errors
@@ -349,6 +344,18 @@ impl Campaigns {
             trainers: *self.means.trainers.connected().borrow(),
             record,
         }
+    }
+}
+
+/// Whether there is something to learn from labels.
+pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
+    let classes = labels.lesson().iter().map(|&(_, class)| class + 1).max();
+    match classes.unwrap_or(0) as usize {
+        2.. => Ok(()),
+        classes => Err(CampaignError::TooFewClasses {
+            id: id.clone(),
+            classes,
+        }),
     }
 }
 

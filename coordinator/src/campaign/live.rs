@@ -1,6 +1,5 @@
 //! What a campaign at work tells its watchers, and hears from whoever stops it.
 
-use crate::dispatch::JobError;
 use murmuration_proto::v1;
 use std::{
     collections::VecDeque,
@@ -86,13 +85,10 @@ impl Live {
 
     /// Awaits what `begin` starts, telling meanwhile what its counter shows. `None` if the campaign is to stop; only
     /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
-    pub(super) async fn until_stopped<T, F>(
+    pub(super) async fn until_stopped<F: Future>(
         &mut self,
         begin: impl FnOnce(Arc<AtomicU32>) -> F,
-    ) -> Option<Result<T, JobError>>
-    where
-        F: Future<Output = Result<T, JobError>>,
-    {
+    ) -> Option<F::Output> {
         let done = Arc::new(AtomicU32::new(0));
         let mut stopped = self.stopped.clone();
         let work = begin(done.clone());

@@ -3,14 +3,19 @@
 mod campaigns;
 mod dataset;
 mod embed;
+mod error;
+mod fine_tune;
+mod label;
 mod live;
 mod pretrain;
 mod run;
 mod search;
 mod stage;
 mod state;
+mod train;
 
-pub use campaigns::{CampaignError, CampaignStatus, Campaigns};
+pub use campaigns::{CampaignStatus, Campaigns};
+pub use error::CampaignError;
 pub use stage::Stage;
 pub use state::{CampaignId, CampaignState, Change, NotAllowed};
 

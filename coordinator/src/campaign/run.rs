@@ -1,10 +1,14 @@
 //! A campaign at work: one stage after the other, each begun where the disk says that it was left.
 
-use super::{CampaignError, CampaignId, CampaignState, Stage, dataset, embed, live::Live, pretrain, search};
+use super::{
+    CampaignError, CampaignId, CampaignState, Stage, dataset, embed, fine_tune, label, live::Live, pretrain,
+    search,
+};
 use crate::{
     checkpoints::Checkpoints,
     dispatch::{Dispatch, JobError, Trainers},
     store::{CampaignRecord, Store},
+    synthetic::SyntheticAnnotator,
 };
 
 /// What the stages of a campaign work with.
@@ -14,6 +18,7 @@ pub(super) struct Means {
     pub(super) dispatch: Dispatch,
     pub(super) trainers: Trainers,
     pub(super) checkpoints: Checkpoints,
+    pub(super) annotator: SyntheticAnnotator,
 }
 
 /// How a stage ended.
@@ -54,6 +59,8 @@ async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outco
             Stage::Dataset => dataset::collect(means, record, live).await?,
             Stage::Pretrain => pretrain::pretrain(means, record, live).await?,
             Stage::Embed => embed::embed(means, record, live).await?,
+            Stage::Label => label::label(means, record, live).await?,
+            Stage::FineTune => fine_tune::fine_tune(means, record, live).await?,
             Stage::Evolve => search::evolve(means, record, live).await?,
             Stage::Taxonomy => {
                 search::complete(means, record).await?;

@@ -36,8 +36,9 @@ pub(super) async fn evolve(
     record: CampaignRecord,
     live: &mut Live,
 ) -> Result<Outcome, CampaignError> {
+    let generations = record.generations();
     let mut search = restore(means, record).await?;
-    while search.next_generation < search.spec.search().generations() {
+    while search.next_generation < generations {
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
             (search, proposal)

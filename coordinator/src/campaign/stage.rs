@@ -1,7 +1,7 @@
 //! What a campaign does next, as a function of what is on disk.
 
 use crate::store::CampaignRecord;
-use murmuration_proto::{EmbedderSource, v1};
+use murmuration_proto::{EmbedderSource, Feedback, v1};
 
 /// What a running campaign does, or one that does not run would do next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,6 +14,10 @@ pub enum Stage {
     Embed,
     /// Generations are proposed and evaluated.
     Evolve,
+    /// The synthetic annotator labels individuals.
+    Label,
+    /// An embedder is fine-tuned on labels.
+    FineTune,
     /// The archive is clustered.
     Taxonomy,
 }
@@ -33,7 +37,9 @@ impl Stage {
                     Self::Pretrain
                 }
             }
-            _ if record.generations_done < record.spec.search().generations() => Self::Evolve,
+            _ if record.lesson.is_some() => Self::FineTune,
+            _ if record.generations_done < record.generations() => Self::Evolve,
+            _ if record.spec.feedback().map_or(0, Feedback::rounds) > record.rounds_done => Self::Label,
             _ => Self::Taxonomy,
         }
     }
@@ -46,6 +52,8 @@ impl From<Stage> for v1::CampaignStage {
             Stage::Pretrain => Self::Pretrain,
             Stage::Embed => Self::Embed,
             Stage::Evolve => Self::Evolve,
+            Stage::Label => Self::Label,
+            Stage::FineTune => Self::FineTune,
             Stage::Taxonomy => Self::Taxonomy,
         }
     }

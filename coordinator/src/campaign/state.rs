@@ -52,6 +52,8 @@ pub enum Change {
     Cancel,
     /// Move to another checkpoint, and go on.
     Adopt,
+    /// Learn from labels, and go on.
+    Refine,
 }
 
 /// A change that a campaign's state does not allow.
@@ -75,6 +77,7 @@ impl Change {
             Self::Resume => "resume",
             Self::Cancel => "cancel",
             Self::Adopt => "move",
+            Self::Refine => "refine",
         }
     }
 }
@@ -113,12 +116,13 @@ impl CampaignState {
             (Self::Running, Change::Pause) => Some(Self::Paused),
             (Self::Running | Self::Paused | Self::Failed, Change::Resume) => Some(Self::Running),
             (Self::Running | Self::Paused | Self::Failed, Change::Cancel) => Some(Self::Cancelled),
-            (Self::Running | Self::Paused | Self::Failed | Self::Completed, Change::Adopt) => {
-                Some(Self::Running)
-            }
+            (
+                Self::Running | Self::Paused | Self::Failed | Self::Completed,
+                Change::Adopt | Change::Refine,
+            ) => Some(Self::Running),
             (Self::Paused | Self::Failed | Self::Completed | Self::Cancelled, Change::Pause)
             | (Self::Completed | Self::Cancelled, Change::Resume | Change::Cancel)
-            | (Self::Cancelled, Change::Adopt) => None,
+            | (Self::Cancelled, Change::Adopt | Change::Refine) => None,
         }
     }
 }

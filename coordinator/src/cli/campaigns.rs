@@ -38,6 +38,19 @@ pub(super) struct Adopt {
     checkpoint: String,
 }
 
+/// Arguments of `refine`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The embedder is fine-tuned on the classes that people (or `label --synthetic`) gave, the archive moves to it, and the
+search goes on for as many generations as the campaign's `feedback.generations` says. Repeat it as often as you like.
+
+Example:
+  murmuration label latest --csv my.csv --annotator ana && murmuration refine latest")]
+pub(super) struct Refine {
+    /// Campaign id, or `latest`
+    campaign: String,
+}
+
 /// Arguments of `show`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Show {
@@ -86,6 +99,30 @@ impl Adopt {
         }
         let next = format!("murmuration watch {}", campaign.id);
         changed(global, &campaign, "moves to that checkpoint", &next);
+        Ok(())
+    }
+}
+
+impl Refine {
+    /// Begins a round of feedback; where this process runs the coordinator, to the end.
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let mut connection = Connection::open(global, CrewSize::default().count()).await?;
+        let request = v1::RefineCampaignRequest {
+            campaign: self.campaign,
+        };
+        let refined = connection.client.refine_campaign(request).await;
+        if connection.is_own() {
+            return match refined {
+                Ok(campaign) => super::run::to_report(connection, global, &campaign.get_ref().id).await,
+                Err(status) => {
+                    connection.close().await?;
+                    Err(status.into())
+                }
+            };
+        }
+        let campaign = refined?.into_inner();
+        let next = format!("murmuration watch {}", campaign.id);
+        changed(global, &campaign, "learns from its labels", &next);
         Ok(())
     }
 }
@@ -150,7 +187,7 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
         let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
             continue;
         };
-        let progress = format!("{}/{}", campaign.generations_done, spec.search().generations());
+        let progress = format!("{}/{}", campaign.generations_done, campaign.generations);
         println!(
             "{:<28} {:<12} {:<9} {progress:>13} {:<13} {:<13}",
             campaign.id,
@@ -225,8 +262,7 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
     }
     println!(
         "# {} of {} generations are complete",
-        campaign.generations_done,
-        spec.search().generations()
+        campaign.generations_done, campaign.generations
     );
     if !campaign.checkpoint.is_empty() {
         println!("# embedded by checkpoint {}", campaign.checkpoint);

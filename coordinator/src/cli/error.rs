@@ -1,6 +1,8 @@
 //! What a command tells a person when it cannot do what was asked.
 
-use crate::{gather::GatherError, picture::PictureError, report::ReportError, server::ServerError, store::StoreError};
+use crate::{
+    gather::GatherError, picture::PictureError, report::ReportError, server::ServerError, store::StoreError,
+};
 use murmuration_proto::{Invalid, SpecFileError};
 use std::{
     fmt, io,

@@ -26,7 +26,8 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         .map(CampaignSpec::try_from)
         .and_then(Result::ok);
     let search = spec.as_ref().map(|spec| *spec.search());
-    let done = search.map(|search| u64::from(campaign.generations_done) * u64::from(search.population()));
+    let evaluations =
+        |generations| search.map(|search| u64::from(generations) * u64::from(search.population()));
     json!({
         "schema": SCHEMA,
         "campaign": campaign.id,
@@ -35,21 +36,23 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "error": campaign.error,
         "created_ms": campaign.created_ms,
         "generations_done": campaign.generations_done,
-        "generations": search.map(|search| search.generations()),
-        "evaluations_done": done.map(|done| done + u64::from(campaign.evaluated_in_generation)),
-        "evaluations": search.map(|search| search.evaluations()),
+        "generations": campaign.generations,
+        "evaluations_done": evaluations(campaign.generations_done).map(|done| done + u64::from(campaign.evaluated_in_generation)),
+        "evaluations": evaluations(campaign.generations),
         "evaluations_per_second": campaign.evaluations_per_second,
         "best_novelty": campaign.best_novelty,
         "mean_novelty": campaign.mean_novelty,
         "workers": campaign.workers,
         "trainers": campaign.trainers,
-        "stage": campaign.stage().as_str_name().trim_start_matches("CAMPAIGN_STAGE_").to_lowercase(),
+        "stage": campaign.stage().as_str_name().trim_start_matches("CAMPAIGN_STAGE_").to_lowercase().replace('_', "-"),
         "dataset_done": campaign.dataset_done,
         "dataset": spec.as_ref().and_then(dataset).map(|dataset| dataset.pictures()),
         "training": campaign.training.as_ref().map(training),
         "checkpoint": campaign.checkpoint,
         "next_checkpoint": campaign.next_checkpoint,
         "embedded": campaign.embedded,
+        "rounds_done": campaign.rounds_done,
+        "labelled": campaign.labelled,
         "spec": spec.map(|spec| spec.to_toml()),
     })
 }

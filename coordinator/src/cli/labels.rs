@@ -6,9 +6,10 @@ use super::{
     CliError, Global,
     connection::{Connection, LabelClient},
     json,
+    run::CrewSize,
 };
 use crate::{labels::Annotator, local::Crew};
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::{CampaignSpec, Strategy, v1};
 use std::{
     path::PathBuf,
     time::{SystemTime, UNIX_EPOCH},
@@ -21,17 +22,27 @@ use table::Table;
 The file has a line of column names, among them id (index of an individual) and class (or `not sure`, or `skip`); and
 perhaps annotator and time (milliseconds since 1970). Rows without a class are passed over. All rows are stored, or none.
 
-Example:
-  murmuration label latest --csv my.csv --annotator ana")]
+With --synthetic the rule-based judge answers instead, from the motion of each individual; `murmuration judge` says how
+well it agrees with people.
+
+Examples:
+  murmuration label latest --csv my.csv --annotator ana
+  murmuration label latest --synthetic 200 --strategy medoids")]
 pub(super) struct LabelCommand {
     /// Campaign id, or `latest`
     campaign: String,
     /// Answers to add
-    #[arg(long, value_name = "FILE")]
-    csv: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "synthetic")]
+    csv: Option<PathBuf>,
     /// Who gave those answers that do not say
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
     annotator: Option<Annotator>,
+    /// Have the rule-based judge label so many individuals that nobody has labelled
+    #[arg(long, value_name = "N", conflicts_with = "csv")]
+    synthetic: Option<u32>,
+    /// How those are chosen: medoids, random or committee
+    #[arg(long, default_value_t = Strategy::Medoids, requires = "synthetic")]
+    strategy: Strategy,
 }
 
 /// Arguments of `labels`.
@@ -85,9 +96,23 @@ pub(super) struct AgreementCommand {
 
 impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let table = Table::read(&self.csv, self.annotator.as_ref())?;
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let added = add(&mut connection, self.campaign, table).await;
+        // What is wrong with the file is to be known before anything is started.
+        let table = match &self.csv {
+            Some(file) => Some(Table::read(file, self.annotator.as_ref())?),
+            None => None,
+        };
+        let crew = match &table {
+            Some(_) => Crew::NONE,
+            None => Crew {
+                trainers: 0,
+                ..CrewSize::default().count()
+            },
+        };
+        let mut connection = Connection::open(global, crew).await?;
+        let added = match table {
+            Some(table) => add(&mut connection, self.campaign, table).await,
+            None => self.add_synthetic(&mut connection).await,
+        };
         connection.close().await?;
         let (campaign, count, digest) = added?;
         if global.json {
@@ -98,6 +123,37 @@ impl LabelCommand {
         }
         Ok(())
     }
+}
+
+impl LabelCommand {
+    /// Has the judge answer; the campaign's id, the number of answers, and the digest of what stands then.
+    async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize, String), CliError> {
+        let request = v1::GetCampaignRequest {
+            campaign: self.campaign,
+        };
+        let campaign = connection.client.get_campaign(request).await?.into_inner().id;
+        let request = v1::AppendSyntheticLabelsRequest {
+            campaign: campaign.clone(),
+            request_id: request_id(),
+            strategy: v1::QueryStrategy::from(self.strategy) as i32,
+            count: self.synthetic.unwrap_or_default(),
+        };
+        let added = connection
+            .labels
+            .append_synthetic_labels(request)
+            .await?
+            .into_inner();
+        let digest = digest(connection, &campaign).await?;
+        Ok((campaign, added.entries.len(), digest))
+    }
+}
+
+/// The digest of the labels that stand.
+async fn digest(connection: &mut Connection, campaign: &str) -> Result<String, CliError> {
+    let request = v1::ListLabelsRequest {
+        campaign: campaign.to_owned(),
+    };
+    Ok(connection.labels.list_labels(request).await?.into_inner().digest)
 }
 
 /// Adds all rows of a file; the campaign's id, their number, and the digest of what stands then.
@@ -119,10 +175,7 @@ async fn add(
         answers: table.into_answers(),
     };
     let added = connection.labels.append_labels(request).await?.into_inner();
-    let request = v1::ListLabelsRequest {
-        campaign: campaign.clone(),
-    };
-    let digest = connection.labels.list_labels(request).await?.into_inner().digest;
+    let digest = digest(connection, &campaign).await?;
     Ok((campaign, added.entries.len(), digest))
 }
 

@@ -91,6 +91,8 @@ enum Command {
     Cancel(campaigns::Name),
     /// Move a campaign to another checkpoint: embed its archive anew, and cluster it
     Adopt(campaigns::Adopt),
+    /// Fine-tune a campaign's embedder on its labels, and search on
+    Refine(campaigns::Refine),
     /// Print the digest of a campaign's archive
     Digest(campaigns::Name),
     /// Write the report of a completed campaign
@@ -155,6 +157,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Pause(name) => campaigns::pause(&global, &name.campaign).await,
         Command::Cancel(name) => campaigns::cancel(&global, &name.campaign).await,
         Command::Adopt(adopt) => adopt.execute(&global).await,
+        Command::Refine(refine) => refine.execute(&global).await,
         Command::Digest(name) => campaigns::digest(&global, &name.campaign).await,
         Command::Report(report) => report.execute(&global).await,
         Command::Simulate(simulate) => simulate.execute(global.json),

@@ -102,7 +102,7 @@ impl Run {
             campaign.id,
             spec.model(),
             spec.method(),
-            HumanCount(spec.search().evaluations()),
+            HumanCount(spec.evaluations()),
             crew.workers,
         );
         to_report(connection, global, &campaign.id).await

@@ -1,6 +1,10 @@
 //! What is farmed out: its form as a job, as batches on the wire, and as results.
 
-use crate::{campaign::CampaignId, leases::Agree, store::SavedTraining};
+use crate::{
+    campaign::CampaignId,
+    leases::Agree,
+    store::{SavedTraining, TrainingPictures},
+};
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World,
     check_embedding, same_embedding, training::Configuration, v1,
@@ -40,7 +44,7 @@ pub struct EmbeddingJob {
     pub images: Vec<Vec<u8>>,
 }
 
-/// An embedder to train on a campaign's dataset.
+/// An embedder to train for a campaign.
 #[derive(Debug)]
 pub struct TrainingJob {
     /// The campaign.
@@ -49,14 +53,23 @@ pub struct TrainingJob {
     pub configuration: Configuration,
     /// Pixels along a side of the pictures.
     pub side: u32,
-    /// Pictures of each controller.
-    pub views: u32,
-    /// Number of controllers.
-    pub behaviours: u32,
+    /// The pictures without labels.
+    pub pictures: TrainingPictures,
+    /// What it goes on from, if it learns from labels.
+    pub lesson: Option<Lesson>,
     /// Told how far the training has come.
     pub progress: watch::Sender<Option<v1::TrainingProgress>>,
     /// Told of each training put aside; whoever keeps them looks at the newest.
     pub saved: watch::Sender<Option<SavedTraining>>,
+}
+
+/// What a training on labels begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lesson {
+    /// The checkpoint to go on from.
+    pub parent: CheckpointDigest,
+    /// Number of labelled pictures.
+    pub labelled: u32,
 }
 
 /// One simulation to watch.
@@ -191,8 +204,13 @@ impl Work {
                 campaign: job.campaign.as_str().to_owned(),
                 configuration: job.configuration.to_toml(),
                 side: job.side,
-                views: job.views,
-                behaviours: job.behaviours,
+                views: job.pictures.views,
+                behaviours: job.pictures.behaviours,
+                parent: job
+                    .lesson
+                    .map(|lesson| lesson.parent.to_string())
+                    .unwrap_or_default(),
+                labelled: job.lesson.map_or(0, |lesson| lesson.labelled),
             }),
             Self::Replay(job) => v1::lease::Work::Replay(v1::ReplayTask {
                 model: v1::CapabilityModel::from(job.controller.model()) as i32,

@@ -4,7 +4,10 @@ use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, Refusal,
     classes::{ClassNumber, Classes},
 };
-use std::{collections::BTreeMap, fmt};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt,
+};
 
 /// The labels of a campaign as they stand: a function of its log.
 ///
@@ -233,6 +236,18 @@ impl Labels {
         newest
             .into_iter()
             .map(|(index, (_, class))| (index, class))
+            .collect()
+    }
+
+    /// What an embedder can learn from: each individual that has a class, with the number of its class, from 0 by name.
+    #[must_use]
+    pub fn lesson(&self) -> Vec<(u64, u32)> {
+        let by_individual = self.by_individual();
+        let names: BTreeSet<&ClassName> = by_individual.values().collect();
+        let numbers: BTreeMap<&ClassName, u32> = names.into_iter().zip(0..).collect();
+        by_individual
+            .iter()
+            .filter_map(|(&index, class)| Some((index, *numbers.get(class)?)))
             .collect()
     }
 

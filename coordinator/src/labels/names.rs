@@ -1,5 +1,6 @@
 //! What people write: names of classes, of themselves and of requests, answers, colours.
 
+use crate::judge::Class;
 use murmuration_proto::Invalid;
 use std::{fmt, str::FromStr};
 
@@ -71,6 +72,28 @@ macro_rules! names {
 }
 
 names!(ClassName, Annotator, RequestId);
+
+impl Annotator {
+    /// The synthetic annotator: the judge that answers in a person's place.
+    #[must_use]
+    pub fn synthetic() -> Self {
+        Self("synthetic".to_owned())
+    }
+}
+
+impl RequestId {
+    /// What the synthetic annotator calls its answers in a round (from 1) that nobody attends.
+    #[must_use]
+    pub fn of_round(round: u32) -> Self {
+        Self(format!("synthetic-round-{round}"))
+    }
+}
+
+impl From<Class> for ClassName {
+    fn from(class: Class) -> Self {
+        Self(class.name().to_owned())
+    }
+}
 
 impl FromStr for ClassName {
     type Err = Invalid;

@@ -24,7 +24,13 @@ pub(super) fn embed(behaviours: &Behaviours, axes: &[[f64; 2]]) -> Points {
         return axes.to_vec();
     }
     let vectors: Vec<Vec<f32>> = (0..count)
-        .map(|index| behaviours.point(index).iter().map(|value| *value as f32).collect())
+        .map(|index| {
+            behaviours
+                .point(index)
+                .iter()
+                .map(|value| *value as f32)
+                .collect()
+        })
         .collect();
     let start: Vec<f32> = axes
         .iter()

@@ -27,7 +27,8 @@ fn neighbours_stay_neighbours() {
     let points = neighbours::embed(&behaviours, &axes);
     for (i, &point) in points.iter().enumerate() {
         let others = (0..points.len()).filter(|&other| other != i);
-        let nearest = others.min_by(|&a, &b| distance(points[a], point).total_cmp(&distance(points[b], point)));
+        let nearest =
+            others.min_by(|&a, &b| distance(points[a], point).total_cmp(&distance(points[b], point)));
         assert_eq!(nearest.unwrap() % 2, i % 2, "{i}");
     }
 }
@@ -49,8 +50,12 @@ fn an_empty_archive_has_an_empty_map() {
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"hand-crafted\"").unwrap();
     let id = store.create_campaign(&spec, 7).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    let maps = Maps::new(store);
+    let maps = Maps::new(store.clone());
     assert!(maps.axes(&record).unwrap().points.is_empty());
+    // Not while it grows.
+    assert!(maps.neighbours(&record).unwrap().is_none());
+    store.set_state(&id, CampaignState::Paused, "").unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
     let points = loop {
         if let Some(points) = maps.neighbours(&record).unwrap() {
             break points;

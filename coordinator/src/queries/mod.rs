@@ -12,5 +12,6 @@ mod ranking;
 
 pub use committee::{Committee, NoCommittee};
 pub use leases::{Holder, PATIENCE, QueryLeases};
+pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, Wish};
-pub use ranking::{Query, Reason, Strategy, by_committee, by_doubt, by_lot};
+pub use ranking::{Query, Reason, by_committee, by_doubt, by_lot};

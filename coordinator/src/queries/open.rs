@@ -1,7 +1,7 @@
 //! The queries of a coordinator: rankings made once, and who holds what.
 
 use super::{
-    Holder, Query, QueryLeases, Reason, Strategy,
+    Holder, Query, QueryLeases, Reason,
     committee::{Committee, NoCommittee},
     ranking,
 };
@@ -12,7 +12,7 @@ use crate::{
     space::{Space, SpaceError},
     store::{CampaignRecord, Store, StoreError},
 };
-use murmuration_proto::{CheckpointDigest, Purpose, Stream};
+use murmuration_proto::{CheckpointDigest, Purpose, Strategy, Stream};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, PoisonError},
@@ -145,6 +145,24 @@ impl Queries {
             answered: labels.individuals() as u64,
             individuals,
         })
+    }
+
+    /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
+    /// so many: a function of archive and log alone, whoever is being asked meanwhile.
+    ///
+    /// # Errors
+    /// See [`QueryError`].
+    pub fn unanswered(
+        &self,
+        record: &CampaignRecord,
+        strategy: Strategy,
+        count: usize,
+    ) -> Result<Vec<usize>, QueryError> {
+        let labels = self.store.labels(&record.id)?;
+        let order = self.rank(record, strategy)?.order;
+        let indices = order.into_iter().map(|query| query.index);
+        let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
+        Ok(open.take(count).collect())
     }
 
     fn rank(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Ranked, QueryError> {

@@ -5,17 +5,6 @@ use crate::{medoids::Clustering, novelty::Behaviours};
 use murmuration_proto::Stream;
 use std::{cmp::Reverse, fmt};
 
-/// How it is chosen what to ask next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Strategy {
-    /// By lot.
-    Random,
-    /// The medoids of the archive, then the members of their clusters that nearly belong to another.
-    Medoids,
-    /// Where several embeddings differ most about what is near to what.
-    Committee,
-}
-
 /// Why a behaviour is asked about, in words for whoever is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {

@@ -118,6 +118,11 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         Ok(Response::new(moved.into()))
     }
 
+    async fn refine_campaign(&self, request: Request<v1::RefineCampaignRequest>) -> Answer<v1::Campaign> {
+        let refined = self.campaigns.refine(&request.get_ref().campaign).await?;
+        Ok(Response::new(refined.into()))
+    }
+
     async fn list_generations(
         &self,
         request: Request<v1::ListGenerationsRequest>,

@@ -7,9 +7,13 @@ use crate::{
     labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
     queries::{Queries, Wish},
     store::{LabelError, Store, StoreError},
+    synthetic::SyntheticAnnotator,
 };
 use murmuration_proto::{Invalid, v1};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::{
+    sync::Arc,
+    time::{Instant, SystemTime, UNIX_EPOCH},
+};
 use tonic::{Request, Response, Status};
 
 /// Most answers in one request.
@@ -24,6 +28,8 @@ pub struct LabelApi {
     pub store: Store,
     /// Who is asked what.
     pub queries: Queries,
+    /// Who answers in a person's place.
+    pub annotator: SyntheticAnnotator,
 }
 
 type Result<T> = std::result::Result<T, Status>;
@@ -86,6 +92,37 @@ impl v1::label_service_server::LabelService for LabelApi {
             })
             .collect::<std::result::Result<_, _>>()?;
         let entries = self.add(campaign, request_id.parse()?, changes).await?;
+        Ok(Response::new(v1::AppendLabelsResponse {
+            entries: entries.into_iter().map(Into::into).collect(),
+        }))
+    }
+
+    async fn append_synthetic_labels(
+        &self,
+        request: Request<v1::AppendSyntheticLabelsRequest>,
+    ) -> Answered<v1::AppendLabelsResponse> {
+        let message = request.into_inner();
+        let (strategy, count) = (message.strategy().try_into()?, message.count as usize);
+        let request: RequestId = message.request_id.parse()?;
+        if !(1..=MAX_ANSWERS).contains(&count) {
+            let allowed = format!("a whole number from 1 to {MAX_ANSWERS}");
+            return Err(Invalid::new("count", count, allowed).into());
+        }
+        let (campaign, asked) = (message.campaign, request.clone());
+        let (record, before) = self
+            .with(move |store| -> std::result::Result<_, StoreError> {
+                let record = store.campaign(&campaign)?;
+                let before = store.request_entries(&record.id, &asked)?;
+                Ok((record, before))
+            })
+            .await?;
+        let entries = if before.is_empty() {
+            let done = Arc::default();
+            let answers = self.annotator.answers(&record, strategy, count, done).await?;
+            self.add(record.id.to_string(), request, answers).await?
+        } else {
+            before
+        };
         Ok(Response::new(v1::AppendLabelsResponse {
             entries: entries.into_iter().map(Into::into).collect(),
         }))

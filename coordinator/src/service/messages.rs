@@ -12,6 +12,7 @@ use tonic::Status;
 impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {
         let record = status.record;
+        let generations = record.generations();
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
         let digest = |checkpoint: Option<CheckpointDigest>| {
             checkpoint.map(|digest| digest.to_string()).unwrap_or_default()
@@ -36,6 +37,9 @@ impl From<CampaignStatus> for v1::Campaign {
             next_checkpoint: digest(record.next_checkpoint),
             embedded: record.embedded + u64::from(arrived(Stage::Embed)),
             trainers: status.trainers as u32,
+            generations,
+            rounds_done: record.rounds_done,
+            labelled: arrived(Stage::Label),
         }
     }
 }
@@ -121,9 +125,14 @@ impl From<CampaignError> for Status {
             CampaignError::Store(error) => error.into(),
             CampaignError::Job(error) => error.into(),
             CampaignError::Checkpoint(error) => error.into(),
+            CampaignError::Query(error) => error.into(),
+            CampaignError::Label(error) => error.into(),
             CampaignError::NotAllowed(_)
             | CampaignError::NoEmbedding { .. }
             | CampaignError::OtherSimulator { .. }
+            | CampaignError::NoEmbedder(_)
+            | CampaignError::TooFewClasses { .. }
+            | CampaignError::Untrainable { .. }
             | CampaignError::Propose(_) => Self::failed_precondition(error.to_string()),
             CampaignError::Misfit(_) | CampaignError::Broken => Self::internal(error.to_string()),
         }

@@ -4,7 +4,7 @@ use super::{Streamed, work::serve};
 use crate::{
     campaign::blocking,
     dispatch::Trainers,
-    store::{CampaignRecord, Store, StoreError},
+    store::{CampaignRecord, Store, StoreError, TrainingPictures},
 };
 use murmuration_proto::{PART_BYTES, TRAINER_VERSION, v1};
 use tokio::sync::mpsc;
@@ -63,7 +63,7 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     )))
 }
 
-/// Sends pictures, then what was put aside, until all is sent or nobody listens.
+/// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.
 fn send(
     store: &Store,
     record: &CampaignRecord,
@@ -75,10 +75,25 @@ fn send(
             .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
             .is_ok()
     };
-    let each = (PART_BYTES / record.spec.image().pixels()).max(1) as u64;
-    for place in (0..record.pictures_done).step_by(each as usize) {
-        let images = store.dataset_images(&record.id, place..place + each)?;
+    let each = (PART_BYTES / record.spec.image().pixels()).max(1);
+    for place in (0..TrainingPictures::of(record).count()).step_by(each) {
+        let images = store.training_images(record, place..place + each as u64)?;
         if !send(Part::Pictures(images)) {
+            return Ok(());
+        }
+    }
+    let lesson = match record.lesson {
+        Some(entries) => store.lesson(&record.id, entries)?.lesson(),
+        None => Vec::new(),
+    };
+    for part in lesson.chunks(each) {
+        let mut message = v1::LabelledPart::default();
+        for &(index, class) in part {
+            let individual = store.individual(&record.id, record.spec.model(), index)?;
+            message.classes.push(class);
+            message.pictures.extend(individual.image.unwrap_or_default());
+        }
+        if !send(Part::Labelled(message)) {
             return Ok(());
         }
     }

@@ -2,7 +2,9 @@
 
 use super::{Store, StoreError, checkpoints::checkpoint_number};
 use crate::campaign::{CampaignId, CampaignState};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION};
+use murmuration_proto::{
+    CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION,
+};
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 
 /// A campaign as it is stored.
@@ -32,13 +34,25 @@ pub struct CampaignRecord {
     pub pictures_done: u64,
     /// Individuals, from index 0, that are embedded with the next checkpoint, on disk.
     pub embedded: u64,
+    /// Rounds of feedback whose fine-tuned checkpoint it has moved, or is moving, to.
+    pub rounds_done: u32,
+    /// While a round is fine-tuned: the number of entries, from the first, of the label log that it learns from.
+    pub lesson: Option<u64>,
 }
 
 impl CampaignRecord {
-    /// Number of individuals in its archive: those of complete generations.
+    /// Generations that there are to be, those after the rounds so far included.
     #[must_use]
-    pub const fn individuals(&self) -> u64 {
-        self.generations_done as u64 * self.spec.search().population() as u64
+    pub fn generations(&self) -> u32 {
+        let further = self.spec.feedback().map_or(0, Feedback::generations);
+        let further = further.saturating_mul(self.rounds_done);
+        self.spec.search().generations().saturating_add(further)
+    }
+
+    /// Number of individuals of complete generations.
+    #[must_use]
+    pub fn individuals(&self) -> u64 {
+        u64::from(self.generations_done) * u64::from(self.spec.search().population())
     }
 }
 
@@ -49,7 +63,8 @@ const SELECT: &str = "
            (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint),
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
-            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint)
+            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
+           c.rounds, c.lesson
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -161,6 +176,8 @@ struct Columns {
     next_checkpoint: Option<String>,
     pictures_done: i64,
     embedded: i64,
+    rounds_done: u32,
+    lesson: Option<i64>,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -178,6 +195,8 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         next_checkpoint: row.get(10)?,
         pictures_done: row.get(11)?,
         embedded: row.get(12)?,
+        rounds_done: row.get(13)?,
+        lesson: row.get(14)?,
     })
 }
 
@@ -205,6 +224,8 @@ impl TryFrom<Columns> for CampaignRecord {
             next_checkpoint,
             pictures_done: columns.pictures_done.unsigned_abs(),
             embedded: columns.embedded.unsigned_abs(),
+            rounds_done: columns.rounds_done,
+            lesson: columns.lesson.map(i64::unsigned_abs),
         })
     }
 }

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::campaign::{CampaignId, CampaignState};
 use murmuration_proto::CheckpointDigest;
-use rusqlite::params;
+use rusqlite::{Transaction, params};
 
 /// What changes in an archive when it switches to the next checkpoint: everything that is measured in its space.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,18 +28,7 @@ impl Store {
     pub fn move_to(&self, campaign: &CampaignId, checkpoint: CheckpointDigest) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
-            let next = checkpoint_number(transaction, checkpoint)?;
-            transaction.execute(
-                "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '' WHERE number = ?1",
-                params![number, next, CampaignState::Running.name()],
-            )?;
-            // Of a move that never ended.
-            transaction.execute(
-                "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
-                    (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",
-                params![number, next],
-            )?;
-            Ok(())
+            begin_move(transaction, number, checkpoint)
         })
     }
 
@@ -121,4 +110,24 @@ impl Store {
             rows.map(|blob| Ok(super::archive::blob_to_numbers(&blob?))).collect()
         })
     }
+}
+
+/// Has a campaign move to `checkpoint`, and run.
+pub(super) fn begin_move(
+    transaction: &Transaction<'_>,
+    number: i64,
+    checkpoint: CheckpointDigest,
+) -> Result<(), StoreError> {
+    let next = checkpoint_number(transaction, checkpoint)?;
+    transaction.execute(
+        "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '' WHERE number = ?1",
+        params![number, next, CampaignState::Running.name()],
+    )?;
+    // Of a move that never ended.
+    transaction.execute(
+        "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
+            (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",
+        params![number, next],
+    )?;
+    Ok(())
 }

@@ -66,6 +66,18 @@ impl Store {
         self.read(|connection| follow(connection, number_of(connection, campaign)?, labels))
     }
 
+    /// What a request added to a campaign's log; nothing if it was not made.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn request_entries(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+    ) -> Result<Vec<Entry>, StoreError> {
+        self.read(|connection| made(connection, number_of(connection, campaign)?, request))
+    }
+
     /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A request
     /// that was made before adds nothing: the entries are those that it added then.
     ///
@@ -86,14 +98,14 @@ impl Store {
     }
 }
 
-fn add(
+pub(super) fn add(
     transaction: &Transaction<'_>,
     campaign: &CampaignId,
     request: &RequestId,
     changes: Vec<Change>,
 ) -> Result<Vec<Entry>, LabelError> {
     let number = number_of(transaction, campaign)?;
-    let before = entries(transaction, "AND request = ?2", params![number, request.as_str()])?;
+    let before = made(transaction, number, request)?;
     if !before.is_empty() {
         let same = before.len() == changes.len()
             && before
@@ -114,6 +126,11 @@ fn add(
         .collect::<Result<Vec<Entry>, Refusal>>()?;
     insert(transaction, number, request, &added)?;
     Ok(added)
+}
+
+/// What a request added.
+fn made(connection: &Connection, number: i64, request: &RequestId) -> Result<Vec<Entry>, StoreError> {
+    entries(connection, "AND request = ?2", params![number, request.as_str()])
 }
 
 /// Times are left out: a request that is made again may be dated anew.

@@ -11,6 +11,7 @@ mod embeddings;
 mod error;
 mod labels;
 mod pictures;
+mod rounds;
 mod schema;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
@@ -21,6 +22,7 @@ pub use embeddings::Switch;
 pub use error::StoreError;
 pub use labels::LabelError;
 pub use pictures::{Picture, SavedTraining};
+pub use rounds::TrainingPictures;
 
 use rusqlite::{Connection, Transaction};
 use std::{

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 4] = [
+const MIGRATIONS: [&str; 5] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -103,6 +103,10 @@ const MIGRATIONS: [&str; 4] = [
         BEGIN SELECT RAISE (ABORT, 'labels are never changed'); END;
     CREATE TRIGGER labels_remain BEFORE DELETE ON labels
         BEGIN SELECT RAISE (ABORT, 'labels are never deleted'); END;
+",
+    "
+    ALTER TABLE campaigns ADD COLUMN rounds INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE campaigns ADD COLUMN lesson INTEGER;
 ",
 ];
 

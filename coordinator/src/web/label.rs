@@ -27,6 +27,7 @@ pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Resul
                 }
                 (parts::palette(true))
                 (parts::status_line())
+                (parts::learn(&record))
             }
         }
         details.settings {
@@ -93,6 +94,7 @@ pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Res
                 p #rest.reason { "…" }
                 (parts::palette(false))
                 (parts::status_line())
+                (parts::learn(&record))
                 (parts::stage("Motion of the behaviour pointed at"))
             }
         }

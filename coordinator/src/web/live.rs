@@ -40,20 +40,23 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
     }))
 }
 
-/// For scripts: what the archive is measured in, how many it holds, whether it has a taxonomy, how long its label log is;
-/// whoever shows any of these looks again when it changes.
+/// For scripts: what the archive is measured in, how many it holds, whether it has a taxonomy, how long its label log is,
+/// what is being done with it; whoever shows any of these looks again when it changes.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
     let look = move || {
         let (web, id) = (web.clone(), id.clone());
         async move {
-            let record = web.campaigns.status(id.as_str()).await?.record;
+            let status = web.campaigns.status(id.as_str()).await?;
+            let doing = status.active.then(|| pages::doing(&status));
+            let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let seen = json!({
                 "checkpoint": record.checkpoint.map(|checkpoint| checkpoint.to_string()),
                 "individuals": record.individuals(),
                 "completed": record.state == CampaignState::Completed,
                 "labels": entries,
+                "doing": doing,
             });
             Ok(seen.to_string())
         }
@@ -76,11 +79,7 @@ where
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
                 let Ok(part) = draw(sight).await else { return };
-                if events
-                    .send(Ok(Event::default().data(part)))
-                    .await
-                    .is_err()
-                {
+                if events.send(Ok(Event::default().data(part))).await.is_err() {
                     return;
                 }
             }

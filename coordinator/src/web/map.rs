@@ -32,7 +32,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
             div.choices {
                 label { "Places " select #projection {
                     option value="axes" { "principal axes" }
-                    option value="neighbours" disabled { "t-SNE (being computed)" }
+                    option value="neighbours" disabled { "t-SNE (not there yet)" }
                 } }
                 label { "Colours " select #colouring {
                     option value="class" { "class" }
@@ -63,6 +63,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
                 p #selected.reason { "Draw around behaviours to label them." }
                 (parts::palette(false))
                 (parts::status_line())
+                (parts::learn(&record))
             }
         }
     };
@@ -70,10 +71,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
 }
 
 /// What is known of each point besides its place.
-pub(super) async fn points(
-    State(web): State<Web>,
-    Path(id): Path<String>,
-) -> Result<Json<Value>, Refused> {
+pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let status = web.campaigns.status(&id).await?;
     let record = status.record;
     let (store, campaign) = (web.store.clone(), record.id.clone());
@@ -92,7 +90,9 @@ pub(super) async fn points(
 pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let record = web.campaigns.status(&id).await?.record;
     let maps = web.maps.clone();
-    let axes = blocking(move || maps.axes(&record)).await?.map_err(Refused::space)?;
+    let axes = blocking(move || maps.axes(&record))
+        .await?
+        .map_err(Refused::space)?;
     Ok(Json(places(&axes.points)))
 }
 
@@ -100,7 +100,9 @@ pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Resu
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
     let record = web.campaigns.status(&id).await?.record;
     let maps = web.maps.clone();
-    let found = blocking(move || maps.neighbours(&record)).await?.map_err(Refused::space)?;
+    let found = blocking(move || maps.neighbours(&record))
+        .await?
+        .map_err(Refused::space)?;
     Ok(match found {
         Some(points) => Json(places(&points)).into_response(),
         None => StatusCode::ACCEPTED.into_response(),

@@ -62,6 +62,7 @@ fn pages(web: Web) -> Router {
         .route("/campaigns/{id}/pause", post(actions::pause))
         .route("/campaigns/{id}/resume", post(actions::resume))
         .route("/campaigns/{id}/cancel", post(actions::cancel))
+        .route("/campaigns/{id}/refine", post(actions::refine))
         .route("/campaigns/{id}/label", get(label::one))
         .route("/campaigns/{id}/sheet", get(label::sheet))
         .route("/campaigns/{id}/map", get(map::page))

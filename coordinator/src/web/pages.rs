@@ -13,7 +13,7 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{DOCTYPE, Markup, html};
-use murmuration_proto::EmbedderSource;
+use murmuration_proto::{EmbedderSource, Feedback};
 
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
@@ -40,13 +40,21 @@ impl Part {
 
 /// A whole page around `content`.
 pub(super) fn layout(title: &str, content: Markup) -> Markup {
-    document(title, html! {}, &["live.js"], html! { main #content { (content) } })
+    document(
+        title,
+        html! {},
+        &["live.js"],
+        html! { main #content { (content) } },
+    )
 }
 
 /// A page about a part of a campaign, followed by a script.
 pub(super) fn campaign_page(record: &CampaignRecord, part: Part, script: &str, content: Markup) -> Markup {
     let id = record.id.as_str();
-    let name = Part::ALL.iter().find(|(known, ..)| *known == part).map_or("", |(_, _, name)| *name);
+    let name = Part::ALL
+        .iter()
+        .find(|(known, ..)| *known == part)
+        .map_or("", |(_, _, name)| *name);
     let title = format!("{name} · {id}");
     let links = html! {
         span.campaign { (id) }
@@ -210,12 +218,20 @@ fn progress(status: &CampaignStatus) -> Markup {
     }
 }
 
+/// What is being done with a campaign at work, and how far.
+pub(super) fn doing(status: &CampaignStatus) -> String {
+    let (done, total, unit) = amount(status);
+    format!("Now {}: {done} of {total} {unit}.", stage(status.stage))
+}
+
 const fn stage(stage: Stage) -> &'static str {
     match stage {
         Stage::Dataset => "simulating the dataset",
         Stage::Pretrain => "training the embedder",
         Stage::Embed => "embedding anew",
         Stage::Evolve => "searching",
+        Stage::Label => "labelling",
+        Stage::FineTune => "learning from labels",
         Stage::Taxonomy => "clustering",
     }
 }
@@ -225,6 +241,7 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
     let spec = &status.record.spec;
     let search = spec.search();
     let archived = status.record.individuals();
+    let evaluations = u64::from(status.record.generations()) * u64::from(search.population());
     let arrived = u64::from(status.arrived);
     let (done, total, unit) = match (status.stage, spec.embedder()) {
         (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
@@ -232,13 +249,17 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
             dataset.pictures(),
             "pictures",
         ),
-        (Stage::Pretrain, _) => {
+        (Stage::Pretrain | Stage::FineTune, _) => {
             let training = status.training.unwrap_or_default();
             (training.epoch, training.epochs, "epochs")
         }
         (Stage::Embed, _) => (status.record.embedded + arrived, archived, "pictures"),
-        (Stage::Evolve, _) => (archived + arrived, search.evaluations(), "evaluations"),
-        (Stage::Taxonomy | Stage::Dataset, _) => (archived, search.evaluations(), "evaluations"),
+        (Stage::Label, _) => {
+            let wanted = spec.feedback().map_or(0, Feedback::labels);
+            (arrived, wanted.into(), "labels")
+        }
+        (Stage::Evolve, _) => (archived + arrived, evaluations, "evaluations"),
+        (Stage::Taxonomy | Stage::Dataset, _) => (archived, evaluations, "evaluations"),
     };
     (done.min(total), total, unit)
 }

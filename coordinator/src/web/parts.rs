@@ -1,5 +1,6 @@
 //! Parts that several pages are made of.
 
+use crate::{campaign::CampaignState, store::CampaignRecord};
 use maud::{Markup, html};
 
 /// Where a motion is played, with what plays it.
@@ -39,6 +40,19 @@ pub(super) fn palette(single: bool) -> Markup {
                     button.plain type="button" data-answer="skip" { "Skip " kbd { "s" } }
                 }
                 button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
+            }
+        }
+    }
+}
+
+/// Has the campaign learn from what was said; nothing where it has no embedding that could.
+pub(super) fn learn(record: &CampaignRecord) -> Markup {
+    let offered = record.spec.method().embeds() && record.state != CampaignState::Cancelled;
+    html! {
+        @if offered {
+            form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } {
+                button { "Learn from these labels" }
+                p #doing.reason role="status" {}
             }
         }
     }

@@ -62,7 +62,12 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
             }
         }
     };
-    Ok(pages::campaign_page(&record, Part::Taxonomy, "taxonomy.js", content))
+    Ok(pages::campaign_page(
+        &record,
+        Part::Taxonomy,
+        "taxonomy.js",
+        content,
+    ))
 }
 
 fn card(
@@ -111,10 +116,12 @@ pub(super) async fn export(
     // The service of this process, without a network between.
     let mut service = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
     let failed = |error: String| Status::internal(error);
-    let gathered = gather::report(&mut service, id.as_str()).await.map_err(|error| match error {
-        gather::GatherError::Service(status) => status,
-        other => failed(other.to_string()),
-    })?;
+    let gathered = gather::report(&mut service, id.as_str())
+        .await
+        .map_err(|error| match error {
+            gather::GatherError::Service(status) => status,
+            other => failed(other.to_string()),
+        })?;
     let page = blocking(move || report::page(&gathered)).await?;
     let page = page.map_err(|error| failed(error.to_string()))?;
     let name = format!("attachment; filename=\"{id}.html\"");

@@ -177,10 +177,9 @@ async fn classes(web: &Web, campaign: String) -> Told {
 /// The classes, and the class of each individual that has one: as two columns, index and place among the classes.
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
-    let labels = blocking(move || -> Result<Labels, StoreError> {
-        store.labels(&store.campaign(&campaign)?.id)
-    })
-    .await??;
+    let labels =
+        blocking(move || -> Result<Labels, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
+            .await??;
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
     let by_individual = labels.by_individual();
@@ -188,9 +187,7 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
         .iter()
         .filter_map(|(index, class)| Some((*index, *place.get(class)?)))
         .collect();
-    let class = |class: &crate::labels::Class| {
-        json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels })
-    };
+    let class = |class: &crate::labels::Class| json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels });
     Ok(Json(json!({
         "classes": classes.iter().map(class).collect::<Vec<_>>(),
         "individual": column(placed.iter().map(|(index, _)| (*index as u32).to_le_bytes())),

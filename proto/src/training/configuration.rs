@@ -96,6 +96,18 @@ impl Configuration {
         settings.try_into()
     }
 
+    /// The same with another recipe.
+    ///
+    /// # Errors
+    /// Where a number of the recipe is out of range.
+    pub fn with_recipe(&self, recipe: Recipe) -> Result<Self, Invalid> {
+        let settings = Settings {
+            recipe,
+            ..self.settings.clone()
+        };
+        settings.try_into()
+    }
+
     /// Writes it with every field spelled out: a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
     /// same back.
     #[must_use]

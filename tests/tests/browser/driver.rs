@@ -8,9 +8,7 @@ use std::{
     process::{Child, Command, Stdio},
     time::{Duration, Instant},
 };
-use thirtyfour::{
-    Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilities, WebDriver, prelude::*,
-};
+use thirtyfour::{Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilities, WebDriver, prelude::*};
 
 /// Long enough for a busy machine; nothing takes that long that works.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -79,7 +77,9 @@ impl Driver {
         ] {
             chrome.add_arg(argument).unwrap();
         }
-        let driver = WebDriver::new(&self.url, Capabilities::from(chrome)).await.unwrap();
+        let driver = WebDriver::new(&self.url, Capabilities::from(chrome))
+            .await
+            .unwrap();
         driver.goto(url).await.unwrap();
         Window { driver }
     }

@@ -25,7 +25,11 @@ async fn thirty_are_labelled_two_taken_back_and_a_refresh_loses_nothing() {
         seen.push(answer(&window, "1").await);
     }
     saved(&window).await;
-    assert_eq!(seen.iter().collect::<BTreeSet<_>>().len(), 30, "asked twice: {seen:?}");
+    assert_eq!(
+        seen.iter().collect::<BTreeSet<_>>().len(),
+        30,
+        "asked twice: {seen:?}"
+    );
     let standing = scene.labels.standing().await;
     assert_eq!(standing.len(), 30);
     assert!(seen.iter().all(|index| standing.contains_key(index)));
@@ -55,7 +59,8 @@ async fn two_who_label_at_once_are_never_asked_the_same() {
     let ana = scene.visit(&driver, "/label", "Ana").await;
     let ben = scene.visit(&driver, "/label", "Ben").await;
     name(&ana, "milling").await;
-    ben.until("document.querySelectorAll('.class').length === 1").await;
+    ben.until("document.querySelectorAll('.class').length === 1")
+        .await;
     let label = async |window| {
         let mut seen = Vec::new();
         for _ in 0..20 {
@@ -89,7 +94,9 @@ async fn a_killed_coordinator_loses_no_answer() {
         process
     };
     let coordinator = serve();
-    let window = driver.open(&format!("http://{listen}/campaigns/small-1/label")).await;
+    let window = driver
+        .open(&format!("http://{listen}/campaigns/small-1/label"))
+        .await;
     introduce(&window, "Ana").await;
     let mut seen = vec![name(&window, "milling").await];
     for _ in 0..4 {
@@ -109,7 +116,10 @@ async fn a_killed_coordinator_loses_no_answer() {
     seen.push(answer(&window, "1").await);
     saved(&window).await;
     let standing = Labels::at(&format!("http://{listen}")).await.standing().await;
-    assert_eq!(standing.into_keys().collect::<BTreeSet<_>>(), seen.into_iter().collect());
+    assert_eq!(
+        standing.into_keys().collect::<BTreeSet<_>>(),
+        seen.into_iter().collect()
+    );
     asked(&window).await;
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));

@@ -5,6 +5,7 @@
 
 mod driver;
 mod labelling;
+mod learning;
 mod looks;
 mod scene;
 mod selecting;

@@ -1,7 +1,10 @@
 //! A coordinator with a finished campaign, and somebody who looks at it.
 
 use crate::driver::{Driver, Window};
-use murmuration_proto::v1::{self, label_service_client::LabelServiceClient};
+use murmuration_proto::{
+    CampaignSpec,
+    v1::{self, label_service_client::LabelServiceClient},
+};
 use murmuration_tests::{Cluster, small_spec};
 use std::collections::BTreeMap;
 use tempfile::TempDir;
@@ -19,9 +22,13 @@ pub struct Labels(LabelServiceClient<Channel>);
 
 impl Scene {
     pub async fn set() -> Self {
+        Self::of(&small_spec("")).await
+    }
+
+    pub async fn of(spec: &CampaignSpec) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut cluster = Cluster::start(folder.path(), 2).await;
-        cluster.run(&small_spec("")).await;
+        cluster.run(spec).await;
         let labels = Labels(LabelServiceClient::new(cluster.channel().await));
         Self {
             _folder: folder,

@@ -17,7 +17,12 @@ const ACROSS: &str = "(async () => { \
 async fn lasso_ten(window: &Window) -> usize {
     let shown = window.value(ACROSS).await;
     let (width, height) = (shown[0].as_f64().unwrap(), shown[1].as_f64().unwrap());
-    let mut across: Vec<f64> = shown[2].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+    let mut across: Vec<f64> = shown[2]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap())
+        .collect();
     across.sort_by(f64::total_cmp);
     let (count, edge) = (10..across.len())
         .map(|count| (count, across[count - 1].midpoint(across[count])))
@@ -73,10 +78,18 @@ async fn a_cluster_is_named_but_for_those_that_differ() {
     let Some(driver) = Driver::start() else { return };
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/sheet", "Ana").await;
-    window.until("document.querySelectorAll('.card').length > 3").await;
-    let shown = window.value("document.querySelectorAll('.card').length").await.as_u64().unwrap();
+    window
+        .until("document.querySelectorAll('.card').length > 3")
+        .await;
+    let shown = window
+        .value("document.querySelectorAll('.card').length")
+        .await
+        .as_u64()
+        .unwrap();
     window.click(".card:nth-child(2)").await;
-    window.until("document.querySelectorAll('.card[aria-pressed=true]').length === 1").await;
+    window
+        .until("document.querySelectorAll('.card[aria-pressed=true]').length === 1")
+        .await;
     window.press("n").await;
     window.press("same").await;
     window.press("\u{e007}").await;
@@ -85,8 +98,10 @@ async fn a_cluster_is_named_but_for_those_that_differ() {
     // One key takes all of it back.
     window.press("u").await;
     window
-        .until("document.getElementById('status').textContent === 'All saved.' && \
-                document.querySelectorAll('.card').length > 3")
+        .until(
+            "document.getElementById('status').textContent === 'All saved.' && \
+                document.querySelectorAll('.card').length > 3",
+        )
         .await;
     assert_eq!(scene.labels.standing().await.len(), 0);
     window.close().await;
@@ -98,12 +113,16 @@ async fn medoids_are_named_and_the_report_is_taken_away() {
     let Some(driver) = Driver::start() else { return };
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/taxonomy", "Ana").await;
-    window.until("document.querySelectorAll('.medoid').length === 4").await;
+    window
+        .until("document.querySelectorAll('.medoid').length === 4")
+        .await;
     window.click(".medoid:first-of-type input").await;
     window.press("milling").await;
     window.press("\u{e007}").await;
     saved(&window).await;
-    let index = window.value("Number(document.querySelector('.medoid').dataset.index)").await;
+    let index = window
+        .value("Number(document.querySelector('.medoid').dataset.index)")
+        .await;
     assert_eq!(scene.labels.standing().await[&index.as_u64().unwrap()], "milling");
     window.driver.refresh().await.unwrap();
     window
@@ -120,6 +139,11 @@ async fn medoids_are_named_and_the_report_is_taken_away() {
         );
         answer.body_mut().read_to_string().unwrap()
     });
-    assert!(report.await.unwrap().contains("these 4 behaviours stand for them all"));
+    assert!(
+        report
+            .await
+            .unwrap()
+            .contains("these 4 behaviours stand for them all")
+    );
     scene.cluster.stop().await;
 }

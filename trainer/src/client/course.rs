@@ -1,20 +1,17 @@
 //! The epochs of a training, one after the other, on a thread that may block.
 
 use super::{
+    dataset::Material,
     job::{Event, Undone},
     task::Task,
 };
 use crate::{
-    pictures::Pictures,
     publication::Publication,
     training::{Progress, Training, TrainingError},
 };
 use murmuration_embed::Runtime;
 use murmuration_proto::v1;
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 
 /// Least time between two snapshots: small trainings would send more of them than they compute.
@@ -23,9 +20,7 @@ const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
 /// All that a training is done with.
 pub(super) struct Course {
     pub(super) task: Task,
-    pub(super) pictures: Arc<Pictures>,
-    /// The training that was put aside; empty if none was.
-    pub(super) saved: Vec<u8>,
+    pub(super) material: Material,
     pub(super) runtime: Runtime,
     /// Closed once nobody wants the training any more.
     pub(super) events: mpsc::Sender<Event>,
@@ -65,22 +60,31 @@ impl Course {
             "trained"
         );
         let configuration = &self.task.configuration;
-        Publication::of(&training, configuration, &self.pictures, &self.runtime).map_err(Undone::fatal)
+        Publication::of(&training, configuration, &self.material.pictures, &self.runtime)
+            .map_err(Undone::fatal)
     }
 
     /// The training, taken up where it was put aside if that can be.
     fn begin(&mut self) -> Result<Training, Undone> {
-        let configuration = &self.task.configuration;
-        let saved = std::mem::take(&mut self.saved);
+        let saved = std::mem::take(&mut self.material.saved);
         if !saved.is_empty() {
-            match Training::restore(configuration, self.pictures.clone(), &saved) {
+            match self.fresh().and_then(|training| training.taken_up(&saved)) {
                 Err(error @ (TrainingError::Damaged(_) | TrainingError::Other(_))) => {
                     tracing::warn!(campaign = self.task.campaign, %error, "training from the first epoch");
                 }
                 restored => return restored.map_err(Undone::fatal),
             }
         }
-        Training::new(configuration, self.pictures.clone()).map_err(Undone::fatal)
+        self.fresh().map_err(Undone::fatal)
+    }
+
+    /// The training before its first epoch.
+    fn fresh(&self) -> Result<Training, TrainingError> {
+        let (configuration, pictures) = (&self.task.configuration, self.material.pictures.clone());
+        match &self.material.fine_tuning {
+            Some(fine_tuning) => Training::fine_tune(configuration, pictures, fine_tuning.clone()),
+            None => Training::new(configuration, pictures),
+        }
     }
 
     fn tell(&self, event: Event) -> Result<(), Undone> {

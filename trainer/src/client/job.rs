@@ -134,14 +134,13 @@ async fn train(
     // First of all: nobody should train for long to learn that it cannot be checked.
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::fatal)?;
     let turn = turn.lock_owned().await;
-    let (pictures, saved) = tokio::select! {
+    let material = tokio::select! {
         fetched = dataset::fetch(&task, &coordinator) => fetched?,
         () = stopped(&mut stop) => return Err(Undone::retryable("the trainer is leaving")),
     };
     let course = Course {
         task,
-        pictures: Arc::new(pictures),
-        saved,
+        material,
         runtime,
         events,
         stop,

@@ -1,7 +1,7 @@
 //! A training task taken in from the wire.
 
 use super::job::Undone;
-use murmuration_proto::{Dataset, Invalid, training::Configuration, v1};
+use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configuration, v1};
 
 /// A training to be done.
 #[derive(Debug)]
@@ -12,6 +12,31 @@ pub(super) struct Task {
     pub(super) views: usize,
     /// Bytes of all pictures.
     pub(super) bytes: usize,
+    /// What it goes on from, if it learns from labels.
+    pub(super) lesson: Option<LessonTask>,
+}
+
+/// Labels to be learned from.
+#[derive(Debug)]
+pub(super) struct LessonTask {
+    /// The checkpoint to go on from.
+    pub(super) parent: CheckpointDigest,
+    /// Bytes of all labelled pictures.
+    pub(super) bytes: usize,
+}
+
+/// Bytes of so many pictures, if a trainer holds as much.
+fn bytes(field: &str, side: u32, (views, behaviours): (u32, u32)) -> Result<usize, Undone> {
+    let bytes = [side, side, views, behaviours]
+        .iter()
+        .try_fold(1_u64, |product, &size| product.checked_mul(size.into()))
+        .filter(|&bytes| bytes <= Dataset::MAX_BYTES)
+        .and_then(|bytes| usize::try_from(bytes).ok());
+    bytes.ok_or_else(|| {
+        let value = format!("{behaviours} of {views} pictures, side {side}");
+        let allowed = format!("at most {} bytes of pictures in all", Dataset::MAX_BYTES);
+        Undone::fatal(Invalid::new(field, value, allowed))
+    })
 }
 
 impl TryFrom<v1::Lease> for Task {
@@ -25,26 +50,22 @@ impl TryFrom<v1::Lease> for Task {
         };
         let configuration = Configuration::from_toml(&task.configuration)
             .map_err(|error| Undone::fatal(format!("the training's configuration: {error}")))?;
-        let sizes = [task.side, task.side, task.views, task.behaviours];
-        let bytes = sizes
-            .iter()
-            .try_fold(1_u64, |product, &size| product.checked_mul(size.into()))
-            .filter(|&bytes| bytes <= Dataset::MAX_BYTES)
-            .and_then(|bytes| usize::try_from(bytes).ok());
-        let bytes = bytes.ok_or_else(|| {
-            let value = format!(
-                "{} of {} pictures, side {}",
-                task.behaviours, task.views, task.side
-            );
-            let allowed = format!("at most {} bytes of pictures in all", Dataset::MAX_BYTES);
-            Undone::fatal(Invalid::new("behaviours", value, allowed))
-        })?;
+        let lesson = match task.parent.as_str() {
+            "" => None,
+            parent => Some(LessonTask {
+                parent: parent
+                    .parse()
+                    .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
+                bytes: bytes("labelled", task.side, (1, task.labelled))?,
+            }),
+        };
         Ok(Self {
+            bytes: bytes("behaviours", task.side, (task.views, task.behaviours))?,
+            lesson,
             campaign: task.campaign,
             configuration,
             side: task.side as usize,
             views: task.views as usize,
-            bytes,
         })
     }
 }
@@ -62,6 +83,8 @@ mod tests {
                 side: 50,
                 views: 2,
                 behaviours,
+                parent: String::new(),
+                labelled: 0,
             })),
         }
     }

@@ -1,6 +1,6 @@
 //! Training further, from a trained network on, on what people have labelled.
 
-use super::{Training, TrainingError, saved};
+use super::{Training, TrainingError};
 use crate::{labelled_pictures::LabelledPictures, network::Network, onnx, pictures::Pictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use std::sync::Arc;
@@ -53,22 +53,6 @@ impl Training {
             parent: CheckpointDigest::of(&onnx::export(&parent)),
         };
         Ok(Self::starting_with(parent, configuration, pictures, Some(lesson)))
-    }
-
-    /// Takes up a training on labels that [`Training::save`] put aside: it goes on as if it had never stopped.
-    ///
-    /// # Errors
-    /// As [`Training::fine_tune`], and where `saved` is damaged or of another configuration, other pictures, labels
-    /// or another parent.
-    pub fn restore_fine_tuning(
-        configuration: &Configuration,
-        pictures: Arc<Pictures>,
-        fine_tuning: FineTuning,
-        saved: &[u8],
-    ) -> Result<Self, TrainingError> {
-        let mut training = Self::fine_tune(configuration, pictures, fine_tuning)?;
-        saved::restore(&mut training, saved)?;
-        Ok(training)
     }
 
     /// What it learns from labels, if its recipe does.

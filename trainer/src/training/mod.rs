@@ -157,18 +157,13 @@ impl Training {
         }
     }
 
-    /// Takes up a training that [`Training::save`] put aside: it goes on as if it had never stopped.
+    /// The same training where [`Training::save`] put it aside: it goes on as if it had never stopped.
     ///
     /// # Errors
-    /// As [`Training::new`], and where `saved` is damaged or of another configuration or other pictures.
-    pub fn restore(
-        configuration: &Configuration,
-        pictures: Arc<Pictures>,
-        saved: &[u8],
-    ) -> Result<Self, TrainingError> {
-        let mut training = Self::new(configuration, pictures)?;
-        saved::restore(&mut training, saved)?;
-        Ok(training)
+    /// Where `saved` is damaged, or of another configuration, other pictures, labels or another parent.
+    pub fn taken_up(mut self, saved: &[u8]) -> Result<Self, TrainingError> {
+        saved::restore(&mut self, saved)?;
+        Ok(self)
     }
 
     /// The training as bytes, the optimiser's state included. Equal trainings have equal bytes.

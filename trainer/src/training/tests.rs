@@ -79,7 +79,7 @@ fn a_training_that_was_interrupted_ends_as_one_that_was_not() {
             for _ in 0..epochs {
                 first.step();
             }
-            let second = Training::restore(&configuration(recipe), bars(), &first.save()).unwrap();
+            let second = training(recipe).taken_up(&first.save()).unwrap();
             assert_eq!(second.epoch(), epochs);
             assert!(finished(second).save() == whole.save());
         }
@@ -181,8 +181,8 @@ fn the_papers_training_stops_at_a_low_loss_or_when_it_diverges() {
 #[test]
 fn what_was_saved_of_another_training_is_refused() {
     let refusal = |text: &str, saved: &[u8]| {
-        let restored = Training::restore(&configuration(text), bars(), saved);
-        restored.unwrap_err().to_string()
+        let taken_up = training(text).taken_up(saved);
+        taken_up.unwrap_err().to_string()
     };
     let saved = training(IN_BATCH).save();
     assert!(refusal(PAPER, &saved).contains("another configuration"));
@@ -193,7 +193,8 @@ fn what_was_saved_of_another_training_is_refused() {
     flipped[middle] ^= 1;
     assert!(refusal(IN_BATCH, &flipped).contains("bytes have changed"));
     let other = Arc::new(Pictures::new(12, 1, vec![3; 144 * 8]).unwrap());
-    let error = Training::restore(&configuration(IN_BATCH), other, &saved).unwrap_err();
+    let other = Training::new(&configuration(IN_BATCH), other).unwrap();
+    let error = other.taken_up(&saved).unwrap_err();
     assert!(matches!(error, TrainingError::Other("set of pictures")));
 }
 

@@ -6,10 +6,12 @@
 
 mod attempts;
 mod backoff;
+mod checkpoints;
 mod link;
 mod stop;
 
 pub use attempts::{attempts, may_pass};
+pub use checkpoints::fetch_checkpoint;
 pub use link::{Broken, Link};
 pub use stop::{stopped, termination};
 

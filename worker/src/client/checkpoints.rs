@@ -3,12 +3,8 @@
 use murmuration_embed::{
     Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
 };
-use murmuration_link::{attempts, may_pass};
-use murmuration_proto::{
-    CheckpointDigest,
-    onnx::MAX_MODEL_BYTES,
-    v1::{self, checkpoint_service_client::CheckpointServiceClient},
-};
+use murmuration_link::{fetch_checkpoint, may_pass};
+use murmuration_proto::CheckpointDigest;
 use std::{
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
@@ -82,35 +78,14 @@ impl Checkpoints {
     /// The bytes that the coordinator has under this digest, unchecked. Blocks: for threads outside the runtime.
     pub(super) fn fetch(&self, digest: CheckpointDigest) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
-        let client = CheckpointServiceClient::new(self.coordinator.clone());
+        let coordinator = self.coordinator.clone();
         self.runtime.spawn(async move {
-            let fetched = attempts(|| receive(client.clone(), digest)).await;
             // The thread waits for it.
-            let _ = reply.send(fetched);
+            let _ = reply.send(fetch_checkpoint(&coordinator, digest).await);
         });
         answer
             .blocking_recv()
             .unwrap_or_else(|_| Err(Status::unavailable("the worker is leaving")))
             .map_err(NotFetched)
     }
-}
-
-async fn receive(
-    mut client: CheckpointServiceClient<Channel>,
-    digest: CheckpointDigest,
-) -> Result<Vec<u8>, Status> {
-    let request = v1::FetchCheckpointRequest {
-        digest: digest.to_string(),
-    };
-    let mut chunks = client.fetch_checkpoint(request).await?.into_inner();
-    let mut bytes = Vec::new();
-    while let Some(chunk) = chunks.message().await? {
-        if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {
-            return Err(Status::data_loss(format!(
-                "more than {MAX_MODEL_BYTES} bytes came"
-            )));
-        }
-        bytes.extend_from_slice(&chunk.data);
-    }
-    Ok(bytes)
 }

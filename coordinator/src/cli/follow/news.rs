@@ -1,7 +1,7 @@
 //! What a campaign's status says to a person.
 
 use indicatif::{HumanCount, HumanDuration};
-use murmuration_proto::{CampaignSpec, EmbedderSource, Search, v1};
+use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, v1};
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
@@ -22,6 +22,8 @@ pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
         v1::CampaignStage::Pretrain => "pretrain",
         v1::CampaignStage::Embed => "embed",
         v1::CampaignStage::Evolve => "evolve",
+        v1::CampaignStage::Label => "label",
+        v1::CampaignStage::FineTune => "fine-tune",
         v1::CampaignStage::Taxonomy => "taxonomy",
     }
 }
@@ -39,7 +41,15 @@ impl News {
                 let done = status.dataset_done.min(total);
                 Self::counted(status, (done, total), "pictures", "simulations")
             }
-            v1::CampaignStage::Pretrain => Self::training(status),
+            v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune => Self::training(status),
+            v1::CampaignStage::Label => {
+                let total = spec
+                    .as_ref()
+                    .and_then(CampaignSpec::feedback)
+                    .map_or(0, Feedback::labels);
+                let done = status.labelled.min(total);
+                Self::counted(status, (done.into(), total.into()), "individuals", "labels")
+            }
             v1::CampaignStage::Embed => {
                 let search = spec.as_ref().map(|spec| *spec.search());
                 let total = u64::from(status.generations_done) * population(search);
@@ -98,8 +108,8 @@ impl News {
     }
 
     fn evolution(status: &v1::Campaign, search: Option<Search>) -> Self {
-        let (total, generations) =
-            search.map_or((0, 0), |search| (search.evaluations(), search.generations()));
+        let generations = status.generations;
+        let total = u64::from(generations) * population(search);
         let done = u64::from(status.generations_done) * population(search)
             + u64::from(status.evaluated_in_generation);
         let done = done.min(total);

@@ -4,7 +4,7 @@ use crate::{
     labels::{
         Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label, Refusal,
     },
-    queries::{Asked, Holder, Query, QueryError, Strategy, Wish},
+    queries::{Asked, Holder, Query, QueryError, Wish},
     space::SpaceError,
     store::LabelError,
 };
@@ -68,18 +68,7 @@ impl TryFrom<v1::NextQueriesRequest> for Wish {
     type Error = Invalid;
 
     fn try_from(message: v1::NextQueriesRequest) -> Result<Self, Invalid> {
-        let strategy = match message.strategy() {
-            v1::QueryStrategy::Random => Strategy::Random,
-            v1::QueryStrategy::Medoids => Strategy::Medoids,
-            v1::QueryStrategy::Committee => Strategy::Committee,
-            v1::QueryStrategy::Unspecified => {
-                return Err(Invalid::new(
-                    "strategy",
-                    message.strategy,
-                    "random, medoids or committee",
-                ));
-            }
-        };
+        let strategy = message.strategy().try_into()?;
         if !(1..=MAX_QUERIES).contains(&message.count) {
             let allowed = format!("a whole number from 1 to {MAX_QUERIES}");
             return Err(Invalid::new("count", message.count, allowed));

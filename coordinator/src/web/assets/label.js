@@ -1,7 +1,7 @@
 // One behaviour at a time: what it does, and what somebody says that it is.
 import { annotator, introduced, rename, session } from "./annotator.js";
 import { follow, get, insist, keptAs, path } from "./coordinator.js";
-import { Outbox, complain } from "./outbox.js";
+import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette, isForPage } from "./palette.js";
 import { Player, playerKey } from "./player.js";
 import { Queue } from "./queue.js";
@@ -36,6 +36,7 @@ const outbox = new Outbox(queue.session, {
   },
 });
 const palette = new Palette({ answer, undo });
+beforeLearning(outbox);
 
 function answer(text) {
   if (!queue.first) return;
@@ -123,7 +124,12 @@ settings();
 
 // Others answer too, and the archive grows.
 let labels = null;
+let stands = null;
 follow(async (seen) => {
+  tellDoing(seen);
+  const grown = `${seen.labels} ${seen.checkpoint} ${seen.individuals}`;
+  if (grown === stands) return;
+  stands = grown;
   queue.top();
   if (labels !== seen.labels) palette.show((await insist(() => get("labels"))).classes);
   labels = seen.labels;

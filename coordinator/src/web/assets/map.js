@@ -3,7 +3,7 @@ import { annotator, introduced, session } from "./annotator.js";
 import { follow, get, insist, path, pause } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { lasso, trace } from "./lasso.js";
-import { Outbox, complain } from "./outbox.js";
+import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette, isForPage } from "./palette.js";
 import { Player, playerKey } from "./player.js";
 import { Plot } from "./plot.js";
@@ -29,6 +29,7 @@ const outbox = new Outbox(await session(), {
   changed: (outbox) => outbox.tell(status),
 });
 const palette = new Palette({ answer, undo });
+beforeLearning(outbox);
 
 async function answer(text) {
   if (selected.size === 0) return complain(status, new Error("Draw around behaviours first: they are what is named."));
@@ -186,7 +187,7 @@ addEventListener("resize", () => {
 
 const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array)];
 
-async function settle() {
+function settle() {
   const places = points.places[at("projection").value] ?? points.places.axes;
   plot.place(...places);
   hover(-1);
@@ -204,8 +205,7 @@ async function load() {
   document.querySelector(".plane .empty").hidden = points.count > 0;
   for (const option of at("colouring")) if (option.value === "cluster") option.disabled = sizes.length === 0;
   offer(false);
-  select([]);
-  await settle();
+  settle();
   const loaded = points;
   for (;;) {
     const neighbours = await insist(() => get("points/neighbours"));
@@ -222,7 +222,7 @@ async function load() {
 function offer(there) {
   const option = at("projection").querySelector("[value=neighbours]");
   option.disabled = !there;
-  option.textContent = there ? "t-SNE" : "t-SNE (being computed)";
+  option.textContent = there ? "t-SNE" : "t-SNE (not there yet)";
   if (!there) at("projection").value = "axes";
 }
 
@@ -238,6 +238,7 @@ async function label() {
 let stands = null;
 let entries = null;
 follow(async (seen) => {
+  tellDoing(seen);
   const now = `${seen.checkpoint} ${seen.individuals} ${seen.completed}`;
   const [moved, said] = [now !== stands, seen.labels !== entries];
   [stands, entries] = [now, seen.labels];

@@ -82,6 +82,23 @@ export class Outbox {
   }
 }
 
+// Learning waits until everything that was said is with the coordinator.
+export function beforeLearning(outbox) {
+  const form = document.querySelector("form.learn");
+  form?.addEventListener("submit", async (event) => {
+    if (outbox.items.length === 0) return;
+    event.preventDefault();
+    while (outbox.items.length) await pause(50);
+    form.requestSubmit();
+  });
+}
+
+// What is being done with the campaign, where the page has a place for it.
+export function tellDoing({ doing }) {
+  const line = document.getElementById("doing");
+  if (line) line.textContent = doing ?? "";
+}
+
 export function complain(line, error) {
   line.classList.add("wrong");
   line.textContent = error.message;

@@ -1,9 +1,9 @@
 // A cluster at once: those that differ are marked, the others are named together.
 import { annotator, introduced, session } from "./annotator.js";
-import { get, insist, path } from "./coordinator.js";
+import { follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { encloses, lasso, trace } from "./lasso.js";
-import { Outbox, complain } from "./outbox.js";
+import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette, isForPage } from "./palette.js";
 import { Player } from "./player.js";
 
@@ -38,6 +38,7 @@ const outbox = new Outbox(await session(), {
   },
 });
 const palette = new Palette({ answer, undo });
+beforeLearning(outbox);
 
 function answer(text) {
   const rest = cards().filter((card) => card.getAttribute("aria-pressed") === "false");
@@ -178,3 +179,12 @@ async function load() {
   lay();
 }
 await load();
+
+let stands = null;
+follow((seen) => {
+  tellDoing(seen);
+  const now = `${seen.checkpoint} ${seen.completed}`;
+  // Other clusters.
+  if (stands !== null && stands !== now) load();
+  stands = now;
+});

@@ -58,9 +58,8 @@ fn a_training_that_was_interrupted_ends_as_one_that_was_not() {
             for _ in 0..epochs {
                 first.step();
             }
-            let second =
-                Training::restore_fine_tuning(&configuration(recipe), bars(), fine_tuning(1), &first.save());
-            assert!(finished(second.unwrap()).save() == whole.save());
+            let second = training(recipe).taken_up(&first.save()).unwrap();
+            assert!(finished(second).save() == whole.save());
         }
     }
 }
@@ -152,8 +151,8 @@ fn what_does_not_go_together_is_refused() {
 fn what_was_saved_of_another_training_is_refused() {
     let saved = training(LABELLED).save();
     let refusal = |fine_tuning| {
-        let restored = Training::restore_fine_tuning(&configuration(LABELLED), bars(), fine_tuning, &saved);
-        restored.unwrap_err().to_string()
+        let other = Training::fine_tune(&configuration(LABELLED), bars(), fine_tuning).unwrap();
+        other.taken_up(&saved).unwrap_err().to_string()
     };
     assert!(refusal(fine_tuning(2)).contains("another parent"));
     let labelled = labelled(&[0, 1, 1, 0]);
@@ -163,6 +162,7 @@ fn what_was_saved_of_another_training_is_refused() {
     };
     assert!(refusal(other).contains("another set of labels"));
     let unlabelled = Configuration::from_toml(&format!("{SMALL}[recipe.in-batch]")).unwrap();
-    let error = Training::restore(&unlabelled, bars(), &saved).unwrap_err();
+    let unlabelled = Training::new(&unlabelled, bars()).unwrap();
+    let error = unlabelled.taken_up(&saved).unwrap_err();
     assert!(matches!(error, TrainingError::Other("configuration")));
 }

@@ -1,0 +1,93 @@
+//! What can go wrong with a campaign.
+
+use super::{CampaignId, NotAllowed};
+use crate::{
+    breeding::ProposeError,
+    checkpoints::CheckpointError,
+    dispatch::JobError,
+    novelty::Misfit,
+    queries::QueryError,
+    store::{LabelError, StoreError},
+};
+use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
+
+/// Why a campaign stopped, or could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// Its state does not allow the change.
+    #[error("{0}")]
+    NotAllowed(#[from] NotAllowed),
+    /// A generation could not be evaluated, or an embedder not trained.
+    #[error("{0}")]
+    Job(#[from] JobError),
+    /// A checkpoint cannot be used.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// It has no embedding that another checkpoint could make.
+    #[error(
+        "campaign {id} searches with the method \"{method}\", which has no embedding: no checkpoint suits it"
+    )]
+    NoEmbedding {
+        /// The campaign.
+        id: CampaignId,
+        /// Its method.
+        method: Method,
+    },
+    /// It has no embedder yet that could be fine-tuned.
+    #[error("campaign {0} has no embedder yet: it can learn from labels once its first one is trained")]
+    NoEmbedder(CampaignId),
+    /// Its labels leave nothing to tell apart.
+    #[error(
+        "the labels of campaign {id} name {classes} of the at least 2 classes that it takes to learn from them: \
+         label more individuals"
+    )]
+    TooFewClasses {
+        /// The campaign.
+        id: CampaignId,
+        /// Classes that are named.
+        classes: usize,
+    },
+    /// Its checkpoint does not say how to go on training it.
+    #[error(
+        "checkpoint {checkpoint} cannot be fine-tuned, its configuration is not a trainer's ({reason}): \
+         `murmuration adopt` one that was trained here"
+    )]
+    Untrainable {
+        /// The checkpoint.
+        checkpoint: CheckpointDigest,
+        /// What is wrong with its configuration.
+        reason: String,
+    },
+    /// Nobody could be asked about its individuals.
+    #[error("{0}")]
+    Query(#[from] QueryError),
+    /// Labels could not be stored.
+    #[error("{0}")]
+    Label(#[from] LabelError),
+    /// A generation could not be proposed.
+    #[error("{0}")]
+    Propose(#[from] ProposeError),
+    /// A worker returned features that cannot be compared.
+    #[error("a worker returned an impossible evaluation: {0}")]
+    Misfit(#[from] Misfit),
+    /// Its archive comes from another simulator, whose evaluations differ.
+    #[error(
+        "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \
+         run it with that version, or start a new campaign",
+        SIMULATOR_VERSION
+    )]
+    OtherSimulator {
+        /// The campaign.
+        id: CampaignId,
+        /// Version of the simulator that it was begun with.
+        theirs: String,
+    },
+    /// A bug: the search itself broke off.
+    #[error(
+        "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
+    )]
+    Broken,
+}

@@ -1,0 +1,36 @@
+//! The label stage of a round that nobody attends: the synthetic annotator labels in a person's place.
+
+use super::{
+    CampaignError,
+    live::Live,
+    run::{Means, Outcome, blocking},
+};
+use crate::{labels::RequestId, store::CampaignRecord};
+
+/// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
+pub(super) async fn label(
+    means: &Means,
+    record: CampaignRecord,
+    live: &mut Live,
+) -> Result<Outcome, CampaignError> {
+    let Some(feedback) = record.spec.feedback() else {
+        return Ok(Outcome::Done);
+    };
+    let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
+    let answered = live
+        .until_stopped(|done| means.annotator.answers(&record, strategy, count, done))
+        .await;
+    let Some(answers) = answered else {
+        return Ok(Outcome::Stopped);
+    };
+    let answers = answers?;
+    let store = means.store.clone();
+    let request = RequestId::of_round(record.rounds_done + 1);
+    blocking(move || {
+        store.answer_round(&record.id, &request, answers)?;
+        let labels = store.labels(&record.id)?;
+        super::campaigns::check_lesson(&record.id, &labels)
+    })
+    .await??;
+    Ok(Outcome::Done)
+}

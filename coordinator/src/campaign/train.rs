@@ -1,0 +1,71 @@
+//! A training as a stage waits for it: what the trainer tells is passed on, what it puts aside is kept.
+
+use super::{
+    CampaignError, CampaignId,
+    live::Live,
+    run::{Means, blocking},
+};
+use crate::{
+    dispatch::{Lesson, TrainingJob},
+    store::{CampaignRecord, SavedTraining, Store, TrainingPictures},
+};
+use murmuration_proto::{CheckpointDigest, training::Configuration};
+use tokio::sync::watch;
+
+/// Has an embedder trained and published; `None` if the campaign is to stop.
+pub(super) async fn train(
+    means: &Means,
+    record: &CampaignRecord,
+    (configuration, lesson): (Configuration, Option<Lesson>),
+    live: &mut Live,
+) -> Result<Option<CheckpointDigest>, CampaignError> {
+    let (progress, mut reports) = watch::channel(None);
+    let (saved, snapshots) = watch::channel(None);
+    let job = TrainingJob {
+        campaign: record.id.clone(),
+        configuration,
+        side: record.spec.image().resolution(),
+        pictures: TrainingPictures::of(record),
+        lesson,
+        progress,
+        saved,
+    };
+    let keeping = tokio::spawn(keep(means.store.clone(), record.id.clone(), snapshots));
+    let trained = {
+        let training = means.trainers.train(job);
+        tokio::pin!(training);
+        loop {
+            tokio::select! {
+                biased;
+                () = live.stopped() => break None,
+                checkpoint = &mut training => break Some(checkpoint),
+                Ok(()) = reports.changed() => live.training(*reports.borrow_and_update()),
+            }
+        }
+    };
+    // The job is over, so there are no further snapshots: the last is on disk when this ends.
+    if keeping.await.is_err() {
+        return Err(CampaignError::Broken);
+    }
+    let Some(checkpoint) = trained.transpose()? else {
+        return Ok(None);
+    };
+    means.checkpoints.describe(checkpoint).await?;
+    Ok(Some(checkpoint))
+}
+
+/// Writes the newest snapshot to disk, again and again until there will be no more.
+async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Option<SavedTraining>>) {
+    while snapshots.changed().await.is_ok() {
+        let Some(training) = snapshots.borrow_and_update().clone() else {
+            continue;
+        };
+        let (store, id) = (store.clone(), id.clone());
+        match blocking(move || store.save_training(&id, &training)).await {
+            Ok(Ok(())) => {}
+            // Only time would be lost: the training goes on, and a later snapshot may fit.
+            Ok(Err(error)) => tracing::warn!(%error, "a training could not be put aside"),
+            Err(error) => tracing::warn!(%error, "a training could not be put aside"),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Rounds of feedback: what a fine-tuning learns from, from the first label to the move to what it made.
+
+use super::{
+    CampaignRecord, Store, StoreError,
+    campaigns::number_of,
+    embeddings::begin_move,
+    labels::{self, LabelError},
+};
+use crate::{
+    campaign::{CampaignId, CampaignState},
+    labels::{Change, Labels, RequestId},
+};
+use murmuration_proto::{CheckpointDigest, EmbedderSource};
+use rusqlite::{Transaction, params};
+use std::ops::Range;
+
+/// Most individuals of an archive that a training without a dataset looks at.
+const MOST_FROM_ARCHIVE: u64 = 10_000;
+
+/// Where the pictures without labels come from that embedders of a campaign are trained on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TrainingPictures {
+    /// Pictures of each behaviour.
+    pub views: u32,
+    /// Number of behaviours.
+    pub behaviours: u32,
+    /// They are the archive's, for want of a dataset.
+    from_archive: bool,
+}
+
+impl TrainingPictures {
+    /// Those of a campaign: its dataset, or the beginning of its archive where it was begun with a published checkpoint.
+    #[must_use]
+    pub fn of(record: &CampaignRecord) -> Self {
+        match record.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => Self {
+                views: dataset.starts(),
+                behaviours: dataset.controllers(),
+                from_archive: false,
+            },
+            Some(EmbedderSource::Published(_)) | None => Self {
+                views: 1,
+                behaviours: record.individuals().min(MOST_FROM_ARCHIVE) as u32,
+                from_archive: true,
+            },
+        }
+    }
+
+    /// Number of pictures.
+    #[must_use]
+    pub const fn count(&self) -> u64 {
+        self.views as u64 * self.behaviours as u64
+    }
+}
+
+impl Store {
+    /// Begins a round: the campaign is to be fine-tuned on the first `lesson` entries of its label log, from its first
+    /// epoch on, and runs.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn begin_round(&self, campaign: &CampaignId, lesson: u64) -> Result<(), StoreError> {
+        self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, lesson))
+    }
+
+    /// Adds what a request says to the label log, as [`Store::add_labels`] does, and begins a round with the log as it
+    /// is then, all in one transaction.
+    ///
+    /// # Errors
+    /// As [`Store::add_labels`]; nothing has changed then.
+    pub fn answer_round(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        changes: Vec<Change>,
+    ) -> Result<(), LabelError> {
+        self.write(|transaction| {
+            match labels::add(transaction, campaign, request, changes) {
+                Err(LabelError::Store(error)) => return Err(error),
+                Err(refused) => return Ok(Err(refused)),
+                Ok(_) => {}
+            }
+            let number = number_of(transaction, campaign)?;
+            let entries: i64 = transaction.query_row(
+                "SELECT count(*) FROM labels WHERE campaign = ?1",
+                [number],
+                |row| row.get(0),
+            )?;
+            begin(transaction, number, entries.unsigned_abs()).map(Ok)
+        })?
+    }
+
+    /// The labels that a round learns from.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn lesson(&self, campaign: &CampaignId, entries: u64) -> Result<Labels, StoreError> {
+        let mut log = self.label_log(campaign)?;
+        log.truncate(usize::try_from(entries).unwrap_or(usize::MAX));
+        let mut labels = Labels::default();
+        labels
+            .follow(log)
+            .map_err(|error| StoreError::damaged(error.to_string()))?;
+        Ok(labels)
+    }
+
+    /// Ends a round: the campaign moves to the checkpoint that was fine-tuned.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCheckpoint`], or if it cannot be written.
+    pub fn finish_round(
+        &self,
+        campaign: &CampaignId,
+        checkpoint: CheckpointDigest,
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            transaction.execute(
+                "UPDATE campaigns SET rounds = rounds + 1, lesson = NULL WHERE number = ?1",
+                [number],
+            )?;
+            begin_move(transaction, number, checkpoint)
+        })
+    }
+
+    /// The images at the places `range` of a campaign's [`TrainingPictures`], in order, one after the other, as far as
+    /// there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn training_images(&self, record: &CampaignRecord, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
+        let pictures = TrainingPictures::of(record);
+        let range = range.start..range.end.min(pictures.count());
+        if !pictures.from_archive {
+            return self.dataset_images(&record.id, range);
+        }
+        let individuals = self.individuals(&record.id, record.spec.model(), range, true)?;
+        Ok(individuals
+            .into_iter()
+            .flat_map(|individual| individual.image.unwrap_or_default())
+            .collect())
+    }
+}
+
+fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> Result<(), StoreError> {
+    transaction.execute(
+        "UPDATE campaigns SET lesson = ?2, state = ?3, error = '' WHERE number = ?1",
+        params![
+            number,
+            super::archive::clamped(lesson),
+            CampaignState::Running.name()
+        ],
+    )?;
+    // Of other labels.
+    transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,235 @@
+//! How people, or the rule-based judge in their place, teach a campaign.
+
+use crate::{Invalid, invalid, training::Recipe, v1};
+use std::fmt;
+
+/// How it is chosen what to ask next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Strategy {
+    /// By lot.
+    Random,
+    /// The medoids of the archive, then the members of their clusters that nearly belong to another.
+    Medoids,
+    /// Where several embeddings differ most about what is near to what.
+    Committee,
+}
+
+/// How a campaign is taught, round by round: individuals are labelled, the embedder is fine-tuned on all labels, the
+/// archive moves to it, and the search goes on there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Feedback {
+    rounds: u32,
+    labels: u32,
+    strategy: Strategy,
+    generations: u32,
+    recipe: Recipe,
+}
+
+impl Feedback {
+    /// Rounds in which the rule-based judge labels, unattended: 0 to 1,000. Others begin when somebody asks for them.
+    #[must_use]
+    pub const fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
+    /// Individuals that it labels in a round, 2 to 50,000.
+    #[must_use]
+    pub const fn labels(&self) -> u32 {
+        self.labels
+    }
+
+    /// How those are chosen.
+    #[must_use]
+    pub const fn strategy(&self) -> Strategy {
+        self.strategy
+    }
+
+    /// Generations that the search goes on for after each round, whoever labelled: 0 to 100,000.
+    #[must_use]
+    pub const fn generations(&self) -> u32 {
+        self.generations
+    }
+
+    /// How the embedder is fine-tuned; [it learns from labels](Recipe::is_labelled).
+    #[must_use]
+    pub const fn recipe(&self) -> &Recipe {
+        &self.recipe
+    }
+}
+
+impl TryFrom<v1::Feedback> for Feedback {
+    type Error = Invalid;
+
+    fn try_from(message: v1::Feedback) -> Result<Self, Invalid> {
+        let strategy = message.strategy.as_deref().unwrap_or("medoids");
+        Ok(Self {
+            rounds: invalid::whole("rounds", message.rounds.unwrap_or(0), 0..=1_000)?,
+            labels: invalid::whole("labels", message.labels.unwrap_or(100), 2..=50_000)?,
+            strategy: strategy.parse()?,
+            generations: invalid::whole("generations", message.generations.unwrap_or(20), 0..=100_000)?,
+            recipe: recipe(message.recipe.as_deref())?,
+        })
+    }
+}
+
+/// The recipe `labelled` where nothing is said.
+fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
+    let Some(text) = text else {
+        return Recipe::named("labelled");
+    };
+    let unreadable = |error: toml::de::Error| {
+        let allowed = format!("a recipe for labels: {}", error.message());
+        Invalid::new("recipe", "a table", allowed)
+    };
+    let recipe: Recipe = toml::from_str(text).map_err(unreadable)?;
+    recipe.check().map_err(|error| error.within("recipe"))?;
+    if recipe.is_labelled() {
+        return Ok(recipe);
+    }
+    let named = format!("\"{}\"", recipe.name());
+    Err(Invalid::new(
+        "recipe",
+        named,
+        "\"labelled\" or \"paper-labelled\"",
+    ))
+}
+
+impl From<&Feedback> for v1::Feedback {
+    fn from(feedback: &Feedback) -> Self {
+        Self {
+            rounds: Some(feedback.rounds),
+            labels: Some(feedback.labels),
+            strategy: Some(feedback.strategy.to_string()),
+            generations: Some(feedback.generations),
+            recipe: Some(toml::to_string(&feedback.recipe).unwrap_or_default()),
+        }
+    }
+}
+
+impl Strategy {
+    /// Every strategy.
+    pub const ALL: [Self; 3] = [Self::Random, Self::Medoids, Self::Committee];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Random => "random",
+            Self::Medoids => "medoids",
+            Self::Committee => "committee",
+        }
+    }
+}
+
+impl fmt::Display for Strategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Strategy {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        let named = Self::ALL.into_iter().find(|strategy| strategy.name() == name);
+        named.ok_or_else(|| {
+            let names = Self::ALL.map(|strategy| format!("\"{strategy}\""));
+            Invalid::new("strategy", format!("\"{name}\""), names.join(" or "))
+        })
+    }
+}
+
+impl TryFrom<v1::QueryStrategy> for Strategy {
+    type Error = Invalid;
+
+    fn try_from(strategy: v1::QueryStrategy) -> Result<Self, Invalid> {
+        match strategy {
+            v1::QueryStrategy::Random => Ok(Self::Random),
+            v1::QueryStrategy::Medoids => Ok(Self::Medoids),
+            v1::QueryStrategy::Committee => Ok(Self::Committee),
+            v1::QueryStrategy::Unspecified => Err(Invalid::new(
+                "strategy",
+                "nothing",
+                "random, medoids or committee",
+            )),
+        }
+    }
+}
+
+impl From<Strategy> for v1::QueryStrategy {
+    fn from(strategy: Strategy) -> Self {
+        match strategy {
+            Strategy::Random => Self::Random,
+            Strategy::Medoids => Self::Medoids,
+            Strategy::Committee => Self::Committee,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::CampaignSpec;
+
+    fn spec(text: &str) -> Result<CampaignSpec, String> {
+        let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\n{text}");
+        CampaignSpec::from_toml(&text).map_err(|error| error.to_string())
+    }
+
+    #[track_caller]
+    fn check_refused(text: &str, said: &str) {
+        let error = spec(text).unwrap_err();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    }
+
+    #[test]
+    fn nobody_labels_unless_asked() {
+        let spec = spec("").unwrap();
+        let feedback = spec.feedback().unwrap();
+        assert_eq!((feedback.rounds(), feedback.recipe().name()), (0, "labelled"));
+        let spec = CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"hand-crafted\"").unwrap();
+        assert!(spec.feedback().is_none());
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let spec = spec(
+            "[feedback]\nrounds = 2\nlabels = 30\nstrategy = \"random\"\ngenerations = 0\n\
+             [feedback.recipe.paper-labelled]\nepochs = 7",
+        )
+        .unwrap();
+        assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+        let feedback = spec.feedback().unwrap();
+        assert_eq!(
+            (feedback.rounds(), feedback.labels(), feedback.generations()),
+            (2, 30, 0)
+        );
+        assert_eq!(
+            (feedback.recipe().name(), feedback.recipe().epochs()),
+            ("paper-labelled", 7)
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        check_refused("[feedback]\nround = 1", "unknown field `round`");
+        check_refused(
+            "[feedback]\nlabels = 1",
+            "feedback.labels = 1: must be a whole number from 2",
+        );
+        check_refused(
+            "[feedback]\nstrategy = \"best\"",
+            "feedback.strategy = \"best\": must be \"random\"",
+        );
+        check_refused(
+            "[feedback.recipe.in-batch]",
+            "feedback.recipe = \"in-batch\": must be \"labelled\"",
+        );
+        check_refused(
+            "[feedback.recipe.labelled]\nper_class = 1",
+            "feedback.recipe.labelled.per_class = 1",
+        );
+        let text = "model = \"single-sensor\"\nmethod = \"random\"\n[feedback]";
+        let error = CampaignSpec::from_toml(text).unwrap_err().to_string();
+        assert!(error.contains("feedback = given: must be absent"), "{error}");
+    }
+}

@@ -1,0 +1,38 @@
+//! Published embedders, as the coordinator at the other end has them.
+
+use crate::attempts;
+use murmuration_proto::{
+    CheckpointDigest,
+    onnx::MAX_MODEL_BYTES,
+    v1::{self, checkpoint_service_client::CheckpointServiceClient},
+};
+use tonic::{Status, transport::Channel};
+
+/// The bytes that the coordinator has under a digest, unchecked: at most [`MAX_MODEL_BYTES`]. Tries again while the
+/// coordinator is away.
+///
+/// # Errors
+/// Where there is none of that digest, or the coordinator was away for too long.
+pub async fn fetch_checkpoint(coordinator: &Channel, digest: CheckpointDigest) -> Result<Vec<u8>, Status> {
+    attempts(|| receive(CheckpointServiceClient::new(coordinator.clone()), digest)).await
+}
+
+async fn receive(
+    mut client: CheckpointServiceClient<Channel>,
+    digest: CheckpointDigest,
+) -> Result<Vec<u8>, Status> {
+    let request = v1::FetchCheckpointRequest {
+        digest: digest.to_string(),
+    };
+    let mut chunks = client.fetch_checkpoint(request).await?.into_inner();
+    let mut bytes = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {
+            return Err(Status::data_loss(format!(
+                "more than {MAX_MODEL_BYTES} bytes came"
+            )));
+        }
+        bytes.extend_from_slice(&chunk.data);
+    }
+    Ok(bytes)
+}
