@@ -29,7 +29,7 @@ pub(super) fn palette(single: bool) -> Markup {
             div.classes {}
             form.naming.new {
                 label { span.unseen { "Class" }
-                    input name="class" list="known" maxlength="64" autocomplete="off" placeholder="New class, or one by name";
+                    input name="class" list="known" maxlength="64" autocomplete="off" placeholder="A class";
                 }
                 button.plain { "New class " kbd { "n" } }
                 datalist #known {}

@@ -14,7 +14,7 @@ const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
 #[tokio::test(flavor = "multi_thread")]
 async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
     let Some(driver) = Driver::start() else { return };
-    let mut scene = Scene::set().await;
+    let scene = Scene::set().await;
     let window = scene.visit(&driver, "/label", "Ana").await;
     name(&window, "milling").await;
     name(&window, "wall following").await;

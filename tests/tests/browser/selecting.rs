@@ -29,12 +29,13 @@ async fn lasso_ten(window: &Window) -> usize {
         .find(|(count, _)| across[*count] - across[count - 1] > 3.0)
         .expect("some points are apart");
     assert!(edge < width - 2.0);
+    // Within the round corners.
     let line = [
-        (2.0, 2.0),
-        (edge, 2.0),
-        (edge, height - 2.0),
-        (2.0, height - 2.0),
-        (2.0, 4.0),
+        (8.0, 8.0),
+        (edge, 8.0),
+        (edge, height - 8.0),
+        (8.0, height - 8.0),
+        (8.0, 10.0),
     ];
     window.draw("#over", &line).await;
     count
