@@ -41,7 +41,7 @@ async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
     let window = scene.visit(&driver, "/map", "Ana").await;
     window.click(".learn button").await;
     window
-        .until("document.querySelector('.lead').textContent.includes('two classes')")
+        .until("document.querySelector('.lead').textContent.includes('at least 2 classes')")
         .await;
     window.close().await;
     scene.cluster.stop().await;
