@@ -3,16 +3,20 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test lint build runtime toolchain bench clean
+.PHONY: demo test test-browser lint build runtime browser toolchain bench clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
 # Everything that must hold before a change lands.
-test: lint build runtime
+test: lint build runtime browser
 	python="$$(scripts/python-onnxruntime $(CURDIR)/target/python)"; \
 		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --release --workspace
+
+# The pages in a real browser alone; pictures of them land in target/screenshots.
+test-browser: build browser
+	$(CARGO) test --release -p murmuration-tests --test browser
 
 lint: toolchain
 	$(CARGO) fmt --all --check
@@ -31,6 +35,10 @@ bench: build runtime
 # ONNX Runtime, which embedders run on: a pinned library, fetched once into the cache folder.
 runtime:
 	@scripts/fetch-onnxruntime
+
+# Chromium and its driver, which only tests want.
+browser:
+	@scripts/browser
 
 toolchain:
 	@command -v $(CARGO) >/dev/null || { echo "Rust 1.92 or newer is needed: https://rustup.rs" >&2; exit 1; }

@@ -4,6 +4,7 @@ use crate::{
     campaign::{CampaignError, Campaigns},
     checkpoints::{CheckpointError, Checkpoints},
     dispatch::{self, Dispatch, Trainers},
+    maps::Maps,
     queries::Queries,
     service::{self, CampaignApi, CheckpointApi, LabelApi, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
@@ -114,14 +115,23 @@ impl Coordinator {
             .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
-        let web = Web {
-            campaigns: campaigns.clone(),
-            store: store.clone(),
-        };
         let campaign_api = CampaignApi {
             campaigns: campaigns.clone(),
             store: store.clone(),
             dispatch: dispatch.clone(),
+        };
+        // One for gRPC and pages: no two windows are asked the same, whichever they are of.
+        let label_api = LabelApi {
+            store: store.clone(),
+            queries,
+            annotator,
+        };
+        let web = Web {
+            campaigns: campaigns.clone(),
+            store: store.clone(),
+            maps: Maps::new(store.clone()),
+            archive: campaign_api.clone(),
+            labels: label_api.clone(),
         };
         let campaign_service = CampaignServiceServer::new(campaign_api);
         let worker_service = WorkerServiceServer::new(WorkerApi {
@@ -138,12 +148,8 @@ impl Coordinator {
         health_reporter
             .set_serving::<WorkerServiceServer<WorkerApi>>()
             .await;
-        let label_service = LabelServiceServer::new(LabelApi {
-            store: store.clone(),
-            queries,
-            annotator,
-        })
-        .max_decoding_message_size(service::MAX_LABEL_MESSAGE);
+        let label_service =
+            LabelServiceServer::new(label_api).max_decoding_message_size(service::MAX_LABEL_MESSAGE);
         health_reporter
             .set_serving::<LabelServiceServer<LabelApi>>()
             .await;

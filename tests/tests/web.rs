@@ -2,6 +2,7 @@
 
 use murmuration_proto::v1;
 use murmuration_tests::{Cluster, small_spec};
+use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
 use ureq::{
     Agent, Body,
@@ -37,6 +38,21 @@ impl Browser {
         let mut answer = self.get(path).await;
         assert_eq!(answer.status(), StatusCode::OK, "{path}");
         answer.body_mut().read_to_string().unwrap()
+    }
+
+    /// What a script posts about `small-1`, as JSON; the answer where it is one.
+    async fn tell(&self, path: &str, said: &str, status: StatusCode) -> Value {
+        let request = self
+            .agent
+            .post(format!("{}/campaigns/small-1/{path}", self.url))
+            .header("Origin", &self.url)
+            .header("Content-Type", "application/json");
+        let text = said.to_owned();
+        let answer = tokio::task::spawn_blocking(move || request.send(text));
+        let mut answer = answer.await.unwrap().unwrap();
+        let told = answer.body_mut().read_to_string().unwrap();
+        assert_eq!(answer.status(), status, "{path} {said}: {told}");
+        serde_json::from_str(&told).unwrap_or_default()
     }
 
     async fn post(&self, path: &str, form: &'static [(&str, &str)], origin: Option<&str>) -> Response<Body> {
@@ -111,6 +127,118 @@ async fn a_campaign_is_started_and_cancelled_with_buttons() {
     assert_eq!(again.status(), StatusCode::CONFLICT);
     let unknown = browser.post("/", &[("example", "nothing")], own.as_deref()).await;
     assert_eq!(unknown.status(), StatusCode::BAD_REQUEST);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_scripts_say_is_checked_and_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let ring = r#"{"request_id":"1","annotator":"ana","answers":[{"index":3,"answer":"ring"}]}"#;
+    for _ in 0..2 {
+        let told = browser.tell("labels", ring, StatusCode::OK).await;
+        assert_eq!(
+            (&told["classes"][0]["name"], &told["classes"][0]["labels"]),
+            (&"ring".into(), &1.into())
+        );
+    }
+    let ask = |strategy: &str, again: &str| {
+        format!(
+            r#"{{"annotator":"ana","session":"1","strategy":"{strategy}","count":4,"agreement":false,"again":[{again}]}}"#
+        )
+    };
+    let asked = browser
+        .tell("questions", &ask("medoids", ""), StatusCode::OK)
+        .await;
+    assert_eq!(
+        (asked["queries"].as_array().unwrap().len(), &asked["answered"]),
+        (4, &1.into())
+    );
+
+    let undone = browser
+        .tell("undo", r#"{"request_id":"2","annotator":"ana"}"#, StatusCode::OK)
+        .await;
+    assert_eq!(
+        (&undone["index"], &undone["classes"][0]["labels"]),
+        (&3.into(), &0.into())
+    );
+    let asked = browser
+        .tell("questions", &ask("medoids", "3"), StatusCode::OK)
+        .await;
+    assert_eq!(asked["queries"][0]["index"], 3);
+
+    let refused = [
+        (
+            "labels",
+            r#"{"request_id":"1","annotator":"ana","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::CONFLICT,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[{"index":100,"answer":"ring"}]}"#,
+            StatusCode::NOT_FOUND,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
+        ("labels", "{", StatusCode::BAD_REQUEST),
+        (
+            "labels",
+            r#"{"answers":"many"}"#,
+            StatusCode::UNPROCESSABLE_ENTITY,
+        ),
+        (
+            "undo",
+            r#"{"request_id":"3","annotator":"ana"}"#,
+            StatusCode::CONFLICT,
+        ),
+        ("questions", &ask("clairvoyance", ""), StatusCode::BAD_REQUEST),
+        (
+            "classes",
+            r#"{"request_id":"3","annotator":"ana","class":"ring"}"#,
+            StatusCode::CONFLICT,
+        ),
+    ];
+    for (path, said, status) in refused {
+        browser.tell(path, said, status).await;
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_are_given_motions_and_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let look = async |path: &str| -> Value {
+        serde_json::from_str(&browser.page(&format!("/campaigns/small-1/{path}")).await).unwrap()
+    };
+    let motion = look("individuals/7/motion").await;
+    assert_eq!(
+        (&motion["run"]["agents"], &motion["run"]["steps"][200]),
+        (&24.into(), &200.into())
+    );
+    let points = look("points").await;
+    assert_eq!(
+        (&points["count"], points["medoids"].as_array().unwrap().len()),
+        (&100.into(), 4)
+    );
+    // 100 numbers of two bytes, four characters for three bytes.
+    assert_eq!(look("points/axes").await["x"].as_str().unwrap().len(), 268);
+    for path in ["individuals/100/motion", "points/nothing"] {
+        let answer = browser.get(&format!("/campaigns/small-1/{path}")).await;
+        assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+    }
     cluster.stop().await;
 }
 

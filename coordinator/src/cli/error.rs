@@ -1,6 +1,8 @@
 //! What a command tells a person when it cannot do what was asked.
 
-use crate::{picture::PictureError, report::ReportError, server::ServerError, store::StoreError};
+use crate::{
+    gather::GatherError, picture::PictureError, report::ReportError, server::ServerError, store::StoreError,
+};
 use murmuration_proto::{Invalid, SpecFileError};
 use std::{
     fmt, io,
@@ -73,6 +75,15 @@ impl fmt::Display for CliError {
 impl From<Invalid> for CliError {
     fn from(invalid: Invalid) -> Self {
         Self::Input(invalid.to_string())
+    }
+}
+
+impl From<GatherError> for CliError {
+    fn from(error: GatherError) -> Self {
+        match error {
+            GatherError::Service(status) => status.into(),
+            GatherError::Answer(_) | GatherError::Misfit(_) => Self::Failed(error.to_string()),
+        }
     }
 }
 

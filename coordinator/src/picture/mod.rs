@@ -5,6 +5,7 @@
 
 mod animation;
 pub(crate) mod colours;
+pub(crate) mod columns;
 mod grey;
 mod indexed;
 mod sketch;

@@ -35,7 +35,7 @@ struct Lease<K> {
     kind: K,
     query: Query,
     /// Order of giving, so that a holder sees the oldest first.
-    turn: u64,
+    turn: i64,
     until: Instant,
 }
 
@@ -46,6 +46,26 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         Self {
             by_index: BTreeMap::new(),
         }
+    }
+
+    /// Has `holder` be asked `query` before whatever else they hold, unless it is with somebody else.
+    pub fn give_first(&mut self, holder: &Holder, kind: K, query: Query, now: Instant) {
+        let other = self.by_index.get(&query.index);
+        if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
+            return;
+        }
+        let own = self.by_index.values().filter(|lease| lease.holder == *holder);
+        let turn = own.map(|lease| lease.turn).min().unwrap_or(0) - 1;
+        self.by_index.insert(
+            query.index,
+            Lease {
+                holder: holder.clone(),
+                kind,
+                query,
+                turn,
+                until: now + PATIENCE,
+            },
+        );
     }
 
     /// Has `holder` hold `count` queries of `kind` at time `now`, as far as there are any: those that they have and that
@@ -96,7 +116,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         kind: K,
         open: impl Fn(usize) -> bool,
         now: Instant,
-    ) -> Vec<(u64, Query)> {
+    ) -> Vec<(i64, Query)> {
         let mut own = Vec::new();
         self.by_index.retain(|index, lease| {
             if lease.holder != *holder {

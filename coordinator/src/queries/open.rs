@@ -1,7 +1,7 @@
 //! The queries of a coordinator: rankings made once, and who holds what.
 
 use super::{
-    Holder, Query, QueryLeases,
+    Holder, Query, QueryLeases, Reason,
     committee::{Committee, NoCommittee},
     ranking,
 };
@@ -9,7 +9,7 @@ use crate::{
     campaign::{CampaignId, CampaignState},
     labels::{Annotator, Labels},
     medoids,
-    novelty::{Behaviours, Misfit},
+    space::{Space, SpaceError},
     store::{CampaignRecord, Store, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, Purpose, Strategy, Stream};
@@ -18,9 +18,6 @@ use std::{
     sync::{Arc, Mutex, PoisonError},
     time::Instant,
 };
-
-/// Individuals read from the store at a time.
-const CHUNK: u64 = 4096;
 
 /// What somebody would like to be asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,6 +31,8 @@ pub struct Wish {
     pub agreement: bool,
     /// Queries that they want to hold at once.
     pub count: usize,
+    /// Individuals that they would be asked about before all else, the first of them first.
+    pub again: Vec<usize>,
 }
 
 /// What somebody is asked.
@@ -53,9 +52,9 @@ pub enum QueryError {
     /// The store could not be read, or has no such campaign.
     #[error("{0}")]
     Store(#[from] StoreError),
-    /// The archive holds vectors that cannot be compared.
-    #[error("the archive cannot be asked about: {0}")]
-    Misfit(#[from] Misfit),
+    /// The archive cannot be read as behaviours.
+    #[error("{0}")]
+    Space(#[from] SpaceError),
     /// The campaign has no embeddings that could differ.
     #[error("strategy \"committee\": {0}")]
     Committee(#[from] NoCommittee),
@@ -123,9 +122,19 @@ impl Queries {
         }
         let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
         *labels = self.store.catch_up(&record.id, std::mem::take(labels))?;
+        let kind = (wish.strategy, wish.agreement);
+        for &index in wish.again.iter().rev() {
+            if (index as u64) < individuals && is_open(labels, index as u64, wish) {
+                let query = Query {
+                    index,
+                    reason: Reason::Again,
+                };
+                leases.give_first(&wish.holder, kind, query, now);
+            }
+        }
         let queries = leases.top_up(
             &wish.holder,
-            (wish.strategy, wish.agreement),
+            kind,
             wish.count,
             ranking.unwrap_or_default(),
             |index| is_open(labels, index as u64, wish),
@@ -165,14 +174,20 @@ impl Queries {
                 (order, record.checkpoint)
             }
             Strategy::Medoids => {
-                let (behaviours, checkpoint) = self.behaviours(record)?;
+                let Space {
+                    behaviours,
+                    checkpoint,
+                } = Space::read(&self.store, record)?;
                 let count = record.spec.medoids() as usize;
                 // The stream of the taxonomy: in a completed campaign these are its clusters.
                 let clustering = medoids::cluster(&behaviours, count, &mut stream(Purpose::Medoids));
                 (ranking::by_doubt(&behaviours, &clustering), checkpoint)
             }
             Strategy::Committee => {
-                let (behaviours, checkpoint) = self.behaviours(record)?;
+                let Space {
+                    behaviours,
+                    checkpoint,
+                } = Space::read(&self.store, record)?;
                 let members = [behaviours];
                 let committee = Committee::new(&members)?;
                 let order = ranking::by_committee(&committee, &mut stream(Purpose::Query));
@@ -180,41 +195,6 @@ impl Queries {
             }
         };
         Ok(Ranked { order, checkpoint })
-    }
-
-    /// The behaviours of an archive, and the checkpoint whose embeddings they are.
-    fn behaviours(
-        &self,
-        record: &CampaignRecord,
-    ) -> Result<(Behaviours, Option<CheckpointDigest>), QueryError> {
-        let checkpoint =
-            || -> Result<_, StoreError> { Ok(self.store.campaign(record.id.as_str())?.checkpoint) };
-        let mut before = checkpoint()?;
-        loop {
-            let read = self.read_behaviours(record);
-            let after = checkpoint()?;
-            // An archive that switched meanwhile was read in two spaces.
-            if before == after {
-                return Ok((read?, after));
-            }
-            before = after;
-        }
-    }
-
-    fn read_behaviours(&self, record: &CampaignRecord) -> Result<Behaviours, QueryError> {
-        let (model, method) = (record.spec.model(), record.spec.method());
-        let mut behaviours: Option<Behaviours> = None;
-        let len = record.individuals();
-        for start in (0..len).step_by(CHUNK as usize) {
-            let range = start..len.min(start + CHUNK);
-            for individual in self.store.individuals(&record.id, model, range, false)? {
-                let vector = method.behaviour(&individual.features, &individual.embedding);
-                behaviours
-                    .get_or_insert_with(|| Behaviours::new(vector.len()))
-                    .push(&vector)?;
-            }
-        }
-        Ok(behaviours.unwrap_or_else(|| Behaviours::new(0)))
     }
 }
 

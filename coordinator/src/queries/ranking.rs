@@ -29,6 +29,8 @@ pub enum Reason {
         /// Share of the comparisons about which they are not of one mind, 0 to 1.
         share: f64,
     },
+    /// Whoever is asked wished to be.
+    Again,
 }
 
 /// A behaviour to ask about.
@@ -53,6 +55,7 @@ impl fmt::Display for Reason {
                 other: Some(other),
             } => write!(f, "between cluster {cluster} and cluster {other}"),
             Self::Doubtful { cluster, other: None } => write!(f, "in cluster {cluster}"),
+            Self::Again => f.write_str("asked again, as you wished"),
             Self::Disputed { share } => {
                 write!(
                     f,

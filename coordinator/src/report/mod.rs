@@ -189,6 +189,15 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     Ok(ReportFiles { page, others })
 }
 
+/// The page of a report alone, as [`write()`] would write it.
+///
+/// # Errors
+/// As [`write()`], but for files.
+pub fn page(report: &Report) -> Result<String, ReportError> {
+    check(report)?;
+    page::render(report, &draw_medoids(report)?)
+}
+
 fn check(report: &Report) -> Result<(), ReportError> {
     let count = report.individuals.len();
     let fail = |what: String| Err(ReportError::Inconsistent(what));

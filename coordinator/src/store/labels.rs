@@ -34,6 +34,22 @@ impl Store {
         self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
     }
 
+    /// Number of entries of a campaign's log.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn label_entries(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let count: i64 = connection.query_row(
+                "SELECT coalesce(max(entry) + 1, 0) FROM labels WHERE campaign = ?1",
+                [number],
+                |row| row.get(0),
+            )?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
     /// What the log of a campaign comes to.
     ///
     /// # Errors

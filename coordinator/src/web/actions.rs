@@ -11,11 +11,16 @@ use murmuration_proto::{CampaignSpec, Invalid, SpecFileError};
 use serde::Deserialize;
 
 /// Campaigns that can be started with one click: name, what it is, campaign file.
-pub(super) const EXAMPLES: [(&str, &str, &str); 5] = [
+pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     (
         "quick-latent",
         "A small campaign on a learned embedding, in half a minute",
         include_str!("../../../examples/quick-latent.toml"),
+    ),
+    (
+        "quick-hil",
+        "A small campaign that learns from a rule-based judge, twice",
+        include_str!("../../../examples/quick-hil.toml"),
     ),
     (
         "single-sensor-latent",
@@ -77,6 +82,12 @@ pub(super) async fn cancel(web: State<Web>, id: Path<String>) -> Result<Redirect
 async fn change(State(web): State<Web>, Path(id): Path<String>, change: Change) -> Result<Redirect, Wrong> {
     let changed = web.campaigns.change(&id, change).await?;
     Ok(page_of(changed.record.id.as_str()))
+}
+
+/// Learning begins; on the map it can be watched.
+pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let refined = web.campaigns.refine(&id).await?;
+    Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
 }
 
 fn page_of(campaign: &str) -> Redirect {

@@ -1,12 +1,12 @@
 //! Pages that follow what happens: the parts that change, sent again whenever they do.
 
 use super::{Web, pages, wrong::Wrong};
-use crate::campaign::CampaignError;
+use crate::campaign::{CampaignError, CampaignState, blocking};
 use axum::{
     extract::{Path, State},
     response::sse::{Event, KeepAlive, Sse},
 };
-use maud::Markup;
+use serde_json::json;
 use std::{convert::Infallible, time::Duration};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -19,7 +19,7 @@ type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Eve
 pub(super) async fn campaigns(State(web): State<Web>) -> Events {
     let look = move || {
         let web = web.clone();
-        async move { Ok(pages::table(&web.campaigns.list().await?)) }
+        async move { Ok(pages::table(&web.campaigns.list().await?).into_string()) }
     };
     follow(look, |table| async { Ok(table) })
 }
@@ -29,37 +29,57 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
     let (looking, looked_at) = (web.clone(), id.clone());
     let look = move || {
         let (web, id) = (looking.clone(), looked_at.clone());
-        async move { Ok(pages::figures(&web.campaigns.status(id.as_str()).await?)) }
+        async move { Ok(pages::figures(&web.campaigns.status(id.as_str()).await?).into_string()) }
     };
     Ok(follow(look, move |_| {
         let (web, id) = (web.clone(), id.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            pages::standing(&web, &status).await
+            Ok(pages::standing(&web, &status).await?.into_string())
         }
     }))
+}
+
+/// For scripts: what the archive is measured in, how many it holds, whether it has a taxonomy, how long its label log is,
+/// what is being done with it; whoever shows any of these looks again when it changes.
+pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
+    let id = web.campaigns.status(&id).await?.record.id;
+    let look = move || {
+        let (web, id) = (web.clone(), id.clone());
+        async move {
+            let status = web.campaigns.status(id.as_str()).await?;
+            let doing = status.active.then(|| pages::doing(&status));
+            let record = status.record;
+            let entries = blocking(move || web.store.label_entries(&id)).await??;
+            let seen = json!({
+                "checkpoint": record.checkpoint.map(|checkpoint| checkpoint.to_string()),
+                "individuals": record.individuals(),
+                "completed": record.state == CampaignState::Completed,
+                "labels": entries,
+                "doing": doing,
+            });
+            Ok(seen.to_string())
+        }
+    };
+    Ok(follow(look, |seen| async { Ok(seen) }))
 }
 
 /// Sends what `draw` makes of what `look` sees, whenever that is not what it was before, for as long as somebody listens.
 fn follow<Look, Looked, Draw, Drawn>(look: Look, draw: Draw) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
-    Looked: Future<Output = Result<Markup, CampaignError>> + Send,
-    Draw: Fn(Markup) -> Drawn + Send + 'static,
-    Drawn: Future<Output = Result<Markup, CampaignError>> + Send,
+    Looked: Future<Output = Result<String, CampaignError>> + Send,
+    Draw: Fn(String) -> Drawn + Send + 'static,
+    Drawn: Future<Output = Result<String, CampaignError>> + Send,
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
         let mut seen = None;
         while let Ok(sight) = look().await {
-            if seen.as_ref() != Some(&sight.0) {
-                seen = Some(sight.0.clone());
+            if seen.as_ref() != Some(&sight) {
+                seen = Some(sight.clone());
                 let Ok(part) = draw(sight).await else { return };
-                if events
-                    .send(Ok(Event::default().data(part.into_string())))
-                    .await
-                    .is_err()
-                {
+                if events.send(Ok(Event::default().data(part))).await.is_err() {
                     return;
                 }
             }

@@ -1,23 +1,34 @@
-//! The web page: campaigns as they run, on the port that gRPC is served on.
+//! The web pages, on the port that gRPC is served on: campaigns as they run, and what people teach them.
 //!
-//! Pages are made here with `maud` and need no build step; the style sheet and the one script are part of the binary.
-//! Without scripts everything works but stands still. Nothing is loaded from anywhere else.
+//! Pages are made here with `maud` and need no build step; style sheets and scripts are part of the binary. Nothing is
+//! loaded from anywhere else. Without scripts campaigns can be read and steered; to label takes scripts. What those ask
+//! for is asked of the services in turn: nothing is decided here.
 
 mod actions;
+mod assets;
 mod guard;
+mod label;
 mod live;
+mod map;
+mod motion;
 mod pages;
+mod parts;
+mod refused;
+mod taxonomy;
+mod teach;
 mod wrong;
 
-use crate::{campaign::Campaigns, store::Store};
+use crate::{
+    campaign::Campaigns,
+    maps::Maps,
+    service::{CampaignApi, LabelApi},
+    store::Store,
+};
 use axum::{
     Router,
-    http::{
-        HeaderMap, HeaderValue,
-        header::{CACHE_CONTROL, CONTENT_TYPE},
-    },
+    http::{HeaderMap, HeaderValue, header::CONTENT_TYPE},
     middleware,
-    response::{IntoResponse, Response},
+    response::{IntoResponse as _, Response},
     routing::{get, post},
 };
 use tonic::{Status, service::Routes};
@@ -28,6 +39,10 @@ use wrong::Wrong;
 pub(crate) struct Web {
     pub(crate) campaigns: Campaigns,
     pub(crate) store: Store,
+    pub(crate) maps: Maps,
+    /// What gRPC's clients ask of archives, and of labels.
+    pub(crate) archive: CampaignApi,
+    pub(crate) labels: LabelApi,
 }
 
 /// The pages beside the gRPC services, on one port.
@@ -47,11 +62,22 @@ fn pages(web: Web) -> Router {
         .route("/campaigns/{id}/pause", post(actions::pause))
         .route("/campaigns/{id}/resume", post(actions::resume))
         .route("/campaigns/{id}/cancel", post(actions::cancel))
-        .route("/style.css", get(|| asset("text/css", include_str!("style.css"))))
-        .route(
-            "/live.js",
-            get(|| asset("text/javascript", include_str!("live.js"))),
-        )
+        .route("/campaigns/{id}/refine", post(actions::refine))
+        .route("/campaigns/{id}/label", get(label::one))
+        .route("/campaigns/{id}/sheet", get(label::sheet))
+        .route("/campaigns/{id}/map", get(map::page))
+        .route("/campaigns/{id}/taxonomy", get(taxonomy::page))
+        .route("/campaigns/{id}/report", get(taxonomy::export))
+        .route("/campaigns/{id}/changes", get(live::changes))
+        .route("/campaigns/{id}/individuals/{index}/motion", get(motion::motion))
+        .route("/campaigns/{id}/labels", get(teach::labels).post(teach::answer))
+        .route("/campaigns/{id}/questions", post(teach::ask))
+        .route("/campaigns/{id}/undo", post(teach::undo))
+        .route("/campaigns/{id}/classes", post(teach::create))
+        .route("/campaigns/{id}/points", get(map::points))
+        .route("/campaigns/{id}/points/axes", get(map::axes))
+        .route("/campaigns/{id}/points/neighbours", get(map::neighbours))
+        .route("/assets/{name}", get(assets::asset))
         .layer(middleware::from_fn(guard::guard))
         .with_state(web)
 }
@@ -63,8 +89,4 @@ async fn nowhere(headers: HeaderMap) -> Response {
         true => Status::unimplemented("this coordinator has no such service").into_http(),
         false => Wrong::NoPage.into_response(),
     }
-}
-
-async fn asset(kind: &'static str, text: &'static str) -> impl IntoResponse {
-    ([(CONTENT_TYPE, kind), (CACHE_CONTROL, "no-cache")], text)
 }

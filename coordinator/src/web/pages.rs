@@ -4,6 +4,7 @@ use super::{Web, actions::EXAMPLES, wrong::Wrong};
 use crate::{
     campaign::{CampaignError, CampaignState, CampaignStatus, Change, Stage, blocking},
     picture::grey_png,
+    store::CampaignRecord,
     taxonomy::Taxonomy,
 };
 use axum::{
@@ -17,8 +18,57 @@ use murmuration_proto::{EmbedderSource, Feedback};
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
 
+/// What of a campaign a page shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    Progress,
+    Label,
+    Sheet,
+    Map,
+    Taxonomy,
+}
+
+impl Part {
+    const ALL: [(Self, &str, &str); 5] = [
+        (Self::Progress, "", "Progress"),
+        (Self::Label, "/label", "Label"),
+        (Self::Sheet, "/sheet", "Sheet"),
+        (Self::Map, "/map", "Map"),
+        (Self::Taxonomy, "/taxonomy", "Taxonomy"),
+    ];
+}
+
 /// A whole page around `content`.
 pub(super) fn layout(title: &str, content: Markup) -> Markup {
+    document(
+        title,
+        html! {},
+        &["live.js"],
+        html! { main #content { (content) } },
+    )
+}
+
+/// A page about a part of a campaign, followed by a script.
+pub(super) fn campaign_page(record: &CampaignRecord, part: Part, script: &str, content: Markup) -> Markup {
+    let id = record.id.as_str();
+    let name = Part::ALL
+        .iter()
+        .find(|(known, ..)| *known == part)
+        .map_or("", |(_, _, name)| *name);
+    let title = format!("{name} · {id}");
+    let links = html! {
+        span.campaign { (id) }
+        nav aria-label="Campaign" {
+            @for (other, path, name) in Part::ALL {
+                a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
+            }
+        }
+    };
+    let main = html! { main #content data-campaign=(id) data-created=(record.created_ms) { (content) } };
+    document(&title, links, &[script], main)
+}
+
+fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Markup {
     html! {
         (DOCTYPE)
         html lang="en" {
@@ -27,13 +77,15 @@ pub(super) fn layout(title: &str, content: Markup) -> Markup {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 meta name="color-scheme" content="light dark";
                 title { (title) " · Murmuration" }
-                link rel="stylesheet" href="/style.css";
-                script src="/live.js" defer {}
+                link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
+                link rel="stylesheet" href="/assets/style.css";
+                link rel="stylesheet" href="/assets/teach.css";
+                @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
             }
             body {
                 a.skip href="#content" { "Skip to the content" }
-                header { a.home href="/" { "Murmuration" } }
-                main #content { (content) }
+                header { a.home href="/" { "Murmuration" } (links) }
+                (main)
                 p.stale-note role="status" { "The coordinator does not answer; this page goes on when it does." }
             }
         }
@@ -91,8 +143,10 @@ pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
     let status = web.campaigns.status(&id).await?;
     let id = status.record.id.as_str();
-    Ok(layout(
-        id,
+    Ok(campaign_page(
+        &status.record,
+        Part::Progress,
+        "live.js",
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
@@ -162,6 +216,12 @@ fn progress(status: &CampaignStatus) -> Markup {
             span.figures { strong { (state) } " · " (done) " of " (total) " " (unit) }
         }
     }
+}
+
+/// What is being done with a campaign at work, and how far.
+pub(super) fn doing(status: &CampaignStatus) -> String {
+    let (done, total, unit) = amount(status);
+    format!("Now {}: {done} of {total} {unit}.", stage(status.stage))
 }
 
 const fn stage(stage: Stage) -> &'static str {
@@ -235,8 +295,8 @@ fn behaviours(campaign: &str, taxonomy: &Taxonomy) -> Markup {
     html! {
         h2 { (taxonomy.medoids.len()) " behaviours" }
         p.lead {
-            "One picture a cluster: the last steps of the swarm at its centre. For motion and map: "
-            code { "murmuration report " (campaign) }
+            "One picture a cluster: the last steps of the swarm at its centre. "
+            a href={ "/campaigns/" (campaign) "/taxonomy" } { "Watch and name them" }
         }
         ul.behaviours {
             @for (place, medoid) in taxonomy.medoids.iter().enumerate() {

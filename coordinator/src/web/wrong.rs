@@ -41,7 +41,12 @@ impl Wrong {
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },
             )) => StatusCode::NOT_FOUND,
-            Self::Campaign(CampaignError::NotAllowed(_)) => StatusCode::CONFLICT,
+            Self::Campaign(
+                CampaignError::NotAllowed(_)
+                | CampaignError::NoEmbedding { .. }
+                | CampaignError::NoEmbedder(_)
+                | CampaignError::TooFewClasses { .. },
+            ) => StatusCode::CONFLICT,
             Self::Campaign(_) | Self::Picture(_) => StatusCode::INTERNAL_SERVER_ERROR,
         }
     }

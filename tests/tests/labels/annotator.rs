@@ -86,6 +86,7 @@ impl Annotator {
             strategy: strategy as i32,
             count,
             agreement,
+            again: Vec::new(),
         };
         let asked = self.client.next_queries(request).await?.into_inner();
         assert_eq!(asked.individuals, 100);

@@ -36,6 +36,15 @@ impl Table {
         }
     }
 
+    fn ask_first(&mut self, holder: &Holder, kind: char, count: usize, index: usize) -> Vec<usize> {
+        if !self.answered.contains(&index) {
+            let reason = Reason::Again;
+            self.leases
+                .give_first(holder, kind, Query { index, reason }, self.now);
+        }
+        self.ask(holder, kind, count)
+    }
+
     fn ask(&mut self, holder: &Holder, kind: char, count: usize) -> Vec<usize> {
         let given = self.leases.top_up(
             holder,
@@ -102,9 +111,21 @@ fn what_is_open_again_is_asked_again() {
     assert_eq!(table.ask(&ana, 'a', 2), [1, 0]);
 }
 
+#[test]
+fn what_is_asked_again_comes_first_unless_it_is_with_somebody_else() {
+    let (ana, ben) = (holder("ana", ""), holder("ben", ""));
+    let mut table = Table::new();
+    assert_eq!(table.ask(&ana, 'a', 2), [0, 1]);
+    assert_eq!(table.ask_first(&ana, 'a', 2, 7), [7, 0]);
+    assert_eq!(table.ask_first(&ana, 'a', 2, 0), [0, 7]);
+    assert_eq!(table.ask_first(&ben, 'a', 2, 7), [1, 2]);
+    table.now += PATIENCE;
+    assert_eq!(table.ask_first(&ben, 'a', 2, 7), [7, 0]);
+}
+
 #[derive(Debug, Clone)]
 enum Step {
-    Ask(usize, char, usize),
+    Ask(usize, char, usize, Option<usize>),
     Answer(usize),
     Undo(usize),
     Wait(u64),
@@ -112,8 +133,8 @@ enum Step {
 
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        4 => (0..3usize, prop::sample::select(vec!['a', 'b']), 1..6usize)
-            .prop_map(|(who, kind, count)| Step::Ask(who, kind, count)),
+        4 => (0..3usize, prop::sample::select(vec!['a', 'b']), 1..6usize, prop::option::of(0..10usize))
+            .prop_map(|(who, kind, count, first)| Step::Ask(who, kind, count, first)),
         3 => (0..10usize).prop_map(Step::Answer),
         1 => (0..10usize).prop_map(Step::Undo),
         1 => (1..400u64).prop_map(Step::Wait),
@@ -132,8 +153,11 @@ proptest! {
                 Step::Answer(index) => drop(table.answered.insert(index)),
                 Step::Undo(index) => drop(table.answered.remove(&index)),
                 Step::Wait(seconds) => table.now += Duration::from_secs(seconds),
-                Step::Ask(who, kind, count) => {
-                    let queries = table.ask(&holders[who], kind, count);
+                Step::Ask(who, kind, count, first) => {
+                    let queries = match first {
+                        Some(index) => table.ask_first(&holders[who], kind, count, index),
+                        None => table.ask(&holders[who], kind, count),
+                    };
                     let unique: BTreeSet<_> = queries.iter().collect();
                     prop_assert_eq!(unique.len(), queries.len());
                     prop_assert!(queries.iter().all(|index| !table.answered.contains(index)));

@@ -73,6 +73,7 @@ impl Campaign {
             strategy,
             agreement,
             count: 1000,
+            again: Vec::new(),
         };
         let asked = self.queries.next("latest", &wish, Instant::now()).unwrap();
         asked.queries.iter().map(|query| query.index).collect()

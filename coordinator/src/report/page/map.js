@@ -1,5 +1,5 @@
 // Draws the behaviour space, and brings one cluster out: on the map, the small maps, the cards and the legend.
-const { archive, clusterColours, fit } = window.murmuration;
+const { archive, clusterColours, fit, dotOf, stamp } = window.murmuration;
 const canvas = document.getElementById("space");
 const pen = canvas.getContext("2d");
 const pins = document.getElementById("pins");
@@ -66,33 +66,6 @@ function pointsLayer(dense) {
     }
   }
   return layer;
-}
-
-// How much of each pixel around the centre a dot covers.
-function dotOf(radius) {
-  const reach = Math.ceil(radius);
-  const cover = [];
-  for (let y = -reach; y <= reach; y++) {
-    for (let x = -reach; x <= reach; x++) {
-      const part = Math.min(Math.max(radius + 0.5 - Math.hypot(x, y), 0), 1);
-      if (part > 0) cover.push({ x, y, part });
-    }
-  }
-  return cover;
-}
-
-function stamp({ data, width, height }, dot, x, y, colour, strength) {
-  for (let i = 0; i < dot.length; i++) {
-    const pixel = dot[i];
-    const column = x + pixel.x;
-    const row = y + pixel.y;
-    if (column < 0 || row < 0 || column >= width || row >= height) continue;
-    const at = 4 * (row * width + column);
-    const part = pixel.part * strength;
-    data[at] += part * ((colour >> 16) - data[at]);
-    data[at + 1] += part * (((colour >> 8) & 255) - data[at + 1]);
-    data[at + 2] += part * ((colour & 255) - data[at + 2]);
-  }
 }
 
 const starts = new Uint32Array(clusterColours.length + 1);

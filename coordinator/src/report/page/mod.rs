@@ -18,7 +18,7 @@ use murmuration_proto::{CapabilityModel, Method};
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order.
 const SCRIPTS: [&str; 4] = [
-    include_str!("data.js"),
+    concat!(include_str!("../../picture/drawing.js"), include_str!("data.js")),
     include_str!("motion.js"),
     include_str!("map.js"),
     include_str!("copy.js"),

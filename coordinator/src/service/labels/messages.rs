@@ -5,6 +5,7 @@ use crate::{
         Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label, Refusal,
     },
     queries::{Asked, Holder, Query, QueryError, Wish},
+    space::SpaceError,
     store::LabelError,
 };
 use murmuration_proto::{Invalid, v1};
@@ -76,6 +77,10 @@ impl TryFrom<v1::NextQueriesRequest> for Wish {
             let allowed = format!("at most {MAX_SESSION} characters");
             return Err(Invalid::new("session", "more", allowed));
         }
+        if message.again.len() > MAX_QUERIES as usize {
+            let allowed = format!("at most {MAX_QUERIES} individuals");
+            return Err(Invalid::new("again", message.again.len(), allowed));
+        }
         Ok(Self {
             holder: Holder {
                 annotator: message.annotator.parse()?,
@@ -84,6 +89,7 @@ impl TryFrom<v1::NextQueriesRequest> for Wish {
             strategy,
             agreement: message.agreement,
             count: message.count as usize,
+            again: message.again.into_iter().map(|index| index as usize).collect(),
         })
     }
 }
@@ -212,7 +218,8 @@ impl From<QueryError> for Status {
         let said = error.to_string();
         match error {
             QueryError::Store(error) => error.into(),
-            QueryError::Misfit(_) => Self::internal(said),
+            QueryError::Space(SpaceError::Store(error)) => error.into(),
+            QueryError::Space(SpaceError::Misfit(_)) => Self::internal(said),
             QueryError::Committee(_) => Self::failed_precondition(said),
         }
     }

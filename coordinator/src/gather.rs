@@ -1,0 +1,172 @@
+//! Gathers what a report shows, through the campaign service: of this process or of another.
+
+use crate::{
+    novelty::{Behaviours, Misfit},
+    picture::columns,
+    projection,
+    report::{Entry, GenerationSummary, Map, MedoidEntry, Report},
+};
+use bytes::Bytes;
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Controller, Features, Invalid, Method, Replay, SIMULATOR_VERSION, World,
+    v1::{self, campaign_service_client::CampaignServiceClient},
+};
+use tonic::{
+    Status,
+    body::Body,
+    client::GrpcService,
+    codegen::{Body as HttpBody, StdError},
+};
+
+/// Why there is nothing to report.
+#[derive(Debug, thiserror::Error)]
+pub enum GatherError {
+    /// The service refused, or cannot be reached.
+    #[error("{}", .0.message())]
+    Service(#[from] Status),
+    /// The service says what cannot be.
+    #[error("the coordinator's answer makes no sense: {0}")]
+    Answer(#[from] Invalid),
+    /// The archive holds vectors that cannot be compared.
+    #[error("the archive holds vectors that cannot be compared: {0}")]
+    Misfit(#[from] Misfit),
+}
+
+/// Steps between two frames of a motion that is to be looked at.
+#[must_use]
+pub(crate) fn stride(world: &World) -> u32 {
+    world.horizon().div_ceil(columns::MOST_FRAMES as u32).max(1)
+}
+
+/// The report of a completed campaign.
+///
+/// # Errors
+/// See [`GatherError`].
+pub async fn report<C>(client: &mut CampaignServiceClient<C>, campaign: &str) -> Result<Report, GatherError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let id = || campaign.to_owned();
+    let status = client
+        .get_campaign(v1::GetCampaignRequest { campaign: id() })
+        .await?
+        .into_inner();
+    let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
+    let taxonomy = client
+        .get_taxonomy(v1::GetTaxonomyRequest { campaign: id() })
+        .await?
+        .into_inner();
+    let digest = client
+        .get_digest(v1::GetDigestRequest { campaign: id() })
+        .await?
+        .into_inner();
+    let generations = client
+        .list_generations(v1::ListGenerationsRequest { campaign: id() })
+        .await?
+        .into_inner();
+    let individuals = archive(client, campaign, spec.model()).await?;
+    let stride = stride(spec.world());
+    let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
+    for medoid in taxonomy.medoids {
+        let individual = medoid.individual.unwrap_or_default();
+        let request = v1::GetReplayRequest {
+            campaign: id(),
+            index: individual.index,
+            stride,
+        };
+        let replay = client.get_replay(request).await?.into_inner();
+        medoids.push(MedoidEntry {
+            index: individual.index,
+            image: individual.image.unwrap_or_default(),
+            cluster_size: medoid.cluster_size,
+            mean_distance: medoid.mean_distance,
+            replay: Replay::try_from(replay)?,
+        });
+    }
+    Ok(Report {
+        campaign: id(),
+        digest: digest.digest,
+        checkpoint: status.checkpoint,
+        created_ms: status.created_ms,
+        simulator_version: SIMULATOR_VERSION.to_owned(),
+        generations: generations.generations.into_iter().map(generation).collect(),
+        map: map(&individuals, spec.method())?,
+        individuals,
+        medoids,
+        clusters: taxonomy.clusters,
+        loss: taxonomy.loss,
+        spec,
+    })
+}
+
+async fn archive<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    model: CapabilityModel,
+) -> Result<Vec<Entry>, GatherError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: false,
+    };
+    let mut chunks = client.get_archive(request).await?.into_inner();
+    let mut entries = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        for individual in chunk.individuals {
+            entries.push(entry(&individual, model)?);
+        }
+    }
+    Ok(entries)
+}
+
+fn entry(individual: &v1::Individual, model: CapabilityModel) -> Result<Entry, Invalid> {
+    Ok(Entry {
+        generation: individual.generation,
+        controller: Controller::new(model, &individual.controller)?,
+        seed: individual.seed,
+        features: Features::try_from(individual.features.as_slice()).map_err(|_| {
+            Invalid::new(
+                "features",
+                format!("{} values", individual.features.len()),
+                "5 values",
+            )
+        })?,
+        embedding: individual.embedding.clone(),
+        novelty: individual.novelty,
+    })
+}
+
+fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
+    GenerationSummary {
+        generation: summary.generation,
+        best_novelty: summary.best_novelty,
+        mean_novelty: summary.mean_novelty,
+        filtered: summary.filtered,
+    }
+}
+
+/// The behaviour space along its two principal axes.
+fn map(individuals: &[Entry], method: Method) -> Result<Map, Misfit> {
+    let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
+    let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
+    for entry in individuals {
+        behaviours.push(&behaviour(entry))?;
+    }
+    let projection = projection::principal_axes(&behaviours);
+    let title = |axis: usize| {
+        let share = 100.0 * projection.shares[axis];
+        format!("principal axis {} ({share:.0}% of the variance)", axis + 1)
+    };
+    Ok(Map {
+        axis_titles: [title(0), title(1)],
+        points: projection.points,
+    })
+}

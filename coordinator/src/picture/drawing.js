@@ -1,0 +1,156 @@
+// A swarm in motion on a canvas: its poses at any step, and how they are drawn.
+
+function column(text, Kind) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  return new Kind(bytes.buffer);
+}
+
+// Fits a canvas to its place on the page; true where that changed it.
+function fit(canvas) {
+  const dense = Math.min(window.devicePixelRatio || 1, 2);
+  const width = Math.round(canvas.clientWidth * dense);
+  const height = Math.round(canvas.clientHeight * dense);
+  if (canvas.width === width && canvas.height === height) return false;
+  canvas.width = width;
+  canvas.height = height;
+  return true;
+}
+
+// A swarm's motion, to be asked for its poses at any step.
+class Run {
+  constructor({ agents, steps, x, y, heading }) {
+    this.agents = agents;
+    this.steps = steps;
+    this.x = column(x, Uint16Array);
+    this.y = column(y, Uint16Array);
+    this.heading = column(heading, Uint8Array);
+    this.last = steps[steps.length - 1];
+    this.poses = { x: new Float64Array(agents), y: new Float64Array(agents), heading: new Float64Array(agents) };
+  }
+
+  // The last frame at or before a step.
+  frameAt(step) {
+    let low = 0;
+    let high = this.steps.length - 1;
+    while (low < high) {
+      const middle = (low + high + 1) >> 1;
+      if (this.steps[middle] <= step) low = middle;
+      else high = middle - 1;
+    }
+    return low;
+  }
+
+  // Poses between two frames; the heading takes the shorter way round.
+  posesAt(step, poses) {
+    const frame = this.frameAt(step);
+    const next = Math.min(frame + 1, this.steps.length - 1);
+    const length = this.steps[next] - this.steps[frame];
+    const part = length > 0 ? (step - this.steps[frame]) / length : 0;
+    const from = frame * this.agents;
+    const to = next * this.agents;
+    for (let i = 0; i < this.agents; i++) {
+      poses.x[i] = this.x[from + i] + part * (this.x[to + i] - this.x[from + i]);
+      poses.y[i] = this.y[from + i] + part * (this.y[to + i] - this.y[from + i]);
+      const turn = ((this.heading[to + i] - this.heading[from + i] + 384) % 256) - 128;
+      poses.heading[i] = ((this.heading[from + i] + part * turn) * Math.PI) / 128;
+    }
+    return frame;
+  }
+}
+
+const TRAIL_STEPS = 60;
+const TRAIL_AGES = 5;
+const MOST_TRAILS = 400;
+
+// Draws a run as it is at a step: walls, where the robots came from, the robots.
+function drawSwarm(canvas, run, step, world, colours) {
+  fit(canvas);
+  const pen = canvas.getContext("2d");
+  const scale = canvas.width / world.width;
+  const frame = run.posesAt(step, run.poses);
+  const across = canvas.width / 65535;
+  const down = canvas.height / 65535;
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.lineCap = "round";
+  pen.lineJoin = "round";
+  pen.globalAlpha = 0.55;
+  pen.strokeStyle = "#9c9a94";
+  pen.lineWidth = 1;
+  const inset = Math.floor(world.padding * scale) + 0.5;
+  pen.strokeRect(inset, inset, canvas.width - 2 * inset, canvas.height - 2 * inset);
+  if (run.agents <= MOST_TRAILS) drawTrails(pen, run, step, frame, colours, across, down);
+  drawBodies(pen, run, colours, Math.max(world.radius * scale, 1.2), across, down);
+}
+
+function drawTrails(pen, run, step, frame, colours, across, down) {
+  const { poses } = run;
+  const first = run.frameAt(Math.max(step - TRAIL_STEPS, 0));
+  const frames = frame - first + 1;
+  pen.lineWidth = Math.max(pen.canvas.width / 260, 1);
+  for (let age = 0; age < TRAIL_AGES; age++) {
+    const from = first + Math.floor((age * frames) / TRAIL_AGES);
+    const to = first + Math.floor(((age + 1) * frames) / TRAIL_AGES);
+    if (from === to) continue;
+    pen.globalAlpha = 0.1 + (0.5 * (age + 1)) / TRAIL_AGES;
+    for (let agent = 0; agent < run.agents; agent++) {
+      pen.strokeStyle = colours[agent % colours.length];
+      pen.beginPath();
+      for (let at = from; at <= to; at++) {
+        const now = at > frame;
+        const i = at * run.agents + agent;
+        pen.lineTo((now ? poses.x[agent] : run.x[i]) * across, (now ? poses.y[agent] : run.y[i]) * down);
+      }
+      pen.stroke();
+    }
+  }
+}
+
+function drawBodies(pen, run, colours, radius, across, down) {
+  const { poses } = run;
+  pen.globalAlpha = 1;
+  pen.lineWidth = Math.max(0.4 * radius, 1.2);
+  colours.slice(0, run.agents).forEach((colour, place) => {
+    const discs = new Path2D();
+    const ticks = new Path2D();
+    for (let i = place; i < run.agents; i += colours.length) {
+      const x = poses.x[i] * across;
+      const y = poses.y[i] * down;
+      discs.moveTo(x + radius, y);
+      discs.arc(x, y, radius, 0, 2 * Math.PI);
+      ticks.moveTo(x, y);
+      ticks.lineTo(x + 2 * radius * Math.cos(poses.heading[i]), y + 2 * radius * Math.sin(poses.heading[i]));
+    }
+    pen.fillStyle = colour;
+    pen.strokeStyle = colour;
+    pen.fill(discs);
+    if (radius >= 2) pen.stroke(ticks);
+  });
+}
+
+// Where a dot of a radius covers the pixels around its centre, and how much of each.
+function dotOf(radius) {
+  const reach = Math.ceil(radius);
+  const cover = [];
+  for (let y = -reach; y <= reach; y++) {
+    for (let x = -reach; x <= reach; x++) {
+      const part = Math.min(Math.max(radius + 0.5 - Math.hypot(x, y), 0), 1);
+      if (part > 0) cover.push({ x, y, part });
+    }
+  }
+  return cover;
+}
+
+// Lays a dot into the pixels of an image: a hundred thousand take a few milliseconds, which paths would not.
+function stamp({ data, width, height }, dot, x, y, colour, strength) {
+  for (let i = 0; i < dot.length; i++) {
+    const pixel = dot[i];
+    const column = x + pixel.x;
+    const row = y + pixel.y;
+    if (column < 0 || row < 0 || column >= width || row >= height) continue;
+    const at = 4 * (row * width + column);
+    const part = pixel.part * strength;
+    data[at] += part * ((colour >> 16) - data[at]);
+    data[at + 1] += part * (((colour >> 8) & 255) - data[at + 1]);
+    data[at + 2] += part * ((colour & 255) - data[at + 2]);
+  }
+}

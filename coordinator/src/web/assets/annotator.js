@@ -1,0 +1,58 @@
+// Who answers: a name that the browser keeps, and an id for this window.
+
+const NAME = "murmuration.annotator";
+const SESSION = "murmuration.session";
+
+export function random() {
+  const bytes = crypto.getRandomValues(new Uint8Array(12));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+export const annotator = () => localStorage.getItem(NAME) ?? "";
+
+export function rename(name) {
+  if (name.trim()) localStorage.setItem(NAME, name.trim());
+}
+
+// The window's id outlives a refresh, so that the same questions come again; a window that was duplicated takes another.
+export async function session() {
+  const known = sessionStorage.getItem(SESSION);
+  if (known && (await claim(known))) return known;
+  const fresh = random();
+  sessionStorage.setItem(SESSION, fresh);
+  await claim(fresh);
+  return fresh;
+}
+
+// Holds the id for as long as the page lives. Browsers have locks only where they trust the connection; elsewhere the
+// id is taken as it is.
+function claim(id) {
+  if (!navigator.locks) return true;
+  return new Promise((resolve) => {
+    const held = () => {
+      resolve(true);
+      return new Promise(() => {});
+    };
+    // A refreshed page may have to wait until its former self is gone.
+    const signal = AbortSignal.timeout(1000);
+    navigator.locks.request(`murmuration.${id}`, { signal }, held).catch(() => resolve(false));
+  });
+}
+
+// Waits until somebody has said who they are.
+export function introduced() {
+  if (annotator()) return Promise.resolve();
+  const form = document.getElementById("who");
+  form.hidden = false;
+  form.elements.annotator.focus();
+  return new Promise((resolve) => {
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      rename(form.elements.annotator.value);
+      if (!annotator()) return;
+      form.hidden = true;
+      form.elements.annotator.blur();
+      resolve();
+    });
+  });
+}

@@ -1,0 +1,61 @@
+// The coordinator's answers, and what kinds of silence there are.
+
+// It said no: asking again would not help.
+export class Refused extends Error {}
+// It did not answer, or cannot now: asking again may help.
+export class Unavailable extends Error {}
+
+async function answer(request) {
+  let response;
+  try {
+    response = await request;
+  } catch {
+    throw new Unavailable("the coordinator does not answer");
+  }
+  if (response.status >= 500) throw new Unavailable(await response.text());
+  if (!response.ok) throw new Refused(await response.text());
+  return response.status === 202 ? null : response.json();
+}
+
+const { campaign, created } = document.querySelector("main").dataset;
+
+// Names this campaign, and no other of the same id, in what the browser keeps.
+export const keptAs = `murmuration.${campaign}@${created}`;
+
+export const path = (rest) => `/campaigns/${campaign}/${rest}`;
+
+export const get = (rest) => answer(fetch(path(rest)));
+
+export const post = (rest, body) =>
+  answer(
+    fetch(path(rest), {
+      method: "POST",
+      headers: { "content-type": "application/json" },
+      body: JSON.stringify(body),
+    }),
+  );
+
+export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+// Asks until there is an answer.
+export async function insist(ask) {
+  for (let wait = 300; ; wait = Math.min(wait * 2, 5000)) {
+    try {
+      return await ask();
+    } catch (error) {
+      if (!(error instanceof Unavailable)) throw error;
+    }
+    await pause(wait);
+  }
+}
+
+// Tells `changed` how the campaign stands, now and whenever that changes.
+export function follow(changed) {
+  const events = new EventSource(path("changes"));
+  events.onmessage = (message) => {
+    document.body.classList.remove("stale");
+    changed(JSON.parse(message.data));
+  };
+  // The browser connects again by itself.
+  events.onerror = () => document.body.classList.add("stale");
+}

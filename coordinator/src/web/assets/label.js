@@ -1,0 +1,136 @@
+// One behaviour at a time: what it does, and what somebody says that it is.
+import { annotator, introduced, rename, session } from "./annotator.js";
+import { follow, get, insist, keptAs, path } from "./coordinator.js";
+import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
+import { Palette, isForPage } from "./palette.js";
+import { Player, playerKey } from "./player.js";
+import { Queue } from "./queue.js";
+
+const SLOWEST_MS = 60_000;
+const RECENT = 20;
+
+const at = (id) => document.getElementById(id);
+const status = at("status");
+const player = new Player(document.querySelector(".player"));
+let shown = null;
+let since = 0;
+const durations = [];
+
+await introduced();
+const queue = new Queue(await session(), show);
+const outbox = new Outbox(queue.session, {
+  told(item, reply) {
+    palette.show(reply.classes);
+    if (item.path === "undo") {
+      if (reply.index !== null) queue.giveBack(reply.index);
+    } else queue.top();
+  },
+  refused(item, error) {
+    complain(status, error);
+    for (const { index } of item.body.answers ?? []) queue.said.delete(index);
+    queue.top();
+  },
+  changed(outbox) {
+    outbox.tell(status);
+    count();
+  },
+});
+const palette = new Palette({ answer, undo });
+beforeLearning(outbox);
+
+function answer(text) {
+  if (!queue.first) return;
+  const { index } = queue.first;
+  durations.push(Math.min(performance.now() - since, SLOWEST_MS));
+  if (durations.length > RECENT) durations.shift();
+  queue.take();
+  outbox.add("labels", { annotator: annotator(), answers: [{ index, answer: text }] });
+}
+
+function undo() {
+  outbox.add("undo", { annotator: annotator() });
+}
+
+function show() {
+  count();
+  const question = queue.first;
+  if (question?.index === shown) return;
+  shown = question?.index ?? null;
+  since = performance.now();
+  const picture = at("picture");
+  picture.classList.toggle("absent", !question);
+  if (!question) {
+    player.stop();
+    at("which").textContent = queue.loaded ? "Nothing to ask" : "…";
+    at("reason").textContent = nothing();
+    return;
+  }
+  picture.src = path(`individuals/${question.index}`);
+  picture.alt = `Picture of individual ${question.index}`;
+  at("which").textContent = `Individual ${question.index}`;
+  at("reason").textContent = `Why this one: ${question.reason}.`;
+  player.show(question.index).catch((error) => complain(status, error));
+}
+
+function nothing() {
+  if (!queue.loaded) return "";
+  if (queue.individuals === 0) return "The first generation is still to come; this page goes on by itself.";
+  return "Every behaviour has been asked about, or is with somebody else.";
+}
+
+function count() {
+  const goal = at("goal").value === "all" ? queue.individuals : Math.min(Number(at("goal").value), queue.individuals);
+  const unsent = outbox?.items.filter((item) => item.path === "labels").length ?? 0;
+  const done = queue.answered + unsent;
+  at("share").max = Math.max(goal, 1);
+  at("share").value = Math.min(done, goal);
+  at("count").textContent = queue.loaded ? `${done} of ${goal}${left(goal - done)}` : "…";
+}
+
+function left(open) {
+  if (open <= 0 || durations.length < 3) return "";
+  const sorted = [...durations].sort((a, b) => a - b);
+  const minutes = (open * sorted[sorted.length >> 1]) / 60_000;
+  if (minutes < 1) return ", less than a minute left";
+  const whole = Math.round(minutes);
+  return `, about ${whole} minute${whole === 1 ? "" : "s"} left`;
+}
+
+function settings() {
+  localStorage.setItem(`${keptAs}.settings`, JSON.stringify([at("strategy").value, at("goal").value]));
+  queue.set(at("strategy").value, at("agreement").checked);
+}
+
+document.addEventListener("keydown", (event) => {
+  if (isForPage(event) && playerKey(player, event)) event.preventDefault();
+});
+
+at("annotator").value = annotator();
+at("annotator").addEventListener("change", () => {
+  rename(at("annotator").value);
+  at("annotator").value = annotator();
+  queue.top();
+});
+const [strategy, goal] = JSON.parse(localStorage.getItem(`${keptAs}.settings`) ?? "[]");
+if (strategy) at("strategy").value = strategy;
+if (goal) at("goal").value = goal;
+for (const id of ["strategy", "agreement"]) at(id).addEventListener("change", settings);
+at("goal").addEventListener("change", () => {
+  settings();
+  count();
+});
+palette.show((await insist(() => get("labels"))).classes);
+settings();
+
+// Others answer too, and the archive grows.
+let labels = null;
+let stands = null;
+follow(async (seen) => {
+  tellDoing(seen);
+  const grown = `${seen.labels} ${seen.checkpoint} ${seen.individuals}`;
+  if (grown === stands) return;
+  stands = grown;
+  queue.top();
+  if (labels !== seen.labels) palette.show((await insist(() => get("labels"))).classes);
+  labels = seen.labels;
+});

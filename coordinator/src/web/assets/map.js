@@ -1,0 +1,247 @@
+// The map: what is like what, who it was named by, and a line around those that are to be named.
+import { annotator, introduced, session } from "./annotator.js";
+import { follow, get, insist, path, pause } from "./coordinator.js";
+import { column, fit } from "./drawing.js";
+import { lasso, trace } from "./lasso.js";
+import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
+import { Palette, isForPage } from "./palette.js";
+import { Player, playerKey } from "./player.js";
+import { Plot } from "./plot.js";
+
+const at = (id) => document.getElementById(id);
+const status = at("status");
+const over = at("over");
+const tip = at("tip");
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
+const plot = new Plot(at("points"));
+const player = new Player(document.querySelector(".player"));
+let known = { classes: [], of: new Map() };
+let points = null;
+let selected = new Set();
+let hovered = -1;
+let line = null;
+const batches = [];
+
+const outbox = new Outbox(await session(), {
+  told: (_, reply) => palette.show(reply.classes),
+  refused: (_, error) => complain(status, error),
+  changed: (outbox) => outbox.tell(status),
+});
+const palette = new Palette({ answer, undo });
+beforeLearning(outbox);
+
+async function answer(text) {
+  if (selected.size === 0) return complain(status, new Error("Draw around behaviours first: they are what is named."));
+  await introduced();
+  const answers = [...selected].map((index) => ({ index, answer: text }));
+  batches.push(answers.length);
+  outbox.add("labels", { annotator: annotator(), answers });
+  select([]);
+}
+
+function undo() {
+  for (let i = batches.pop() ?? 1; i > 0; i--) outbox.add("undo", { annotator: annotator() });
+}
+
+const number = (colour) => parseInt(colour.slice(1), 16);
+
+// A colour for each point, and what the colours mean.
+function colouring() {
+  const nameless = dark.matches ? NAMELESS.dark : NAMELESS.light;
+  switch (at("colouring").value) {
+    case "cluster": {
+      const colours = points.clusterColours.map(number);
+      const entries = points.clusterColours.map((colour, i) => [colour, `cluster ${i + 1}`, points.sizes[i]]);
+      return { of: (i) => colours[points.cluster[i]] ?? nameless, entries };
+    }
+    case "generation": {
+      const last = Math.max(Math.ceil(points.count / points.population) - 1, 1);
+      const of = (i) => shade(Math.floor(i / points.population) / last);
+      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${Math.round(part * last)}`];
+      return { of, entries: [0, 0.5, 1].map(mark) };
+    }
+    default: {
+      const colours = known.classes.map(({ colour }) => number(colour));
+      const entries = known.classes.map(({ colour, name, labels }) => [colour, name, labels]);
+      entries.push([`#${nameless.toString(16)}`, "without a name", points.count - known.of.size]);
+      return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
+    }
+  }
+}
+
+// From early to late: three colours that differ in lightness too.
+function shade(part) {
+  const stops = dark.matches ? [0x3f5f9e, 0x3fa58c, 0xf0dc5a] : [0xd9b51f, 0x2f8f83, 0x33337f];
+  const from = stops[part < 0.5 ? 0 : 1];
+  const to = stops[part < 0.5 ? 1 : 2];
+  const way = (part * 2) % 1 || (part === 0 ? 0 : part === 0.5 ? 0 : 1);
+  const mix = (shift) => Math.round(((from >> shift) & 255) * (1 - way) + ((to >> shift) & 255) * way) << shift;
+  return mix(16) | mix(8) | mix(0);
+}
+
+function paint() {
+  if (!points) return;
+  const { of, entries } = colouring();
+  plot.paint(of, selected, dark.matches ? [28, 29, 27] : [255, 255, 255]);
+  at("legend").replaceChildren(...entries.map(entry));
+  sketch();
+}
+
+function entry([colour, name, count]) {
+  const item = document.createElement("li");
+  const mark = document.createElement("span");
+  mark.className = "mark";
+  mark.style.setProperty("--class", colour);
+  item.append(mark, count === undefined ? name : `${name} · ${count}`);
+  return item;
+}
+
+// What changes with the pointer, above the points.
+function sketch() {
+  fit(over);
+  const pen = over.getContext("2d");
+  const dense = over.width / Math.max(over.clientWidth, 1);
+  pen.setTransform(dense, 0, 0, dense, 0, 0);
+  pen.clearRect(0, 0, over.clientWidth, over.clientHeight);
+  const ink = getComputedStyle(over).color;
+  if (line) trace(pen, line, ink);
+  if (hovered < 0) return;
+  pen.strokeStyle = ink;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.arc(plot.across[hovered], plot.down[hovered], 7, 0, 2 * Math.PI);
+  pen.stroke();
+}
+
+function nameOf(i) {
+  return known.of.has(i) ? known.classes[known.of.get(i)].name : "without a name";
+}
+
+function hover(i) {
+  if (i === hovered) return;
+  hovered = i;
+  tip.hidden = i < 0;
+  if (i >= 0) {
+    tip.querySelector("img").src = path(`individuals/${i}`);
+    tip.querySelector("p").textContent = `${i} · ${nameOf(i)}`;
+    const [x, y] = [plot.across[i], plot.down[i]];
+    const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;
+    tip.style.left = `${Math.max(left, 4)}px`;
+    tip.style.top = `${Math.min(Math.max(y - tip.offsetHeight / 2, 4), over.clientHeight - tip.offsetHeight - 4)}px`;
+  }
+  sketch();
+}
+
+function choose(i) {
+  if (i < 0) return;
+  at("chosen").textContent = `Individual ${i}, generation ${Math.floor(i / points.population)}, ${nameOf(i)}.`;
+  player.show(i).catch((error) => complain(status, error));
+}
+
+function select(indices, adds = false) {
+  selected = new Set(adds ? [...selected, ...indices] : indices);
+  at("selected").textContent = selected.size
+    ? `${selected.size} selected: which class?`
+    : "Draw around behaviours to label them.";
+  paint();
+}
+
+lasso(over, over, {
+  click: ([x, y]) => choose(plot.nearest(x, y)),
+  inside: (drawn, adds) => select(plot.within(drawn), adds),
+  draw: (drawn) => {
+    line = drawn;
+    sketch();
+  },
+});
+over.addEventListener("pointermove", (event) => {
+  if (!line) hover(plot.nearest(event.offsetX, event.offsetY));
+});
+over.addEventListener("pointerleave", () => hover(-1));
+over.addEventListener("keydown", (event) => {
+  const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  const way = ways[event.key];
+  if (way) hover(plot.towards(hovered, ...way));
+  else if (event.key === "Enter") choose(hovered);
+  else if (event.key === " " && hovered >= 0) {
+    if (selected.has(hovered)) select([...selected].filter((i) => i !== hovered));
+    else select([hovered], true);
+  } else return;
+  event.preventDefault();
+  event.stopPropagation();
+});
+document.addEventListener("keydown", (event) => {
+  if (!isForPage(event)) return;
+  if (event.key === "Escape") select([]);
+  else if (playerKey(player, event)) event.preventDefault();
+});
+at("colouring").addEventListener("change", paint);
+at("projection").addEventListener("change", settle);
+dark.addEventListener("change", paint);
+addEventListener("resize", () => {
+  if (!points) return;
+  plot.layOut();
+  paint();
+});
+
+const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array)];
+
+function settle() {
+  const places = points.places[at("projection").value] ?? points.places.axes;
+  plot.place(...places);
+  hover(-1);
+  paint();
+}
+
+// Reads the archive as it stands; t-SNE follows when it is there.
+async function load() {
+  const [about, axes] = await Promise.all([insist(() => get("points")), insist(() => get("points/axes"))]);
+  const cluster = column(about.cluster, Uint16Array);
+  const sizes = about.medoids.map(() => 0);
+  for (const of of cluster) sizes[of]++;
+  points = { ...about, cluster, sizes, places: { axes: read(axes) } };
+  points.count = points.places.axes[0].length;
+  document.querySelector(".plane .empty").hidden = points.count > 0;
+  for (const option of at("colouring")) if (option.value === "cluster") option.disabled = sizes.length === 0;
+  offer(false);
+  settle();
+  const loaded = points;
+  for (;;) {
+    const neighbours = await insist(() => get("points/neighbours"));
+    if (points !== loaded) return;
+    if (neighbours) {
+      loaded.places.neighbours = read(neighbours);
+      return offer(true);
+    }
+    await pause(1000);
+  }
+}
+
+// t-SNE can be chosen once it is known.
+function offer(there) {
+  const option = at("projection").querySelector("[value=neighbours]");
+  option.disabled = !there;
+  option.textContent = there ? "t-SNE" : "t-SNE (not there yet)";
+  if (!there) at("projection").value = "axes";
+}
+
+async function label() {
+  const labels = await insist(() => get("labels"));
+  const individual = column(labels.individual, Uint32Array);
+  const of = column(labels.class, Uint16Array);
+  known = { classes: labels.classes, of: new Map(Array.from(individual, (index, i) => [index, of[i]])) };
+  palette.show(labels.classes);
+  paint();
+}
+
+let stands = null;
+let entries = null;
+follow(async (seen) => {
+  tellDoing(seen);
+  const now = `${seen.checkpoint} ${seen.individuals} ${seen.completed}`;
+  const [moved, said] = [now !== stands, seen.labels !== entries];
+  [stands, entries] = [now, seen.labels];
+  if (moved) load().catch((error) => complain(status, error));
+  if (said) await label();
+});

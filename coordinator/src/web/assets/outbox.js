@@ -1,0 +1,105 @@
+// What was said and is not yet acknowledged. Everything goes to the coordinator at once, one after the other, each under
+// an id of its own, so that it can be sent again whenever no answer came; until it is acknowledged the browser keeps it,
+// through a refresh and through the end of either side.
+import { Unavailable, keptAs, pause, post } from "./coordinator.js";
+import { random } from "./annotator.js";
+
+const KEPT = `${keptAs}.unsent.`;
+
+export class Outbox {
+  // `told(item, reply)` hears of what was acknowledged, `refused(item, error)` of what never will be, `changed(outbox)`
+  // of both and of every delay.
+  constructor(session, { told, refused, changed }) {
+    this.key = KEPT + session;
+    this.told = told;
+    this.refused = refused;
+    this.changed = changed;
+    this.waits = false;
+    this.sending = false;
+    this.items = this.left();
+    this.keep();
+    this.send();
+  }
+
+  // What this window and others that are gone left behind. Sending twice what a living one sends too does no harm.
+  left() {
+    const keys = Object.keys(localStorage).filter((key) => key.startsWith(KEPT));
+    const items = keys.flatMap((key) => JSON.parse(localStorage.getItem(key)));
+    keys.forEach((key) => localStorage.removeItem(key));
+    return items;
+  }
+
+  keep() {
+    if (this.items.length) localStorage.setItem(this.key, JSON.stringify(this.items));
+    else localStorage.removeItem(this.key);
+  }
+
+  // `path` is where it goes, `body` what it says besides its id.
+  add(path, body) {
+    this.items.push({ path, body: { request_id: random(), ...body } });
+    this.keep();
+    this.changed(this);
+    this.send();
+  }
+
+  async send() {
+    if (this.sending) return;
+    this.sending = true;
+    for (let wait = 250; this.items.length; ) {
+      const item = this.items[0];
+      try {
+        const reply = await post(item.path, item.body);
+        this.items.shift();
+        this.keep();
+        this.waits = false;
+        wait = 250;
+        this.told(item, reply);
+      } catch (error) {
+        if (error instanceof Unavailable) {
+          this.waits = true;
+          this.changed(this);
+          await pause(wait);
+          wait = Math.min(wait * 2, 4000);
+          continue;
+        }
+        this.items.shift();
+        this.keep();
+        this.refused(item, error);
+      }
+      this.changed(this);
+    }
+    this.sending = false;
+  }
+
+  // Says on the page how things stand.
+  tell(line) {
+    const count = this.items.length;
+    const what = count === 1 ? "one answer" : `${count} answers`;
+    if (this.waits) line.textContent = `The coordinator does not answer: ${what} kept here until it does.`;
+    else if (count) line.textContent = "Saving…";
+    else if (!line.classList.contains("wrong")) line.textContent = "All saved.";
+    if (count) line.classList.remove("wrong");
+  }
+}
+
+// Learning waits until everything that was said is with the coordinator.
+export function beforeLearning(outbox) {
+  const form = document.querySelector("form.learn");
+  form?.addEventListener("submit", async (event) => {
+    if (outbox.items.length === 0) return;
+    event.preventDefault();
+    while (outbox.items.length) await pause(50);
+    form.requestSubmit();
+  });
+}
+
+// What is being done with the campaign, where the page has a place for it.
+export function tellDoing({ doing }) {
+  const line = document.getElementById("doing");
+  if (line) line.textContent = doing ?? "";
+}
+
+export function complain(line, error) {
+  line.classList.add("wrong");
+  line.textContent = error.message;
+}

@@ -1,0 +1,94 @@
+// What this window is asked, some of it before it is needed.
+import { annotator } from "./annotator.js";
+import { insist, path, post } from "./coordinator.js";
+import { motionOf } from "./player.js";
+
+// The one that is looked at, and the next three.
+const HELD = 4;
+// Before others are given what this window holds.
+const RENEW_MS = 60_000;
+
+export class Queue {
+  // `changed()` hears of a new first question and of new counts.
+  constructor(session, changed) {
+    this.session = session;
+    this.changed = changed;
+    this.questions = [];
+    this.answered = 0;
+    this.individuals = 0;
+    this.loaded = false;
+    this.said = new Set();
+    this.again = [];
+    this.asking = false;
+    this.wanted = false;
+    this.strategy = "medoids";
+    this.agreement = false;
+    setInterval(() => {
+      if (!document.hidden) this.top();
+    }, RENEW_MS);
+  }
+
+  get first() {
+    return this.questions[0];
+  }
+
+  // The first question was answered.
+  take() {
+    this.said.add(this.questions.shift().index);
+    this.changed();
+  }
+
+  // An answer was taken back: that question comes first again.
+  giveBack(index) {
+    this.said.delete(index);
+    this.again = [index, ...this.again];
+    this.top();
+  }
+
+  // Another kind of question from now on.
+  set(strategy, agreement) {
+    this.strategy = strategy;
+    this.agreement = agreement;
+    this.top();
+  }
+
+  // Has the window hold as many questions as it should.
+  async top() {
+    this.wanted = true;
+    if (this.asking) return;
+    this.asking = true;
+    try {
+      while (this.wanted) {
+        this.wanted = false;
+        await this.ask();
+      }
+    } finally {
+      this.asking = false;
+    }
+  }
+
+  async ask() {
+    const { again } = this;
+    const asked = await insist(() =>
+      post("questions", {
+        annotator: annotator(),
+        session: this.session,
+        strategy: this.strategy,
+        agreement: this.agreement,
+        count: HELD,
+        again,
+      }),
+    );
+    this.again = this.again.filter((index) => !again.includes(index));
+    // What was answered meanwhile was on its way.
+    this.questions = asked.queries.filter(({ index }) => !this.said.has(index));
+    this.answered = asked.answered;
+    this.individuals = asked.individuals;
+    this.loaded = true;
+    for (const { index } of this.questions) {
+      motionOf(index).catch(() => {});
+      new Image().src = path(`individuals/${index}`);
+    }
+    this.changed();
+  }
+}

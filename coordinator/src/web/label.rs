@@ -1,0 +1,103 @@
+//! The pages where people say what they see: one behaviour at a time, or a cluster at once.
+
+use super::{
+    Web,
+    pages::{self, Part},
+    parts,
+    wrong::Wrong,
+};
+use axum::extract::{Path, State};
+use maud::{Markup, html};
+
+/// One behaviour at a time.
+pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let content = html! {
+        div.wide-bar {
+            h1 { "What does this swarm do?" }
+            p.counted { progress #share max="1" value="0" aria-label="Answered" {} span #count { "…" } }
+        }
+        (parts::who())
+        div.desk {
+            section.watch aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
+            section.side aria-label="Your answer" {
+                div.seen {
+                    img #picture width="150" height="150" alt="";
+                    div aria-live="polite" { p #which { strong { "…" } } p #reason.reason {} }
+                }
+                (parts::palette(true))
+                (parts::status_line())
+                (parts::learn(&record))
+            }
+        }
+        details.settings {
+            summary { "Settings and keys" }
+            div.choices {
+                label { "Ask " select #strategy {
+                    option value="medoids" selected { "medoids, then doubtful ones" }
+                    option value="random" { "at random" }
+                    option value="committee" { "where embeddings differ" }
+                } }
+                label { "Until " select #goal {
+                    @for goal in ["50", "100", "200", "500"] {
+                        option value=(goal) selected[goal == "200"] { (goal) " are answered" }
+                    }
+                    option value="all" { "all are answered" }
+                } }
+                label { input #agreement type="checkbox"; " what others answered, for agreement" }
+                (parts::rename())
+            }
+            dl.keys {
+                @for (key, what) in KEYS { div { dt { kbd { (key) } } dd { (what) } } }
+            }
+        }
+    };
+    Ok(pages::campaign_page(&record, Part::Label, "label.js", content))
+}
+
+const KEYS: [(&str, &str); 9] = [
+    ("1 … 9", "the class with that number"),
+    ("n", "a class by its name, new or not"),
+    ("?", "not sure"),
+    ("s", "skip"),
+    ("u", "take the last answer back"),
+    ("Space", "play or pause"),
+    ("← →", "a little back or on"),
+    ("- +", "slower or faster"),
+    ("r", "from the start"),
+];
+
+/// A cluster at once.
+pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Which of these differ?" }
+            div.choices {
+                button.plain #before type="button" { "Previous " kbd { "←" } }
+                label { "Cluster " select #cluster {} }
+                button.plain #after type="button" { "Next " kbd { "→" } }
+            }
+        }
+        (parts::who())
+        p.lead {
+            "One cluster, as the embedding sees it. Click those that differ, or draw around them; then name the rest. "
+            "What differs stays for the next look."
+        }
+        div.desk.sheet-desk {
+            section.sheet aria-label="Members of the cluster" {
+                div #sheet {}
+                canvas #over aria-hidden="true" {}
+                p.empty hidden {}
+            }
+            section.side aria-label="Your answer" {
+                p #rest.reason { "…" }
+                (parts::palette(false))
+                (parts::status_line())
+                (parts::learn(&record))
+                (parts::stage("Motion of the behaviour pointed at"))
+            }
+        }
+    };
+    Ok(pages::campaign_page(&record, Part::Sheet, "sheet.js", content))
+}

@@ -1,0 +1,115 @@
+//! The map of a campaign's behaviours: its page, and its points for the script.
+
+use super::{
+    Web,
+    pages::{self, Part},
+    parts,
+    refused::Refused,
+    wrong::Wrong,
+};
+use crate::{
+    campaign::blocking,
+    picture::{
+        colours,
+        columns::{column, spread},
+    },
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+    http::StatusCode,
+    response::{IntoResponse, Response},
+};
+use maud::{Markup, html};
+use serde_json::{Value, json};
+
+/// The page.
+pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Map" }
+            div.choices {
+                label { "Places " select #projection {
+                    option value="axes" { "principal axes" }
+                    option value="neighbours" disabled { "t-SNE (not there yet)" }
+                } }
+                label { "Colours " select #colouring {
+                    option value="class" { "class" }
+                    option value="cluster" { "cluster" }
+                    option value="generation" { "generation" }
+                } }
+            }
+        }
+        (parts::who())
+        div.desk.map-desk {
+            div.sight {
+                section.plane aria-label="Behaviours" {
+                    canvas #points aria-hidden="true" {}
+                    canvas #over tabindex="0" role="application" aria-describedby="how"
+                        aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
+                    div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
+                    p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
+                }
+                ul #legend.legend aria-label="Colours" {}
+                p #how.reason {
+                    "Near each other is alike. Point at a behaviour for its picture, click it for its motion. Draw around "
+                    "several to select them (with Shift, more of them; Escape, none), then press the number of a class."
+                }
+            }
+            section.side aria-label="Selection" {
+                (parts::stage("Motion of the behaviour that was chosen"))
+                p #chosen.reason { "Click a behaviour to see its motion." }
+                p #selected.reason { "Draw around behaviours to label them." }
+                (parts::palette(false))
+                (parts::status_line())
+                (parts::learn(&record))
+            }
+        }
+    };
+    Ok(pages::campaign_page(&record, Part::Map, "map.js", content))
+}
+
+/// What is known of each point besides its place.
+pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let status = web.campaigns.status(&id).await?;
+    let record = status.record;
+    let (store, campaign) = (web.store.clone(), record.id.clone());
+    let taxonomy = blocking(move || store.taxonomy(&campaign)).await??;
+    let (medoids, clusters) = taxonomy.map_or_else(Default::default, |found| (found.medoids, found.clusters));
+    Ok(Json(json!({
+        "count": record.individuals(),
+        "population": record.spec.search().population(),
+        "medoids": medoids,
+        "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
+        "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
+    })))
+}
+
+/// Places on the principal axes.
+pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let record = web.campaigns.status(&id).await?.record;
+    let maps = web.maps.clone();
+    let axes = blocking(move || maps.axes(&record))
+        .await?
+        .map_err(Refused::space)?;
+    Ok(Json(places(&axes.points)))
+}
+
+/// Places by t-SNE; ACCEPTED, and nothing, while they are computed.
+pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
+    let record = web.campaigns.status(&id).await?.record;
+    let maps = web.maps.clone();
+    let found = blocking(move || maps.neighbours(&record))
+        .await?
+        .map_err(Refused::space)?;
+    Ok(match found {
+        Some(points) => Json(places(&points)).into_response(),
+        None => StatusCode::ACCEPTED.into_response(),
+    })
+}
+
+fn places(points: &[[f64; 2]]) -> Value {
+    let axis = |axis: usize| spread(points.iter().map(move |point| point[axis]));
+    json!({ "x": axis(0), "y": axis(1) })
+}

@@ -1,0 +1,48 @@
+//! The motion of an individual, for a script to draw.
+
+use super::{Web, refused::Refused};
+use crate::{
+    gather,
+    picture::{colours, columns},
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+    http::header::CACHE_CONTROL,
+    response::IntoResponse,
+};
+use murmuration_proto::{
+    Replay,
+    v1::{self, campaign_service_server::CampaignService as _},
+};
+use serde_json::json;
+use std::time::Duration;
+use tonic::{Request, Status};
+
+/// Bytes of one motion, before base64.
+const MOTION_BYTES: usize = 2 << 20;
+/// How long a script waits for a worker; then it is told that there is none, and may ask again.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+pub(super) async fn motion(
+    State(web): State<Web>,
+    Path((campaign, index)): Path<(String, u64)>,
+) -> Result<impl IntoResponse, Refused> {
+    let world = *web.campaigns.status(&campaign).await?.record.spec.world();
+    let request = v1::GetReplayRequest {
+        campaign,
+        index,
+        stride: gather::stride(&world),
+    };
+    let replay = tokio::time::timeout(PATIENCE, web.archive.get_replay(Request::new(request)));
+    let none = || Status::unavailable("no worker has simulated this yet");
+    let replay = replay.await.map_err(|_| none())??.into_inner();
+    let told = json!({
+        "world": columns::world(&world),
+        "colours": colours::AGENTS.map(colours::hex),
+        "run": columns::motion(&Replay::try_from(replay)?, &world, MOTION_BYTES),
+    });
+    // An evaluation is the same whenever it is done.
+    let headers = [(CACHE_CONTROL, "public, max-age=31536000, immutable")];
+    Ok((headers, Json(told)))
+}

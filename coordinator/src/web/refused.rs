@@ -1,0 +1,43 @@
+//! Why a script's request was refused: a status and a line of text.
+
+use crate::space::SpaceError;
+use axum::{
+    http::StatusCode,
+    response::{IntoResponse, Response},
+};
+use tonic::{Code, Status};
+
+/// What a service says, to a script.
+#[derive(Debug)]
+pub(super) struct Refused(Status);
+
+impl<E: Into<Status>> From<E> for Refused {
+    fn from(error: E) -> Self {
+        Self(error.into())
+    }
+}
+
+impl Refused {
+    /// What the behaviours of an archive could not be read for.
+    pub(super) fn space(error: SpaceError) -> Self {
+        match error {
+            SpaceError::Store(error) => error.into(),
+            SpaceError::Misfit(_) => Status::internal(error.to_string()).into(),
+        }
+    }
+}
+
+impl IntoResponse for Refused {
+    fn into_response(self) -> Response {
+        let status = match self.0.code() {
+            Code::InvalidArgument | Code::OutOfRange => StatusCode::BAD_REQUEST,
+            Code::NotFound => StatusCode::NOT_FOUND,
+            Code::AlreadyExists | Code::FailedPrecondition | Code::Aborted => StatusCode::CONFLICT,
+            Code::ResourceExhausted | Code::Unavailable | Code::DeadlineExceeded => {
+                StatusCode::SERVICE_UNAVAILABLE
+            }
+            _ => StatusCode::INTERNAL_SERVER_ERROR,
+        };
+        (status, self.0.message().to_owned()).into_response()
+    }
+}

@@ -1,0 +1,133 @@
+//! The taxonomy of a campaign: its behaviours, to be watched, named and taken away as a report.
+
+use super::{
+    Web,
+    pages::{self, Part},
+    parts,
+    refused::Refused,
+    wrong::Wrong,
+};
+use crate::{
+    campaign::blocking,
+    gather,
+    labels::{ClassName, Labels},
+    report,
+    store::StoreError,
+    taxonomy::{Medoid, Taxonomy},
+};
+use axum::{
+    extract::{Path, State},
+    http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
+    response::IntoResponse,
+};
+use maud::{Markup, html};
+use murmuration_proto::v1::{
+    campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+};
+use std::collections::BTreeMap;
+use tonic::Status;
+
+/// The page.
+pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let (store, campaign, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
+    let read = move || -> Result<(Option<Taxonomy>, Labels), StoreError> {
+        let taxonomy = Taxonomy::read(&store, &campaign, &spec)?;
+        Ok((taxonomy, store.labels(&campaign)?))
+    };
+    let (taxonomy, labels) = blocking(read).await??;
+    let names = labels.by_individual();
+    let content = html! {
+        div.wide-bar {
+            h1 { "Taxonomy" }
+            @if taxonomy.is_some() {
+                a.button href={ "/campaigns/" (record.id) "/report" } download { "Export the report" }
+            }
+        }
+        @match &taxonomy {
+            None => p.empty { "There is no taxonomy yet: it is made when the search has ended." },
+            Some(taxonomy) => {
+                p.lead {
+                    "One card a behaviour, the most frequent first: the one in the middle of its cluster. Point at a picture "
+                    "to watch it. A name is a label: it teaches the embedding like any other answer."
+                }
+                (parts::who())
+                datalist #names { @for class in labels.classes() { option value=(class.name) {} } }
+                ul.medoids {
+                    @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
+                        li { (card(record.id.as_str(), place, medoid, taxonomy.clusters.len(), &names)) }
+                    }
+                }
+                (parts::status_line())
+            }
+        }
+    };
+    Ok(pages::campaign_page(
+        &record,
+        Part::Taxonomy,
+        "taxonomy.js",
+        content,
+    ))
+}
+
+fn card(
+    campaign: &str,
+    place: usize,
+    medoid: &Medoid,
+    individuals: usize,
+    names: &BTreeMap<u64, ClassName>,
+) -> Markup {
+    let index = medoid.individual.index;
+    let share = medoid.cluster_size as f64 / individuals.max(1) as f64;
+    let number = place + 1;
+    html! {
+        article.medoid data-index=(index) aria-labelledby={ "behaviour-" (number) } {
+            div.stage tabindex="0" role="button" aria-label={ "Play behaviour " (number) } {
+                img src={ "/campaigns/" (campaign) "/individuals/" (index) } width="150" height="150" loading="lazy"
+                    alt={ "Picture of behaviour " (number) };
+                canvas aria-hidden="true" {}
+            }
+            h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
+            p.reason { (format!("{:.1} %", 100.0 * share)) " · " (medoid.cluster_size) " alike" }
+            progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all behaviours" {}
+            form.naming data-index=(index) {
+                label { span.unseen { "Name of behaviour " (number) }
+                    input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
+                        value=[names.get(&index)];
+                }
+                button.plain { "Save" }
+            }
+            dl.figures {
+                div { dt { "Individual" } dd { (index) } }
+                div { dt { "Generation" } dd { (medoid.individual.generation) } }
+                div { dt { "Novelty" } dd { (format!("{:.4}", medoid.individual.novelty)) } }
+            }
+            code { (medoid.individual.controller) }
+        }
+    }
+}
+
+/// The report as one file to keep; workers simulate its motions again.
+pub(super) async fn export(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, Refused> {
+    let id = web.campaigns.status(&id).await?.record.id;
+    // The service of this process, without a network between.
+    let mut service = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let failed = |error: String| Status::internal(error);
+    let gathered = gather::report(&mut service, id.as_str())
+        .await
+        .map_err(|error| match error {
+            gather::GatherError::Service(status) => status,
+            other => failed(other.to_string()),
+        })?;
+    let page = blocking(move || report::page(&gathered)).await?;
+    let page = page.map_err(|error| failed(error.to_string()))?;
+    let name = format!("attachment; filename=\"{id}.html\"");
+    let headers = [
+        (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
+        (CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, page))
+}

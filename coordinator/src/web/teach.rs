@@ -1,0 +1,196 @@
+//! Labels and questions for the pages' scripts: JSON in and out of the label service, which checks and decides.
+
+use super::{Web, refused::Refused};
+use crate::{
+    campaign::blocking,
+    labels::{ClassName, Labels},
+    picture::columns::column,
+    store::StoreError,
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+};
+use murmuration_proto::v1::{self, label_service_server::LabelService as _};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use tonic::Request;
+
+type Told = Result<Json<Value>, Refused>;
+
+/// What somebody would like to be asked; see `NextQueriesRequest`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Ask {
+    annotator: String,
+    session: String,
+    strategy: String,
+    count: u32,
+    agreement: bool,
+    again: Vec<u64>,
+}
+
+pub(super) async fn ask(State(web): State<Web>, Path(campaign): Path<String>, Json(ask): Json<Ask>) -> Told {
+    let strategy = match ask.strategy.as_str() {
+        "random" => v1::QueryStrategy::Random,
+        "medoids" => v1::QueryStrategy::Medoids,
+        "committee" => v1::QueryStrategy::Committee,
+        // Which the service refuses.
+        _ => v1::QueryStrategy::Unspecified,
+    };
+    let request = v1::NextQueriesRequest {
+        campaign,
+        annotator: ask.annotator,
+        session: ask.session,
+        strategy: strategy as i32,
+        count: ask.count,
+        agreement: ask.agreement,
+        again: ask.again,
+    };
+    let asked = web.labels.next_queries(Request::new(request)).await?.into_inner();
+    let query = |query: &v1::Query| json!({ "index": query.index, "reason": query.reason });
+    Ok(Json(json!({
+        "queries": asked.queries.iter().map(query).collect::<Vec<_>>(),
+        "answered": asked.answered,
+        "individuals": asked.individuals,
+    })))
+}
+
+/// Answers of one annotator.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Answers {
+    request_id: String,
+    annotator: String,
+    answers: Vec<Answer>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Answer {
+    index: u64,
+    answer: String,
+}
+
+pub(super) async fn answer(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(said): Json<Answers>,
+) -> Told {
+    let answers = said.answers.into_iter().map(|answer| v1::Answer {
+        index: answer.index,
+        answer: answer.answer,
+        time_ms: 0,
+        annotator: said.annotator.clone(),
+    });
+    let request = v1::AppendLabelsRequest {
+        campaign: campaign.clone(),
+        request_id: said.request_id,
+        answers: answers.collect(),
+    };
+    web.labels.append_labels(Request::new(request)).await?;
+    classes(&web, campaign).await
+}
+
+/// Whose newest answer to take back.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Undo {
+    request_id: String,
+    annotator: String,
+}
+
+/// Tells which individual the answer was about that no longer stands.
+pub(super) async fn undo(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(said): Json<Undo>,
+) -> Told {
+    let request = v1::UndoLabelRequest {
+        campaign: campaign.clone(),
+        request_id: said.request_id,
+        annotator: said.annotator,
+    };
+    let undone = web.labels.undo_label(Request::new(request)).await?.into_inner();
+    let request = v1::ListLabelEntriesRequest {
+        campaign: campaign.clone(),
+    };
+    let log = web
+        .labels
+        .list_label_entries(Request::new(request))
+        .await?
+        .into_inner();
+    let entry = log
+        .entries
+        .into_iter()
+        .find(|entry| Some(entry.number) == undone.supersedes);
+    let index = match entry.and_then(|entry| entry.action) {
+        Some(v1::label_entry::Action::Answer(answer)) => Some(answer.index),
+        _ => None,
+    };
+    let Json(mut told) = classes(&web, campaign).await?;
+    told["index"] = json!(index);
+    Ok(Json(told))
+}
+
+/// A class to add.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Create {
+    request_id: String,
+    annotator: String,
+    class: String,
+}
+
+pub(super) async fn create(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(said): Json<Create>,
+) -> Told {
+    let request = v1::ChangeClassRequest {
+        campaign: campaign.clone(),
+        request_id: said.request_id,
+        annotator: said.annotator,
+        change: Some(v1::change_class_request::Change::Create(v1::CreateClass {
+            class: said.class,
+        })),
+    };
+    web.labels.change_class(Request::new(request)).await?;
+    classes(&web, campaign).await
+}
+
+async fn classes(web: &Web, campaign: String) -> Told {
+    let request = v1::ListClassesRequest { campaign };
+    let classes = web
+        .labels
+        .list_classes(Request::new(request))
+        .await?
+        .into_inner()
+        .classes;
+    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "labels": class.labels });
+    Ok(Json(
+        json!({ "classes": classes.iter().map(class).collect::<Vec<_>>() }),
+    ))
+}
+
+/// The classes, and the class of each individual that has one: as two columns, index and place among the classes.
+pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
+    let store = web.store.clone();
+    let labels =
+        blocking(move || -> Result<Labels, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
+            .await??;
+    let classes = labels.classes();
+    let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
+    let by_individual = labels.by_individual();
+    let placed: Vec<(u64, u16)> = by_individual
+        .iter()
+        .filter_map(|(index, class)| Some((*index, *place.get(class)?)))
+        .collect();
+    let class = |class: &crate::labels::Class| json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels });
+    Ok(Json(json!({
+        "classes": classes.iter().map(class).collect::<Vec<_>>(),
+        "individual": column(placed.iter().map(|(index, _)| (*index as u32).to_le_bytes())),
+        "class": column(placed.iter().map(|(_, class)| class.to_le_bytes())),
+    })))
+}

@@ -1,0 +1,81 @@
+//! How pages look: pictures of each, and what can be checked without eyes.
+
+use crate::{
+    driver::{Driver, Window},
+    scene::{Scene, answer, asked, name, saved},
+};
+use serde_json::json;
+
+/// Texts whose contrast with what is behind them is below WCAG AA (4.5, or 3 for large ones).
+const FAINT: &str = include_str!("contrast.js");
+
+const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
+    let Some(driver) = Driver::start() else { return };
+    let scene = Scene::set().await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    name(&window, "milling").await;
+    name(&window, "wall following").await;
+    name(&window, "dispersal").await;
+    for turn in 0..20 {
+        answer(&window, ["1", "2", "3"][turn % 3]).await;
+    }
+    saved(&window).await;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            for (page, ready) in PAGES {
+                window.driver.goto(scene.url(page)).await.unwrap();
+                window.until(ready).await;
+                let name = page.trim_start_matches('/');
+                let name = if name.is_empty() { "progress" } else { name };
+                window.picture(&format!("{name}-{width}-{scheme}")).await;
+                check(&window, name).await;
+            }
+            window.driver.goto(scene.cluster.url()).await.unwrap();
+            window.picture(&format!("campaigns-{width}-{scheme}")).await;
+            check(&window, "campaigns").await;
+        }
+    }
+    window.driver.goto(scene.url("/label")).await.unwrap();
+    asked(&window).await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+const PAGES: [(&str, &str); 5] = [
+    ("", "document.querySelector('.behaviours img').complete"),
+    ("/label", "document.querySelector('.scrub').value > 40"),
+    (
+        "/sheet",
+        "[...document.querySelectorAll('.card img')].some((image) => image.naturalWidth > 0)",
+    ),
+    (
+        "/map",
+        "!document.querySelector('#projection [value=neighbours]').disabled && document.querySelectorAll('.legend li').length === 4",
+    ),
+    (
+        "/taxonomy",
+        "[...document.querySelectorAll('.medoid img')].every((image) => image.complete || image.loading === 'lazy')",
+    ),
+];
+
+async fn check(window: &Window, page: &str) {
+    let over = window
+        .value("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+        .await;
+    assert_eq!(over, json!(0), "{page} is wider than the screen");
+    let faint = window.value(FAINT).await;
+    assert_eq!(faint, json!([]), "{page} has texts that are hard to read");
+    let mute = window
+        .value(
+            "[...document.querySelectorAll('img:not([alt]), button, input:not([type=hidden]), select, a')] \
+             .filter((e) => e.tagName === 'IMG' || !(e.textContent.trim() || e.ariaLabel || e.labels?.length)) \
+             .map((e) => e.outerHTML.slice(0, 120))",
+        )
+        .await;
+    assert_eq!(mute, json!([]), "{page} has parts without a name");
+}

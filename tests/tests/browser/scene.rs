@@ -1,0 +1,123 @@
+//! A coordinator with a finished campaign, and somebody who looks at it.
+
+use crate::driver::{Driver, Window};
+use murmuration_proto::{
+    CampaignSpec,
+    v1::{self, label_service_client::LabelServiceClient},
+};
+use murmuration_tests::{Cluster, small_spec};
+use std::collections::BTreeMap;
+use tempfile::TempDir;
+use tonic::transport::Channel;
+
+/// A finished campaign of 100 individuals.
+pub struct Scene {
+    _folder: TempDir,
+    pub cluster: Cluster,
+    pub labels: Labels,
+}
+
+/// What a coordinator holds of a campaign's labels.
+pub struct Labels(LabelServiceClient<Channel>);
+
+impl Scene {
+    pub async fn set() -> Self {
+        Self::of(&small_spec("")).await
+    }
+
+    pub async fn of(spec: &CampaignSpec) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), 2).await;
+        cluster.run(spec).await;
+        let labels = Labels(LabelServiceClient::new(cluster.channel().await));
+        Self {
+            _folder: folder,
+            cluster,
+            labels,
+        }
+    }
+
+    pub fn url(&self, page: &str) -> String {
+        format!("{}/campaigns/small-1{page}", self.cluster.url())
+    }
+
+    /// Somebody who has said their name, at a page.
+    pub async fn visit(&self, driver: &Driver, page: &str, name: &str) -> Window {
+        let window = driver.open(&self.url("/label")).await;
+        introduce(&window, name).await;
+        window.driver.goto(self.url(page)).await.unwrap();
+        window
+    }
+}
+
+impl Labels {
+    pub async fn at(url: &str) -> Self {
+        Self(LabelServiceClient::connect(url.to_owned()).await.unwrap())
+    }
+
+    /// What stands: by individual, the answer.
+    pub async fn standing(&mut self) -> BTreeMap<u64, String> {
+        let request = v1::ListLabelsRequest {
+            campaign: "latest".to_owned(),
+        };
+        let labels = self.0.list_labels(request).await.unwrap().into_inner().labels;
+        let answers = labels.into_iter().filter_map(|label| label.answer);
+        answers.map(|answer| (answer.index, answer.answer)).collect()
+    }
+
+    /// How many entries the log has.
+    pub async fn entries(&mut self) -> usize {
+        let request = v1::ListLabelEntriesRequest {
+            campaign: "latest".to_owned(),
+        };
+        let log = self.0.list_label_entries(request).await.unwrap();
+        log.into_inner().entries.len()
+    }
+}
+
+/// Says who is there, where the page asks.
+pub async fn introduce(window: &Window, name: &str) {
+    window.until("!document.getElementById('who').hidden").await;
+    window.press(name).await;
+    window.press("\u{e007}").await;
+    window.until("document.getElementById('who').hidden").await;
+    asked(window).await;
+}
+
+/// Waits for a question; which individual it is about.
+pub async fn asked(window: &Window) -> u64 {
+    window
+        .until("/^Individual \\d+$/.test(document.getElementById('which')?.textContent)")
+        .await;
+    let said = window.text("#which").await;
+    said.trim_start_matches("Individual ").parse().unwrap()
+}
+
+/// Answers with a key, and waits for the next question.
+pub async fn answer(window: &Window, key: &str) -> u64 {
+    let index = asked(window).await;
+    window.press(key).await;
+    window
+        .until(&format!(
+            "document.getElementById('which').textContent !== 'Individual {index}'"
+        ))
+        .await;
+    index
+}
+
+/// Answers with a class by its name.
+pub async fn name(window: &Window, class: &str) -> u64 {
+    let index = asked(window).await;
+    window.press("n").await;
+    window.press(class).await;
+    window.press("\u{e007}").await;
+    saved(window).await;
+    index
+}
+
+/// Waits until everything that was said is acknowledged.
+pub async fn saved(window: &Window) {
+    window
+        .until("document.getElementById('status').textContent === 'All saved.'")
+        .await;
+}

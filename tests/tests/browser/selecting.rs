@@ -1,0 +1,150 @@
+//! Many at once: a line around some on the map, a cluster on the contact sheet, names for medoids.
+
+use crate::{
+    driver::{Driver, Window},
+    scene::{Scene, saved},
+};
+
+/// Across the canvas, where the points lie; what the script makes of the columns that it is sent.
+const ACROSS: &str = "(async () => { \
+    const { x } = await (await fetch('/campaigns/small-1/points/axes')).json(); \
+    const bytes = Uint8Array.from(atob(x), (c) => c.charCodeAt(0)); \
+    const { clientWidth, clientHeight } = document.getElementById('over'); \
+    return [clientWidth, clientHeight, Array.from(new Uint16Array(bytes.buffer), \
+        (x) => 26 + (x / 65535) * (clientWidth - 52))]; })()";
+
+/// Draws around ten points of the map, or a few more where there is no room between two; how many.
+async fn lasso_ten(window: &Window) -> usize {
+    let shown = window.value(ACROSS).await;
+    let (width, height) = (shown[0].as_f64().unwrap(), shown[1].as_f64().unwrap());
+    let mut across: Vec<f64> = shown[2]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap())
+        .collect();
+    across.sort_by(f64::total_cmp);
+    let (count, edge) = (10..across.len())
+        .map(|count| (count, across[count - 1].midpoint(across[count])))
+        .find(|(count, _)| across[*count] - across[count - 1] > 3.0)
+        .expect("some points are apart");
+    assert!(edge < width - 2.0);
+    // Within the round corners.
+    let line = [
+        (8.0, 8.0),
+        (edge, 8.0),
+        (edge, height - 8.0),
+        (8.0, height - 8.0),
+        (8.0, 10.0),
+    ];
+    window.draw("#over", &line).await;
+    count
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn ten_are_lassoed_on_the_map_and_named() {
+    let Some(driver) = Driver::start() else { return };
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/map", "Ana").await;
+    window.until("document.querySelector('.legend li')").await;
+    window.driver.execute("scrollTo(0, 0)", vec![]).await.unwrap();
+    let count = lasso_ten(&window).await;
+    window
+        .until(&format!(
+            "document.getElementById('selected').textContent.startsWith('{count} selected')"
+        ))
+        .await;
+    window.press("n").await;
+    window.press("edge").await;
+    window.press("\u{e007}").await;
+    saved(&window).await;
+    let standing = scene.labels.standing().await;
+    assert_eq!(standing.len(), count);
+    assert!(standing.values().all(|class| class == "edge"));
+    window
+        .until(&format!(
+            "document.getElementById('legend').textContent.includes('edge · {count}')"
+        ))
+        .await;
+    // t-SNE comes when it is ready.
+    window
+        .until("!document.querySelector('#projection [value=neighbours]').disabled")
+        .await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cluster_is_named_but_for_those_that_differ() {
+    let Some(driver) = Driver::start() else { return };
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/sheet", "Ana").await;
+    window
+        .until("document.querySelectorAll('.card').length > 3")
+        .await;
+    let shown = window
+        .value("document.querySelectorAll('.card').length")
+        .await
+        .as_u64()
+        .unwrap();
+    window.click(".card:nth-child(2)").await;
+    window
+        .until("document.querySelectorAll('.card[aria-pressed=true]').length === 1")
+        .await;
+    window.press("n").await;
+    window.press("same").await;
+    window.press("\u{e007}").await;
+    saved(&window).await;
+    assert_eq!(scene.labels.standing().await.len() as u64, shown - 1);
+    // One key takes all of it back.
+    window.press("u").await;
+    window
+        .until(
+            "document.getElementById('status').textContent === 'All saved.' && \
+                document.querySelectorAll('.card').length > 3",
+        )
+        .await;
+    assert_eq!(scene.labels.standing().await.len(), 0);
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn medoids_are_named_and_the_report_is_taken_away() {
+    let Some(driver) = Driver::start() else { return };
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/taxonomy", "Ana").await;
+    window
+        .until("document.querySelectorAll('.medoid').length === 4")
+        .await;
+    window.click(".medoid:first-of-type input").await;
+    window.press("milling").await;
+    window.press("\u{e007}").await;
+    saved(&window).await;
+    let index = window
+        .value("Number(document.querySelector('.medoid').dataset.index)")
+        .await;
+    assert_eq!(scene.labels.standing().await[&index.as_u64().unwrap()], "milling");
+    window.driver.refresh().await.unwrap();
+    window
+        .until("document.querySelector('.medoid input').value === 'milling'")
+        .await;
+    window.close().await;
+
+    let url = scene.url("/report");
+    let report = tokio::task::spawn_blocking(move || {
+        let mut answer = ureq::get(url).call().unwrap();
+        assert_eq!(
+            answer.headers()["content-disposition"],
+            "attachment; filename=\"small-1.html\""
+        );
+        answer.body_mut().read_to_string().unwrap()
+    });
+    assert!(
+        report
+            .await
+            .unwrap()
+            .contains("these 4 behaviours stand for them all")
+    );
+    scene.cluster.stop().await;
+}
