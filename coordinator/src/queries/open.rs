@@ -8,7 +8,8 @@ use super::{
 use crate::{
     campaign::{CampaignId, CampaignState},
     labels::{Annotator, Labels},
-    medoids,
+    medoids::{self, Clustering},
+    novelty::Behaviours,
     space::{Space, SpaceError},
     store::{CampaignRecord, Store, StoreError},
 };
@@ -178,9 +179,7 @@ impl Queries {
                     behaviours,
                     checkpoint,
                 } = Space::read(&self.store, record)?;
-                let count = record.spec.medoids() as usize;
-                // The stream of the taxonomy: in a completed campaign these are its clusters.
-                let clustering = medoids::cluster(&behaviours, count, &mut stream(Purpose::Medoids));
+                let clustering = self.clustering(record, &behaviours)?;
                 (ranking::by_doubt(&behaviours, &clustering), checkpoint)
             }
             Strategy::Committee => {
@@ -195,6 +194,18 @@ impl Queries {
             }
         };
         Ok(Ranked { order, checkpoint })
+    }
+
+    /// The clusters of the taxonomy, or what they would be if the search ended here.
+    fn clustering(&self, record: &CampaignRecord, behaviours: &Behaviours) -> Result<Clustering, QueryError> {
+        match self.store.taxonomy(&record.id)? {
+            Some(stored) if stored.clusters.len() == behaviours.len() => Ok(stored.into()),
+            _ => {
+                let count = record.spec.medoids() as usize;
+                let mut stream = Stream::derive(record.spec.seed(), Purpose::Medoids, 0);
+                Ok(medoids::cluster(behaviours, count, &mut stream))
+            }
+        }
     }
 }
 

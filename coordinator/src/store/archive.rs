@@ -67,6 +67,16 @@ pub struct StoredTaxonomy {
     pub loss: f64,
 }
 
+impl From<StoredTaxonomy> for Clustering {
+    fn from(stored: StoredTaxonomy) -> Self {
+        Self {
+            medoids: stored.medoids.into_iter().map(|index| index as usize).collect(),
+            clusters: stored.clusters,
+            loss: stored.loss,
+        }
+    }
+}
+
 impl Store {
     /// Commits one complete generation: its record and its individuals, images and embeddings (by the campaign's
     /// checkpoint) included, in one transaction.

@@ -120,3 +120,20 @@ fn before_the_first_generation_there_is_nothing_to_ask() {
         assert!(campaign.ask("ana", strategy, false).is_empty());
     }
 }
+
+#[test]
+fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
+    let campaign = Campaign::new(1);
+    let taxonomy = Clustering {
+        medoids: vec![7, 2],
+        clusters: vec![1, 1, 1, 1, 0, 0, 0, 0, 0, 0],
+        loss: 3.0,
+    };
+    campaign.store.complete(&campaign.id, &taxonomy).unwrap();
+    let record = campaign.store.campaign("latest").unwrap();
+    let asked = campaign
+        .queries
+        .unanswered(&record, Strategy::Medoids, 2)
+        .unwrap();
+    assert_eq!(asked, [7, 2]);
+}
