@@ -50,8 +50,13 @@ pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
 }
 
 async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outcome, CampaignError> {
+    let mut before = None;
     loop {
         let record = read(&means.store, id).await?;
+        // A stage that leaves no trace would be begun for ever.
+        if before.replace(record.clone()).as_ref() == Some(&record) {
+            return Err(CampaignError::Broken);
+        }
         let stage = Stage::of(&record);
         tracing::info!(campaign = %id, ?stage, "begins");
         live.begin();

@@ -36,7 +36,6 @@ pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Resul
                 label { "Ask " select #strategy {
                     option value="medoids" selected { "medoids, then doubtful ones" }
                     option value="random" { "at random" }
-                    option value="committee" { "where embeddings differ" }
                 } }
                 label { "Until " select #goal {
                     @for goal in ["50", "100", "200", "500"] {

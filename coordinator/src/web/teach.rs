@@ -11,7 +11,10 @@ use axum::{
     Json,
     extract::{Path, State},
 };
-use murmuration_proto::v1::{self, label_service_server::LabelService as _};
+use murmuration_proto::{
+    Strategy,
+    v1::{self, label_service_server::LabelService as _},
+};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -32,18 +35,12 @@ pub(super) struct Ask {
 }
 
 pub(super) async fn ask(State(web): State<Web>, Path(campaign): Path<String>, Json(ask): Json<Ask>) -> Told {
-    let strategy = match ask.strategy.as_str() {
-        "random" => v1::QueryStrategy::Random,
-        "medoids" => v1::QueryStrategy::Medoids,
-        "committee" => v1::QueryStrategy::Committee,
-        // Which the service refuses.
-        _ => v1::QueryStrategy::Unspecified,
-    };
+    let strategy: Strategy = ask.strategy.parse()?;
     let request = v1::NextQueriesRequest {
         campaign,
         annotator: ask.annotator,
         session: ask.session,
-        strategy: strategy as i32,
+        strategy: v1::QueryStrategy::from(strategy) as i32,
         count: ask.count,
         agreement: ask.agreement,
         again: ask.again,
