@@ -6,10 +6,9 @@ use super::{
     run::{self, Means, blocking},
 };
 use crate::{
-    checkpoints::Checkpoints, dispatch::Trainers, labels::Labels, store::CampaignRecord,
-    synthetic::SyntheticAnnotator,
+    checkpoints::Checkpoints, dispatch::Trainers, store::CampaignRecord, synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, SIMULATOR_VERSION, v1};
+use murmuration_proto::{CampaignSpec, EmbedderSource, SIMULATOR_VERSION, v1};
 use std::{
     collections::BTreeMap,
     sync::Arc,
@@ -44,14 +43,17 @@ pub struct CampaignStatus {
 /// Handle on the registry; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Campaigns {
-    means: Means,
+    pub(super) means: Means,
     /// Campaigns that were started in this process, until somebody looks after they ended. Held while one is
     /// started or stopped, so that no campaign is ever searched twice at once.
-    at_work: Arc<Mutex<BTreeMap<CampaignId, AtWork>>>,
+    pub(super) at_work: Arc<Mutex<AtWorkById>>,
 }
 
+/// Those at work, and those that ended since somebody looked.
+pub(super) type AtWorkById = BTreeMap<CampaignId, AtWork>;
+
 #[derive(Debug)]
-struct AtWork {
+pub(super) struct AtWork {
     stop: watch::Sender<bool>,
     progress: watch::Receiver<Progress>,
     task: JoinHandle<()>,
@@ -162,87 +164,6 @@ impl Campaigns {
         self.status(id.as_str()).await
     }
 
-    /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
-    ///
-    /// # Errors
-    /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
-    pub async fn adopt(
-        &self,
-        id: &str,
-        checkpoint: CheckpointDigest,
-    ) -> Result<CampaignStatus, CampaignError> {
-        let mut at_work = self.at_work.lock().await;
-        let CampaignRecord { id, spec, state, .. } = self.record(id).await?;
-        if state == CampaignState::Cancelled {
-            let change = Change::Adopt;
-            return Err(NotAllowed { id, change, state }.into());
-        }
-        if !spec.method().embeds() {
-            let method = spec.method();
-            return Err(CampaignError::NoEmbedding { id, method });
-        }
-        self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
-        if let Some(work) = at_work.remove(&id) {
-            work.end().await;
-        }
-        let (store, moving) = (self.means.store.clone(), id.clone());
-        let record = blocking(move || {
-            store.move_to(&moving, checkpoint)?;
-            store.campaign(moving.as_str())
-        })
-        .await??;
-        self.start(&mut at_work, record)?;
-        drop(at_work);
-        self.status(id.as_str()).await
-    }
-
-    /// Begins a round of feedback: has a campaign fine-tuned on its labels as they stand, and its search go on after
-    /// that; the decision is on disk when this returns.
-    ///
-    /// # Errors
-    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
-    pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
-        let mut at_work = self.at_work.lock().await;
-        let CampaignRecord {
-            id,
-            spec,
-            state,
-            checkpoint,
-            ..
-        } = self.record(id).await?;
-        if state == CampaignState::Cancelled {
-            let change = Change::Refine;
-            return Err(NotAllowed { id, change, state }.into());
-        }
-        if !spec.method().embeds() {
-            let method = spec.method();
-            return Err(CampaignError::NoEmbedding { id, method });
-        }
-        if checkpoint.is_none() {
-            return Err(CampaignError::NoEmbedder(id));
-        }
-        let (store, labelled) = (self.means.store.clone(), id.clone());
-        let entries = blocking(move || {
-            let labels = store.labels(&labelled)?;
-            check_lesson(&labelled, &labels)?;
-            Ok::<_, CampaignError>(labels.entries())
-        })
-        .await??;
-        if let Some(work) = at_work.remove(&id) {
-            work.end().await;
-        }
-        let store = self.means.store.clone();
-        let record = blocking(move || {
-            store.begin_round(&id, entries)?;
-            store.campaign(id.as_str())
-        })
-        .await??;
-        let id = record.id.clone();
-        self.start(&mut at_work, record)?;
-        drop(at_work);
-        self.status(id.as_str()).await
-    }
-
     /// Every campaign, oldest first.
     ///
     /// # Errors
@@ -302,14 +223,14 @@ impl Campaigns {
         }
     }
 
-    async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
+    pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
         let (store, id) = (self.means.store.clone(), id.to_owned());
         Ok(blocking(move || store.campaign(&id)).await??)
     }
 
-    fn start(
+    pub(super) fn start(
         &self,
-        at_work: &mut BTreeMap<CampaignId, AtWork>,
+        at_work: &mut AtWorkById,
         record: CampaignRecord,
     ) -> Result<(), CampaignError> {
         if record.simulator_version != SIMULATOR_VERSION {
@@ -347,18 +268,6 @@ impl Campaigns {
     }
 }
 
-/// Whether there is something to learn from labels.
-pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
-    let classes = labels.lesson().iter().map(|&(_, class)| class + 1).max();
-    match classes.unwrap_or(0) as usize {
-        2.. => Ok(()),
-        classes => Err(CampaignError::TooFewClasses {
-            id: id.clone(),
-            classes,
-        }),
-    }
-}
-
 /// A search at work, at one instant.
 #[derive(Debug, Clone, Default)]
 struct Snapshot {
@@ -375,7 +284,7 @@ impl AtWork {
     }
 
     /// Stops the search between two commits and waits until it has stopped.
-    async fn end(self) {
+    pub(super) async fn end(self) {
         self.stop.send_replace(true);
         // A search that panicked has ended too.
         let _ = self.task.await;

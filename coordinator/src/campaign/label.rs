@@ -29,7 +29,7 @@ pub(super) async fn label(
     blocking(move || {
         store.answer_round(&record.id, &request, answers)?;
         let labels = store.labels(&record.id)?;
-        super::campaigns::check_lesson(&record.id, &labels)
+        super::moves::check_lesson(&record.id, &labels)
     })
     .await??;
     Ok(Outcome::Done)

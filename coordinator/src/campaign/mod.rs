@@ -7,6 +7,7 @@ mod error;
 mod fine_tune;
 mod label;
 mod live;
+mod moves;
 mod pretrain;
 mod run;
 mod search;
