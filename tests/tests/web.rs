@@ -87,9 +87,20 @@ async fn a_finished_campaign_shows_its_behaviours() {
     let request = v1::GetTaxonomyRequest { campaign: id };
     let taxonomy = cluster.client.get_taxonomy(request).await.unwrap().into_inner();
     let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
+    // Under an address that a campaign of another data directory will not have, it may be kept for ever.
     let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
-    assert!(page.contains(&path), "{page}");
-    let mut picture = browser.get(&path).await;
+    let created = cluster.status("small-1").await.created_ms;
+    let lasting = format!("{path}?created={created}");
+    assert!(page.contains(&lasting), "{page}");
+    for (path, kept) in [
+        (&lasting, "public, max-age=31536000, immutable"),
+        (&path, "no-cache"),
+        (&format!("{path}?created=1"), "no-cache"),
+        (&format!("{path}/motion"), "no-cache"),
+    ] {
+        assert_eq!(browser.get(path).await.headers()["cache-control"], kept, "{path}");
+    }
+    let mut picture = browser.get(&lasting).await;
     assert_eq!(picture.headers()["content-type"], "image/png");
     let bytes = picture.body_mut().read_to_vec().unwrap();
     let decoder = png::Decoder::new(std::io::Cursor::new(bytes))

@@ -5,6 +5,7 @@
 //! for is asked of the services in turn: nothing is decided here.
 
 mod actions;
+mod archived;
 mod assets;
 mod guard;
 mod label;

@@ -1,14 +1,13 @@
 //! The motion of an individual, for a script to draw.
 
-use super::{Web, refused::Refused};
+use super::{Web, archived::Created, refused::Refused};
 use crate::{
     gather,
     picture::{colours, columns},
 };
 use axum::{
     Json,
-    extract::{Path, State},
-    http::header::CACHE_CONTROL,
+    extract::{Path, Query, State},
     response::IntoResponse,
 };
 use murmuration_proto::{
@@ -27,10 +26,12 @@ const PATIENCE: Duration = Duration::from_secs(20);
 pub(super) async fn motion(
     State(web): State<Web>,
     Path((campaign, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, Refused> {
-    let world = *web.campaigns.status(&campaign).await?.record.spec.world();
+    let record = web.campaigns.status(&campaign).await?.record;
+    let world = *record.spec.world();
     let request = v1::GetReplayRequest {
-        campaign,
+        campaign: record.id.to_string(),
         index,
         stride: gather::stride(&world),
     };
@@ -42,7 +43,5 @@ pub(super) async fn motion(
         "colours": colours::AGENTS.map(colours::hex),
         "run": columns::motion(&Replay::try_from(replay)?, &world, MOTION_BYTES),
     });
-    // An evaluation is the same whenever it is done.
-    let headers = [(CACHE_CONTROL, "public, max-age=31536000, immutable")];
-    Ok((headers, Json(told)))
+    Ok(([created.keep(&record)], Json(told)))
 }

@@ -1,6 +1,11 @@
 //! The pages themselves.
 
-use super::{Web, actions::EXAMPLES, wrong::Wrong};
+use super::{
+    Web,
+    actions::EXAMPLES,
+    archived::{self, Created},
+    wrong::Wrong,
+};
 use crate::{
     campaign::{CampaignError, CampaignState, CampaignStatus, Change, Stage, blocking},
     picture::grey_png,
@@ -8,8 +13,8 @@ use crate::{
     taxonomy::Taxonomy,
 };
 use axum::{
-    extract::{Path, State},
-    http::header::{CACHE_CONTROL, CONTENT_TYPE},
+    extract::{Path, Query, State},
+    http::header::CONTENT_TYPE,
     response::IntoResponse,
 };
 use maud::{DOCTYPE, Markup, html};
@@ -165,7 +170,7 @@ pub(super) async fn standing(web: &Web, status: &CampaignStatus) -> Result<Marku
     let taxonomy = blocking(move || Taxonomy::read(&store, &record.id, &record.spec)).await??;
     Ok(html! {
         (figures(status))
-        @if let Some(taxonomy) = taxonomy { (behaviours(status.record.id.as_str(), &taxonomy)) }
+        @if let Some(taxonomy) = taxonomy { (behaviours(&status.record, &taxonomy)) }
     })
 }
 
@@ -290,19 +295,19 @@ fn facts(status: &CampaignStatus) -> Markup {
 }
 
 /// The medoids, largest cluster first.
-fn behaviours(campaign: &str, taxonomy: &Taxonomy) -> Markup {
+fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
     let all = taxonomy.clusters.len().max(1) as f64;
     html! {
         h2 { (taxonomy.medoids.len()) " behaviours" }
         p.lead {
             "One picture a cluster: the last steps of the swarm at its centre. "
-            a href={ "/campaigns/" (campaign) "/taxonomy" } { "Watch and name them" }
+            a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name them" }
         }
         ul.behaviours {
             @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
                 @let index = medoid.individual.index;
                 li {
-                    img src={ "/campaigns/" (campaign) "/individuals/" (index) } width="150" height="150" loading="lazy"
+                    img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
                         alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
                     p { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
                     p { code { (medoid.individual.controller) } }
@@ -316,16 +321,13 @@ fn behaviours(campaign: &str, taxonomy: &Taxonomy) -> Markup {
 pub(super) async fn image(
     State(web): State<Web>,
     Path((id, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let resolution = record.spec.image().resolution();
+    let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
     let pixels = individual.image.ok_or(Wrong::NoPage)?;
     let file = grey_png(&pixels, resolution, SCALE)?;
-    // What is archived never changes.
-    let headers = [
-        (CONTENT_TYPE, "image/png"),
-        (CACHE_CONTROL, "public, max-age=31536000, immutable"),
-    ];
-    Ok((headers, file))
+    Ok(([(CONTENT_TYPE, "image/png"), kept], file))
 }

@@ -1,7 +1,7 @@
 //! The taxonomy of a campaign: its behaviours, to be watched, named and taken away as a report.
 
 use super::{
-    Web,
+    Web, archived,
     pages::{self, Part},
     parts,
     refused::Refused,
@@ -12,7 +12,7 @@ use crate::{
     gather,
     labels::{ClassName, Labels},
     report,
-    store::StoreError,
+    store::{CampaignRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
 };
 use axum::{
@@ -55,7 +55,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
                 datalist #names { @for class in labels.classes() { option value=(class.name) {} } }
                 ul.medoids {
                     @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
-                        li { (card(record.id.as_str(), place, medoid, taxonomy.clusters.len(), &names)) }
+                        li { (card(&record, place, medoid, taxonomy.clusters.len(), &names)) }
                     }
                 }
                 (parts::status_line())
@@ -71,7 +71,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
 }
 
 fn card(
-    campaign: &str,
+    record: &CampaignRecord,
     place: usize,
     medoid: &Medoid,
     individuals: usize,
@@ -83,7 +83,7 @@ fn card(
     html! {
         article.medoid data-index=(index) aria-labelledby={ "behaviour-" (number) } {
             div.stage tabindex="0" role="button" aria-label={ "Play behaviour " (number) } {
-                img src={ "/campaigns/" (campaign) "/individuals/" (index) } width="150" height="150" loading="lazy"
+                img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
                     alt={ "Picture of behaviour " (number) };
                 canvas aria-hidden="true" {}
             }

@@ -24,6 +24,9 @@ export const keptAs = `murmuration.${campaign}@${created}`;
 
 export const path = (rest) => `/campaigns/${campaign}/${rest}`;
 
+// Where something of an individual is that never changes, under an address that no other campaign will have.
+export const archived = (rest) => `individuals/${rest}?created=${created}`;
+
 export const get = (rest) => answer(fetch(path(rest)));
 
 export const post = (rest, body) =>

@@ -1,6 +1,6 @@
 // One behaviour at a time: what it does, and what somebody says that it is.
 import { annotator, introduced, rename, session } from "./annotator.js";
-import { follow, get, insist, keptAs, path } from "./coordinator.js";
+import { archived, follow, get, insist, keptAs, path } from "./coordinator.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette, isForPage } from "./palette.js";
 import { Player, playerKey } from "./player.js";
@@ -65,7 +65,7 @@ function show() {
     at("reason").textContent = nothing();
     return;
   }
-  picture.src = path(`individuals/${question.index}`);
+  picture.src = path(archived(question.index));
   picture.alt = `Picture of individual ${question.index}`;
   at("which").textContent = `Individual ${question.index}`;
   at("reason").textContent = `Why this one: ${question.reason}.`;

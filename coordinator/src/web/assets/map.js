@@ -1,6 +1,6 @@
 // The map: what is like what, who it was named by, and a line around those that are to be named.
 import { annotator, introduced, session } from "./annotator.js";
-import { follow, get, insist, path, pause } from "./coordinator.js";
+import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
@@ -123,7 +123,7 @@ function hover(i) {
   hovered = i;
   tip.hidden = i < 0;
   if (i >= 0) {
-    tip.querySelector("img").src = path(`individuals/${i}`);
+    tip.querySelector("img").src = path(archived(i));
     tip.querySelector("p").textContent = `${i} · ${nameOf(i)}`;
     const [x, y] = [plot.across[i], plot.down[i]];
     const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;

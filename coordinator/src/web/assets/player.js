@@ -1,6 +1,6 @@
 // Plays the motion of a behaviour on a canvas.
 import { Run, drawSwarm } from "./drawing.js";
-import { get, insist } from "./coordinator.js";
+import { archived, get, insist } from "./coordinator.js";
 
 const STEPS_A_SECOND = 100;
 const HOLD_MS = 900;
@@ -13,7 +13,7 @@ const kept = new Map();
 // The motion of an individual; asked for once, whoever wants it.
 export function motionOf(index) {
   if (!kept.has(index)) {
-    const motion = insist(() => get(`individuals/${index}/motion`)).then(({ world, colours, run }) => ({
+    const motion = insist(() => get(archived(`${index}/motion`))).then(({ world, colours, run }) => ({
       world,
       colours,
       run: new Run(run),

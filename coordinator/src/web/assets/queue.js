@@ -1,6 +1,6 @@
 // What this window is asked, some of it before it is needed.
 import { annotator } from "./annotator.js";
-import { insist, path, post } from "./coordinator.js";
+import { archived, insist, path, post } from "./coordinator.js";
 import { motionOf } from "./player.js";
 
 // The one that is looked at, and the next three.
@@ -87,7 +87,7 @@ export class Queue {
     this.loaded = true;
     for (const { index } of this.questions) {
       motionOf(index).catch(() => {});
-      new Image().src = path(`individuals/${index}`);
+      new Image().src = path(archived(index));
     }
     this.changed();
   }

@@ -1,6 +1,6 @@
 // A cluster at once: those that differ are marked, the others are named together.
 import { annotator, introduced, session } from "./annotator.js";
-import { follow, get, insist, path } from "./coordinator.js";
+import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { encloses, lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
@@ -84,7 +84,7 @@ function card(index) {
   button.setAttribute("aria-pressed", "false");
   button.setAttribute("aria-label", `Individual ${index} differs`);
   const image = document.createElement("img");
-  image.src = path(`individuals/${index}`);
+  image.src = path(archived(index));
   image.width = 100;
   image.height = 100;
   image.alt = "";
