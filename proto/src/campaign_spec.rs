@@ -201,7 +201,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
                 return Err(Invalid::new("feedback", "given", allowed));
             }
         };
-        Ok(Self {
+        let spec = Self {
             feedback,
             name: message
                 .name
@@ -217,7 +217,20 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
             world,
             search,
-        })
+        };
+        // A single round counts where none is planned: somebody may ask for it.
+        let round = spec.feedback.as_ref().map_or(0, |feedback| {
+            u64::from(feedback.generations()) * u64::from(spec.search.population())
+        });
+        if spec.evaluations().max(round) > Search::MAX_EVALUATIONS {
+            let value = format!("{round} evaluations a round");
+            let allowed = format!(
+                "at most {} evaluations in all, after every round",
+                Search::MAX_EVALUATIONS
+            );
+            return Err(Invalid::new("feedback.generations", value, allowed));
+        }
+        Ok(spec)
     }
 }
 
@@ -314,6 +327,21 @@ mod tests {
             &format!("{MINIMAL}[controllers]\nangles = [1.0]"),
             "controllers.angles",
         );
+    }
+
+    #[test]
+    fn rounds_count_into_what_a_campaign_may_be() {
+        let latent = "model = \"single-sensor\"\nmethod = \"latent\"\n[search]\npopulation = 1000\ngenerations = 1000\n";
+        let rounds = |rounds, generations| {
+            let text = format!("{latent}[feedback]\nrounds = {rounds}\ngenerations = {generations}");
+            CampaignSpec::from_toml(&text)
+        };
+        assert_eq!(rounds(9, 1000).unwrap().evaluations(), Search::MAX_EVALUATIONS);
+        assert!(rounds(0, 10_000).is_ok());
+        for (many, long) in [(9, 1001), (10, 1000), (0, 10_001), (1000, 100_000)] {
+            let error = rounds(many, long).unwrap_err().to_string();
+            assert!(error.contains("at most 10000000 evaluations in all"), "{error}");
+        }
     }
 
     proptest! {
