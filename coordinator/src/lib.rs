@@ -4,11 +4,13 @@
 //! `simulate` command.
 #![deny(missing_docs)]
 
+pub mod access;
 pub mod accuracy;
 pub mod breeding;
 pub mod campaign;
 pub mod checkpoints;
 pub mod cli;
+mod connections;
 pub mod digest;
 pub mod dispatch;
 pub mod filter;
@@ -17,6 +19,7 @@ pub mod judge;
 pub mod label_curve;
 pub mod labels;
 pub mod leases;
+pub mod limits;
 pub mod local;
 pub mod maps;
 pub mod medoids;

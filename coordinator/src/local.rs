@@ -40,11 +40,12 @@ impl LocalCluster {
     pub async fn start(options: Options, crew: Crew) -> Result<Self, ServerError> {
         let cache = options.data.path().join("cache");
         let coordinator = Coordinator::start(options).await?;
-        let url = coordinator.url();
+        let way = coordinator.local().clone();
         let (stop, stopped) = watch::channel(false);
         let work = |number| {
             let options = worker::Options {
-                coordinator: url.clone(),
+                coordinator: way.url.clone(),
+                credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
@@ -53,7 +54,8 @@ impl LocalCluster {
         };
         let train = |number| {
             let options = trainer::Options {
-                coordinator: url.clone(),
+                coordinator: way.url.clone(),
+                credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
             };
             spawn(trainer::run(options, stopped.clone()))

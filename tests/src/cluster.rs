@@ -1,24 +1,26 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
 use murmuration_coordinator::{
+    access::Entrance,
     dispatch,
     local::{Crew, LocalCluster},
     server::Options,
     store::DataDirectory,
 };
+use murmuration_link::Coordinator;
 use murmuration_proto::{
     CampaignSpec,
     v1::{self, campaign_service_client::CampaignServiceClient},
 };
 use std::{path::Path, time::Duration};
-use tonic::transport::Channel;
+use tonic::{service::interceptor::InterceptedService, transport::Channel};
 
 /// A running cluster.
 #[derive(Debug)]
 pub struct Cluster {
     local: LocalCluster,
     /// A client connected to it.
-    pub client: CampaignServiceClient<Channel>,
+    pub client: CampaignServiceClient<Coordinator>,
 }
 
 /// A campaign small enough for tests: 5 generations of 20 controllers, 200 steps each; `more` is added to the file.
@@ -54,9 +56,14 @@ pub fn quick_dispatch() -> dispatch::Options {
 impl Cluster {
     /// Starts a coordinator over `data` with `workers` workers and a trainer; running campaigns of the directory go on.
     pub async fn start(data: &Path, workers: usize) -> Self {
+        Self::start_at(data, workers, Entrance::loopback(0)).await
+    }
+
+    /// The same at another entrance; its own client gets in as a process of this machine.
+    pub async fn start_at(data: &Path, workers: usize, entrance: Entrance) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
-            listen: ([127, 0, 0, 1], 0).into(),
+            entrance,
             resume: true,
             checkpoints: None,
             dispatch: quick_dispatch(),
@@ -64,9 +71,15 @@ impl Cluster {
         let local = LocalCluster::start(options, Crew { workers, trainers: 1 })
             .await
             .unwrap();
-        let client = CampaignServiceClient::connect(local.coordinator().url())
+        let way = local.coordinator().local();
+        let channel = way
+            .credentials
+            .endpoint(&way.url)
+            .unwrap()
+            .connect()
             .await
             .unwrap();
+        let client = CampaignServiceClient::new(InterceptedService::new(channel, way.credentials.bearer()));
         Self { local, client }
     }
 

@@ -1,5 +1,6 @@
 //! What comes over the wire from strangers: refused at the edge, with words, and nothing is lost.
 
+use murmuration_link::Credentials;
 use murmuration_proto::{
     SIMULATOR_VERSION,
     v1::{self, coordinator_message::Message as Answer, worker_message::Message},
@@ -28,6 +29,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
     disturb(cluster.url()).await;
     let options = murmuration_worker::client::Options {
         coordinator: cluster.url(),
+        credentials: Credentials::default(),
         name: "honest".to_owned(),
         threads: std::num::NonZeroUsize::MIN,
         cache: folder.path().join("cache"),

@@ -9,7 +9,7 @@ mod job;
 mod task;
 
 use job::{Event, Running};
-use murmuration_link::{Address, Broken, Link, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Coordinator, Credentials, Link, Party, Role, keep, stopped};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
@@ -17,15 +17,16 @@ use murmuration_proto::{
 use std::sync::Arc;
 use task::Task;
 use tokio::sync::{Mutex, watch};
-use tonic::transport::Channel;
 
 pub use murmuration_link::LinkError as TrainerError;
 
 /// What a trainer needs to know.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// URL of the coordinator, `http://HOST:PORT`.
+    /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
     pub coordinator: String,
+    /// What to show to it, and whom to take for it.
+    pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
 }
@@ -37,7 +38,12 @@ pub struct Options {
 /// Where the URL is none, or the coordinator does not take this trainer. Anything that may pass is tried again for
 /// ever.
 pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
-    let address = Address::new(&options.coordinator, Role::Trainer, &options.name)?;
+    let address = Address::new(
+        &options.coordinator,
+        &options.credentials,
+        Role::Trainer,
+        &options.name,
+    )?;
     let mut trainer = Trainer {
         coordinator: address.channel(),
         turn: Arc::default(),
@@ -46,7 +52,7 @@ pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), Tr
 }
 
 struct Trainer {
-    coordinator: Channel,
+    coordinator: Coordinator,
     /// Held by the training that computes: one that was given up does until its epoch is over, and the next waits.
     turn: Arc<Mutex<()>>,
 }

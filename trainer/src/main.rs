@@ -1,7 +1,7 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::{log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
 use murmuration_trainer::client::{self, Options};
 use std::{num::NonZeroUsize, process::ExitCode};
 
@@ -19,6 +19,10 @@ struct Arguments {
         default_value = "http://127.0.0.1:7700"
     )]
     coordinator: String,
+    #[command(flatten)]
+    trust: TrustFiles,
+    #[command(flatten)]
+    identity: IdentityFiles,
     /// Name shown to people
     #[arg(long, env = "MURMURATION_TRAINER_NAME", default_value = "trainer")]
     name: String,
@@ -40,8 +44,16 @@ async fn main() -> ExitCode {
         eprintln!("error: cannot start {threads} threads: {error}");
         return ExitCode::FAILURE;
     }
+    let credentials = match Credentials::read(&arguments.trust, &arguments.identity) {
+        Ok(credentials) => credentials,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
     let options = Options {
         coordinator: arguments.coordinator,
+        credentials,
         name: arguments.name,
     };
     until_terminated("leaving after this epoch", |stop| client::run(options, stop)).await

@@ -11,7 +11,7 @@ mod tests;
 
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
-use murmuration_link::{Address, Broken, Link, LinkError, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Credentials, Link, LinkError, Party, Role, keep, stopped};
 use murmuration_proto::v1::{self, coordinator_message, worker_message};
 use pool::Pool;
 use std::{num::NonZeroUsize, path::PathBuf};
@@ -20,8 +20,10 @@ use tokio::sync::watch;
 /// What a worker needs to know.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// URL of the coordinator, `http://HOST:PORT`.
+    /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
     pub coordinator: String,
+    /// What to show to it, and whom to take for it.
+    pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
     /// Evaluations at once, one a thread; at most 4,096.
@@ -47,7 +49,12 @@ pub enum WorkerError {
 /// See [`WorkerError`].
 pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     let capacity = options.threads.get() as u32;
-    let address = Address::new(&options.coordinator, Role::Worker { capacity }, &options.name)?;
+    let address = Address::new(
+        &options.coordinator,
+        &options.credentials,
+        Role::Worker { capacity },
+        &options.name,
+    )?;
     let checkpoints = Checkpoints::new(address.channel(), options.cache);
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,

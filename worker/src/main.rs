@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
 use murmuration_worker::client::{self, Options};
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 
@@ -20,6 +20,10 @@ struct Arguments {
         default_value = "http://127.0.0.1:7700"
     )]
     coordinator: String,
+    #[command(flatten)]
+    trust: TrustFiles,
+    #[command(flatten)]
+    identity: IdentityFiles,
     /// Evaluations at once [default: number of cores]
     #[arg(long, env = "MURMURATION_THREADS")]
     threads: Option<NonZeroUsize>,
@@ -36,8 +40,16 @@ async fn main() -> ExitCode {
     let arguments = Arguments::parse();
     log_to_stderr("info");
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    let credentials = match Credentials::read(&arguments.trust, &arguments.identity) {
+        Ok(credentials) => credentials,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
     let options = Options {
         coordinator: arguments.coordinator,
+        credentials,
         name: arguments.name,
         threads: arguments.threads.unwrap_or(cores),
         cache: arguments.cache.unwrap_or_else(checkpoint_folder),

@@ -1,25 +1,27 @@
 //! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
 
-use super::{CliError, Global, loopback};
+use super::{CliError, Global};
 use crate::{
+    access::{Entrance, local_token},
     dispatch,
     local::{Crew, LocalCluster},
     server::Options,
     store::{DataDirectory, StoreError},
 };
+use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     label_service_client::LabelServiceClient,
 };
 use std::time::Duration;
-use tonic::transport::{Channel, Endpoint};
+use tonic::service::interceptor::InterceptedService;
 
 /// Largest message taken from a coordinator: a replay of many agents, or all labels of a large archive.
 const MAX_MESSAGE: usize = 128 << 20;
 
-pub(super) type Client = CampaignServiceClient<Channel>;
-pub(super) type CheckpointClient = CheckpointServiceClient<Channel>;
-pub(super) type LabelClient = LabelServiceClient<Channel>;
+pub(super) type Client = CampaignServiceClient<Coordinator>;
+pub(super) type CheckpointClient = CheckpointServiceClient<Coordinator>;
+pub(super) type LabelClient = LabelServiceClient<Coordinator>;
 
 /// A coordinator that answers, for as long as this value lives.
 pub(super) struct Connection {
@@ -35,12 +37,14 @@ impl Connection {
     /// with this crew (which goes on with no campaign by itself).
     pub(super) async fn open(global: &Global, crew: Crew) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
-            return Self::to(url, None).await;
+            return Self::to(url, &global.credentials()?, None).await;
         }
         match DataDirectory::hold_existing(&global.data) {
             Ok(data) => Self::start(global, data, crew).await,
             Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
-                Self::to(&holder.address, None).await
+                let token = local_token(&global.data)?;
+                let credentials = token.map_or_else(Credentials::default, Credentials::token);
+                Self::to(&holder.address, &credentials, None).await
             }
             Err(error) => Err(error.into()),
         }
@@ -50,18 +54,18 @@ impl Connection {
     pub(super) async fn start(global: &Global, data: DataDirectory, crew: Crew) -> Result<Self, CliError> {
         let options = Options {
             data,
-            listen: loopback(0),
+            entrance: Entrance::loopback(0),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
         };
         let own = LocalCluster::start(options, crew).await?;
-        let url = own.coordinator().url();
-        Self::to(&url, Some(own)).await
+        let way = own.coordinator().local().clone();
+        Self::to(&way.url, &way.credentials, Some(own)).await
     }
 
-    async fn to(url: &str, own: Option<LocalCluster>) -> Result<Self, CliError> {
-        let channel = connect(url).await?;
+    async fn to(url: &str, credentials: &Credentials, own: Option<LocalCluster>) -> Result<Self, CliError> {
+        let channel = connect(url, credentials).await?;
         Ok(Self {
             client: Client::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE),
             checkpoints: CheckpointClient::new(channel.clone()),
@@ -84,12 +88,9 @@ impl Connection {
     }
 }
 
-async fn connect(url: &str) -> Result<Channel, CliError> {
-    let endpoint = Endpoint::from_shared(url.to_owned())
-        .map_err(|_| CliError::Input(format!("\"{url}\" is not a URL such as http://127.0.0.1:7700")))?
-        .connect_timeout(Duration::from_secs(5));
-    endpoint
-        .connect()
-        .await
-        .map_err(|error| CliError::no_coordinator(url, &error))
+async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
+    let endpoint = credentials.endpoint(url)?.connect_timeout(Duration::from_secs(5));
+    let channel = endpoint.connect().await;
+    let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;
+    Ok(InterceptedService::new(channel, credentials.bearer()))
 }

@@ -1,8 +1,14 @@
 //! What a command tells a person when it cannot do what was asked.
 
 use crate::{
-    gather::GatherError, picture::PictureError, report::ReportError, server::ServerError, store::StoreError,
+    access::{EntranceError, TokensError},
+    gather::GatherError,
+    picture::PictureError,
+    report::ReportError,
+    server::ServerError,
+    store::StoreError,
 };
+use murmuration_link::{CredentialsError, root_cause};
 use murmuration_proto::{Invalid, SpecFileError};
 use std::{
     fmt, io,
@@ -37,10 +43,8 @@ impl CliError {
     }
 
     /// No answer from the coordinator at `url`.
-    pub(super) fn no_coordinator(url: &str, error: &dyn std::error::Error) -> Self {
-        let reason = error
-            .source()
-            .map_or_else(|| error.to_string(), ToString::to_string);
+    pub(super) fn no_coordinator(url: &str, error: &tonic::transport::Error) -> Self {
+        let reason = root_cause(error);
         Self::Failed(format!(
             "no coordinator answers at {url} ({reason}): is `murmuration serve` running there?"
         ))
@@ -75,6 +79,24 @@ impl fmt::Display for CliError {
 impl From<Invalid> for CliError {
     fn from(invalid: Invalid) -> Self {
         Self::Input(invalid.to_string())
+    }
+}
+
+impl From<EntranceError> for CliError {
+    fn from(error: EntranceError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<TokensError> for CliError {
+    fn from(error: TokensError) -> Self {
+        Self::Input(error.to_string())
+    }
+}
+
+impl From<CredentialsError> for CliError {
+    fn from(error: CredentialsError) -> Self {
+        Self::Input(error.to_string())
     }
 }
 

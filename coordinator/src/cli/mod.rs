@@ -5,6 +5,7 @@
 mod accuracy;
 mod bench;
 mod campaigns;
+mod certs;
 mod checkpoints;
 mod connection;
 mod controller;
@@ -18,12 +19,13 @@ mod report;
 mod run;
 mod serve;
 mod simulate;
+mod token;
 
 pub use error::CliError;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use murmuration_link::log_to_stderr;
-use std::{net::SocketAddr, path::PathBuf, process::ExitCode};
+use murmuration_link::{Credentials, CredentialsError, IdentityFiles, TrustFiles, log_to_stderr};
+use std::{path::PathBuf, process::ExitCode};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -61,12 +63,21 @@ struct Global {
     /// URL of a running coordinator, instead of a data directory of this machine
     #[arg(long, global = true, env = "MURMURATION_COORDINATOR", value_name = "URL")]
     coordinator: Option<String>,
+    #[command(flatten)]
+    trust: TrustFiles,
     /// Where checkpoints are kept, such as s3://BUCKET/PREFIX [default: a folder in the data directory]
     #[arg(long, global = true, env = "MURMURATION_CHECKPOINT_STORE", value_name = "URL")]
     checkpoint_store: Option<String>,
     /// Print JSON on stdout, for programs
     #[arg(long, global = true)]
     json: bool,
+}
+
+impl Global {
+    /// What to show to a coordinator that was named.
+    fn credentials(&self) -> Result<Credentials, CredentialsError> {
+        Credentials::read(&self.trust, &IdentityFiles::default())
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -77,6 +88,10 @@ enum Command {
     Resume(run::Resume),
     /// Serve campaigns to clients and leases to workers
     Serve(serve::Serve),
+    /// Make a token for somebody, and the lines by which a coordinator knows it
+    Token(token::TokenCommand),
+    /// Make a development CA, and certificates for a coordinator, workers and trainers
+    Certs(certs::Certs),
     /// Hand a campaign to a running coordinator
     Submit(campaigns::Submit),
     /// Follow a campaign until it stops
@@ -150,6 +165,8 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Run(run) => run.execute(&global).await,
         Command::Resume(resume) => resume.execute(&global).await,
         Command::Serve(serve) => serve.execute(&global).await,
+        Command::Token(token) => token.execute(global.json),
+        Command::Certs(certs) => certs.execute(global.json),
         Command::Submit(submit) => submit.execute(&global).await,
         Command::Watch(name) => campaigns::watch(&global, &name.campaign).await,
         Command::List => campaigns::list(&global).await,
@@ -190,9 +207,4 @@ fn log(command: &Command) {
         "error"
     };
     log_to_stderr(default);
-}
-
-/// Addresses on which a coordinator of this machine alone listens.
-fn loopback(port: u16) -> SocketAddr {
-    SocketAddr::from(([127, 0, 0, 1], port))
 }

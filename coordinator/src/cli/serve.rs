@@ -1,9 +1,19 @@
 //! `serve`: a coordinator that stays.
 
-use super::{CliError, Global, loopback, run::CrewSize};
-use crate::{dispatch, local::LocalCluster, server::Options, store::DataDirectory};
+use super::{CliError, Global, run::CrewSize};
+use crate::{
+    access::{Entrance, Tls, Tokens},
+    dispatch,
+    local::LocalCluster,
+    server::Options,
+    store::DataDirectory,
+};
+use clap::builder::BoolishValueParser;
 use murmuration_link::termination;
-use std::net::SocketAddr;
+use std::{
+    net::{Ipv4Addr, SocketAddr},
+    path::PathBuf,
+};
 
 /// Port on which coordinators listen unless told otherwise.
 const PORT: u16 = 7700;
@@ -12,19 +22,49 @@ const PORT: u16 = 7700;
 #[derive(Debug, clap::Args)]
 pub(super) struct Serve {
     /// Where to listen; this machine alone unless told otherwise
-    #[arg(long, default_value_t = loopback(PORT))]
+    #[arg(
+        long,
+        env = "MURMURATION_LISTEN",
+        default_value_t = SocketAddr::from((Ipv4Addr::LOCALHOST, PORT)),
+        value_name = "ADDRESS"
+    )]
     listen: SocketAddr,
+    /// Encrypt: the coordinator's certificate, those that vouch for it behind it (PEM)
+    #[arg(long, env = "MURMURATION_CERTIFICATE", value_name = "FILE", requires = "key")]
+    certificate: Option<PathBuf>,
+    /// Private key of the certificate (PEM)
+    #[arg(long, env = "MURMURATION_KEY", value_name = "FILE", requires = "certificate")]
+    key: Option<PathBuf>,
+    /// Let in only workers and trainers with a certificate that this authority signed (PEM)
+    #[arg(
+        long,
+        env = "MURMURATION_CLIENT_CA",
+        value_name = "FILE",
+        requires = "certificate"
+    )]
+    client_ca: Option<PathBuf>,
+    /// Let in only people with a token, by the file that lists them; `murmuration token` makes its lines
+    #[arg(long, env = "MURMURATION_TOKENS", value_name = "FILE")]
+    tokens: Option<PathBuf>,
+    /// Listen beyond this machine in the clear, or without tokens: on a network that you trust
+    #[arg(
+        long,
+        env = "MURMURATION_INSECURE_LISTEN",
+        value_parser = BoolishValueParser::new()
+    )]
+    insecure_listen: bool,
     #[command(flatten)]
     crew: CrewSize,
 }
 
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let entrance = self.entrance()?;
         let data = DataDirectory::hold(&global.data)
             .map_err(|error| CliError::busy(error, "one coordinator serves a data directory at a time"))?;
         let options = Options {
             data,
-            listen: self.listen,
+            entrance,
             resume: true,
             checkpoints: global.checkpoint_store.clone(),
             dispatch: dispatch::Options::default(),
@@ -32,13 +72,50 @@ impl Serve {
         let cluster = LocalCluster::start(options, self.crew.count()).await?;
         let url = cluster.coordinator().url();
         eprintln!("serving {} at {url}", global.data.display());
-        eprintln!("  pages:     {url} in a browser");
-        eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}");
-        eprintln!("  workers:   murmuration-worker --coordinator {url}");
-        eprintln!("  trainers:  murmuration-trainer --coordinator {url}");
+        self.say_how_to_reach(&url);
         let signal = termination().await;
         eprintln!("{signal}; running campaigns go on with the next `murmuration serve`");
         cluster.shutdown().await?;
         Ok(())
+    }
+
+    fn entrance(&self) -> Result<Entrance, CliError> {
+        let tls = match (&self.certificate, &self.key) {
+            (Some(certificate), Some(key)) => Some(Tls::read(certificate, key, self.client_ca.as_deref())?),
+            _ => None,
+        };
+        let tokens = self.tokens.as_deref().map(Tokens::read).transpose()?;
+        Ok(Entrance::new(self.listen, tls, tokens, self.insecure_listen)?)
+    }
+
+    fn say_how_to_reach(&self, url: &str) {
+        let ca = if self.certificate.is_some() {
+            " --ca CA.pem"
+        } else {
+            ""
+        };
+        let machine = match (&self.client_ca, &self.tokens) {
+            (Some(_), _) => " --certificate FILE --key FILE",
+            (None, Some(_)) => " --token-file FILE",
+            (None, None) => "",
+        };
+        let person = if self.tokens.is_some() {
+            " --token-file FILE"
+        } else {
+            ""
+        };
+        eprintln!("  pages:     {url} in a browser");
+        eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}{ca}{person}");
+        eprintln!("  workers:   murmuration-worker --coordinator {url}{ca}{machine}");
+        eprintln!("  trainers:  murmuration-trainer --coordinator {url}{ca}{machine}");
+        let beyond = !self.listen.ip().to_canonical().is_loopback();
+        if beyond && self.certificate.is_none() {
+            eprintln!(
+                "  warning:   nothing is encrypted: whoever is on the network reads along, tokens included"
+            );
+        }
+        if beyond && self.tokens.is_none() {
+            eprintln!("  warning:   no tokens are asked for: whoever reaches {url} may do anything");
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::Streamed;
+use super::{Seats, Streamed};
 use crate::{
     campaign::{Campaigns, Change, blocking},
     digest::digest,
@@ -30,6 +30,8 @@ pub struct CampaignApi {
     pub store: Store,
     /// Who simulates replays.
     pub dispatch: Dispatch,
+    /// How many may watch, and ask for replays, at once.
+    pub seats: Seats,
 }
 
 type Answer<T> = Result<Response<T>, Status>;
@@ -82,8 +84,10 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     ) -> Answer<Self::WatchCampaignStream> {
         let campaigns = self.campaigns.clone();
         let id = self.record(&request.get_ref().campaign).await?.id;
+        let seat = self.seats.watch()?;
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
+            let _seat = seat;
             loop {
                 let status = campaigns.status(id.as_str()).await;
                 let goes_on = status.as_ref().is_ok_and(|status| status.active);
@@ -218,6 +222,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let found = self
             .read(move |store| store.individual(&record.id, record.spec.model(), index))
             .await?;
+        let _seat = self.seats.replay()?;
         let job = ReplayJob {
             controller: found.controller,
             world,

@@ -18,8 +18,6 @@ use tonic::{Request, Response, Status};
 
 /// Most answers in one request.
 const MAX_ANSWERS: usize = 50_000;
-/// Largest message taken from a client: as many answers of the longest names.
-pub(crate) const MAX_LABEL_MESSAGE: usize = 32 << 20;
 
 /// Implements `murmuration.v1.LabelService`.
 #[derive(Debug, Clone)]

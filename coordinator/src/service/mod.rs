@@ -4,13 +4,15 @@ mod campaigns;
 mod checkpoints;
 mod labels;
 mod messages;
+mod seats;
 mod training;
 mod work;
 
 pub use campaigns::CampaignApi;
 pub use checkpoints::CheckpointApi;
 pub use labels::LabelApi;
-pub(crate) use labels::MAX_LABEL_MESSAGE;
+pub(crate) use seats::Seat;
+pub use seats::Seats;
 pub use training::TrainerApi;
 pub use work::WorkerApi;
 

@@ -1,7 +1,10 @@
 //! Pages that follow what happens: the parts that change, sent again whenever they do.
 
 use super::{Web, pages, wrong::Wrong};
-use crate::campaign::{CampaignError, CampaignState, blocking};
+use crate::{
+    campaign::{CampaignError, CampaignState, blocking},
+    service::Seat,
+};
 use axum::{
     extract::{Path, State},
     response::sse::{Event, KeepAlive, Sse},
@@ -16,22 +19,24 @@ const INTERVAL: Duration = Duration::from_millis(250);
 
 type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
-pub(super) async fn campaigns(State(web): State<Web>) -> Events {
+pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, Wrong> {
+    let seat = seat(&web)?;
     let look = move || {
         let web = web.clone();
         async move { Ok(pages::table(&web.campaigns.list().await?).into_string()) }
     };
-    follow(look, |table| async { Ok(table) })
+    Ok(follow(seat, look, |table| async { Ok(table) }))
 }
 
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
+    let seat = seat(&web)?;
     let (looking, looked_at) = (web.clone(), id.clone());
     let look = move || {
         let (web, id) = (looking.clone(), looked_at.clone());
         async move { Ok(pages::figures(&web.campaigns.status(id.as_str()).await?).into_string()) }
     };
-    Ok(follow(look, move |_| {
+    Ok(follow(seat, look, move |_| {
         let (web, id) = (web.clone(), id.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
@@ -44,6 +49,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 /// what is being done with it; whoever shows any of these looks again when it changes.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
+    let seat = seat(&web)?;
     let look = move || {
         let (web, id) = (web.clone(), id.clone());
         async move {
@@ -61,11 +67,16 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             Ok(seen.to_string())
         }
     };
-    Ok(follow(look, |seen| async { Ok(seen) }))
+    Ok(follow(seat, look, |seen| async { Ok(seen) }))
+}
+
+fn seat(web: &Web) -> Result<Seat, Wrong> {
+    let seat = web.archive.seats.watch();
+    seat.map_err(|status| Wrong::Busy(status.message().to_owned()))
 }
 
 /// Sends what `draw` makes of what `look` sees, whenever that is not what it was before, for as long as somebody listens.
-fn follow<Look, Looked, Draw, Drawn>(look: Look, draw: Draw) -> Events
+fn follow<Look, Looked, Draw, Drawn>(seat: Seat, look: Look, draw: Draw) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, CampaignError>> + Send,
@@ -74,6 +85,7 @@ where
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
+        let _seat = seat;
         let mut seen = None;
         while let Ok(sight) = look().await {
             if seen.as_ref() != Some(&sight) {

@@ -10,6 +10,7 @@ mod assets;
 mod guard;
 mod label;
 mod live;
+mod login;
 mod map;
 mod motion;
 mod pages;
@@ -20,18 +21,22 @@ mod teach;
 mod wrong;
 
 use crate::{
+    access::{Door, Refusal, admit},
     campaign::Campaigns,
+    limits::MAX_POST,
     maps::Maps,
     service::{CampaignApi, LabelApi},
     store::Store,
 };
 use axum::{
-    Router,
+    Extension, Router,
+    extract::DefaultBodyLimit,
     http::{HeaderMap, HeaderValue, header::CONTENT_TYPE},
     middleware,
     response::{IntoResponse as _, Response},
     routing::{get, post},
 };
+use std::sync::Arc;
 use tonic::{Status, service::Routes};
 use wrong::Wrong;
 
@@ -46,16 +51,26 @@ pub(crate) struct Web {
     pub(crate) labels: LabelApi,
 }
 
-/// The pages beside the gRPC services, on one port.
-pub(crate) fn beside(services: Routes, web: Web) -> Routes {
-    let both = pages(web).merge(services.into_axum_router());
-    both.fallback(nowhere).into()
+/// The pages beside the gRPC services, on one port, for whom its door lets in.
+pub(crate) fn beside(services: Routes, web: Web, door: Arc<Door>) -> Routes {
+    let pages = pages(web)
+        .layer(Extension(door.clone()))
+        .layer(middleware::from_fn_with_state(door.clone(), guard::guard));
+    let both = pages.merge(services.into_axum_router()).fallback(nowhere);
+    both.layer(middleware::from_fn_with_state(door, admit)).into()
+}
+
+/// The answer to who may not come in, where a page was asked for.
+pub(crate) fn turn_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
+    guard::protected(login::turned_away(refusal, headers))
 }
 
 /// Every page, and what they are made of.
 fn pages(web: Web) -> Router {
     Router::new()
         .route("/", get(pages::campaigns).post(actions::start))
+        .route("/login", get(login::page).post(login::log_in))
+        .route("/logout", post(login::log_out))
         .route("/events", get(live::campaigns))
         .route("/campaigns/{id}", get(pages::campaign))
         .route("/campaigns/{id}/events", get(live::campaign))
@@ -79,7 +94,7 @@ fn pages(web: Web) -> Router {
         .route("/campaigns/{id}/points/axes", get(map::axes))
         .route("/campaigns/{id}/points/neighbours", get(map::neighbours))
         .route("/assets/{name}", get(assets::asset))
-        .layer(middleware::from_fn(guard::guard))
+        .layer(DefaultBodyLimit::max(MAX_POST))
         .with_state(web)
 }
 

@@ -21,6 +21,12 @@ pub(super) enum Wrong {
     /// There is no page of that address.
     #[error("there is no such page")]
     NoPage,
+    /// Whoever asks may not have it.
+    #[error("{1}")]
+    Refused(StatusCode, String),
+    /// Too many want the same.
+    #[error("{0}")]
+    Busy(String),
     /// A value that is not allowed.
     #[error("{0}")]
     Input(#[from] Invalid),
@@ -37,6 +43,8 @@ impl Wrong {
         match self {
             Self::Host | Self::Origin => StatusCode::FORBIDDEN,
             Self::NoPage => StatusCode::NOT_FOUND,
+            Self::Refused(status, _) => *status,
+            Self::Busy(_) => StatusCode::SERVICE_UNAVAILABLE,
             Self::Input(_) => StatusCode::BAD_REQUEST,
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },
@@ -66,6 +74,7 @@ impl IntoResponse for Wrong {
                 h1 { "Not that way" }
                 p.lead { (self.to_string()) }
                 p { a href="/" { "All campaigns" } }
+                @if let Self::Refused(..) = self { p { a href="/login" { "Log in with another token" } } }
             },
         );
         (self.status(), page).into_response()

@@ -6,13 +6,13 @@ use super::{
     task::{LessonTask, Task},
 };
 use crate::{labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning};
-use murmuration_link::{attempts, fetch_checkpoint};
+use murmuration_link::{Coordinator, attempts, fetch_checkpoint};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part},
 };
 use std::sync::Arc;
-use tonic::{Status, transport::Channel};
+use tonic::Status;
 
 /// Most bytes of a saved training: four numbers of four bytes for each of at most 16 Mi weights, and some figures.
 const MAX_SAVED_BYTES: usize = 300 << 20;
@@ -36,7 +36,7 @@ struct Parts {
 }
 
 /// Fetches what `task` needs.
-pub(super) async fn fetch(task: &Task, coordinator: &Channel) -> Result<Material, Undone> {
+pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Material, Undone> {
     let parts = attempts(|| receive(task, coordinator.clone()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
@@ -62,7 +62,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Channel) -> Result<Material
 async fn parent(
     task: &Task,
     lesson: &LessonTask,
-    coordinator: &Channel,
+    coordinator: &Coordinator,
 ) -> Result<crate::network::Network, Undone> {
     let fetched = fetch_checkpoint(coordinator, lesson.parent).await;
     let bytes = fetched.map_err(|status| Undone::call("the checkpoint to go on from", &status))?;
@@ -78,7 +78,7 @@ async fn parent(
     onnx::import(&bytes, architecture).map_err(Undone::fatal)
 }
 
-async fn receive(task: &Task, coordinator: Channel) -> Result<Parts, Status> {
+async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status> {
     let request = v1::FetchTrainingRequest {
         campaign: task.campaign.clone(),
     };

@@ -2,7 +2,7 @@
 
 use super::{course::Course, dataset, task::Task};
 use murmuration_embed::Runtime;
-use murmuration_link::{attempts, may_pass, stopped};
+use murmuration_link::{Coordinator, attempts, may_pass, stopped};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
@@ -12,7 +12,7 @@ use tokio::{
     sync::{Mutex, mpsc, watch},
     task::{JoinError, JoinSet, spawn_blocking},
 };
-use tonic::{Status, transport::Channel};
+use tonic::Status;
 
 /// Events that may wait to be sent: a training that is ahead of the network waits.
 const EVENTS: usize = 4;
@@ -96,7 +96,7 @@ impl Running {
     pub(super) fn start(
         lease: v1::LeaseId,
         task: Task,
-        coordinator: Channel,
+        coordinator: Coordinator,
         turn: Arc<Mutex<()>>,
         stop: watch::Receiver<bool>,
     ) -> Self {
@@ -126,7 +126,7 @@ impl Running {
 
 async fn train(
     task: Task,
-    coordinator: Channel,
+    coordinator: Coordinator,
     turn: Arc<Mutex<()>>,
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,

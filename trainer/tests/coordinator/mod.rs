@@ -1,5 +1,6 @@
 //! A coordinator as trainers see it, whose every word a test decides.
 
+use murmuration_link::Credentials;
 use murmuration_proto::{
     CheckpointDigest, PART_BYTES,
     v1::{
@@ -74,8 +75,12 @@ impl Fake {
             .serve_with_incoming(TcpListenerStream::new(listener));
         tokio::spawn(server);
         let (stop, stopped) = watch::channel(false);
-        let name = "trainer".to_owned();
-        let trainer = tokio::spawn(client::run(Options { coordinator, name }, stopped));
+        let options = Options {
+            coordinator,
+            credentials: Credentials::default(),
+            name: "trainer".to_owned(),
+        };
+        let trainer = tokio::spawn(client::run(options, stopped));
         Self {
             sessions,
             state,

@@ -1,24 +1,27 @@
 //! Published embedders, as the coordinator at the other end has them.
 
-use crate::attempts;
+use crate::{Coordinator, attempts};
 use murmuration_proto::{
     CheckpointDigest,
     onnx::MAX_MODEL_BYTES,
     v1::{self, checkpoint_service_client::CheckpointServiceClient},
 };
-use tonic::{Status, transport::Channel};
+use tonic::Status;
 
 /// The bytes that the coordinator has under a digest, unchecked: at most [`MAX_MODEL_BYTES`]. Tries again while the
 /// coordinator is away.
 ///
 /// # Errors
 /// Where there is none of that digest, or the coordinator was away for too long.
-pub async fn fetch_checkpoint(coordinator: &Channel, digest: CheckpointDigest) -> Result<Vec<u8>, Status> {
+pub async fn fetch_checkpoint(
+    coordinator: &Coordinator,
+    digest: CheckpointDigest,
+) -> Result<Vec<u8>, Status> {
     attempts(|| receive(CheckpointServiceClient::new(coordinator.clone()), digest)).await
 }
 
 async fn receive(
-    mut client: CheckpointServiceClient<Channel>,
+    mut client: CheckpointServiceClient<Coordinator>,
     digest: CheckpointDigest,
 ) -> Result<Vec<u8>, Status> {
     let request = v1::FetchCheckpointRequest {

@@ -7,21 +7,28 @@
 mod attempts;
 mod backoff;
 mod checkpoints;
+mod credentials;
 mod link;
 mod process;
 mod stop;
+mod token;
 
 pub use attempts::{attempts, may_pass};
 pub use checkpoints::fetch_checkpoint;
+pub use credentials::{
+    Bearer, Coordinator, Credentials, CredentialsError, IdentityFiles, TrustFiles, read_pem, read_token,
+    root_cause,
+};
 pub use link::{Broken, Link};
 pub use process::{log_to_stderr, until_terminated};
 pub use stop::{stopped, termination};
+pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
 use std::{future::Future, time::Duration};
 use tokio::sync::watch;
-use tonic::transport::{Channel, Endpoint};
+use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 
 /// Who connects: decides the service, and what is said in Hello.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,10 +72,10 @@ impl Role {
 /// Why a worker or trainer gave up. Anything that may pass is tried again for ever.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The URL is not one.
-    #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
-    Url(String),
-    /// The coordinator does not take it: its version is another, say.
+    /// The URL is not one, or the credentials are not for it.
+    #[error(transparent)]
+    Credentials(#[from] CredentialsError),
+    /// The coordinator does not take it: its version is another, or it has not shown who it is.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
         /// "worker" or "trainer".
@@ -82,18 +89,20 @@ pub enum LinkError {
 #[derive(Debug, Clone)]
 pub struct Address {
     endpoint: Endpoint,
+    bearer: Bearer,
     role: Role,
     name: String,
 }
 
 impl Address {
-    /// The coordinator at `url` (`http://HOST:PORT`), for a party of this name (for people; at most 128 bytes).
+    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a party of this name (for people; at
+    /// most 128 bytes) that shows these credentials.
     ///
     /// # Errors
-    /// Where `url` is not one.
-    pub fn new(url: &str, role: Role, name: &str) -> Result<Self, LinkError> {
-        let endpoint = Endpoint::from_shared(url.to_owned())
-            .map_err(|_| LinkError::Url(url.to_owned()))?
+    /// Where `url` is not one, or the credentials are not for it.
+    pub fn new(url: &str, credentials: &Credentials, role: Role, name: &str) -> Result<Self, LinkError> {
+        let endpoint = credentials
+            .endpoint(url)?
             .connect_timeout(Duration::from_secs(5))
             .tcp_nodelay(true)
             .http2_keep_alive_interval(Duration::from_secs(2))
@@ -101,6 +110,7 @@ impl Address {
             .keep_alive_while_idle(true);
         Ok(Self {
             endpoint,
+            bearer: credentials.bearer(),
             role,
             name: name.to_owned(),
         })
@@ -108,8 +118,8 @@ impl Address {
 
     /// A connection of its own for other calls, made when it is first used and again whenever it is broken.
     #[must_use]
-    pub fn channel(&self) -> Channel {
-        self.endpoint.connect_lazy()
+    pub fn channel(&self) -> Coordinator {
+        InterceptedService::new(self.endpoint.connect_lazy(), self.bearer.clone())
     }
 }
 

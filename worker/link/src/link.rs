@@ -1,17 +1,17 @@
 //! One connection, from Hello to the end of the stream.
 
-use crate::{Address, Role};
+use crate::{Address, Role, root_cause};
 use murmuration_proto::v1::{
     self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
     worker_service_client::WorkerServiceClient,
 };
-use std::time::Duration;
+use std::{error::Error as _, time::Duration};
 use tokio::{
     sync::mpsc,
     time::{Interval, MissedTickBehavior, timeout},
 };
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::{Code, Status, Streaming};
+use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService};
 
 /// Largest message taken: leases hold specifications and pictures.
 const MAX_MESSAGE: usize = 64 << 20;
@@ -32,10 +32,10 @@ pub struct Link {
 #[derive(Debug, thiserror::Error)]
 pub enum Broken {
     /// There was none.
-    #[error("no connection: {0}")]
+    #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),
     /// The stream broke.
-    #[error("{}", .0.message())]
+    #[error("{}", words(.0))]
     Stream(#[from] Status),
     /// The coordinator ended it.
     #[error("the coordinator closed the stream")]
@@ -48,7 +48,7 @@ pub enum Broken {
 impl Link {
     /// Connects, says Hello, and waits for the Welcome.
     pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
-        let channel = address.endpoint.connect().await?;
+        let channel = InterceptedService::new(address.endpoint.connect().await?, address.bearer.clone());
         let (outbox, messages) = mpsc::channel(OUTBOX);
         let hello = worker_message::Message::Hello(address.role.hello(&address.name));
         send(&outbox, hello).await?;
@@ -61,7 +61,10 @@ impl Link {
             Role::Trainer => TrainerServiceClient::new(channel).train(messages).await,
         };
         let refused = |status: Status| match status.code() {
-            Code::FailedPrecondition | Code::InvalidArgument => Broken::Refused(status),
+            Code::FailedPrecondition
+            | Code::InvalidArgument
+            | Code::Unauthenticated
+            | Code::PermissionDenied => Broken::Refused(status),
             _ => Broken::Stream(status),
         };
         let mut inbox = answer.map_err(refused)?.into_inner();
@@ -123,6 +126,14 @@ impl Link {
         let ended = async { while let Ok(Some(_)) = inbox.message().await {} };
         // Whether or not it was in time: the connection ends here.
         let _ = timeout(LAST_WORDS, ended).await;
+    }
+}
+
+/// What the coordinator said; or why it could not be heard, where that is known.
+fn words(status: &Status) -> String {
+    match status.source() {
+        Some(source) => root_cause(source),
+        None => status.message().to_owned(),
     }
 }
 

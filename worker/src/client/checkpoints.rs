@@ -3,21 +3,21 @@
 use murmuration_embed::{
     Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
 };
-use murmuration_link::{fetch_checkpoint, may_pass};
+use murmuration_link::{Coordinator, fetch_checkpoint, may_pass};
 use murmuration_proto::CheckpointDigest;
 use std::{
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
 };
 use tokio::{runtime::Handle, sync::oneshot};
-use tonic::{Status, transport::Channel};
+use tonic::Status;
 
 /// Most bytes of checkpoints on disk (1 GiB: thousands of them).
 const MAX_CACHE_BYTES: u64 = 1 << 30;
 
 /// Where all threads of a worker have their checkpoints from.
 pub(super) struct Checkpoints {
-    coordinator: Channel,
+    coordinator: Coordinator,
     /// Where fetching runs: the threads themselves only wait.
     runtime: Handle,
     folder: PathBuf,
@@ -55,7 +55,7 @@ pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
     /// Those of the coordinator at the other end of `coordinator`, kept in `folder`. Must be called on a tokio runtime.
-    pub(super) fn new(coordinator: Channel, folder: PathBuf) -> Self {
+    pub(super) fn new(coordinator: Coordinator, folder: PathBuf) -> Self {
         Self {
             coordinator,
             runtime: Handle::current(),

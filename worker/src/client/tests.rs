@@ -6,6 +6,7 @@ use super::{
     desk::Desk,
     lease::{Outcome, Work},
 };
+use murmuration_link::{Address, Credentials, Role};
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, ImageFormat, World,
     v1::{
@@ -20,10 +21,7 @@ use std::sync::{
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio_stream::wrappers::TcpListenerStream;
-use tonic::{
-    Code, Request, Response, Status,
-    transport::{Endpoint, Server},
-};
+use tonic::{Code, Request, Response, Status, transport::Server};
 
 const SMALL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
 
@@ -95,10 +93,14 @@ impl Worker {
         let asked = fake.asked.clone();
         let server = Server::builder().add_service(CheckpointServiceServer::new(fake));
         tokio::spawn(server.serve_with_incoming(TcpListenerStream::new(listener)));
-        let channel = Endpoint::from_shared(url).unwrap().connect_lazy();
+        let role = Role::Worker { capacity: 1 };
+        let address = Address::new(&url, &Credentials::default(), role, "tested").unwrap();
         let folder = tempfile::tempdir().unwrap();
         Self {
-            checkpoints: Arc::new(Checkpoints::new(channel, folder.path().join("checkpoints"))),
+            checkpoints: Arc::new(Checkpoints::new(
+                address.channel(),
+                folder.path().join("checkpoints"),
+            )),
             asked,
             _folder: folder,
         }

@@ -1,0 +1,112 @@
+//! The way in for processes of the coordinator's own machine and user: a token that only the owner of the data
+//! directory can read.
+
+use super::{Access, Role, Sessions, Tokens};
+use crate::store::StoreError;
+use murmuration_link::{CredentialsError, Token, read_token};
+use std::{
+    fs,
+    io::{self, Write as _},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// Name of its file in the data directory.
+const FILE: &str = "local-token";
+
+/// The token of a data directory.
+#[derive(Debug)]
+pub(crate) struct Local {
+    token: Token,
+}
+
+/// The token of a data directory, if it has one.
+///
+/// # Errors
+/// Where there is one that this process may not read.
+pub(crate) fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
+    match read_token(&data.join(FILE)) {
+        Ok(token) => Ok(Some(token)),
+        Err(CredentialsError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+impl Local {
+    /// That of a data directory; makes one where there is none that can be used.
+    pub(crate) fn of(data: &Path) -> Result<Self, StoreError> {
+        if let Ok(Some(token)) = local_token(data) {
+            return Ok(Self { token });
+        }
+        let path = data.join(FILE);
+        let token = Token::generate().map_err(io::Error::other);
+        let made = token.and_then(|token| write(&path, &token).map(|()| Self { token }));
+        made.map_err(|source| StoreError::File {
+            doing: "make the token for this machine's processes",
+            path,
+            source,
+        })
+    }
+
+    pub(crate) const fn token(&self) -> &Token {
+        &self.token
+    }
+
+    /// Lets its bearer in as an operator, and nobody else.
+    pub(crate) fn access(&self) -> Access {
+        let holder = ("this machine".to_owned(), Role::Operator, self.token.digest());
+        Access {
+            tokens: Some(Arc::new(Tokens::of([holder]))),
+            certificates: false,
+        }
+    }
+
+    /// What browsers' sessions are sealed with.
+    pub(crate) fn sessions(&self) -> Sessions {
+        let key = blake3::derive_key(
+            "Murmuration 2026-11 browser sessions",
+            self.token.reveal().as_bytes(),
+        );
+        Sessions::sealed_with(key)
+    }
+}
+
+/// Writes a file that its owner alone can read.
+fn write(path: &PathBuf, token: &Token) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let mut options = fs::File::options();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    writeln!(options.open(path)?, "{}", token.reveal())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_stays_the_same_and_its_owner_alone_reads_it() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(local_token(folder.path()).unwrap().is_none());
+        let made = Local::of(folder.path()).unwrap();
+        let again = Local::of(folder.path()).unwrap();
+        assert_eq!(made.token().digest(), again.token().digest());
+        let path = folder.path().join(FILE);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        }
+        fs::write(&path, "torn").unwrap();
+        let other = Local::of(folder.path()).unwrap();
+        assert_ne!(other.token().digest(), made.token().digest());
+        assert_eq!(
+            local_token(folder.path()).unwrap().unwrap().digest(),
+            other.token().digest()
+        );
+    }
+}

@@ -1,0 +1,191 @@
+//! Who may do what: the doors of a coordinator, what a request shows at one, and what it needs.
+//!
+//! `needs` is the one table of what every method and page needs; `admit` asks it before anything else happens with a
+//! request. Machines show certificates, people tokens, browsers a cookie that a token was given for. Services and pages
+//! know nothing of any of this.
+
+mod admit;
+mod entrance;
+mod local;
+mod needs;
+mod sessions;
+mod tokens;
+
+pub(crate) use admit::{Door, admit};
+pub use entrance::{Entrance, EntranceError, Tls};
+pub(crate) use local::{Local, local_token};
+pub use needs::Role;
+pub(crate) use sessions::{COOKIE, LIFETIME, Sessions};
+pub(crate) use tokens::entry;
+pub use tokens::{Tokens, TokensError};
+
+use murmuration_link::TokenDigest;
+use needs::Need;
+use std::sync::Arc;
+
+/// Whom a door lets in.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Access {
+    /// Whose tokens are good; without any, everybody is an operator.
+    pub(crate) tokens: Option<Arc<Tokens>>,
+    /// Whether machines must show a certificate.
+    pub(crate) certificates: bool,
+}
+
+/// What a request shows for itself.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Shown {
+    /// The digest of a token, in a header or behind a cookie.
+    token: Option<TokenDigest>,
+    /// Whether its connection is that of a machine with a certificate; the TLS library has checked whose.
+    certificate: bool,
+}
+
+/// Why a request is not let in.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Refusal {
+    /// It shows nothing.
+    #[error(
+        "this coordinator asks for a token: put yours into MURMURATION_TOKEN, or its file's name into \
+         MURMURATION_TOKEN_FILE (in a browser, log in)"
+    )]
+    NoToken,
+    /// It shows a token of nobody's.
+    #[error("this coordinator does not know that token")]
+    UnknownToken,
+    /// It shows no certificate.
+    #[error(
+        "workers and trainers need a certificate that the coordinator's client CA signed: name it with --certificate \
+         and --key"
+    )]
+    NoCertificate,
+    /// Its token is not good for this.
+    #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
+    Role {
+        /// Whose token it is.
+        name: String,
+        /// What the token is good for.
+        has: Role,
+        /// What would be needed.
+        needs: Role,
+    },
+    /// It is one of too many.
+    #[error("too many requests on one connection: try again in a second")]
+    Rate,
+}
+
+impl Access {
+    /// Whether everybody gets in, as an operator.
+    pub(crate) const fn is_open(&self) -> bool {
+        self.tokens.is_none() && !self.certificates
+    }
+
+    fn admits(&self, need: Need, shown: &Shown) -> Result<(), Refusal> {
+        let needs = match need {
+            Need::Nothing => return Ok(()),
+            Need::Machine if self.certificates && shown.certificate => return Ok(()),
+            Need::Machine if self.certificates => return Err(Refusal::NoCertificate),
+            Need::MachineOr(_) if self.certificates && shown.certificate => return Ok(()),
+            Need::Machine => Role::Operator,
+            Need::MachineOr(role) | Need::Person(role) => role,
+        };
+        let Some(tokens) = &self.tokens else {
+            return Ok(());
+        };
+        let digest = shown.token.ok_or(Refusal::NoToken)?;
+        let holder = tokens.holder(digest).ok_or(Refusal::UnknownToken)?;
+        match holder.role >= needs {
+            true => Ok(()),
+            false => Err(Refusal::Role {
+                name: holder.name.clone(),
+                has: holder.role,
+                needs,
+            }),
+        }
+    }
+
+    /// Whose token this is: name and role, if it is somebody's.
+    pub(crate) fn whose(&self, token: TokenDigest) -> Option<(&str, Role)> {
+        let holder = self.tokens.as_ref()?.holder(token)?;
+        Some((&holder.name, holder.role))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_link::Token;
+
+    fn shown(token: Option<&Token>, certificate: bool) -> Shown {
+        Shown {
+            token: token.map(Token::digest),
+            certificate,
+        }
+    }
+
+    fn access(tokens: &[(Role, &Token)], certificates: bool) -> Access {
+        let holders = tokens
+            .iter()
+            .map(|(role, token)| (role.to_string(), *role, token.digest()));
+        Access {
+            tokens: Some(Arc::new(Tokens::of(holders))),
+            certificates,
+        }
+    }
+
+    #[test]
+    fn a_role_may_do_what_lower_ones_may() {
+        let tokens = [(); 3].map(|()| Token::generate().unwrap());
+        let roles = [Role::Viewer, Role::Annotator, Role::Operator];
+        let pairs: Vec<_> = roles.into_iter().zip(&tokens).collect();
+        let access = access(&pairs, false);
+        for (place, token) in tokens.iter().enumerate() {
+            for (needs, role) in roles.into_iter().enumerate() {
+                let admitted = access.admits(Need::Person(role), &shown(Some(token), false));
+                assert_eq!(admitted.is_ok(), place >= needs, "{place} for {role}");
+            }
+            // Without a client CA machines are let in as operators.
+            let machine = access.admits(Need::Machine, &shown(Some(token), true));
+            assert_eq!(machine.is_ok(), place == 2);
+        }
+        assert_eq!(access.admits(Need::Nothing, &Shown::default()), Ok(()));
+        assert_eq!(
+            access.admits(Need::Person(Role::Viewer), &Shown::default()),
+            Err(Refusal::NoToken)
+        );
+        let stranger = Token::generate().unwrap();
+        let refused = access.admits(Need::Person(Role::Viewer), &shown(Some(&stranger), false));
+        assert_eq!(refused, Err(Refusal::UnknownToken));
+    }
+
+    #[test]
+    fn with_a_client_ca_machines_show_certificates_and_nothing_else() {
+        let operator = Token::generate().unwrap();
+        let access = access(&[(Role::Operator, &operator)], true);
+        let refused = access.admits(Need::Machine, &shown(Some(&operator), false));
+        assert_eq!(refused, Err(Refusal::NoCertificate));
+        let machine = shown(None, true);
+        assert_eq!(access.admits(Need::Machine, &machine), Ok(()));
+        assert_eq!(access.admits(Need::MachineOr(Role::Operator), &machine), Ok(()));
+        assert_eq!(
+            access.admits(Need::MachineOr(Role::Operator), &shown(Some(&operator), false)),
+            Ok(())
+        );
+        assert_eq!(
+            access.admits(Need::Person(Role::Viewer), &machine),
+            Err(Refusal::NoToken)
+        );
+    }
+
+    #[test]
+    fn without_tokens_everybody_is_an_operator() {
+        let open = Access::default();
+        for need in [
+            Need::Machine,
+            Need::Person(Role::Operator),
+            Need::MachineOr(Role::Operator),
+        ] {
+            assert_eq!(open.admits(need, &Shown::default()), Ok(()));
+        }
+    }
+}

@@ -1,0 +1,330 @@
+//! The connections of a listener: as many as there is room for, none that says nothing, each at its own pace.
+//!
+//! What is over a limit is closed at once, so that nobody waits for an answer that will not come. Knows nothing of what
+//! is said on a connection.
+
+use crate::limits::{
+    HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, REQUEST_BURST,
+    REQUESTS_PER_SECOND, RESERVED_FILES,
+};
+use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
+use std::{
+    collections::HashMap,
+    io,
+    net::{IpAddr, SocketAddr},
+    pin::Pin,
+    sync::{Arc, Mutex, PoisonError},
+    task::{Context, Poll, ready},
+    time::Duration,
+};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    net::{TcpListener, TcpStream},
+    sync::mpsc,
+    time::{Instant, Sleep},
+};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::Connected;
+
+/// Connections that may wait to be served.
+const WAITING: usize = 64;
+/// Pause after the system could not take a connection: it has no files left, say.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Room for connections, shared by a coordinator's listeners; cheap to clone.
+#[derive(Debug, Clone)]
+pub(crate) struct Places {
+    most: usize,
+    most_per_peer: usize,
+    taken: Arc<Mutex<HashMap<IpAddr, usize>>>,
+}
+
+/// Room for one connection, until it is dropped.
+#[derive(Debug)]
+struct Place {
+    places: Places,
+    peer: IpAddr,
+}
+
+impl Places {
+    /// As many as the system lets this process have, and [`MAX_CONNECTIONS`] at most.
+    pub(crate) fn of_this_process() -> Self {
+        let wanted = MAX_CONNECTIONS as u64 + RESERVED_FILES;
+        // Where the system does not say, it has no such limit.
+        let files = rlimit::increase_nofile_limit(wanted).unwrap_or(wanted);
+        let most = files
+            .saturating_sub(RESERVED_FILES)
+            .clamp(16, MAX_CONNECTIONS as u64) as usize;
+        Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
+    }
+
+    fn new(most: usize, most_per_peer: usize) -> Self {
+        Self {
+            most,
+            most_per_peer,
+            taken: Arc::default(),
+        }
+    }
+
+    fn take(&self, peer: IpAddr) -> Option<Place> {
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_peer = taken.get(&peer).copied().unwrap_or_default();
+        if taken.values().sum::<usize>() >= self.most || of_peer >= self.most_per_peer {
+            return None;
+        }
+        taken.insert(peer, of_peer + 1);
+        Some(Place {
+            places: self.clone(),
+            peer,
+        })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut taken = self.places.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        match taken.get_mut(&self.peer) {
+            Some(count) if *count > 1 => *count -= 1,
+            _ => drop(taken.remove(&self.peer)),
+        }
+    }
+}
+
+/// The connections that come to `listener`, until nobody takes them any more: then it is closed.
+pub(crate) fn connections(listener: TcpListener, places: Places) -> ReceiverStream<io::Result<Connection>> {
+    let (waiting, stream) = mpsc::channel(WAITING);
+    tokio::spawn(async move {
+        loop {
+            let accepted = tokio::select! {
+                accepted = listener.accept() => accepted,
+                () = waiting.closed() => return,
+            };
+            let (stream, peer) = match accepted {
+                Ok(accepted) => accepted,
+                Err(error) => {
+                    tracing::warn!(%error, "cannot take a connection");
+                    tokio::time::sleep(PAUSE).await;
+                    continue;
+                }
+            };
+            let Some(place) = places.take(peer.ip().to_canonical()) else {
+                tracing::debug!(%peer, "too many connections");
+                continue;
+            };
+            if waiting
+                .send(Ok(Connection::new(stream, peer, place)))
+                .await
+                .is_err()
+            {
+                return;
+            }
+        }
+    });
+    ReceiverStream::new(stream)
+}
+
+/// One connection; it fails once nothing has passed on it for too long.
+#[derive(Debug)]
+pub(crate) struct Connection {
+    stream: TcpStream,
+    visit: Visit,
+    /// When something passed last, and how long the silence after it may be.
+    active: Instant,
+    patience: Duration,
+    alarm: Pin<Box<Sleep>>,
+    _place: Place,
+}
+
+/// What requests know of their connection; an extension of each.
+#[derive(Debug, Clone)]
+pub(crate) struct Visit {
+    pace: Arc<DefaultDirectRateLimiter>,
+}
+
+impl Visit {
+    fn new() -> Self {
+        let quota = Quota::per_second(REQUESTS_PER_SECOND).allow_burst(REQUEST_BURST);
+        Self {
+            pace: Arc::new(RateLimiter::direct(quota)),
+        }
+    }
+
+    /// Whether a further request may come now; counts it if so.
+    pub(crate) fn may_ask(&self) -> bool {
+        self.pace.check().is_ok()
+    }
+}
+
+impl Connection {
+    fn new(stream: TcpStream, peer: SocketAddr, place: Place) -> Self {
+        if let Err(error) = stream.set_nodelay(true) {
+            tracing::debug!(%peer, %error, "answers may be delayed");
+        }
+        Self {
+            stream,
+            visit: Visit::new(),
+            active: Instant::now(),
+            patience: HANDSHAKE_LIMIT,
+            alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
+            _place: place,
+        }
+    }
+
+    fn passed(&mut self) {
+        self.active = Instant::now();
+        self.patience = IDLE_LIMIT;
+    }
+
+    /// Ready once it has been silent for too long. The alarm is set anew only when it rings, not for every byte.
+    fn is_silent(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        loop {
+            ready!(self.alarm.as_mut().poll(context));
+            let end = self.active + self.patience;
+            if end <= Instant::now() {
+                return Poll::Ready(());
+            }
+            self.alarm.as_mut().reset(end);
+        }
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = Visit;
+
+    fn connect_info(&self) -> Visit {
+        self.visit.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        match Pin::new(&mut self.stream).poll_read(context, buffer) {
+            Poll::Ready(read) => {
+                self.passed();
+                Poll::Ready(read)
+            }
+            Poll::Pending => {
+                ready!(self.is_silent(context));
+                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
+            }
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write(context, bytes));
+        self.passed();
+        Poll::Ready(written)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write_vectored(context, slices));
+        self.passed();
+        Poll::Ready(written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+    use tokio_stream::StreamExt as _;
+
+    async fn listen(places: Places) -> (SocketAddr, ReceiverStream<io::Result<Connection>>) {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap();
+        (address, connections(listener, places))
+    }
+
+    #[tokio::test]
+    async fn one_too_many_is_closed_and_room_is_made_again() {
+        let (address, mut taken) = listen(Places::new(4, 2)).await;
+        let mut clients = Vec::new();
+        let mut served = Vec::new();
+        for _ in 0..2 {
+            clients.push(TcpStream::connect(address).await.unwrap());
+            served.push(taken.next().await.unwrap().unwrap());
+        }
+        let mut refused = TcpStream::connect(address).await.unwrap();
+        assert_eq!(refused.read(&mut [0]).await.unwrap_or(0), 0);
+        served.pop();
+        let mut client = TcpStream::connect(address).await.unwrap();
+        client.write_all(b"a").await.unwrap();
+        let mut connection = taken.next().await.unwrap().unwrap();
+        assert_eq!(connection.read_u8().await.unwrap(), b'a');
+    }
+
+    #[test]
+    fn one_address_cannot_take_every_place() {
+        let places = Places::new(3, 2);
+        let peers: [IpAddr; 2] = ["10.0.0.1".parse().unwrap(), "10.0.0.2".parse().unwrap()];
+        let taken = [places.take(peers[0]), places.take(peers[0])];
+        assert!(taken.iter().all(Option::is_some));
+        assert!(places.take(peers[0]).is_none());
+        let third = places.take(peers[1]);
+        assert!(third.is_some() && places.take(peers[1]).is_none());
+        drop(taken);
+        assert!(places.take(peers[1]).is_some());
+        drop(third);
+        assert!(places.taken.lock().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_process_has_room_for_many() {
+        let places = Places::of_this_process();
+        assert!(places.most_per_peer * 2 <= places.most && places.most <= MAX_CONNECTIONS);
+        assert!(places.most_per_peer >= 8);
+    }
+
+    #[test]
+    fn requests_come_in_bursts_and_then_at_a_pace() {
+        let visit = Visit::new();
+        let burst = REQUEST_BURST.get();
+        assert!((0..burst).all(|_| visit.may_ask()));
+        // Some time may have passed, and made room for a few.
+        let further = (0..2 * burst).filter(|_| visit.may_ask()).count();
+        assert!(further < 2 * burst as usize, "{further}");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn who_says_nothing_is_let_go() {
+        let (address, mut taken) = listen(Places::new(4, 4)).await;
+        let mut client = TcpStream::connect(address).await.unwrap();
+        let mut connection = taken.next().await.unwrap().unwrap();
+        let begun = Instant::now();
+        let silent = connection.read_u8().await.unwrap_err();
+        assert_eq!(silent.kind(), io::ErrorKind::TimedOut);
+        assert!(begun.elapsed() >= HANDSHAKE_LIMIT);
+
+        client.write_all(b"a").await.unwrap();
+        assert_eq!(connection.read_u8().await.unwrap(), b'a');
+        let begun = Instant::now();
+        assert!(connection.read_u8().await.is_err());
+        assert!(begun.elapsed() >= IDLE_LIMIT);
+    }
+}

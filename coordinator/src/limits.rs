@@ -1,0 +1,39 @@
+//! How much of the coordinator any client, browser, worker or trainer may use: every limit on what comes over the network.
+//!
+//! What a campaign may be is limited where campaigns are defined: `Search::MAX_EVALUATIONS`, `Dataset::MAX_BYTES` and
+//! their like in `proto`. All limits leave room for an honest user's ten-fold.
+
+use std::{num::NonZeroU32, time::Duration};
+
+/// Connections at once, through all doors. Fewer where the system allows fewer open files.
+pub const MAX_CONNECTIONS: usize = 4096;
+/// Connections at once from one address; never more than half of all.
+pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
+/// Files that are kept free of connections: the store's, logs, the library of the operating system.
+pub const RESERVED_FILES: u64 = 256;
+/// Time that a connection has for its TLS handshake, and to say its first byte.
+pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
+/// Time after which a connection on which nothing passes, either way, is closed. HTTP/2 connections and pages that follow
+/// something are never silent for as long.
+pub const IDLE_LIMIT: Duration = Duration::from_secs(120);
+/// Requests at once on one HTTP/2 connection. More wait at the client.
+pub const MAX_STREAMS_PER_CONNECTION: u32 = 256;
+/// Bytes of a request's headers.
+pub const MAX_HEADER_BYTES: u32 = 16 << 10;
+/// Requests a second on one connection, in the long run. What is said within a request, such as a worker's stream, does not
+/// count: credits limit that.
+pub const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
+/// Requests that may come at once after a pause: a page with a picture of every behaviour.
+pub const REQUEST_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(4_999);
+/// Bytes of a message, unless it is one of those below.
+pub const MAX_MESSAGE: usize = 4 << 20;
+/// Bytes of a message from a worker: a full batch of the largest pictures.
+pub const MAX_WORKER_MESSAGE: usize = 96 << 20;
+/// Bytes of a message with labels: as many answers as may be in one, with the longest names.
+pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
+/// Bytes that a page may post.
+pub const MAX_POST: usize = 2 << 20;
+/// Clients and pages that watch something, at once.
+pub const MAX_WATCHES: usize = 1024;
+/// Replays that are simulated or wait to be, at once.
+pub const MAX_REPLAYS: usize = 256;

@@ -1,0 +1,101 @@
+//! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
+
+use super::{pages::layout, wrong::Wrong};
+use crate::access::{COOKIE, Door, LIFETIME, Refusal};
+use axum::{
+    Extension, Form,
+    http::{
+        HeaderMap, HeaderValue, StatusCode,
+        header::{ACCEPT, CACHE_CONTROL, SET_COOKIE},
+    },
+    response::{IntoResponse, Redirect, Response},
+};
+use maud::{Markup, html};
+use murmuration_link::TokenDigest;
+use serde::Deserialize;
+use std::{sync::Arc, time::SystemTime};
+
+/// A token, as somebody gave it.
+#[derive(Deserialize)]
+pub(super) struct Given {
+    token: String,
+}
+
+/// Who is logged in, or where to log in.
+pub(super) async fn page(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> impl IntoResponse {
+    let token = door.logged_in(&headers);
+    let whose = token.and_then(|token| door.access.whose(token));
+    let content = match whose {
+        Some((name, role)) => html! {
+            h1 { "Logged in" }
+            p.lead { "As " strong { (name) } ", with the role " strong { (role) } "." }
+            form method="post" action="/logout" { button { "Log out" } }
+            p { a href="/" { "All campaigns" } }
+        },
+        None if door.access.tokens.is_none() => html! {
+            h1 { "No need to log in" }
+            p.lead { "This coordinator asks nobody for a token." }
+            p { a href="/" { "All campaigns" } }
+        },
+        None => form(""),
+    };
+    ([(CACHE_CONTROL, "no-store")], layout("Log in", content))
+}
+
+/// Takes a token, if it is somebody's.
+pub(super) async fn log_in(Extension(door): Extension<Arc<Door>>, Form(given): Form<Given>) -> Response {
+    let token = TokenDigest::of(given.token.trim());
+    if door.access.whose(token).is_none() {
+        let page = layout("Log in", form("The coordinator does not know this token."));
+        return (StatusCode::UNAUTHORIZED, page).into_response();
+    }
+    let session = door.sessions.open(token, SystemTime::now());
+    set(&door, &session, LIFETIME.as_secs())
+}
+
+/// Has the browser forget.
+pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>) -> Response {
+    set(&door, "", 0)
+}
+
+fn set(door: &Door, session: &str, seconds: u64) -> Response {
+    let secure = if door.is_encrypted { "; Secure" } else { "" };
+    let cookie = format!("{COOKIE}={session}; Max-Age={seconds}; Path=/; HttpOnly; SameSite=Strict{secure}");
+    match HeaderValue::try_from(cookie) {
+        Ok(mut cookie) => {
+            cookie.set_sensitive(true);
+            ([(SET_COOKIE, cookie)], Redirect::to("/")).into_response()
+        }
+        // Not with what a session is made of.
+        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    }
+}
+
+fn form(wrong: &str) -> Markup {
+    html! {
+        h1 { "Log in" }
+        p.lead { "With a token, which whoever runs this coordinator has given to you." }
+        form.who method="post" action="/login" {
+            label { "Token "
+                input name="token" type="password" required autofocus autocomplete="current-password";
+            }
+            button { "Log in" }
+        }
+        @if !wrong.is_empty() { p role="alert" { (wrong) } }
+    }
+}
+
+/// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
+pub(super) fn turned_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
+    let status = match refusal {
+        Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
+        Refusal::Role { .. } => StatusCode::FORBIDDEN,
+        Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
+    };
+    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
+    match (accepts.is_some_and(|kinds| kinds.contains("text/html")), status) {
+        (true, StatusCode::UNAUTHORIZED) => Redirect::to("/login").into_response(),
+        (true, _) => Wrong::Refused(status, refusal.to_string()).into_response(),
+        (false, _) => (status, refusal.to_string()).into_response(),
+    }
+}

@@ -1,0 +1,106 @@
+//! Workers and trainers, and their certificates.
+
+use crate::{Desk, people::channel};
+use murmuration_link::Credentials;
+use murmuration_proto::v1::{
+    self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
+};
+use murmuration_tests::{Cluster, small_spec};
+use murmuration_worker::client as worker;
+use std::{error::Error as _, num::NonZeroUsize};
+use tokio::sync::watch;
+use tonic::Code;
+
+fn options(desk: &Desk, cluster: &Cluster, credentials: Credentials) -> worker::Options {
+    worker::Options {
+        coordinator: cluster.url(),
+        credentials,
+        name: "tested".to_owned(),
+        threads: NonZeroUsize::MIN,
+        cache: desk.path("cache"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_with_a_certificate_works() {
+    let desk = Desk::new();
+    let mut cluster = desk.cluster(0).await;
+    let credentials = desk.credentials(None, Some(&desk.path("certs/worker")));
+    let (stop, stopped) = watch::channel(false);
+    let worker = tokio::spawn(worker::run(options(&desk, &cluster, credentials), stopped));
+    cluster.run(&small_spec("")).await;
+    stop.send_replace(true);
+    worker.await.unwrap().unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_without_one_is_told_and_leaves() {
+    let desk = Desk::new();
+    let cluster = desk.cluster(0).await;
+    // Not even an operator's token will do.
+    for token in [None, Some(desk.people.operator.as_str())] {
+        let options = options(&desk, &cluster, desk.credentials(token, None));
+        let (_stop, stopped) = watch::channel(false);
+        let refused = worker::run(options, stopped).await.unwrap_err().to_string();
+        assert!(refused.contains("--certificate"), "{refused}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_foreign_certificate_opens_no_connection() {
+    let (desk, foreign) = (Desk::new(), Desk::new());
+    let cluster = desk.cluster(0).await;
+    let certificates = [
+        // Of another authority; and of ours, but not for clients.
+        foreign.path("certs/worker"),
+        desk.path("certs/server"),
+    ];
+    for certificate in certificates {
+        let credentials = desk.credentials(None, Some(&certificate));
+        let endpoint = credentials.endpoint(&cluster.url()).unwrap();
+        let mut client = TrainerServiceClient::new(endpoint.connect_lazy());
+        let request = v1::FetchTrainingRequest::default();
+        let status = client.fetch_training(request).await.unwrap_err();
+        // The handshake failed: no request was answered, not even with a refusal.
+        assert!(status.source().is_some(), "{status:?}");
+    }
+    // Nor does ours trust another's coordinator.
+    let stranger = foreign.credentials(None, None).endpoint(&cluster.url()).unwrap();
+    assert!(stranger.connect().await.is_err());
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_machines_fetch_is_for_machines() {
+    let desk = Desk::new();
+    let cluster = desk.cluster(0).await;
+    let trainer = desk.credentials(None, Some(&desk.path("certs/trainer")));
+    let operator = desk.credentials(Some(&desk.people.operator), None);
+    let nobody = desk.credentials(None, None);
+    let fetch = async |credentials: &Credentials| {
+        let channel = channel(&cluster, credentials).await;
+        let training = v1::FetchTrainingRequest {
+            campaign: "nobody-1".to_owned(),
+        };
+        let checkpoint = v1::FetchCheckpointRequest {
+            digest: "0".repeat(64),
+        };
+        let training = TrainerServiceClient::new(channel.clone())
+            .fetch_training(training)
+            .await;
+        let checkpoint = CheckpointServiceClient::new(channel)
+            .fetch_checkpoint(checkpoint)
+            .await;
+        (training.unwrap_err().code(), checkpoint.unwrap_err().code())
+    };
+    // Who is let in hears that there is no such thing.
+    assert_eq!(fetch(&trainer).await, (Code::NotFound, Code::NotFound));
+    assert_eq!(fetch(&operator).await, (Code::Unauthenticated, Code::NotFound));
+    assert_eq!(
+        fetch(&nobody).await,
+        (Code::Unauthenticated, Code::Unauthenticated)
+    );
+    cluster.stop().await;
+}

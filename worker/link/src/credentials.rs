@@ -1,0 +1,324 @@
+//! What a process shows to a coordinator, and whom it takes for one: certificates and a token, from files.
+
+use crate::{Token, TokenError};
+use std::{
+    env, fs, io,
+    path::{Path, PathBuf},
+};
+use tonic::{
+    Request, Status,
+    metadata::{Ascii, MetadataValue},
+    service::{Interceptor, interceptor::InterceptedService},
+    transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity},
+};
+
+/// Holds a token itself, where no file is named.
+const TOKEN: &str = "MURMURATION_TOKEN";
+
+/// A connection to a coordinator that shows a token, if there is one, with every request.
+pub type Coordinator = InterceptedService<Channel, Bearer>;
+
+/// Whom to trust, and what to show: for everyone who talks to a coordinator.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct TrustFiles {
+    /// Certificate of the authority that signed the coordinator's, for an https:// coordinator
+    #[arg(long, global = true, env = "MURMURATION_CA", value_name = "FILE")]
+    pub ca: Option<PathBuf>,
+    /// File that holds your token; MURMURATION_TOKEN may hold the token itself instead
+    #[arg(long, global = true, env = "MURMURATION_TOKEN_FILE", value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+/// A machine's own certificate.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct IdentityFiles {
+    /// Certificate to show to the coordinator, signed by its client CA
+    #[arg(long, env = "MURMURATION_CERTIFICATE", value_name = "FILE", requires = "key")]
+    pub certificate: Option<PathBuf>,
+    /// Private key of the certificate
+    #[arg(long, env = "MURMURATION_KEY", value_name = "FILE", requires = "certificate")]
+    pub key: Option<PathBuf>,
+}
+
+/// What to show to a coordinator, and whom to take for one. By default nothing, and nobody over https.
+#[derive(Debug, Clone, Default)]
+pub struct Credentials {
+    ca: Option<Certificate>,
+    identity: Option<Secret<Identity>>,
+    token: Option<Token>,
+}
+
+/// Why there are no credentials, or they do not fit the coordinator's URL.
+#[derive(Debug, thiserror::Error)]
+pub enum CredentialsError {
+    /// A file cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file holds nothing of the kind.
+    #[error("{} holds no {what} in PEM format", path.display())]
+    Pem {
+        /// Which file.
+        path: PathBuf,
+        /// "certificate" or "private key".
+        what: &'static str,
+    },
+    /// A file does not hold a token.
+    #[error("{}: {error}", path.display())]
+    TokenFile {
+        /// Which file.
+        path: PathBuf,
+        /// What is wrong with it.
+        error: TokenError,
+    },
+    /// The environment does not hold a token.
+    #[error("{TOKEN}: {0}")]
+    TokenVariable(TokenError),
+    /// The URL is not one.
+    #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
+    Url(String),
+    /// Nobody vouches for the coordinator.
+    #[error(
+        "{0} is encrypted: name the certificate of the authority that signed the coordinator's, with --ca FILE or in \
+         MURMURATION_CA"
+    )]
+    NoAuthority(String),
+    /// A certificate would not be shown.
+    #[error("{0} is not encrypted, and takes no certificate: say https://, or leave --certificate out")]
+    Plain(String),
+    /// Certificate, key or authority cannot be used.
+    #[error("the certificates for {url} cannot be used: {reason}")]
+    Unusable {
+        /// The coordinator.
+        url: String,
+        /// What the TLS library said.
+        reason: String,
+    },
+}
+
+/// Something that `Debug` does not show.
+#[derive(Clone)]
+struct Secret<T>(T);
+
+impl<T> std::fmt::Debug for Secret<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("hidden")
+    }
+}
+
+impl Credentials {
+    /// Reads the files that were named, and the environment's `MURMURATION_TOKEN` where no file is named for a token.
+    ///
+    /// # Errors
+    /// Says which file or variable cannot be used, and never what is in it.
+    pub fn read(trust: &TrustFiles, identity: &IdentityFiles) -> Result<Self, CredentialsError> {
+        let ca = trust.ca.as_deref().map(|path| read_pem(path, "certificate"));
+        let identity = match (&identity.certificate, &identity.key) {
+            (Some(certificate), Some(key)) => {
+                let (certificate, key) = (
+                    read_pem(certificate, "certificate")?,
+                    read_pem(key, "private key")?,
+                );
+                Some(Secret(Identity::from_pem(certificate, key)))
+            }
+            _ => None,
+        };
+        Ok(Self {
+            ca: ca.transpose()?.map(Certificate::from_pem),
+            identity,
+            token: match &trust.token_file {
+                Some(path) => Some(read_token(path)?),
+                None => token_of_environment()?,
+            },
+        })
+    }
+
+    /// A token, and nothing else: for processes of the coordinator's own machine.
+    #[must_use]
+    pub fn token(token: Token) -> Self {
+        Self {
+            token: Some(token),
+            ..Self::default()
+        }
+    }
+
+    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), not connected to yet.
+    ///
+    /// # Errors
+    /// Where `url` is none, or these are not the credentials for it.
+    pub fn endpoint(&self, url: &str) -> Result<Endpoint, CredentialsError> {
+        let no_url = || CredentialsError::Url(url.to_owned());
+        let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| no_url())?;
+        match endpoint.uri().scheme_str() {
+            Some("http") if self.identity.is_some() => Err(CredentialsError::Plain(url.to_owned())),
+            Some("http") => Ok(endpoint),
+            Some("https") => {
+                let ca = self.ca.clone();
+                let ca = ca.ok_or_else(|| CredentialsError::NoAuthority(url.to_owned()))?;
+                let tls = ClientTlsConfig::new().ca_certificate(ca);
+                let tls = match &self.identity {
+                    Some(Secret(identity)) => tls.identity(identity.clone()),
+                    None => tls,
+                };
+                endpoint
+                    .tls_config(tls)
+                    .map_err(|error| CredentialsError::Unusable {
+                        url: url.to_owned(),
+                        reason: root_cause(&error),
+                    })
+            }
+            _ => Err(no_url()),
+        }
+    }
+
+    /// What shows the token, if there is one.
+    #[must_use]
+    pub fn bearer(&self) -> Bearer {
+        // A token's letters are all allowed in a header.
+        let header = self.token.as_ref().and_then(|token| {
+            let mut value = MetadataValue::try_from(format!("Bearer {}", token.reveal())).ok()?;
+            value.set_sensitive(true);
+            Some(value)
+        });
+        Bearer { header }
+    }
+}
+
+/// Adds `authorization: Bearer TOKEN` to requests, if there is a token.
+#[derive(Debug, Clone)]
+pub struct Bearer {
+    header: Option<MetadataValue<Ascii>>,
+}
+
+impl Interceptor for Bearer {
+    fn call(&mut self, mut request: Request<()>) -> Result<Request<()>, Status> {
+        if let Some(header) = &self.header {
+            request.metadata_mut().insert("authorization", header.clone());
+        }
+        Ok(request)
+    }
+}
+
+/// The token that a file holds, spaces and line ends around it aside.
+///
+/// # Errors
+/// Where the file cannot be read, or holds something else.
+pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
+    let text = fs::read_to_string(path).map_err(|source| CredentialsError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    text.trim().parse().map_err(|error| CredentialsError::TokenFile {
+        path: path.to_owned(),
+        error,
+    })
+}
+
+/// The text of a PEM file that holds a "certificate" or a "private key".
+///
+/// # Errors
+/// Where the file cannot be read, or holds no such thing.
+pub fn read_pem(path: &Path, what: &'static str) -> Result<String, CredentialsError> {
+    let text = fs::read_to_string(path).map_err(|source| CredentialsError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    // "BEGIN CERTIFICATE"; "BEGIN PRIVATE KEY", also with an algorithm's name between.
+    let marker = what.to_uppercase();
+    let holds = |line: &str| line.starts_with("-----BEGIN ") && line.contains(&marker);
+    match text.lines().any(holds) {
+        true => Ok(text),
+        false => Err(CredentialsError::Pem {
+            path: path.to_owned(),
+            what,
+        }),
+    }
+}
+
+fn token_of_environment() -> Result<Option<Token>, CredentialsError> {
+    let text = match env::var(TOKEN) {
+        Ok(text) => text,
+        Err(env::VarError::NotPresent) => return Ok(None),
+        Err(env::VarError::NotUnicode(_)) => return Err(CredentialsError::TokenVariable(TokenError::Token)),
+    };
+    match text.trim() {
+        // As compose files and service managers leave a variable that was not set.
+        "" => Ok(None),
+        text => text.parse().map(Some).map_err(CredentialsError::TokenVariable),
+    }
+}
+
+/// What an error goes back to, in words: what transports say themselves is only that they failed.
+#[must_use]
+pub fn root_cause(error: &(dyn std::error::Error + 'static)) -> String {
+    let causes = std::iter::successors(Some(error), |error| error.source());
+    causes.last().map_or_else(String::new, ToString::to_string)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pem(folder: &Path, name: &str, text: &str) -> PathBuf {
+        let path = folder.join(name);
+        fs::write(&path, text).unwrap();
+        path
+    }
+
+    #[test]
+    fn an_encrypted_coordinator_needs_somebody_who_vouches_for_it() {
+        let none = Credentials::default();
+        assert!(none.endpoint("http://127.0.0.1:7700").is_ok());
+        let error = none.endpoint("https://127.0.0.1:7700").unwrap_err().to_string();
+        assert!(error.contains("--ca FILE"), "{error}");
+        for wrong in ["", "127.0.0.1:7700", "ftp://127.0.0.1", "http://"] {
+            let refused = none.endpoint(wrong);
+            assert!(matches!(refused, Err(CredentialsError::Url(_))), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn files_that_hold_something_else_are_named_and_not_quoted() {
+        let folder = tempfile::tempdir().unwrap();
+        let secret = pem(folder.path(), "secret", "swordfish");
+        let files = TrustFiles {
+            token_file: Some(secret.clone()),
+            ca: None,
+        };
+        let identity = IdentityFiles {
+            certificate: Some(secret.clone()),
+            key: Some(secret.clone()),
+        };
+        let errors = [
+            Credentials::read(&files, &IdentityFiles::default()).unwrap_err(),
+            Credentials::read(&TrustFiles::default(), &identity).unwrap_err(),
+            read_pem(&secret, "private key").unwrap_err(),
+            read_token(&folder.path().join("missing")).unwrap_err(),
+        ];
+        for error in errors {
+            let said = error.to_string();
+            assert!(said.contains(&folder.path().display().to_string()), "{said}");
+            assert!(!format!("{said} {error:?}").contains("swordfish"), "{error:?}");
+        }
+    }
+
+    #[test]
+    fn credentials_hide_what_they_hold() {
+        let token = Token::generate().unwrap();
+        let credentials = Credentials {
+            identity: Some(Secret(Identity::from_pem("certificate", "swordfish"))),
+            ..Credentials::token(token.clone())
+        };
+        let shown = format!("{credentials:?} {:?}", credentials.bearer());
+        assert!(
+            !shown.contains("swordfish") && !shown.contains(&token.reveal()[4..]),
+            "{shown}"
+        );
+        let plain = credentials.endpoint("http://127.0.0.1:7700");
+        assert!(matches!(plain, Err(CredentialsError::Plain(_))));
+    }
+}
