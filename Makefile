@@ -11,7 +11,7 @@ demo: build runtime
 
 # Everything that must hold before a change lands.
 test: lint build runtime browser
-	python="$$(scripts/python-onnxruntime $(CURDIR)/target/python)"; \
+	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --release --workspace
 
 # The pages in a real browser alone; pictures of them land in target/screenshots.

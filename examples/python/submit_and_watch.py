@@ -1,0 +1,54 @@
+#!/usr/bin/env python3
+"""Submits a campaign to a coordinator over TLS, and watches it until it stops.
+
+    pip install grpcio==1.85.1 grpcio-tools==1.85.1
+    python -m grpc_tools.protoc -I proto --python_out=. --grpc_python_out=. proto/murmuration/v1/*.proto
+    MURMURATION_TOKEN_FILE=token python examples/python/submit_and_watch.py swarm.example:7700 certs/ca.pem
+
+The token is that of an operator, and the modules that protoc wrote must be where Python finds them (PYTHONPATH).
+Prints a line for every change, then the campaign's id and the digest of its archive.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+import grpc
+from murmuration.v1 import campaign_pb2 as messages
+from murmuration.v1 import campaign_pb2_grpc as services
+
+
+def connect(address: str, ca: str) -> grpc.Channel:
+    """A channel that shows the token with every call, and takes nobody for the coordinator but who `ca` vouches for."""
+    token = Path(os.environ["MURMURATION_TOKEN_FILE"]).read_text().strip()
+    tls = grpc.ssl_channel_credentials(Path(ca).read_bytes())
+    return grpc.secure_channel(
+        address, grpc.composite_channel_credentials(tls, grpc.access_token_call_credentials(token))
+    )
+
+
+def main() -> int:
+    address, ca = sys.argv[1:]
+    spec = messages.CampaignSpec(
+        name="from-python",
+        model=messages.CAPABILITY_MODEL_SINGLE_SENSOR,
+        method=messages.METHOD_HAND_CRAFTED,
+        world=messages.World(horizon=200),
+        search=messages.Search(population=20, generations=5),
+        taxonomy=messages.TaxonomyFormat(medoids=4),
+    )
+    with connect(address, ca) as channel:
+        campaigns = services.CampaignServiceStub(channel)
+        campaign = campaigns.CreateCampaign(messages.CreateCampaignRequest(spec=spec))
+        for campaign in campaigns.WatchCampaign(messages.WatchCampaignRequest(campaign=campaign.id)):
+            print(f"{campaign.generations_done} of {campaign.generations} generations", file=sys.stderr)
+        if campaign.state != messages.CAMPAIGN_STATE_COMPLETED:
+            print(f"campaign {campaign.id} stopped: {campaign.error}", file=sys.stderr)
+            return 1
+        digest = campaigns.GetDigest(messages.GetDigestRequest(campaign=campaign.id)).digest
+        print(campaign.id, digest)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
