@@ -1,10 +1,14 @@
 //! The coordinator as a whole: options in, a listening server out, a clean end.
 
+mod doors;
+
+pub use doors::LocalWay;
+
 use crate::{
-    access::{Door, Entrance, Local},
+    access::Entrance,
     campaign::{CampaignError, Campaigns},
     checkpoints::{CheckpointError, Checkpoints},
-    connections::{Places, connections},
+    connections::Places,
     dispatch::{self, Dispatch, Trainers},
     limits,
     maps::Maps,
@@ -12,9 +16,9 @@ use crate::{
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
     synthetic::SyntheticAnnotator,
-    web::{self, Web},
+    web::Web,
 };
-use murmuration_link::Credentials;
+use doors::{Served, Serving, listen, url};
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
@@ -23,23 +27,12 @@ use murmuration_proto::{
         worker_service_server::WorkerServiceServer,
     },
 };
-use std::{
-    io,
-    net::{Ipv4Addr, SocketAddr},
-    sync::Arc,
-    time::Duration,
-};
-use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
-use tonic::{
-    service::Routes,
-    transport::{Server, ServerTlsConfig},
-};
+use std::{io, net::SocketAddr, time::Duration};
+use tokio::sync::watch;
+use tonic::service::Routes;
 
 /// How long a clean end may wait for open streams.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(5);
-
-/// A listener's task.
-type Serving = JoinHandle<Result<(), tonic::transport::Error>>;
 
 /// What a coordinator needs to know.
 #[derive(Debug)]
@@ -97,23 +90,6 @@ pub struct Coordinator {
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
     _data: DataDirectory,
-}
-
-/// How processes of this machine, and of the same user, get in.
-#[derive(Debug, Clone)]
-pub struct LocalWay {
-    /// The URL: in the clear, since nothing leaves this machine.
-    pub url: String,
-    /// What to show there.
-    pub credentials: Credentials,
-}
-
-/// What is served, whatever the door.
-struct Served {
-    services: Routes,
-    web: Web,
-    places: Places,
-    stopped: watch::Receiver<bool>,
 }
 
 impl Coordinator {
@@ -265,88 +241,4 @@ impl Coordinator {
         }
         Ok(())
     }
-}
-
-impl Served {
-    /// Serves at the entrance that was asked for; and, where that is guarded, at one of this machine's own.
-    async fn open(
-        self,
-        listener: TcpListener,
-        options: &Options,
-    ) -> Result<(LocalWay, Vec<Serving>), ServerError> {
-        let (entrance, data) = (&options.entrance, options.data.path());
-        let local = Local::of(data)?;
-        let (tls, access) = (entrance.tls(), entrance.access());
-        let is_open = access.is_open() && tls.is_none();
-        let address = listener.local_addr().map_err(|source| ServerError::Listen {
-            address: entrance.address(),
-            source,
-        })?;
-        let door = Door {
-            access,
-            sessions: local.sessions(),
-            is_encrypted: tls.is_some(),
-        };
-        let mut servers = vec![self.at(listener, tls, door)?];
-        let way = if is_open {
-            LocalWay {
-                url: url(address, false),
-                credentials: Credentials::default(),
-            }
-        } else {
-            let (listener, address) = listen((Ipv4Addr::LOCALHOST, 0).into()).await?;
-            let door = Door {
-                access: local.access(),
-                sessions: local.sessions(),
-                is_encrypted: false,
-            };
-            servers.push(self.at(listener, None, door)?);
-            LocalWay {
-                url: url(address, false),
-                credentials: Credentials::token(local.token().clone()),
-            }
-        };
-        Ok((way, servers))
-    }
-
-    /// Serves at one door.
-    fn at(
-        &self,
-        listener: TcpListener,
-        tls: Option<ServerTlsConfig>,
-        door: Door,
-    ) -> Result<Serving, tonic::transport::Error> {
-        let mut server = Server::builder()
-            .http2_keepalive_interval(Some(Duration::from_secs(2)))
-            .http2_keepalive_timeout(Some(Duration::from_secs(3)))
-            .http2_max_header_list_size(limits::MAX_HEADER_BYTES)
-            .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
-            // What browsers speak on a plain connection.
-            .accept_http1(true);
-        if let Some(tls) = tls {
-            server = server.tls_config(tls)?;
-        }
-        let routes = web::beside(self.services.clone(), self.web.clone(), Arc::new(door));
-        let connections = connections(listener, self.places.clone());
-        let mut stopped = self.stopped.clone();
-        let serving = server
-            .add_routes(routes)
-            .serve_with_incoming_shutdown(connections, async move {
-                // A dropped sender stops the server too.
-                let _ = stopped.wait_for(|&stopped| stopped).await;
-            });
-        Ok(tokio::spawn(serving))
-    }
-}
-
-async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ServerError> {
-    let error = |source| ServerError::Listen { address, source };
-    let listener = TcpListener::bind(address).await.map_err(error)?;
-    let bound = listener.local_addr().map_err(error)?;
-    Ok((listener, bound))
-}
-
-fn url(address: SocketAddr, is_encrypted: bool) -> String {
-    let scheme = if is_encrypted { "https" } else { "http" };
-    format!("{scheme}://{address}")
 }

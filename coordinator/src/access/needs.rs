@@ -93,10 +93,7 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
         "murmuration.v1.TrainerService",
         &[("Train", Machine), ("FetchTraining", Machine)],
     ),
-    (
-        "grpc.health.v1.Health",
-        &[("Check", Nothing), ("Watch", Nothing), ("List", Nothing)],
-    ),
+    ("grpc.health.v1.Health", &[("Check", Nothing), ("Watch", Nothing)]),
     (
         "grpc.reflection.v1.ServerReflection",
         &[("ServerReflectionInfo", Person(Viewer))],

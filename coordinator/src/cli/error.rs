@@ -11,6 +11,7 @@ use crate::{
 use murmuration_link::{CredentialsError, root_cause};
 use murmuration_proto::{Invalid, SpecFileError};
 use std::{
+    error::Error as _,
     fmt, io,
     path::{Path, PathBuf},
     process::ExitCode,
@@ -145,9 +146,13 @@ impl From<ServerError> for CliError {
 
 impl From<Status> for CliError {
     fn from(status: Status) -> Self {
-        let said = match status.code() {
-            Code::Unavailable => format!("the coordinator cannot be reached: {}", status.message()),
-            _ => status.message().to_owned(),
+        let said = match (status.code(), status.source()) {
+            (Code::Unavailable, _) => format!("the coordinator cannot be reached: {}", status.message()),
+            (_, Some(source)) => format!(
+                "the connection to the coordinator broke ({}); an encrypted coordinator's URL begins with https://",
+                root_cause(source)
+            ),
+            (_, None) => status.message().to_owned(),
         };
         match status.code() {
             Code::InvalidArgument | Code::NotFound => Self::Input(said),

@@ -1,12 +1,19 @@
 //! What is at a limit is taken, what is over it is refused, and the connection goes on.
 
 use crate::Desk;
-use murmuration_coordinator::limits::{MAX_HEADER_BYTES, MAX_LABEL_MESSAGE, MAX_MESSAGE, MAX_POST};
+use murmuration_coordinator::limits::{
+    MAX_HEADER_BYTES, MAX_LABEL_MESSAGE, MAX_MESSAGE, MAX_POST, MAX_STREAMS_PER_CONNECTION,
+};
 use murmuration_proto::v1::{
     self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient,
 };
 use murmuration_tests::Cluster;
 use prost::Message;
+use std::collections::HashMap;
+use tokio::{
+    io::{AsyncReadExt as _, AsyncWriteExt as _},
+    net::TcpStream,
+};
 use tonic::{Code, Request, metadata::MetadataValue};
 
 /// `make` of a text as long as makes its message so many bytes.
@@ -104,5 +111,31 @@ async fn a_stranger_sends_nothing_large() {
         .await
         .unwrap_err();
     assert_eq!(refused.code(), Code::Unauthenticated, "{refused}");
+    cluster.stop().await;
+}
+
+/// A connection says at once how many requests, and how long headers, it takes: HTTP/2's SETTINGS, by hand.
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_and_headers_of_a_connection() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let address = cluster.url().replace("http://", "");
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let preface = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0";
+    stream.write_all(preface).await.unwrap();
+    let mut head = [0; 9];
+    stream.read_exact(&mut head).await.unwrap();
+    assert_eq!(head[3], 4, "not a SETTINGS frame");
+    let mut settings = HashMap::new();
+    for _ in 0..usize::from(head[2]) / 6 {
+        let (name, value) = (stream.read_u16().await.unwrap(), stream.read_u32().await.unwrap());
+        settings.insert(name, value);
+    }
+    assert_eq!(
+        settings.get(&3),
+        Some(&MAX_STREAMS_PER_CONNECTION),
+        "{settings:?}"
+    );
+    assert_eq!(settings.get(&6), Some(&MAX_HEADER_BYTES), "{settings:?}");
     cluster.stop().await;
 }

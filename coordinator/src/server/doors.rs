@@ -1,0 +1,127 @@
+//! The doors of a coordinator: the one that was asked for, and one for its own machine's processes.
+
+use super::{Options, ServerError};
+use crate::{
+    access::{Door, Local},
+    connections::{Places, connections},
+    limits,
+    web::{self, Web},
+};
+use murmuration_link::Credentials;
+use std::{
+    net::{Ipv4Addr, SocketAddr},
+    sync::Arc,
+    time::Duration,
+};
+use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
+use tonic::{
+    service::Routes,
+    transport::{Server, ServerTlsConfig},
+};
+
+/// A listener's task.
+pub(super) type Serving = JoinHandle<Result<(), tonic::transport::Error>>;
+
+/// How processes of this machine, and of the same user, get in.
+#[derive(Debug, Clone)]
+pub struct LocalWay {
+    /// The URL: in the clear, since nothing leaves this machine.
+    pub url: String,
+    /// What to show there.
+    pub credentials: Credentials,
+}
+
+/// What is served, whatever the door.
+pub(super) struct Served {
+    pub(super) services: Routes,
+    pub(super) web: Web,
+    pub(super) places: Places,
+    /// True once everything is to end.
+    pub(super) stopped: watch::Receiver<bool>,
+}
+
+impl Served {
+    /// Serves at the entrance that was asked for; and, where that is guarded, at one of this machine's own.
+    pub(super) async fn open(
+        self,
+        listener: TcpListener,
+        options: &Options,
+    ) -> Result<(LocalWay, Vec<Serving>), ServerError> {
+        let (entrance, data) = (&options.entrance, options.data.path());
+        let local = Local::of(data)?;
+        let (tls, access) = (entrance.tls(), entrance.access());
+        let is_open = access.is_open() && tls.is_none();
+        let address = listener.local_addr().map_err(|source| ServerError::Listen {
+            address: entrance.address(),
+            source,
+        })?;
+        let door = Door {
+            access,
+            sessions: local.sessions(),
+            is_encrypted: tls.is_some(),
+        };
+        let mut servers = vec![self.at(listener, tls, door)?];
+        let way = if is_open {
+            LocalWay {
+                url: url(address, false),
+                credentials: Credentials::default(),
+            }
+        } else {
+            let (listener, address) = listen((Ipv4Addr::LOCALHOST, 0).into()).await?;
+            let door = Door {
+                access: local.access(),
+                sessions: local.sessions(),
+                is_encrypted: false,
+            };
+            servers.push(self.at(listener, None, door)?);
+            LocalWay {
+                url: url(address, false),
+                credentials: Credentials::token(local.token().clone()),
+            }
+        };
+        Ok((way, servers))
+    }
+
+    /// Serves at one door.
+    fn at(
+        &self,
+        listener: TcpListener,
+        tls: Option<ServerTlsConfig>,
+        door: Door,
+    ) -> Result<Serving, tonic::transport::Error> {
+        let mut server = Server::builder()
+            .http2_keepalive_interval(Some(Duration::from_secs(2)))
+            .http2_keepalive_timeout(Some(Duration::from_secs(3)))
+            .http2_max_header_list_size(limits::MAX_HEADER_BYTES)
+            .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
+            // What browsers speak on a plain connection.
+            .accept_http1(true);
+        if let Some(tls) = tls {
+            server = server.tls_config(tls)?;
+        }
+        let routes = web::beside(self.services.clone(), self.web.clone(), Arc::new(door));
+        let connections = connections(listener, self.places.clone());
+        let mut stopped = self.stopped.clone();
+        let serving = server
+            .add_routes(routes)
+            .serve_with_incoming_shutdown(connections, async move {
+                // A dropped sender stops the server too.
+                let _ = stopped.wait_for(|&stopped| stopped).await;
+            });
+        Ok(tokio::spawn(serving))
+    }
+}
+
+/// A listener, and where it listens.
+pub(super) async fn listen(address: SocketAddr) -> Result<(TcpListener, SocketAddr), ServerError> {
+    let error = |source| ServerError::Listen { address, source };
+    let listener = TcpListener::bind(address).await.map_err(error)?;
+    let bound = listener.local_addr().map_err(error)?;
+    Ok((listener, bound))
+}
+
+/// How clients name it.
+pub(super) fn url(address: SocketAddr, is_encrypted: bool) -> String {
+    let scheme = if is_encrypted { "https" } else { "http" };
+    format!("{scheme}://{address}")
+}
