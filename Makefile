@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-browser lint build runtime browser toolchain bench clean
+.PHONY: demo test test-browser test-faults faults lint build runtime browser toolchain bench clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
 demo: build runtime
@@ -17,6 +17,14 @@ test: lint build runtime browser
 # The pages in a real browser alone; pictures of them land in target/screenshots.
 test-browser: build browser
 	$(CARGO) test --release -p murmuration-tests --test browser
+
+# Faults against the real processes in a short form; `make faults` fires all of them, for more than an hour.
+test-faults: build runtime
+	$(CARGO) test --release --workspace --test faults -- --nocapture
+
+faults: build runtime
+	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
+	MURMURATION_FAULTS=long $(CARGO) test --release --workspace --test faults -- --nocapture
 
 lint: toolchain
 	$(CARGO) fmt --all --check

@@ -7,17 +7,21 @@ mod job;
 mod service;
 mod trainers;
 
-pub use job::{Embedder, EmbeddingJob, EvaluationJob, JobError, Lesson, ReplayJob, TrainingJob};
+pub use job::{
+    Embedder, EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob,
+};
 pub use trainers::Trainers;
 
 use crate::{
-    leases::{LeaseNumber, WorkerId},
+    leases::{Instance, LeaseNumber, WorkerId},
     store::SavedTraining,
 };
 use job::{Output, Work};
-use murmuration_proto::{Evaluation, Replay, v1};
+use murmuration_proto::{Invalid, Replay, v1};
 use service::Service;
 use std::{
+    fmt,
+    str::FromStr,
     sync::{Arc, atomic::AtomicU32},
     time::Duration,
 };
@@ -31,13 +35,55 @@ pub struct Options {
     pub heartbeat_interval: Duration,
     /// How long a worker may be silent before it counts as lost.
     pub silence_limit: Duration,
+    /// Share of the evaluations and embeddings that a second worker repeats.
+    pub audited: Share,
+}
+
+/// A share of a whole, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Share(f64);
+
+impl Share {
+    /// The whole.
+    pub const ALL: Self = Self(1.0);
+
+    /// As a number.
+    #[must_use]
+    pub const fn get(self) -> f64 {
+        self.0
+    }
+}
+
+/// One in a hundred.
+impl Default for Share {
+    fn default() -> Self {
+        Self(0.01)
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for Share {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+        share
+            .map(Self)
+            .ok_or_else(|| Invalid::new("share", text, "from 0 to 1"))
+    }
 }
 
 impl Default for Options {
     fn default() -> Self {
         Self {
             heartbeat_interval: Duration::from_secs(1),
-            silence_limit: Duration::from_secs(5),
+            silence_limit: Duration::from_secs(4),
+            audited: Share::default(),
         }
     }
 }
@@ -53,6 +99,40 @@ pub type Outbox = mpsc::Sender<Result<v1::CoordinatorMessage, Status>>;
 pub struct Dispatch {
     commands: mpsc::Sender<Command>,
     workers: watch::Receiver<usize>,
+    quarantined: watch::Receiver<Vec<Quarantined>>,
+}
+
+/// A worker that was found wrong.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Quarantined {
+    /// Its process.
+    pub instance: Instance,
+    /// Its name.
+    pub name: String,
+}
+
+/// Who connects.
+#[derive(Debug)]
+pub(crate) struct Newcomer {
+    /// Its name, for people.
+    pub(crate) name: String,
+    /// Its process; `None` if it does not say.
+    pub(crate) instance: Option<Instance>,
+    /// Tasks that it runs at once.
+    pub(crate) capacity: usize,
+    /// Where messages to it go.
+    pub(crate) outbox: Outbox,
+}
+
+/// Why somebody is not welcome.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum NotWelcome {
+    #[error("the coordinator is shutting down")]
+    ShuttingDown,
+    #[error(
+        "this worker's results were found wrong: it is quarantined; if its machine is sound, start it again"
+    )]
+    Quarantined,
 }
 
 /// What a worker says once it has been welcomed, validated.
@@ -109,10 +189,8 @@ enum Request {
         reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
     },
     Join {
-        name: String,
-        capacity: usize,
-        outbox: Outbox,
-        reply: oneshot::Sender<WorkerId>,
+        newcomer: Newcomer,
+        reply: oneshot::Sender<Result<WorkerId, NotWelcome>>,
     },
     Report {
         worker: WorkerId,
@@ -126,8 +204,13 @@ impl Dispatch {
     pub fn start(options: Options) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
         let (count, workers) = watch::channel(0);
-        tokio::spawn(Service::new(options, count).run(inbox));
-        Self { commands, workers }
+        let (wrong, quarantined) = watch::channel(Vec::new());
+        tokio::spawn(Service::new(options, count, wrong).run(inbox));
+        Self {
+            commands,
+            workers,
+            quarantined,
+        }
     }
 
     /// Has the workers evaluate a job; `done` counts the evaluations that have arrived. Results are in the
@@ -139,9 +222,9 @@ impl Dispatch {
         &self,
         job: EvaluationJob,
         done: Arc<AtomicU32>,
-    ) -> Result<Vec<Evaluation>, JobError> {
+    ) -> Result<Vec<Evaluated>, JobError> {
         let outputs = self.submit(Work::Evaluations(job), done).await?;
-        Ok(outputs.into_iter().filter_map(Output::into_evaluation).collect())
+        Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
     }
 
     /// Has the workers embed stored pictures; `done` counts those that have arrived. Embeddings are in the order of the
@@ -178,19 +261,19 @@ impl Dispatch {
         self.workers.clone()
     }
 
-    /// Takes in a worker that runs `capacity` evaluations at once. `None` if the dispatcher has ended.
-    pub(crate) async fn join(&self, name: String, capacity: usize, outbox: Outbox) -> Option<WorkerId> {
+    /// Workers that were found wrong since this dispatcher started, oldest first.
+    #[must_use]
+    pub fn quarantined(&self) -> Vec<Quarantined> {
+        self.quarantined.borrow().clone()
+    }
+
+    /// Takes in whoever connects.
+    pub(crate) async fn join(&self, newcomer: Newcomer) -> Result<WorkerId, NotWelcome> {
         let (reply, answer) = oneshot::channel();
-        self.commands
-            .send(Command::Work(Request::Join {
-                name,
-                capacity,
-                outbox,
-                reply,
-            }))
-            .await
-            .ok()?;
-        answer.await.ok()
+        let command = Command::Work(Request::Join { newcomer, reply });
+        let sent = self.commands.send(command).await;
+        sent.map_err(|_| NotWelcome::ShuttingDown)?;
+        answer.await.map_err(|_| NotWelcome::ShuttingDown)?
     }
 
     /// Passes on what a worker says.

@@ -1,20 +1,35 @@
 //! Which work is with whom: leases as a pure state machine, without clock, network or disk.
 //!
-//! A *job* is a list of tasks (one generation of a campaign, say). Tasks go out in *batches*, each under a
-//! *lease* that belongs to one worker until it answers or is lost. Invariants, each tested below:
+//! A *job* is a list of tasks (one generation of a campaign, say). Tasks go out in *batches*, each under a *lease* that
+//! belongs to one worker until it answers or is lost. Invariants, each held against random schedules in the tests:
 //!
-//! - a task is done exactly once: the first result is kept, a later one must agree with it;
-//! - a task is never forgotten: until it is done it is pending or under a lease that some worker holds;
+//! - a task is never forgotten: until it is settled it waits for a lease or is under one that some worker holds;
+//! - a task is settled once: one result, or two workers that agree where it is audited or was disputed;
+//! - results of a worker that was found wrong do not count, and what they had settled is done again;
+//! - a task that takes its workers with it is set aside after the third, and nothing else is;
 //! - there is one code path for a lease that comes back undone, whatever the reason.
+//!
+//! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
+
+mod task;
+mod turns;
+mod workers;
 
 use std::{
-    collections::{BTreeMap, BTreeSet, VecDeque},
+    collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
 };
+use task::{Task, Verdict};
+use turns::Queues;
+use workers::Worker;
 
-/// A worker's connection; a worker that connects anew is another one.
+/// A worker's connection; a worker that connects anew has another one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerId(u64);
+
+/// A worker's process, the same over all its connections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Instance(pub u64);
 
 /// A job that was submitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -26,11 +41,30 @@ pub struct LeaseNumber(pub u64);
 
 /// Most tasks in one batch.
 pub const MAX_BATCH: usize = 64;
+/// Workers that a task may take with it before it is set aside.
+pub const MOST_LOST: usize = 3;
+/// Shortest and longest time after which a lease is also given to an idle worker.
+const PATIENCE: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
+/// A lease is late after so many times the usual time of one.
+const LATE: u32 = 4;
 
 /// When two results of the same task count as the same.
 pub trait Agree {
     /// Whether `other` is the same result.
     fn agrees_with(&self, other: &Self) -> bool;
+}
+
+/// How a job is to be done.
+#[derive(Debug, Clone)]
+pub struct Terms {
+    /// Number of tasks, at least one.
+    pub tasks: usize,
+    /// What a task costs, in a unit that all jobs share (agents times steps, say); at least 1.
+    pub effort: u64,
+    /// Places of the tasks that a second worker repeats, where there is one.
+    pub audited: BTreeSet<usize>,
+    /// Whether a late lease is also given to a worker that would be idle.
+    pub hurried: bool,
 }
 
 /// A batch that was just leased: send it to its worker.
@@ -46,38 +80,71 @@ pub struct Grant {
     pub tasks: Vec<usize>,
 }
 
-/// What the results of a lease changed.
+/// What became of a task.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Settled<R> {
+    /// It was done.
+    Result {
+        /// The result.
+        value: R,
+        /// Who did it, or the first of those who agree.
+        by: Instance,
+        /// Whether another worker found the same.
+        audited: bool,
+    },
+    /// It took these workers with it, and is not tried again.
+    SetAside {
+        /// Who was lost while they held it, the last two while they held nothing else.
+        lost: Vec<Instance>,
+    },
+}
+
+/// Something that whoever waits for jobs, or watches workers, wants to hear.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Progress<R> {
-    /// Kept; the job goes on. How many of its tasks were not done before.
-    Kept {
+pub enum News<R> {
+    /// So many tasks of a job are settled. Fewer than before where a worker was found wrong.
+    Progress {
         /// The job.
         job: JobId,
-        /// Tasks that these results finished.
-        fresh: usize,
+        /// How many.
+        settled: usize,
     },
-    /// Kept, and that was the last of the job, which is now forgotten: its results in the order of its tasks.
-    JobDone {
+    /// All tasks are settled, in their order; the job is now forgotten.
+    Done {
         /// The job.
         job: JobId,
-        /// One result a task.
-        results: Vec<R>,
+        /// One a task.
+        results: Vec<Settled<R>>,
     },
-    /// A task already has a result and this one differs; neither can be trusted. The job is forgotten.
+    /// Workers differ about a task and there is no other who could say which is right; the job is now forgotten.
     Disagreement {
         /// The job.
         job: JobId,
-        /// Place of the first task in dispute.
+        /// The place of the task.
         task: usize,
+        /// Who differs.
+        between: Vec<Instance>,
+    },
+    /// A worker was found wrong: its connections are closed, and what it did unaudited is done again.
+    Quarantined {
+        /// The worker.
+        instance: Instance,
+        /// Its connections, which are forgotten.
+        workers: Vec<WorkerId>,
+        /// Results of running jobs that are not counted any more.
+        again: usize,
     },
 }
 
 /// Why results were not taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
-    /// The lease was never given, or its job is over. Harmless: late results look like this.
+    /// The lease was never given, was answered, or its job is over. Harmless: late results look like this.
     #[error("there is no such lease (its job may be over)")]
     UnknownLease,
+    /// The lease was another worker's.
+    #[error("the lease was given to another worker")]
+    NotYours,
     /// Not one result a task: the worker does not speak the protocol.
     #[error("{got} results for a lease of {wanted} tasks")]
     WrongCount {
@@ -88,30 +155,41 @@ pub enum Refused {
     },
 }
 
+/// How a lease comes back undone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Back {
+    /// Its worker lives, and could not or would not do it now.
+    Returned,
+    /// Its worker broke on it, or was lost while it held it.
+    Broken,
+}
+
 /// Jobs, workers, and the leases between them.
 #[derive(Debug)]
 pub struct LeaseTable<R> {
     jobs: BTreeMap<JobId, Job<R>>,
-    /// Jobs in the order in which they are served next, so that none starves another.
-    turns: VecDeque<JobId>,
     workers: BTreeMap<WorkerId, Worker>,
     leases: BTreeMap<LeaseNumber, Lease>,
+    quarantined: BTreeSet<Instance>,
+    news: Vec<News<R>>,
+    /// Effort that the job served last has had: where new ones begin, so that they owe nothing.
+    served: u64,
+    /// How long a dispute waits for a worker that could decide it.
+    dispute_patience: Duration,
+    /// Usual time between a lease and its result.
+    turnaround: Option<Duration>,
     next: u64,
 }
 
 #[derive(Debug)]
 struct Job<R> {
-    results: Vec<Option<R>>,
-    missing: usize,
-    pending: VecDeque<usize>,
-}
-
-#[derive(Debug)]
-struct Worker {
-    capacity: usize,
-    credits: usize,
-    heard: Instant,
-    holds: BTreeSet<LeaseNumber>,
+    tasks: Vec<Task<R>>,
+    queues: Queues,
+    settled: usize,
+    /// Effort that it has had, of all its workers; whoever has had least is next.
+    served: u64,
+    effort: u64,
+    hurried: bool,
 }
 
 /// A lease outlives its holder until its job is over, so that a late result still counts.
@@ -119,244 +197,236 @@ struct Worker {
 struct Lease {
     job: JobId,
     tasks: Vec<usize>,
+    instance: Instance,
+    given: Instant,
     holder: Option<WorkerId>,
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// An empty table.
+    /// An empty table; a dispute waits for so long for a worker that could decide it.
     #[must_use]
-    pub const fn new() -> Self {
+    pub const fn new(dispute_patience: Duration) -> Self {
         Self {
+            dispute_patience,
             jobs: BTreeMap::new(),
-            turns: VecDeque::new(),
             workers: BTreeMap::new(),
             leases: BTreeMap::new(),
+            quarantined: BTreeSet::new(),
+            news: Vec::new(),
+            served: 0,
+            turnaround: None,
             next: 0,
         }
     }
 
-    /// Takes in a job of `tasks` tasks (at least one).
-    pub fn submit(&mut self, tasks: usize) -> JobId {
+    /// Takes in a job.
+    pub fn submit(&mut self, terms: Terms) -> JobId {
         let id = JobId(self.fresh_number());
+        let tasks = (0..terms.tasks).map(|place| Task::new(terms.audited.contains(&place)));
         let job = Job {
-            results: (0..tasks).map(|_| None).collect(),
-            missing: tasks,
-            pending: (0..tasks).collect(),
+            tasks: tasks.collect(),
+            // The second voices are asked for early, so that the end of a job does not wait for them.
+            queues: Queues::new(
+                terms.audited.iter().copied().filter(|&place| place < terms.tasks),
+                (0..terms.tasks).filter(|place| !terms.audited.contains(place)),
+            ),
+            settled: 0,
+            served: self.served,
+            effort: terms.effort.max(1),
+            hurried: terms.hurried,
         };
         self.jobs.insert(id, job);
-        self.turns.push_back(id);
         id
     }
 
     /// Forgets a job and all its leases; results that still come are refused.
     pub fn forget(&mut self, job: JobId) {
-        self.end(job);
+        let over: Vec<_> = self.of_job(job).map(|(&number, _)| number).collect();
+        for number in over {
+            self.release(number);
+            self.leases.remove(&number);
+        }
+        self.jobs.remove(&job);
     }
 
     /// The leases of a job that are with a worker.
     pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
-        self.leases
-            .iter()
-            .filter(move |(_, lease)| lease.job == job)
+        self.of_job(job)
             .filter_map(|(&number, lease)| Some((lease.holder?, number)))
     }
 
-    /// A worker that runs `capacity` tasks at once came at time `now`. It has no credits yet.
-    pub fn join(&mut self, capacity: usize, now: Instant) -> WorkerId {
-        let id = WorkerId(self.fresh_number());
-        let worker = Worker {
-            capacity,
-            credits: 0,
-            heard: now,
-            holds: BTreeSet::new(),
-        };
-        self.workers.insert(id, worker);
-        id
-    }
-
-    /// A worker gave a sign of life.
-    pub fn hear(&mut self, worker: WorkerId, now: Instant) {
-        if let Some(worker) = self.workers.get_mut(&worker) {
-            worker.heard = now;
-        }
-    }
-
-    /// A worker is ready for `count` further tasks.
-    pub fn add_credits(&mut self, worker: WorkerId, count: usize) {
-        if let Some(worker) = self.workers.get_mut(&worker) {
-            worker.credits = worker.credits.saturating_add(count);
-        }
-    }
-
-    /// A worker takes no further leases; those it holds stay with it.
-    pub fn drain(&mut self, worker: WorkerId) {
-        if let Some(worker) = self.workers.get_mut(&worker) {
-            worker.credits = 0;
-            worker.capacity = 0;
-        }
-    }
-
-    /// A worker is gone: its leases come back undone.
-    pub fn lose(&mut self, worker: WorkerId) {
-        let Some(worker) = self.workers.remove(&worker) else {
-            return;
-        };
-        for lease in worker.holds {
-            self.come_back(lease);
-        }
-    }
-
-    /// Workers that have been silent for longer than `limit`. Whoever asks must [`lose`](Self::lose) them.
-    pub fn silent(&self, now: Instant, limit: Duration) -> Vec<WorkerId> {
-        let silent = |worker: &Worker| now.saturating_duration_since(worker.heard) > limit;
-        self.workers
-            .iter()
-            .filter(|(_, worker)| silent(worker))
-            .map(|(&id, _)| id)
-            .collect()
-    }
-
-    /// Number of workers that take work.
+    /// The job of a lease that was given to this worker, if it is not over.
     #[must_use]
-    pub fn workers(&self) -> usize {
-        self.workers.values().filter(|worker| worker.capacity > 0).count()
+    pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
+        let lease = self.leases.get(&lease)?;
+        (lease.instance == self.workers.get(&worker)?.instance).then_some(lease.job)
     }
 
-    /// Leases the next batch, if there is pending work and a worker with credits.
-    ///
-    /// Jobs take turns; the worker with most credits is served. A batch is half an even share of what its job
-    /// has pending, so that batches shrink towards a job's end and no worker is left with a long tail.
-    pub fn grant(&mut self) -> Option<Grant> {
-        let capacity: usize = self.workers.values().map(|worker| worker.capacity).sum();
-        let turn = self
-            .turns
-            .iter()
-            .position(|job| self.jobs.get(job).is_some_and(|job| !job.pending.is_empty()))?;
-        let (&id, worker) = self
-            .workers
-            .iter_mut()
-            .filter(|(_, worker)| worker.credits > 0)
-            .max_by_key(|(id, worker)| (worker.credits, std::cmp::Reverse(**id)))?;
-
-        let job_id = self.turns.remove(turn)?;
-        self.turns.push_back(job_id);
-        let job = self.jobs.get_mut(&job_id)?;
-        let share = job.pending.len().div_ceil(2 * capacity.max(1));
-        let batch = share.clamp(1, MAX_BATCH).min(worker.credits);
-        let tasks: Vec<usize> = job.pending.drain(..batch).collect();
-
-        let lease = LeaseNumber(self.next);
-        self.next += 1;
-        worker.credits -= tasks.len();
-        worker.holds.insert(lease);
-        self.leases.insert(
-            lease,
-            Lease {
-                job: job_id,
-                tasks: tasks.clone(),
-                holder: Some(id),
-            },
-        );
-        Some(Grant {
-            worker: id,
-            lease,
-            job: job_id,
-            tasks,
-        })
-    }
-
-    /// The job and the tasks of a lease whose job is not over.
+    /// Tasks that wait for a worker.
     #[must_use]
-    pub fn leased(&self, lease: LeaseNumber) -> Option<JobId> {
-        self.leases.get(&lease).map(|lease| lease.job)
+    pub fn waiting(&self) -> usize {
+        self.jobs.values().map(|job| job.queues.len()).sum()
+    }
+
+    /// Leases that are with a worker.
+    #[must_use]
+    pub fn out(&self) -> usize {
+        self.workers.values().map(|worker| worker.holds.len()).sum()
+    }
+
+    /// What happened since it was last asked.
+    pub fn take_news(&mut self) -> Vec<News<R>> {
+        std::mem::take(&mut self.news)
     }
 
     /// Results of a lease, one a task and in their order; also of one that was lost meanwhile.
     ///
     /// # Errors
     /// See [`Refused`]; nothing has changed then.
-    pub fn complete(&mut self, number: LeaseNumber, results: Vec<R>) -> Result<Progress<R>, Refused> {
+    pub fn complete(
+        &mut self,
+        worker: WorkerId,
+        number: LeaseNumber,
+        results: Vec<R>,
+        now: Instant,
+    ) -> Result<(), Refused> {
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
+        let instance = self.workers.get(&worker).ok_or(Refused::UnknownLease)?.instance;
+        if lease.instance != instance {
+            return Err(Refused::NotYours);
+        }
         if results.len() != lease.tasks.len() {
             return Err(Refused::WrongCount {
                 got: results.len(),
                 wanted: lease.tasks.len(),
             });
         }
-        let (id, tasks) = (lease.job, lease.tasks.clone());
-        self.release(number);
-        let job = self.jobs.get_mut(&id).ok_or(Refused::UnknownLease)?;
-        let missing_before = job.missing;
-        for (task, result) in tasks.into_iter().zip(results) {
-            match &job.results[task] {
-                None => {
-                    job.results[task] = Some(result);
-                    job.missing -= 1;
-                }
-                Some(kept) if kept.agrees_with(&result) => {}
-                Some(_) => {
-                    self.end(id);
-                    return Ok(Progress::Disagreement { job: id, task });
-                }
+        self.learn_turnaround(now.saturating_duration_since(lease.given));
+        let held = self.release(number);
+        let Some(Lease { job: id, tasks, .. }) = self.leases.remove(&number) else {
+            return Err(Refused::UnknownLease);
+        };
+        let mut wrong = BTreeSet::new();
+        for (place, result) in tasks.into_iter().zip(results) {
+            if let Some(job) = self.jobs.get_mut(&id) {
+                wrong.extend(job.hear(place, instance, result, held));
             }
         }
-        let (fresh, missing) = (missing_before - job.missing, job.missing);
-        let Job { results, pending, .. } = job;
-        pending.retain(|&task| results[task].is_none());
-        if missing > 0 {
-            return Ok(Progress::Kept { job: id, fresh });
-        }
-        let results = self
-            .end(id)
-            .into_iter()
-            .flat_map(|job| job.results)
-            .flatten()
-            .collect();
-        Ok(Progress::JobDone { job: id, results })
+        self.quarantine_all(wrong);
+        self.tell(id);
+        Ok(())
     }
 
-    /// A lease that its holder will not answer comes back; its tasks that are not done are the next to go out.
-    pub fn come_back(&mut self, number: LeaseNumber) {
+    /// A lease that its holder will not answer comes back; its tasks are the next to go out.
+    pub fn come_back(&mut self, number: LeaseNumber, how: Back) {
         if !self.release(number) {
             return;
         }
-        let Some(lease) = self.leases.get(&number) else {
+        let Some(Lease {
+            job: id,
+            tasks,
+            instance,
+            ..
+        }) = self.leases.get(&number)
+        else {
             return;
         };
-        let Some(job) = self.jobs.get_mut(&lease.job) else {
-            return;
-        };
-        for &task in lease.tasks.iter().rev() {
-            if job.results[task].is_none() {
-                job.pending.push_front(task);
+        let id = *id;
+        if let Some(job) = self.jobs.get_mut(&id) {
+            for &place in tasks.iter().rev() {
+                job.come_back(place, (how == Back::Broken).then_some(*instance));
             }
         }
+        self.tell(id);
+    }
+
+    /// A lease is getting on: what takes so long has not taken anybody before.
+    pub fn get_on(&mut self, number: LeaseNumber) {
+        if let Some(Lease { job, tasks, .. }) = self.leases.get(&number)
+            && let Some(job) = self.jobs.get_mut(job)
+        {
+            for &place in tasks {
+                job.tasks[place].lost.clear();
+            }
+        }
+    }
+
+    /// A worker was found wrong: it is not listened to any more, and what it did unaudited is done again.
+    pub fn quarantine(&mut self, instance: Instance) {
+        self.quarantine_all(BTreeSet::from([instance]));
+    }
+
+    /// What they said is forgotten before any job can end with it.
+    fn quarantine_all(&mut self, mut instances: BTreeSet<Instance>) {
+        instances.retain(|instance| !self.quarantined.contains(instance));
+        let again: Vec<usize> = instances
+            .iter()
+            .map(|&instance| self.jobs.values_mut().map(|job| job.unhear(instance)).sum())
+            .collect();
+        for (&instance, again) in instances.iter().zip(again) {
+            self.quarantined.insert(instance);
+            let workers = self.of_instance(instance);
+            for &worker in &workers {
+                self.drop_worker(worker, Back::Returned);
+            }
+            self.news.push(News::Quarantined {
+                instance,
+                workers,
+                again,
+            });
+        }
+        if !instances.is_empty() {
+            let jobs: Vec<_> = self.jobs.keys().copied().collect();
+            for job in jobs {
+                self.tell(job);
+            }
+        }
+    }
+
+    /// Whether a worker was found wrong.
+    #[must_use]
+    pub fn is_quarantined(&self, instance: Instance) -> bool {
+        self.quarantined.contains(&instance)
+    }
+
+    /// Tells how far a job is, and forgets it once it is over.
+    fn tell(&mut self, id: JobId) {
+        let Some(job) = self.jobs.get(&id) else { return };
+        if job.settled < job.tasks.len() {
+            let settled = job.settled;
+            self.news.push(News::Progress { job: id, settled });
+            return;
+        }
+        let tasks = self.jobs.remove(&id).map(|job| job.tasks).unwrap_or_default();
+        self.forget(id);
+        let results = tasks.into_iter().filter_map(Task::into_settled).collect();
+        self.news.push(News::Done { job: id, results });
     }
 
     /// Takes a lease from its holder; false if nobody holds it.
     fn release(&mut self, number: LeaseNumber) -> bool {
-        let Some(holder) = self.leases.get_mut(&number).and_then(|lease| lease.holder.take()) else {
+        let Some(lease) = self.leases.get_mut(&number) else {
+            return false;
+        };
+        let Some(holder) = lease.holder.take() else {
             return false;
         };
         if let Some(worker) = self.workers.get_mut(&holder) {
             worker.holds.remove(&number);
+            worker.tasks -= lease.tasks.len();
+            worker.alone = false;
         }
         true
     }
 
-    fn end(&mut self, id: JobId) -> Option<Job<R>> {
-        let over: Vec<_> = self
-            .leases
-            .iter()
-            .filter(|(_, lease)| lease.job == id)
-            .map(|(&n, _)| n)
-            .collect();
-        for number in over {
-            self.release(number);
-            self.leases.remove(&number);
-        }
-        self.turns.retain(|&turn| turn != id);
-        self.jobs.remove(&id)
+    /// One that is late says nothing of how long leases usually take, but that it is a little longer.
+    fn learn_turnaround(&mut self, took: Duration) {
+        let learned = |usual: Duration| (usual * 7 + took.min(usual * LATE)) / 8;
+        self.turnaround = Some(self.turnaround.map_or(took, learned));
+    }
+
+    fn of_job(&self, job: JobId) -> impl Iterator<Item = (&LeaseNumber, &Lease)> {
+        self.leases.iter().filter(move |(_, lease)| lease.job == job)
     }
 
     fn fresh_number(&mut self) -> u64 {
@@ -365,11 +435,72 @@ impl<R: Agree> LeaseTable<R> {
     }
 }
 
-impl<R: Agree> Default for LeaseTable<R> {
-    fn default() -> Self {
-        Self::new()
+impl<R: Agree> Job<R> {
+    /// Takes in what a worker says about a task, who had it in hand if `held`; who that shows to be wrong.
+    fn hear(&mut self, place: usize, by: Instance, result: R, held: bool) -> Vec<Instance> {
+        let task = &mut self.tasks[place];
+        let before = task.verdict();
+        task.out -= usize::from(held);
+        let consistent = task.hear(by, result);
+        let mut wrong = self.file(place, before);
+        if !consistent {
+            wrong.push(by);
+        }
+        wrong
+    }
+
+    /// A lease on a task came back undone, from a worker that the task may have taken with it.
+    fn come_back(&mut self, place: usize, broke: Option<Instance>) {
+        let task = &mut self.tasks[place];
+        let before = task.verdict();
+        task.out -= 1;
+        if let Some(instance) = broke {
+            task.lost.insert(instance);
+        }
+        self.file(place, before);
+    }
+
+    /// A worker that was given up for lost is back: no task took it.
+    fn acquit(&mut self, instance: Instance) {
+        for place in 0..self.tasks.len() {
+            let before = self.tasks[place].verdict();
+            if self.tasks[place].lost.remove(&instance) {
+                self.file(place, before);
+            }
+        }
+    }
+
+    /// Forgets what a worker said, but for what another found too; how many tasks that opens again.
+    fn unhear(&mut self, instance: Instance) -> usize {
+        let before = self.settled;
+        for place in 0..self.tasks.len() {
+            let verdict = self.tasks[place].verdict();
+            if self.tasks[place].unhear(instance) {
+                self.file(place, verdict);
+            }
+        }
+        before.saturating_sub(self.settled)
+    }
+
+    /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
+    fn file(&mut self, place: usize, before: Verdict) -> Vec<Instance> {
+        let task = &self.tasks[place];
+        let verdict = task.verdict();
+        self.settled = self.settled - usize::from(before.is_settled()) + usize::from(verdict.is_settled());
+        self.queues.remove(place);
+        match verdict {
+            Verdict::Settled(_) => return task.wrong(),
+            Verdict::SetAside => {}
+            Verdict::Open if task.out > 0 => {}
+            Verdict::Open if !task.votes.is_empty() => self.queues.want_second(place),
+            Verdict::Open if !task.lost.is_empty() => self.queues.want_alone(place),
+            Verdict::Open => self.queues.want_next(place),
+        }
+        Vec::new()
     }
 }
 
+#[cfg(test)]
+mod schedules;
 #[cfg(test)]
 mod tests;

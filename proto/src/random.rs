@@ -28,6 +28,13 @@ pub enum Purpose {
     DatasetStart,
     /// Which behaviours people are asked about; the index is 0.
     Query,
+    /// What takes the place of an individual that was set aside; the index is the individual's and the attempt's.
+    Substitute,
+    /// What takes the place of a controller of a dataset that was set aside; the index is the controller's and the
+    /// attempt's.
+    DatasetSubstitute,
+    /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result rests on it.
+    Audit,
 }
 
 impl Purpose {
@@ -44,6 +51,9 @@ impl Purpose {
             Self::Dataset => "dataset",
             Self::DatasetStart => "dataset start",
             Self::Query => "query",
+            Self::Substitute => "substitute",
+            Self::DatasetSubstitute => "dataset substitute",
+            Self::Audit => "audit",
         }
     }
 }

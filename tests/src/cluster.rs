@@ -50,23 +50,33 @@ pub fn quick_dispatch() -> dispatch::Options {
     dispatch::Options {
         heartbeat_interval: Duration::from_millis(100),
         silence_limit: Duration::from_millis(500),
+        ..dispatch::Options::default()
     }
 }
 
 impl Cluster {
     /// Starts a coordinator over `data` with `workers` workers and a trainer; running campaigns of the directory go on.
     pub async fn start(data: &Path, workers: usize) -> Self {
-        Self::start_at(data, workers, Entrance::loopback(0)).await
+        Self::start_as(data, workers, Entrance::loopback(0), quick_dispatch()).await
     }
 
     /// The same at another entrance; its own client gets in as a process of this machine.
     pub async fn start_at(data: &Path, workers: usize, entrance: Entrance) -> Self {
+        Self::start_as(data, workers, entrance, quick_dispatch()).await
+    }
+
+    /// The same, with other options for workers.
+    pub async fn start_with(data: &Path, workers: usize, dispatch: dispatch::Options) -> Self {
+        Self::start_as(data, workers, Entrance::loopback(0), dispatch).await
+    }
+
+    async fn start_as(data: &Path, workers: usize, entrance: Entrance, dispatch: dispatch::Options) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
             entrance,
             resume: true,
             checkpoints: None,
-            dispatch: quick_dispatch(),
+            dispatch,
         };
         let local = LocalCluster::start(options, Crew { workers, trainers: 1 })
             .await

@@ -7,6 +7,7 @@ use murmuration_proto::{
         worker_service_client::WorkerServiceClient,
     },
 };
+use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Status, Streaming};
@@ -45,6 +46,17 @@ impl Impostor {
             .unwrap()
     }
 
+    /// Connects like an honest worker's process, which is known again when it connects anew.
+    ///
+    /// # Errors
+    /// What the coordinator answers, if it refuses.
+    pub async fn connect_as(url: &str, instance: u64) -> Result<Self, Status> {
+        let Message::Hello(hello) = Self::hello(SIMULATOR_VERSION) else {
+            unreachable!()
+        };
+        Self::say_hello(url, Message::Hello(v1::Hello { instance, ..hello })).await
+    }
+
     /// The Hello of a worker with this simulator version.
     #[must_use]
     pub fn hello(simulator_version: &str) -> Message {
@@ -53,17 +65,17 @@ impl Impostor {
             simulator_version: simulator_version.to_owned(),
             capacity: 1,
             trainer_version: String::new(),
+            instance: 0,
         })
     }
 
     /// Sends a message.
     pub async fn send(&self, message: Message) {
-        self.outbox
-            .send(v1::WorkerMessage {
-                message: Some(message),
-            })
-            .await
-            .unwrap();
+        let message = v1::WorkerMessage {
+            message: Some(message),
+        };
+        // The coordinator may have ended the stream: then it says why to whoever receives.
+        let _ = self.outbox.send(message).await;
     }
 
     /// The next message, `None` at the end of the stream.
@@ -72,6 +84,21 @@ impl Impostor {
     /// The status that the coordinator ended the stream with.
     pub async fn receive(&mut self) -> Result<Option<Answer>, Status> {
         Ok(self.inbox.message().await?.and_then(|message| message.message))
+    }
+
+    /// Is heard, and does nothing that it is asked, until the coordinator ends the stream; what it says then.
+    pub async fn dismissed(mut self) -> Status {
+        let mut beat = tokio::time::interval(Duration::from_millis(50));
+        loop {
+            tokio::select! {
+                said = self.receive() => match said {
+                    Ok(Some(_)) => {}
+                    Ok(None) => panic!("it was dismissed without a word"),
+                    Err(status) => return status,
+                },
+                _ = beat.tick() => self.send(Message::Heartbeat(v1::Heartbeat {})).await,
+            }
+        }
     }
 
     /// Asks for one batch of `evaluations` and waits for it.
@@ -83,6 +110,28 @@ impl Impostor {
                 work: Some(v1::lease::Work::Evaluations(batch)),
             })) => (id, batch),
             other => panic!("not a lease: {other:?}"),
+        }
+    }
+
+    /// Answers every lease with `evaluation` for as long as it is listened to; how many evaluations, and the last word.
+    pub async fn answer_all(mut self, evaluation: &v1::Evaluation) -> (usize, Status) {
+        let credits = |evaluations| Message::Credits(v1::Credits { evaluations });
+        let mut answered = 0;
+        self.send(credits(4)).await;
+        loop {
+            match self.receive().await {
+                Ok(Some(Answer::Lease(v1::Lease {
+                    id: Some(id),
+                    work: Some(v1::lease::Work::Evaluations(batch)),
+                }))) => {
+                    let tasks = batch.tasks.len();
+                    self.answer(id, evaluation.clone(), tasks).await;
+                    self.send(credits(tasks as u32)).await;
+                    answered += tasks;
+                }
+                Ok(other) => panic!("not a lease: {other:?}"),
+                Err(status) => return (answered, status),
+            }
         }
     }
 

@@ -141,34 +141,6 @@ async fn results_for_leases_that_never_were_are_ignored() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_lie_that_another_worker_contradicts_fails_the_campaign_aloud() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut cluster = Cluster::start(folder.path(), 0).await;
-    let campaign = cluster.create(&small_spec("")).await;
-    let lie = |speed| v1::Evaluation {
-        features: vec![speed, 0.0, 0.0, 0.0, 0.0],
-        image: vec![0; 2500],
-        embedding: Vec::new(),
-    };
-    let url = cluster.url();
-    // The first falls silent, its lease goes to the second, and then both answer.
-    let mut first = Impostor::connect(&url).await;
-    let (lease, batch) = first.lease(5).await;
-    tokio::time::sleep(std::time::Duration::from_millis(300)).await;
-    let mut second = Impostor::connect(&url).await;
-    assert_eq!(first.receive().await.unwrap_err().code(), Code::DeadlineExceeded);
-    let (again, same) = second.lease(5).await;
-    assert_eq!(batch, same);
-    second.answer(again, lie(1.0), same.tasks.len()).await;
-    let third = Impostor::connect(&url).await;
-    third.answer(lease, lie(2.0), batch.tasks.len()).await;
-    let last = cluster.finish(&campaign).await;
-    assert_eq!(last.state(), v1::CampaignState::Failed);
-    assert!(last.error.contains("disagree about evaluation"), "{}", last.error);
-    cluster.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn another_simulator_version_is_told_which_one_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;

@@ -6,7 +6,10 @@ use super::{
     run::{self, Means, blocking},
 };
 use crate::{
-    checkpoints::Checkpoints, dispatch::Trainers, store::CampaignRecord, synthetic::SyntheticAnnotator,
+    checkpoints::Checkpoints,
+    dispatch::Trainers,
+    store::{CampaignRecord, Notice, StoreError},
+    synthetic::SyntheticAnnotator,
 };
 use murmuration_proto::{CampaignSpec, EmbedderSource, SIMULATOR_VERSION, v1};
 use std::{
@@ -38,6 +41,8 @@ pub struct CampaignStatus {
     pub workers: usize,
     /// Trainers connected to this coordinator.
     pub trainers: usize,
+    /// What somebody should know of it, oldest first: the latest.
+    pub notices: Vec<Notice>,
 }
 
 /// Handle on the registry; cheap to clone.
@@ -177,10 +182,18 @@ impl Campaigns {
             .iter()
             .map(|(id, work)| (id.clone(), work.snapshot()))
             .collect();
-        let records = blocking(move || store.campaigns()).await??;
+        let read = move || {
+            let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
+            store
+                .campaigns()?
+                .into_iter()
+                .map(noted)
+                .collect::<Result<Vec<_>, StoreError>>()
+        };
+        let records = blocking(read).await??;
         Ok(records
             .into_iter()
-            .map(|record| self.merged(at_work.get(&record.id).cloned(), record))
+            .map(|(notices, record)| self.merged(at_work.get(&record.id).cloned(), record, notices))
             .collect())
     }
 
@@ -191,8 +204,14 @@ impl Campaigns {
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
         let snapshot = self.at_work.lock().await.get(&id).map(AtWork::snapshot);
-        let record = self.record(id.as_str()).await?;
-        Ok(self.merged(snapshot, record))
+        let store = self.means.store.clone();
+        let (record, notices) = blocking(move || {
+            let record = store.campaign(id.as_str())?;
+            let notices = store.notices(&record.id)?;
+            Ok::<_, StoreError>((record, notices))
+        })
+        .await??;
+        Ok(self.merged(snapshot, record, notices))
     }
 
     /// Waits until a campaign's status may have changed, at most a second.
@@ -249,7 +268,12 @@ impl Campaigns {
 
     /// The snapshot must have been taken before the record was read: then a search that had ended by the time
     /// of the snapshot has its last word in the record.
-    fn merged(&self, snapshot: Option<Snapshot>, mut record: CampaignRecord) -> CampaignStatus {
+    fn merged(
+        &self,
+        snapshot: Option<Snapshot>,
+        mut record: CampaignRecord,
+        notices: Vec<Notice>,
+    ) -> CampaignStatus {
         let Snapshot { active, progress } = snapshot.unwrap_or_default();
         if let Some(error) = progress.failed {
             record.state = CampaignState::Failed;
@@ -263,6 +287,7 @@ impl Campaigns {
             training: progress.training.filter(|_| active),
             workers: *self.means.dispatch.workers().borrow(),
             trainers: *self.means.trainers.connected().borrow(),
+            notices,
             record,
         }
     }

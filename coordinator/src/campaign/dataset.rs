@@ -2,6 +2,7 @@
 
 use super::{
     CampaignError,
+    evaluate::{Placed, evaluate},
     live::Live,
     run::{Means, Outcome, blocking},
 };
@@ -41,17 +42,24 @@ pub(super) async fn collect(
             world: *spec.world(),
             image: *spec.image(),
             embedder: None,
-            tasks: tasks.clone(),
+            tasks,
         };
-        let evaluated = live
-            .until_stopped(|done| means.dispatch.evaluate(job, done))
-            .await;
-        let Some(evaluations) = evaluated else {
+        let substitute =
+            |place: usize, attempt| substitutes(&spec, &dataset, chunk.start, place as u64, attempt);
+        let Some(done) = evaluate(&means.dispatch, live, job, substitute).await? else {
             return Ok(Outcome::Stopped);
         };
-        let pictures: Vec<Picture> = tasks
+        let notice = |(place, reason): &(usize, _)| {
+            let picture = chunk.start * starts + *place as u64;
+            format!(
+                "picture {picture} of the dataset was set aside, another controller took its place: {reason}"
+            )
+        };
+        let notices: Vec<String> = done.set_aside.iter().map(notice).collect();
+        let pictures: Vec<Picture> = done
+            .tasks
             .into_iter()
-            .zip(evaluations?)
+            .zip(done.evaluations)
             .map(|((controller, seed), evaluation)| Picture {
                 controller,
                 seed,
@@ -60,7 +68,7 @@ pub(super) async fn collect(
             .collect();
         let count = pictures.len() as u64;
         let (store, id) = (means.store.clone(), id.clone());
-        blocking(move || store.add_pictures(&id, chunk.start * starts, &pictures)).await??;
+        blocking(move || store.add_pictures(&id, chunk.start * starts, &pictures, &notices)).await??;
         live.committed(count);
         next = chunk.end;
     }
@@ -84,6 +92,25 @@ pub(crate) fn tasks(
         }
     }
     Ok(tasks)
+}
+
+/// Another controller, with the starts of the one that it replaces: pictures of one controller belong together.
+fn substitutes(
+    spec: &CampaignSpec,
+    dataset: &Dataset,
+    first: u64,
+    place: u64,
+    attempt: u64,
+) -> Result<Vec<Placed>, ProposeError> {
+    let starts = u64::from(dataset.starts());
+    let controller = place / starts;
+    let index = (first + controller) << 8 | attempt;
+    let mut stream = Stream::derive(spec.seed(), Purpose::DatasetSubstitute, index);
+    let substitute = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
+    let places = controller * starts..(controller + 1) * starts;
+    Ok(places
+        .map(|place| (place as usize, (substitute, stream.bits())))
+        .collect())
 }
 
 #[cfg(test)]

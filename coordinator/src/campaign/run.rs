@@ -78,7 +78,8 @@ async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outco
     }
 }
 
-async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
+/// A campaign as it is on disk now.
+pub(super) async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
     let (store, id) = (store.clone(), id.clone());
     Ok(blocking(move || store.campaign(id.as_str())).await??)
 }

@@ -2,17 +2,19 @@
 
 use super::{
     CampaignError, CampaignId,
+    evaluate::{Done, Placed, evaluate},
     live::Live,
-    run::{Means, Outcome, blocking},
+    recheck::Recheck,
+    run::{Means, Outcome, blocking, read},
 };
 use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
     dispatch::{Embedder, EvaluationJob},
     medoids,
     novelty::{self, Behaviours},
-    store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Store, StoreError},
+    store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Provenance, Store, StoreError},
 };
-use murmuration_proto::{CampaignSpec, Evaluation, Method, Purpose, Stream};
+use murmuration_proto::{CampaignSpec, Method, Purpose, Stream};
 use std::sync::Arc;
 
 /// Individuals read from the store at a time.
@@ -37,8 +39,17 @@ pub(super) async fn evolve(
     live: &mut Live,
 ) -> Result<Outcome, CampaignError> {
     let generations = record.generations();
-    let mut search = restore(means, record).await?;
-    while search.next_generation < generations {
+    let mut recheck = Recheck::of(&record);
+    let mut search = restore(means, record.clone()).await?;
+    loop {
+        match recheck.look(means, search.embedder, live).await? {
+            None => return Ok(Outcome::Stopped),
+            Some(true) => search = restore(means, read(&means.store, &record.id).await?).await?,
+            Some(false) => {}
+        }
+        if search.next_generation >= generations {
+            return Ok(Outcome::Done);
+        }
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
             (search, proposal)
@@ -46,31 +57,23 @@ pub(super) async fn evolve(
         .await?;
         search = unchanged;
         let proposal = proposal?;
-        let seeds = search.seeds();
         let job = EvaluationJob {
             model: search.spec.model(),
             world: *search.spec.world(),
             image: *search.spec.image(),
             embedder: search.embedder,
-            tasks: proposal
-                .controllers
-                .iter()
-                .copied()
-                .zip(seeds.iter().copied())
-                .collect(),
+            tasks: proposal.controllers.iter().copied().zip(search.seeds()).collect(),
         };
-        let evaluated = live
-            .until_stopped(|done| means.dispatch.evaluate(job, done))
-            .await;
-        let Some(evaluations) = evaluated else {
+        let evaluated = evaluate(&means.dispatch, live, job, |place, attempt| {
+            search.substitute(place, attempt)
+        });
+        let Some(done) = evaluated.await? else {
             return Ok(Outcome::Stopped);
         };
-        let evaluations = evaluations?;
-        let count = evaluations.len() as u64;
-        search = blocking(move || search.absorb(proposal, &seeds, evaluations)).await??;
+        let count = done.evaluations.len() as u64;
+        search = blocking(move || search.absorb(proposal.filtered, done)).await??;
         live.committed(count);
     }
-    Ok(Outcome::Done)
 }
 
 /// Clusters the archive and completes the campaign.
@@ -164,27 +167,41 @@ impl Search {
             .collect()
     }
 
+    /// What takes the place of an individual of the generation to come that had to be set aside: another sample of the
+    /// space, from another start.
+    fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
+        let index = (self.behaviours.len() + place) as u64;
+        let mut stream = Stream::derive(self.spec.seed(), Purpose::Substitute, index << 8 | attempt);
+        let controller = breeding::sample(self.spec.controllers(), self.spec.filter(), &mut stream)?;
+        Ok(vec![(place, (controller, stream.bits()))])
+    }
+
     /// Adds an evaluated generation to the archive, in memory and on disk.
-    fn absorb(
-        mut self,
-        proposal: Proposal,
-        seeds: &[u64],
-        evaluations: Vec<Evaluation>,
-    ) -> Result<Self, CampaignError> {
+    fn absorb(mut self, filtered: u64, done: Done) -> Result<Self, CampaignError> {
         let first = self.behaviours.len();
         let method = self.spec.method();
-        for evaluation in &evaluations {
+        for evaluation in &done.evaluations {
             let behaviour = method.behaviour(evaluation.features(), evaluation.embedding());
             self.behaviours.push(&behaviour)?;
         }
         let neighbours = self.spec.search().neighbours() as usize;
         let novelty = novelty::novelty(&self.behaviours, first..self.behaviours.len(), neighbours);
-        let record = GenerationRecord::of(self.next_generation, &novelty, proposal.filtered);
+        let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
+        let notice = |(place, reason): &(usize, _)| {
+            format!(
+                "individual {} was set aside, another took its place: {reason}",
+                first + place
+            )
+        };
+        let provenance = Provenance {
+            unaudited: done.unaudited,
+            notices: done.set_aside.iter().map(notice).collect(),
+        };
         let individuals: Vec<_> = (first as u64..)
-            .zip(&proposal.controllers)
-            .zip(seeds.iter().zip(evaluations).zip(&novelty))
+            .zip(&done.tasks)
+            .zip(done.evaluations.into_iter().zip(&novelty))
             .map(
-                |((index, &controller), ((&seed, evaluation), &novelty))| ArchivedIndividual {
+                |((index, &(controller, seed)), (evaluation, &novelty))| ArchivedIndividual {
                     index,
                     generation: record.generation,
                     controller,
@@ -196,14 +213,11 @@ impl Search {
                 },
             )
             .collect();
-        self.store.commit_generation(&self.id, &record, &individuals)?;
+        self.store
+            .commit_generation(&self.id, &record, &individuals, &provenance)?;
         let parent = |(controller, novelty)| Parent { controller, novelty };
-        self.parents = proposal
-            .controllers
-            .into_iter()
-            .zip(novelty)
-            .map(parent)
-            .collect();
+        let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
+        self.parents = controllers.zip(novelty).map(parent).collect();
         self.next_generation += 1;
         Ok(self)
     }

@@ -49,6 +49,8 @@ struct View {
     to: Screen,
     /// The stage that was last heard of, and since when.
     stage: Option<(v1::CampaignStage, Instant)>,
+    /// Notices up to then have been shown.
+    noticed_ms: u64,
 }
 
 enum Screen {
@@ -70,12 +72,17 @@ impl View {
                 shown: None,
             },
         };
-        Self { to, stage: None }
+        Self {
+            to,
+            stage: None,
+            noticed_ms: 0,
+        }
     }
 
     fn draw(&mut self, status: &v1::Campaign) {
         let news = News::of(status);
         self.end_stage(status.stage());
+        self.notice(&status.notices);
         match &mut self.to {
             Screen::Json => json::print(&json::campaign(status)),
             Screen::Bar(bar) => {
@@ -94,6 +101,20 @@ impl View {
                 }
             }
         }
+    }
+
+    /// Says what was not said yet of what befell the campaign.
+    fn notice(&mut self, notices: &[v1::Notice]) {
+        for notice in notices.iter().filter(|notice| notice.time_ms > self.noticed_ms) {
+            let line = format!("notice: {}", notice.text);
+            match &self.to {
+                Screen::Bar(bar) => bar.println(line),
+                Screen::Plain { .. } => eprintln!("{line}"),
+                Screen::Json => {}
+            }
+        }
+        let latest = notices.last().map_or(0, |notice| notice.time_ms);
+        self.noticed_ms = self.noticed_ms.max(latest);
     }
 
     /// Says of a stage that is over how long it took.

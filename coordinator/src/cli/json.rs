@@ -53,6 +53,7 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "embedded": campaign.embedded,
         "rounds_done": campaign.rounds_done,
         "labelled": campaign.labelled,
+        "notices": campaign.notices.iter().map(notice).collect::<Vec<_>>(),
         "spec": spec.map(|spec| spec.to_toml()),
     })
 }
@@ -128,6 +129,10 @@ pub(super) fn checkpoint(checkpoint: &v1::Checkpoint) -> Value {
 }
 
 /// What `murmuration label` added, and the digest of what stands then.
+fn notice(notice: &v1::Notice) -> Value {
+    json!({ "time_ms": notice.time_ms, "text": notice.text })
+}
+
 pub(super) fn labelled(campaign: &str, added: usize, digest: &str) -> Value {
     json!({
         "schema": SCHEMA,

@@ -3,7 +3,7 @@
 use super::{CliError, Global, run::CrewSize};
 use crate::{
     access::{Entrance, Tls, Tokens},
-    dispatch,
+    dispatch::{self, Share},
     local::LocalCluster,
     server::Options,
     store::DataDirectory,
@@ -53,6 +53,9 @@ pub(super) struct Serve {
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
+    /// Share of the evaluations that a second worker repeats, to find workers that compute wrongly
+    #[arg(long, default_value_t = Share::default(), value_name = "0..1")]
+    audit: Share,
     #[command(flatten)]
     crew: CrewSize,
 }
@@ -67,7 +70,10 @@ impl Serve {
             entrance,
             resume: true,
             checkpoints: global.checkpoint_store.clone(),
-            dispatch: dispatch::Options::default(),
+            dispatch: dispatch::Options {
+                audited: self.audit,
+                ..dispatch::Options::default()
+            },
         };
         let cluster = LocalCluster::start(options, self.crew.count()).await?;
         let url = cluster.coordinator().url();

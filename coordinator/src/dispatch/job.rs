@@ -2,14 +2,18 @@
 
 use crate::{
     campaign::CampaignId,
-    leases::Agree,
+    leases::{Agree, Instance, Terms},
     store::{SavedTraining, TrainingPictures},
 };
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World,
     check_embedding, same_embedding, training::Configuration, v1,
 };
+use std::collections::BTreeSet;
 use tokio::sync::watch;
+
+/// What embedding a picture costs, in steps of an agent.
+const EMBEDDING_EFFORT: u64 = 1300;
 
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
@@ -85,22 +89,48 @@ pub struct ReplayJob {
     pub stride: u32,
 }
 
+/// What became of a controller that was to be evaluated.
+#[derive(Debug, Clone)]
+pub enum Evaluated {
+    /// It was evaluated.
+    Done {
+        /// What came of it.
+        evaluation: Evaluation,
+        /// Who did it; `None` where another worker found the same.
+        unaudited: Option<Instance>,
+    },
+    /// It was given up.
+    SetAside(SetAside),
+}
+
+/// Work that took its workers with it, and is not tried again.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{} workers were lost with it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
+pub struct SetAside {
+    /// Names of the workers.
+    pub workers: Vec<String>,
+}
+
 /// Why a job has no results.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobError {
     /// A worker or trainer says that it cannot be done by anyone.
     #[error("{0}")]
     Fatal(String),
-    /// Two workers computed different results for the same evaluation.
+    /// Workers computed different results for the same task.
     #[error(
-        "worker \"{worker}\" and another disagree about evaluation {task} of a generation: one of them is broken"
+        "workers disagree about task {task} of a job ({}), and there is no other who could say which is right: \
+         one of them is broken; start a third, and resume", .workers.join(" and ")
     )]
     Disagreement {
         /// Place of the task in the job.
         task: usize,
-        /// The worker whose result came second.
-        worker: String,
+        /// Names of those who disagree.
+        workers: Vec<String>,
     },
+    /// It is of a kind that nothing could take the place of.
+    #[error("it cannot be done: {0}")]
+    SetAside(#[from] SetAside),
     /// The coordinator is stopping.
     #[error("the coordinator is shutting down")]
     ShuttingDown,
@@ -119,6 +149,8 @@ pub(super) enum Work {
 #[derive(Debug)]
 pub(super) enum Output {
     Evaluation(Evaluation),
+    /// What became of an evaluation once nothing can change it any more.
+    Evaluated(Evaluated),
     Replay(Replay),
     Embedding(Vec<f32>),
     Checkpoint(CheckpointDigest),
@@ -137,31 +169,31 @@ impl Agree for Output {
 }
 
 impl Output {
-    pub(super) fn into_evaluation(self) -> Option<Evaluation> {
+    pub(super) fn into_evaluated(self) -> Option<Evaluated> {
         match self {
-            Self::Evaluation(evaluation) => Some(evaluation),
-            Self::Replay(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
+            Self::Evaluated(evaluated) => Some(evaluated),
+            Self::Evaluation(_) | Self::Replay(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
         }
     }
 
     pub(super) fn into_replay(self) -> Option<Replay> {
         match self {
             Self::Replay(replay) => Some(replay),
-            Self::Evaluation(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
+            Self::Evaluation(_) | Self::Evaluated(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
         }
     }
 
     pub(super) fn into_embedding(self) -> Option<Vec<f32>> {
         match self {
             Self::Embedding(embedding) => Some(embedding),
-            Self::Evaluation(_) | Self::Replay(_) | Self::Checkpoint(_) => None,
+            Self::Evaluation(_) | Self::Evaluated(_) | Self::Replay(_) | Self::Checkpoint(_) => None,
         }
     }
 
     pub(super) fn into_checkpoint(self) -> Option<CheckpointDigest> {
         match self {
             Self::Checkpoint(checkpoint) => Some(checkpoint),
-            Self::Evaluation(_) | Self::Replay(_) | Self::Embedding(_) => None,
+            Self::Evaluation(_) | Self::Evaluated(_) | Self::Replay(_) | Self::Embedding(_) => None,
         }
     }
 }
@@ -172,6 +204,27 @@ impl Work {
             Self::Evaluations(job) => job.tasks.len(),
             Self::Embeddings(job) => job.images.len(),
             Self::Replay(_) | Self::Training(_) => 1,
+        }
+    }
+
+    /// How it is to be leased: `audited` says of which tasks a second worker is asked, if of any.
+    pub(super) fn terms(&self, audited: impl FnMut() -> bool) -> Terms {
+        let tasks = self.tasks();
+        let mut audited = audited;
+        let mut some = || (0..tasks).filter(|_| audited()).collect();
+        let simulation = |world: &World| u64::from(world.agents()) * u64::from(world.horizon());
+        let (effort, audited, hurried) = match self {
+            Self::Evaluations(job) => (simulation(&job.world), some(), true),
+            Self::Embeddings(_) => (EMBEDDING_EFFORT, some(), true),
+            Self::Replay(job) => (simulation(&job.world), BTreeSet::new(), true),
+            // Two at once would cost minutes of a machine each.
+            Self::Training(_) => (1, BTreeSet::new(), false),
+        };
+        Terms {
+            tasks,
+            effort,
+            audited,
+            hurried,
         }
     }
 

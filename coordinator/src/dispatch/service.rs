@@ -1,24 +1,32 @@
 //! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
 
 use super::{
-    Command, JobError, Options, Outbox, Request, TrainingJob, WorkerReport,
+    Command, Evaluated, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, SetAside,
+    TrainingJob, WorkerReport,
     job::{Output, Work},
 };
-use crate::leases::{Grant, JobId, LeaseNumber, LeaseTable, Progress, Refused, WorkerId};
-use murmuration_proto::v1;
+use crate::leases::{
+    Back, Grant, Instance, JobId, LeaseNumber, LeaseTable, News, Refused, Settled, WorkerId,
+};
+use murmuration_proto::{Purpose, Stream, v1};
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     sync::{
         Arc,
         atomic::{AtomicU32, Ordering},
     },
-    time::{Instant, SystemTime, UNIX_EPOCH},
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 use tokio::{
     sync::{mpsc, oneshot, watch},
     time::MissedTickBehavior,
 };
 use tonic::Status;
+
+/// How often silence and lateness are looked for.
+const TICK: Duration = Duration::from_millis(100);
+/// Workers whose names are remembered after they are gone.
+const MOST_NAMES: usize = 4096;
 
 /// The dispatcher itself: everything here is owned by its one task.
 pub(super) struct Service {
@@ -27,7 +35,12 @@ pub(super) struct Service {
     table: LeaseTable<Output>,
     jobs: BTreeMap<JobId, Job>,
     workers: BTreeMap<WorkerId, Worker>,
+    /// What processes are called, also those that are gone.
+    names: BTreeMap<Instance, String>,
+    /// Which tasks are audited, and what processes are called that do not say who they are.
+    chance: Stream,
     count: watch::Sender<usize>,
+    wrong: watch::Sender<Vec<Quarantined>>,
 }
 
 struct Job {
@@ -41,25 +54,36 @@ struct Worker {
     outbox: Outbox,
 }
 
+/// What a job comes to, task by task.
+type Results = Vec<Settled<Output>>;
+
 impl Service {
-    /// One without jobs and workers; `count` is told the number of workers that take work.
-    pub(super) fn new(options: Options, count: watch::Sender<usize>) -> Self {
+    /// One without jobs and workers; `count` is told the number of workers that take work, `wrong` whom of them it found
+    /// wrong.
+    pub(super) fn new(
+        options: Options,
+        count: watch::Sender<usize>,
+        wrong: watch::Sender<Vec<Quarantined>>,
+    ) -> Self {
         let epoch = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_nanos() as u64);
         Self {
             options,
             epoch,
-            table: LeaseTable::new(),
+            table: LeaseTable::new(options.silence_limit),
             jobs: BTreeMap::new(),
             workers: BTreeMap::new(),
+            names: BTreeMap::new(),
+            chance: Stream::derive(epoch, Purpose::Audit, 0),
             count,
+            wrong,
         }
     }
 
     /// Serves until the last handle is dropped or says stop.
     pub(super) async fn run(mut self, mut inbox: mpsc::Receiver<Command>) {
-        let mut tick = tokio::time::interval(self.options.silence_limit / 10);
+        let mut tick = tokio::time::interval(TICK);
         tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
@@ -71,6 +95,7 @@ impl Service {
             }
             self.forget_withdrawn_jobs();
             self.send_leases();
+            self.tell_news();
             let count = self.table.workers();
             self.count
                 .send_if_modified(|known| std::mem::replace(known, count) != count);
@@ -87,15 +112,11 @@ impl Service {
     fn take(&mut self, request: Request) {
         match request {
             Request::Submit { work, done, reply } => {
-                let id = self.table.submit(work.tasks());
+                let (chance, share) = (&mut self.chance, self.options.audited.get());
+                let id = self.table.submit(work.terms(|| chance.chance(share)));
                 self.jobs.insert(id, Job { work, done, reply });
             }
-            Request::Join {
-                name,
-                capacity,
-                outbox,
-                reply,
-            } => self.welcome(name, capacity, outbox, reply),
+            Request::Join { newcomer, reply } => self.welcome(newcomer, reply),
             Request::Report { worker, report } => {
                 self.table.hear(worker, Instant::now());
                 match report {
@@ -114,14 +135,14 @@ impl Service {
                         epoch,
                         lease,
                         progress,
-                    } if epoch == self.epoch => self.tell_training(lease, |job| {
+                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
                         job.progress.send_replace(Some(progress));
                     }),
                     WorkerReport::Saved {
                         epoch,
                         lease,
                         training,
-                    } if epoch == self.epoch => self.tell_training(lease, |job| {
+                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
                         job.saved.send_replace(Some(training));
                     }),
                     WorkerReport::Result { .. }
@@ -134,70 +155,166 @@ impl Service {
         }
     }
 
-    fn welcome(&mut self, name: String, capacity: usize, outbox: Outbox, reply: oneshot::Sender<WorkerId>) {
+    fn welcome(&mut self, newcomer: Newcomer, reply: oneshot::Sender<Result<WorkerId, NotWelcome>>) {
+        let Newcomer {
+            name,
+            instance,
+            capacity,
+            outbox,
+        } = newcomer;
+        let instance = instance.unwrap_or_else(|| Instance(self.chance.bits()));
+        let Some(id) = self.table.join(instance, capacity, Instant::now()) else {
+            // It is told, if it still listens.
+            let _ = reply.send(Err(NotWelcome::Quarantined));
+            return;
+        };
         let welcome = v1::coordinator_message::Message::Welcome(v1::Welcome {
             epoch: self.epoch,
             heartbeat_interval_ms: self.options.heartbeat_interval.as_millis() as u32,
             silence_limit_ms: self.options.silence_limit.as_millis() as u32,
         });
-        let id = self.table.join(capacity, Instant::now());
         tracing::info!(worker = name, capacity, "worker joined");
+        self.remember(instance, &name);
         self.workers.insert(id, Worker { name, outbox });
         self.send(id, welcome);
-        if reply.send(id).is_err() {
+        if reply.send(Ok(id)).is_err() {
             self.lose(id, None);
         }
     }
 
+    fn remember(&mut self, instance: Instance, name: &str) {
+        if self.names.len() >= MOST_NAMES {
+            let here: BTreeSet<_> = self
+                .workers
+                .keys()
+                .filter_map(|&id| self.table.instance(id))
+                .collect();
+            self.names.retain(|instance, _| here.contains(instance));
+        }
+        self.names.insert(instance, name.to_owned());
+    }
+
+    fn names(&self, instances: &[Instance]) -> Vec<String> {
+        let name = |instance| self.names.get(instance).map_or("?", String::as_str);
+        instances
+            .iter()
+            .map(|instance| name(instance).to_owned())
+            .collect()
+    }
+
     fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: v1::batch_result::Outcome) {
-        use v1::batch_result::Outcome;
-        let Some(id) = self.table.leased(lease) else {
+        use v1::{FailureClass, batch_result::Outcome};
+        let Some(id) = self.table.leased(worker, lease) else {
+            tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             return;
         };
         let Some(job) = self.jobs.get(&id) else { return };
         match outcome {
-            Outcome::Failure(failure) if failure.class() == v1::FailureClass::Fatal => {
-                self.end(id, Err(JobError::Fatal(failure.message)));
+            Outcome::Failure(failure) if failure.class() == FailureClass::Fatal => {
+                self.table.forget(id);
+                self.reply(id, Err(JobError::Fatal(failure.message)));
             }
             Outcome::Failure(failure) => {
                 tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
-                self.table.come_back(lease);
+                let broke = failure.class() == FailureClass::Broken;
+                self.table
+                    .come_back(lease, if broke { Back::Broken } else { Back::Returned });
             }
             outcome => match job.work.outputs(outcome) {
                 Ok(outputs) => self.keep(worker, lease, outputs),
-                Err(invalid) => self.lose(worker, Some(Status::invalid_argument(invalid.to_string()))),
+                Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
             },
         }
     }
 
     fn keep(&mut self, worker: WorkerId, lease: LeaseNumber, outputs: Vec<Output>) {
-        match self.table.complete(lease, outputs) {
-            Ok(Progress::Kept { job, fresh }) => self.count_done(job, fresh),
-            Ok(Progress::JobDone { job, results }) => self.end(job, Ok(results)),
-            Ok(Progress::Disagreement { job, task }) => {
-                let worker = self
-                    .workers
-                    .get(&worker)
-                    .map_or("?", |worker| &worker.name)
-                    .to_owned();
-                tracing::error!(worker, task, "two workers disagree about one evaluation");
-                self.end(job, Err(JobError::Disagreement { task, worker }));
-            }
-            Err(Refused::UnknownLease) => {}
-            Err(refused @ Refused::WrongCount { .. }) => {
-                self.lose(worker, Some(Status::invalid_argument(refused.to_string())));
+        match self.table.complete(worker, lease, outputs, Instant::now()) {
+            Ok(()) | Err(Refused::UnknownLease | Refused::NotYours) => {}
+            Err(refused @ Refused::WrongCount { .. }) => self.found_wrong(worker, &refused.to_string()),
+        }
+    }
+
+    /// A worker sent what no sound worker sends.
+    fn found_wrong(&mut self, worker: WorkerId, what: &str) {
+        let Some(instance) = self.table.instance(worker) else {
+            return;
+        };
+        // Before it is forgotten, so that it is told what was wrong.
+        self.dismiss(worker, Some(Status::invalid_argument(what)));
+        self.table.quarantine(instance);
+    }
+
+    /// Passes on what became of jobs and workers.
+    fn tell_news(&mut self) {
+        for news in self.table.take_news() {
+            match news {
+                News::Progress { job, settled } => {
+                    if let Some(job) = self.jobs.get(&job) {
+                        job.done.store(settled as u32, Ordering::Relaxed);
+                    }
+                }
+                News::Done { job, results } => {
+                    let results = self.outcome(job, results);
+                    self.reply(job, results);
+                }
+                News::Disagreement { job, task, between } => {
+                    let workers = self.names(&between);
+                    tracing::error!(?workers, task, "workers disagree, and there is no other to ask");
+                    self.reply(job, Err(JobError::Disagreement { task, workers }));
+                }
+                News::Quarantined {
+                    instance,
+                    workers,
+                    again,
+                } => {
+                    let name = self.names(&[instance]).concat();
+                    tracing::error!(
+                        worker = name,
+                        again,
+                        "a worker was found wrong, and is quarantined"
+                    );
+                    self.wrong
+                        .send_modify(|wrong| wrong.push(Quarantined { instance, name }));
+                    for worker in workers {
+                        let status = Status::failed_precondition(NotWelcome::Quarantined.to_string());
+                        self.dismiss(worker, Some(status));
+                    }
+                }
             }
         }
     }
 
-    fn count_done(&self, job: JobId, fresh: usize) {
-        if let Some(job) = self.jobs.get(&job) {
-            job.done.fetch_add(fresh as u32, Ordering::Relaxed);
-        }
+    /// What a job's tasks come to; where nothing could take the place of one that was set aside, nothing.
+    fn outcome(&self, job: JobId, results: Results) -> Result<Vec<Output>, JobError> {
+        let evaluations = self
+            .jobs
+            .get(&job)
+            .is_some_and(|job| matches!(job.work, Work::Evaluations(_)));
+        let settle = |settled| match settled {
+            Settled::Result {
+                value: Output::Evaluation(evaluation),
+                by,
+                audited,
+            } => Ok(Output::Evaluated(Evaluated::Done {
+                evaluation,
+                unaudited: (!audited).then_some(by),
+            })),
+            Settled::Result { value, .. } => Ok(value),
+            Settled::SetAside { lost } => {
+                let set_aside = SetAside {
+                    workers: self.names(&lost),
+                };
+                tracing::error!(%set_aside, "work was set aside");
+                match evaluations {
+                    true => Ok(Output::Evaluated(Evaluated::SetAside(set_aside))),
+                    false => Err(set_aside.into()),
+                }
+            }
+        };
+        results.into_iter().map(settle).collect()
     }
 
-    fn end(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
-        self.table.forget(id);
+    fn reply(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
         if let Some(job) = self.jobs.remove(&id) {
             // Whoever waited may have stopped waiting.
             let _ = job.reply.send(result);
@@ -236,9 +353,14 @@ impl Service {
         }
     }
 
-    /// The one way in which a worker goes; `reason` is told to it, if it still listens.
+    /// The one way in which a worker is lost; `reason` is told to it, if it still listens.
     fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
         self.table.lose(id);
+        self.dismiss(id, reason);
+    }
+
+    /// Has no more to do with a worker; what it holds is the table's affair.
+    fn dismiss(&mut self, id: WorkerId, reason: Option<Status>) {
         let Some(worker) = self.workers.remove(&id) else {
             return;
         };
@@ -257,7 +379,7 @@ impl Service {
             lease,
             job,
             tasks,
-        }) = self.table.grant()
+        }) = self.table.grant(Instant::now())
         {
             let Some(content) = self.jobs.get(&job) else {
                 continue;
@@ -278,14 +400,15 @@ impl Service {
     }
 
     /// Passes on what a trainer says of the training under a lease, if it is still wanted.
-    fn tell_training(&self, lease: LeaseNumber, tell: impl FnOnce(&TrainingJob)) {
-        let job = self.table.leased(lease).and_then(|id| self.jobs.get(&id));
+    fn tell_training(&mut self, worker: WorkerId, lease: LeaseNumber, tell: impl FnOnce(&TrainingJob)) {
+        let job = self.table.leased(worker, lease).and_then(|id| self.jobs.get(&id));
         if let Some(Job {
             work: Work::Training(job),
             ..
         }) = job
         {
             tell(job);
+            self.table.get_on(lease);
         }
     }
 

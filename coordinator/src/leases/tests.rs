@@ -1,189 +1,369 @@
-//! The lease table under every order of events that a cluster can produce.
+//! What the lease table does, case by case.
 
 use super::*;
-use proptest::prelude::*;
 
-impl Agree for u64 {
-    fn agrees_with(&self, other: &Self) -> bool {
-        self == other
-    }
+const DISPUTE_PATIENCE: Duration = Duration::from_secs(5);
+
+fn now() -> Instant {
+    Instant::now()
 }
 
-/// What the one right answer to a task is.
-fn answer(job: JobId, task: usize) -> u64 {
-    job.0 * 1000 + task as u64
+fn answer(job: JobId, place: usize) -> u64 {
+    job.0 * 1000 + place as u64
 }
 
 fn answers(grant: &Grant) -> Vec<u64> {
-    grant.tasks.iter().map(|&task| answer(grant.job, task)).collect()
+    grant
+        .tasks
+        .iter()
+        .map(|&place| answer(grant.job, place))
+        .collect()
 }
 
-fn one_worker(credits: usize) -> (LeaseTable<u64>, WorkerId) {
-    let mut table = LeaseTable::new();
-    let worker = table.join(1, Instant::now());
-    table.add_credits(worker, credits);
-    (table, worker)
+fn terms(tasks: usize) -> Terms {
+    Terms {
+        tasks,
+        effort: 1,
+        audited: BTreeSet::new(),
+        hurried: true,
+    }
+}
+
+fn audited(tasks: usize) -> Terms {
+    Terms {
+        audited: (0..tasks).collect(),
+        ..terms(tasks)
+    }
+}
+
+/// A table with workers that have so many credits; their instances are 1, 2, ...
+fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; N]) {
+    let mut table = LeaseTable::new(DISPUTE_PATIENCE);
+    let mut instance = 0;
+    let ids = credits.map(|credits| {
+        instance += 1;
+        let id = table.join(Instance(instance), 1, now()).unwrap();
+        table.add_credits(id, credits);
+        id
+    });
+    (table, ids)
+}
+
+fn results(news: Vec<News<u64>>) -> Vec<Settled<u64>> {
+    news.into_iter()
+        .find_map(|news| match news {
+            News::Done { results, .. } => Some(results),
+            _ => None,
+        })
+        .expect("the job is done")
 }
 
 #[test]
 fn without_credits_nothing_is_leased() {
-    let (mut table, worker) = one_worker(0);
-    table.submit(3);
-    assert_eq!(table.grant(), None);
+    let (mut table, [worker]) = workers([0]);
+    table.submit(terms(3));
+    assert_eq!(table.grant(now()), None);
     table.add_credits(worker, 1);
-    assert_eq!(table.grant().unwrap().tasks.len(), 1);
-    assert_eq!(table.grant(), None);
+    assert_eq!(table.grant(now()).unwrap().tasks.len(), 1);
+    assert_eq!(table.grant(now()), None);
 }
 
 #[test]
 fn a_lost_workers_tasks_go_out_again_and_its_late_result_still_counts() {
-    let (mut table, first) = one_worker(1);
-    let job = table.submit(1);
-    let lost = table.grant().unwrap();
+    let (mut table, [first, second]) = workers([1, 0]);
+    let job = table.submit(terms(1));
+    let lost = table.grant(now()).unwrap();
     table.lose(first);
-    let second = table.join(1, Instant::now());
     table.add_credits(second, 1);
-    let again = table.grant().unwrap();
+    let again = table.grant(now()).unwrap();
     assert_eq!((again.worker, &again.tasks), (second, &lost.tasks));
-    let done = Progress::JobDone {
-        job,
-        results: answers(&lost),
+    let back = table.join(Instance(1), 1, now()).unwrap();
+    table.complete(back, lost.lease, answers(&lost), now()).unwrap();
+    let expected = Settled::Result {
+        value: answer(job, 0),
+        by: Instance(1),
+        audited: false,
     };
-    assert_eq!(table.complete(lost.lease, answers(&lost)), Ok(done));
-    assert_eq!(
-        table.complete(again.lease, answers(&again)),
-        Err(Refused::UnknownLease)
-    );
+    assert_eq!(results(table.take_news()), [expected]);
+    let late = table.complete(second, again.lease, answers(&again), now());
+    assert_eq!(late, Err(Refused::UnknownLease));
 }
 
 #[test]
-fn a_second_result_that_differs_ends_the_job_in_disagreement() {
-    let (mut table, first) = one_worker(1);
-    let job = table.submit(2);
-    let lost = table.grant().unwrap();
-    table.lose(first);
-    let second = table.join(1, Instant::now());
-    table.add_credits(second, 1);
-    let again = table.grant().unwrap();
-    assert_eq!(again.tasks, lost.tasks);
-    assert_eq!(
-        table.complete(lost.lease, answers(&lost)),
-        Ok(Progress::Kept { job, fresh: 1 })
-    );
-    let task = again.tasks[0];
-    assert_eq!(
-        table.complete(again.lease, vec![99_999]),
-        Ok(Progress::Disagreement { job, task })
-    );
+fn results_count_only_from_the_worker_that_has_the_lease() {
+    let (mut table, [first, second]) = workers([1, 0]);
+    table.submit(terms(1));
+    let grant = table.grant(now()).unwrap();
+    let stolen = table.complete(second, grant.lease, vec![13], now());
+    assert_eq!(stolen, Err(Refused::NotYours));
+    assert_eq!(table.complete(first, grant.lease, answers(&grant), now()), Ok(()));
 }
 
 #[test]
 fn a_wrong_number_of_results_changes_nothing() {
-    let (mut table, _) = one_worker(5);
-    table.submit(4);
-    let grant = table.grant().unwrap();
+    let (mut table, [worker]) = workers([5]);
+    table.submit(terms(4));
+    let grant = table.grant(now()).unwrap();
     let refused = Refused::WrongCount {
         got: 0,
         wanted: grant.tasks.len(),
     };
-    assert_eq!(table.complete(grant.lease, vec![]), Err(refused));
-    assert!(table.complete(grant.lease, answers(&grant)).is_ok());
+    assert_eq!(table.complete(worker, grant.lease, vec![], now()), Err(refused));
+    assert_eq!(
+        table.complete(worker, grant.lease, answers(&grant), now()),
+        Ok(())
+    );
 }
 
 #[test]
-fn jobs_take_turns() {
-    let (mut table, _) = one_worker(1000);
-    let (big, small) = (table.submit(500), table.submit(2));
-    let order: Vec<_> = (0..4)
-        .filter_map(|_| table.grant())
-        .map(|grant| grant.job)
+fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
+    let (mut table, [_, _, honest]) = workers([1, 1, 1]);
+    table.submit(audited(1));
+    let right = table.grant(now()).unwrap();
+    table
+        .complete(right.worker, right.lease, answers(&right), now())
+        .unwrap();
+    let wrong = table.grant(now()).unwrap();
+    assert_ne!(wrong.worker, right.worker);
+    let liar = table.instance(wrong.worker).unwrap();
+    table
+        .complete(wrong.worker, wrong.lease, vec![13], now())
+        .unwrap();
+    let third = table.grant(now()).unwrap();
+    assert!(![right.worker, wrong.worker].contains(&third.worker));
+    table
+        .complete(third.worker, third.lease, answers(&third), now())
+        .unwrap();
+    let news = table.take_news();
+    let quarantined = News::Quarantined {
+        instance: liar,
+        workers: vec![wrong.worker],
+        again: 0,
+    };
+    assert!(news.contains(&quarantined), "{news:?}");
+    assert!(matches!(
+        results(news)[..],
+        [Settled::Result { audited: true, .. }]
+    ));
+    assert_eq!(table.join(liar, 1, now()), None);
+    assert!(table.is_quarantined(liar) && table.instance(honest).is_some());
+}
+
+#[test]
+fn what_a_quarantined_worker_did_unaudited_is_done_again() {
+    let (mut table, [first, _]) = workers([1, 0]);
+    let job = table.submit(terms(2));
+    let grant = table.grant(now()).unwrap();
+    table.complete(first, grant.lease, vec![13], now()).unwrap();
+    table.quarantine(Instance(1));
+    let news = table.take_news();
+    assert!(news.contains(&News::Progress { job, settled: 1 }));
+    assert!(news.contains(&News::Progress { job, settled: 0 }));
+    table.add_credits(WorkerId(1), 2);
+    let again: Vec<_> = std::iter::from_fn(|| table.grant(now()))
+        .flat_map(|grant| grant.tasks)
         .collect();
-    assert_eq!(order, [big, small, big, small]);
+    assert_eq!(again, [0, 1]);
+}
+
+#[test]
+fn an_audit_without_a_second_worker_is_waived() {
+    let (mut table, [only]) = workers([9]);
+    table.submit(audited(1));
+    let grant = table.grant(now()).unwrap();
+    table.complete(only, grant.lease, answers(&grant), now()).unwrap();
+    assert_eq!(table.grant(now()), None);
+    assert!(matches!(
+        results(table.take_news())[..],
+        [Settled::Result { audited: false, .. }]
+    ));
+}
+
+#[test]
+fn an_audit_does_not_wait_for_a_worker_that_hangs() {
+    let (mut table, [_, _]) = workers([1, 1]);
+    table.submit(audited(1));
+    let start = now();
+    let first = table.grant(start).unwrap();
+    table
+        .complete(first.worker, first.lease, answers(&first), start)
+        .unwrap();
+    let second = table.grant(start).unwrap();
+    assert_ne!(second.worker, first.worker);
+    assert_eq!(table.grant(start), None);
+    assert!(table.jobs.contains_key(&second.job));
+    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert!(matches!(
+        results(table.take_news())[..],
+        [Settled::Result { audited: false, .. }]
+    ));
+}
+
+#[test]
+fn two_that_differ_with_no_third_end_the_job() {
+    let (mut table, _) = workers([1, 1]);
+    let job = table.submit(audited(1));
+    for said in [13, 14] {
+        let grant = table.grant(now()).unwrap();
+        table
+            .complete(grant.worker, grant.lease, vec![said], now())
+            .unwrap();
+    }
+    assert_eq!(table.grant(now()), None);
+    assert!(table.jobs.contains_key(&job), "a third may come");
+    assert_eq!(table.grant(now() + 2 * DISPUTE_PATIENCE), None);
+    let between = vec![Instance(2), Instance(1)];
+    let expected = |between: &[Instance]| News::Disagreement {
+        job,
+        task: 0,
+        between: between.to_vec(),
+    };
+    let news = table.take_news();
+    let reversed: Vec<_> = between.iter().rev().copied().collect();
+    assert!(
+        news.contains(&expected(&between)) || news.contains(&expected(&reversed)),
+        "{news:?}"
+    );
+}
+
+#[test]
+fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
+    let (mut table, [first]) = workers([4]);
+    table.submit(terms(4));
+    while table.grant(now()).is_some() {}
+    table.lose(first);
+    let deadly = 2;
+    let mut lost = vec![Instance(1)];
+    for instance in 2.. {
+        let worker = table.join(Instance(instance), 1, now()).unwrap();
+        table.add_credits(worker, 100);
+        while let Some(grant) = table.grant(now()) {
+            assert_eq!(grant.tasks.len(), 1, "suspects go out alone");
+            assert_eq!(table.grant(now()), None, "and with nothing beside them");
+            if grant.tasks == [deadly] {
+                lost.push(Instance(instance));
+                table.lose(worker);
+                break;
+            }
+            table
+                .complete(worker, grant.lease, answers(&grant), now())
+                .unwrap();
+        }
+        if lost.len() == MOST_LOST {
+            break;
+        }
+    }
+    let worker = table.join(Instance(99), 1, now()).unwrap();
+    table.add_credits(worker, 100);
+    while let Some(grant) = table.grant(now()) {
+        table
+            .complete(worker, grant.lease, answers(&grant), now())
+            .unwrap();
+    }
+    for (place, settled) in results(table.take_news()).into_iter().enumerate() {
+        match settled {
+            Settled::SetAside { lost: whom } => assert_eq!((place, &whom), (deadly, &lost)),
+            Settled::Result { .. } => assert_ne!(place, deadly),
+        }
+    }
+}
+
+#[test]
+fn a_worker_that_comes_back_was_not_taken_by_what_it_held() {
+    let (mut table, [worker]) = workers([1]);
+    table.submit(terms(1));
+    let mut held = table.grant(now()).unwrap();
+    let mut connection = worker;
+    for _ in 0..10 {
+        table.lose(connection);
+        connection = table.join(Instance(1), 1, now()).unwrap();
+        table.add_credits(connection, 1);
+        held = table.grant(now()).expect("it is tried again");
+    }
+    assert_eq!(
+        table.complete(connection, held.lease, answers(&held), now()),
+        Ok(())
+    );
+}
+
+#[test]
+fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
+    let (mut table, _) = workers([]);
+    table.submit(terms(1));
+    for instance in 1..10 {
+        let worker = table.join(Instance(instance), 1, now()).unwrap();
+        table.add_credits(worker, 1);
+        let held = table.grant(now()).expect("it is tried again");
+        table.get_on(held.lease);
+        table.lose(worker);
+    }
+    assert_eq!((table.waiting(), table.take_news().len()), (1, 9));
+}
+
+#[test]
+fn a_late_lease_is_also_given_to_an_idle_worker() {
+    let (mut table, [_, _]) = workers([1, 1]);
+    table.submit(terms(1));
+    let start = now();
+    let slow = table.grant(start).unwrap();
+    assert_eq!(table.grant(start), None, "it is not late yet");
+    let spare = table.grant(start + PATIENCE.1 * 2).unwrap();
+    assert_ne!(spare.worker, slow.worker);
+    assert_eq!(spare.tasks, slow.tasks);
+    assert_eq!(table.grant(start + PATIENCE.1 * 9), None, "nobody gets it twice");
+    table
+        .complete(spare.worker, spare.lease, answers(&spare), start)
+        .unwrap();
+    assert_eq!(results(table.take_news()).len(), 1);
+}
+
+#[test]
+fn jobs_share_the_workers_by_effort() {
+    let (mut table, [worker]) = workers([1_000_000]);
+    let heavy = table.submit(Terms {
+        effort: 3,
+        ..terms(4000)
+    });
+    let light = table.submit(terms(4000));
+    let mut had = BTreeMap::from([(heavy, 0), (light, 0)]);
+    while table.waiting() > 3000 {
+        let grant = table.grant(now()).unwrap();
+        *had.get_mut(&grant.job).unwrap() += grant.tasks.len();
+        table
+            .complete(worker, grant.lease, answers(&grant), now())
+            .unwrap();
+    }
+    let ratio = had[&light] as f64 / had[&heavy] as f64;
+    assert!((2.5..3.5).contains(&ratio), "{had:?}");
+}
+
+#[test]
+fn a_small_job_does_not_wait_for_a_large_one() {
+    let (mut table, [_]) = workers([1000]);
+    let large = table.submit(terms(10_000));
+    assert_eq!(table.grant(now()).unwrap().job, large);
+    let small = table.submit(terms(2));
+    let next: Vec<_> = (0..3).map(|_| table.grant(now()).unwrap().job).collect();
+    assert!(next.contains(&small), "{next:?}");
+}
+
+#[test]
+fn whoever_has_least_in_hand_is_next() {
+    let (mut table, [many, few]) = workers([64, 4]);
+    table.submit(terms(2));
+    assert_eq!(
+        table.grant(now()).unwrap().worker,
+        many,
+        "with equal loads, the one with more room"
+    );
+    assert_eq!(table.grant(now()).unwrap().worker, few);
 }
 
 #[test]
 fn silence_is_noticed() {
-    let (mut table, worker) = one_worker(1);
-    let later = Instant::now() + Duration::from_secs(60);
+    let (mut table, [worker]) = workers([1]);
+    let later = now() + Duration::from_secs(60);
     assert_eq!(table.silent(later, Duration::from_secs(30)), [worker]);
     table.hear(worker, later);
     assert_eq!(table.silent(later, Duration::from_secs(30)), []);
-}
-
-/// One thing that may happen to a cluster.
-#[derive(Debug, Clone)]
-enum Event {
-    Join { credits: usize },
-    Lose { pick: usize },
-    Drain { pick: usize },
-    Grant,
-    Answer { pick: usize },
-    AnswerAgain { pick: usize },
-    GiveBack { pick: usize },
-}
-
-fn event() -> impl Strategy<Value = Event> {
-    prop_oneof![
-        (1..20usize).prop_map(|credits| Event::Join { credits }),
-        (0..8usize).prop_map(|pick| Event::Lose { pick }),
-        (0..8usize).prop_map(|pick| Event::Drain { pick }),
-        Just(Event::Grant),
-        Just(Event::Grant),
-        (0..50usize).prop_map(|pick| Event::Answer { pick }),
-        (0..50usize).prop_map(|pick| Event::AnswerAgain { pick }),
-        (0..50usize).prop_map(|pick| Event::GiveBack { pick }),
-    ]
-}
-
-proptest! {
-    /// Whatever happens on the way, one patient worker at the end finishes every job, and each task once.
-    #[test]
-    fn no_task_is_lost_or_done_twice(sizes in prop::collection::vec(1..40usize, 1..4), events in prop::collection::vec(event(), 0..200)) {
-        let now = Instant::now();
-        let mut table = LeaseTable::new();
-        let mut left: BTreeMap<JobId, usize> = sizes.iter().map(|&size| (table.submit(size), size)).collect();
-        let (mut workers, mut out, mut answered) = (vec![], vec![], vec![]);
-        let mut take = |progress: Result<Progress<u64>, Refused>| match progress {
-            Ok(Progress::Kept { job, fresh }) => *left.get_mut(&job).unwrap() -= fresh,
-            Ok(Progress::JobDone { job, results }) => {
-                assert!(left.remove(&job).is_some(), "a job ended twice");
-                assert!(results.iter().enumerate().all(|(task, &result)| result == answer(job, task)));
-            }
-            Ok(Progress::Disagreement { .. }) => panic!("workers that tell the truth agree"),
-            Err(refused) => assert_eq!(refused, Refused::UnknownLease),
-        };
-        for event in events {
-            match event {
-                Event::Join { credits } => {
-                    let worker = table.join(2, now);
-                    table.add_credits(worker, credits);
-                    workers.push(worker);
-                }
-                Event::Lose { pick } if pick < workers.len() => table.lose(workers.swap_remove(pick)),
-                Event::Drain { pick } if pick < workers.len() => table.drain(workers[pick]),
-                Event::Grant => out.extend(table.grant()),
-                Event::Answer { pick } if pick < out.len() => {
-                    let grant: Grant = out.swap_remove(pick);
-                    take(table.complete(grant.lease, answers(&grant)));
-                    answered.push(grant);
-                }
-                Event::AnswerAgain { pick } if pick < answered.len() => {
-                    let grant = &answered[pick];
-                    take(table.complete(grant.lease, answers(grant)));
-                }
-                Event::GiveBack { pick } if pick < out.len() => table.come_back(out[pick].lease),
-                _ => {}
-            }
-        }
-        for worker in workers {
-            table.lose(worker);
-        }
-        let patient = table.join(1, now);
-        table.add_credits(patient, 1_000_000);
-        while let Some(grant) = table.grant() {
-            take(table.complete(grant.lease, answers(&grant)));
-        }
-        prop_assert!(left.is_empty(), "tasks were lost: {left:?}");
-        prop_assert!(table.leases.is_empty(), "leases leak");
-    }
 }

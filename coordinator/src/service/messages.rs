@@ -3,7 +3,7 @@
 use crate::{
     campaign::{CampaignError, CampaignStatus, Stage},
     dispatch::JobError,
-    store::{ArchivedIndividual, GenerationRecord, StoreError},
+    store::{ArchivedIndividual, GenerationRecord, Notice, StoreError},
     taxonomy::{Medoid, Taxonomy},
 };
 use murmuration_proto::{CheckpointDigest, v1};
@@ -40,6 +40,11 @@ impl From<CampaignStatus> for v1::Campaign {
             generations,
             rounds_done: record.rounds_done,
             labelled: arrived(Stage::Label),
+            notices: status
+                .notices
+                .into_iter()
+                .map(|Notice { time_ms, text }| v1::Notice { time_ms, text })
+                .collect(),
         }
     }
 }
@@ -112,7 +117,7 @@ impl From<JobError> for Status {
     fn from(error: JobError) -> Self {
         let said = error.to_string();
         match error {
-            JobError::Fatal(_) => Self::failed_precondition(said),
+            JobError::Fatal(_) | JobError::SetAside(_) => Self::failed_precondition(said),
             JobError::Disagreement { .. } => Self::data_loss(said),
             JobError::ShuttingDown => Self::unavailable(said),
         }

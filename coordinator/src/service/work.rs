@@ -1,8 +1,8 @@
 //! The streams of workers and trainers: one each, validated and handed to a dispatcher.
 
 use crate::{
-    dispatch::{Dispatch, OUTBOX, WorkerReport},
-    leases::{LeaseNumber, WorkerId},
+    dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, WorkerReport},
+    leases::{Instance, LeaseNumber, WorkerId},
     store::SavedTraining,
 };
 use murmuration_proto::{Invalid, SIMULATOR_VERSION, v1};
@@ -50,10 +50,13 @@ pub(super) async fn serve(
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
     let hello = hello(&mut inbox, check).await?;
     let (outbox, stream) = mpsc::channel(OUTBOX);
-    let worker = dispatch
-        .join(hello.name, hello.capacity as usize, outbox.clone())
-        .await
-        .ok_or_else(|| Status::unavailable("the coordinator is shutting down"))?;
+    let newcomer = Newcomer {
+        name: hello.name,
+        instance: (hello.instance != 0).then_some(Instance(hello.instance)),
+        capacity: hello.capacity as usize,
+        outbox: outbox.clone(),
+    };
+    let worker = dispatch.join(newcomer).await?;
     let dispatch = dispatch.clone();
     tokio::spawn(async move {
         if let Err(status) = pass_on(&dispatch, worker, &mut inbox).await {
@@ -64,6 +67,15 @@ pub(super) async fn serve(
         dispatch.report(worker, WorkerReport::Gone).await;
     });
     Ok(Response::new(ReceiverStream::new(stream)))
+}
+
+impl From<NotWelcome> for Status {
+    fn from(reason: NotWelcome) -> Self {
+        match reason {
+            NotWelcome::ShuttingDown => Self::unavailable(reason.to_string()),
+            NotWelcome::Quarantined => Self::failed_precondition(reason.to_string()),
+        }
+    }
 }
 
 async fn hello(inbox: &mut Streaming<v1::WorkerMessage>, check: CheckVersion) -> Result<v1::Hello, Status> {

@@ -1,6 +1,6 @@
 //! Rows of the archive: individuals, their images, generations, taxonomies.
 
-use super::{Store, StoreError, campaigns::number_of};
+use super::{Provenance, Store, StoreError, campaigns::number_of, provenance::add_notices};
 use crate::{
     campaign::{CampaignId, CampaignState},
     medoids::Clustering,
@@ -78,8 +78,8 @@ impl From<StoredTaxonomy> for Clustering {
 }
 
 impl Store {
-    /// Commits one complete generation: its record and its individuals, images and embeddings (by the campaign's
-    /// checkpoint) included, in one transaction.
+    /// Commits one complete generation: its record and its individuals, images, embeddings (by the campaign's checkpoint)
+    /// and provenance included, in one transaction.
     ///
     /// # Errors
     /// If it cannot be written; then none of it was.
@@ -88,20 +88,23 @@ impl Store {
         campaign: &CampaignId,
         record: &GenerationRecord,
         individuals: &[ArchivedIndividual],
+        provenance: &Provenance,
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
-                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered)
-                 VALUES (?1, ?2, ?3, ?4, ?5)",
+                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered, evaluators)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
                 params![
                     number,
                     record.generation,
                     record.best_novelty,
                     record.mean_novelty,
-                    record.filtered as i64
+                    record.filtered as i64,
+                    provenance.evaluators(),
                 ],
             )?;
+            add_notices(transaction, number, &provenance.notices)?;
             let mut individual = transaction.prepare(
                 "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty)
                  VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
@@ -334,4 +337,21 @@ pub(super) fn blob_to_numbers(blob: &[u8]) -> Vec<f32> {
         .iter()
         .map(|bytes| f32::from_le_bytes(*bytes))
         .collect()
+}
+
+#[cfg(test)]
+impl ArchivedIndividual {
+    /// A swarm that never moved.
+    pub(crate) fn still(index: u64, generation: u32) -> Self {
+        Self {
+            index,
+            generation,
+            controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
+            seed: 0,
+            features: [0.0; 5],
+            embedding: Vec::new(),
+            novelty: 0.0,
+            image: None,
+        }
+    }
 }

@@ -11,6 +11,7 @@ mod embeddings;
 mod error;
 mod labels;
 mod pictures;
+mod provenance;
 mod rounds;
 mod schema;
 
@@ -22,6 +23,7 @@ pub use embeddings::Switch;
 pub use error::StoreError;
 pub use labels::LabelError;
 pub use pictures::{Picture, SavedTraining};
+pub use provenance::{Notice, Provenance};
 pub use rounds::TrainingPictures;
 
 use rusqlite::{Connection, Transaction};

@@ -4,6 +4,7 @@ use super::{
     Store, StoreError,
     archive::{clamped, floats_to_blob},
     campaigns::number_of,
+    provenance::add_notices,
 };
 use crate::campaign::CampaignId;
 use murmuration_proto::Controller;
@@ -31,7 +32,8 @@ pub struct SavedTraining {
 }
 
 impl Store {
-    /// Adds pictures to a campaign's dataset, the first at `place`, in one transaction.
+    /// Adds pictures to a campaign's dataset, the first at `place`, and what somebody should know of them, in one
+    /// transaction.
     ///
     /// # Errors
     /// If they cannot be written; then none of them was.
@@ -40,6 +42,7 @@ impl Store {
         campaign: &CampaignId,
         place: u64,
         pictures: &[Picture],
+        notices: &[String],
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -55,7 +58,7 @@ impl Store {
                     picture.image,
                 ])?;
             }
-            Ok(())
+            add_notices(transaction, number, notices)
         })
     }
 

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 5] = [
+const MIGRATIONS: [&str; 6] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -108,6 +108,16 @@ const MIGRATIONS: [&str; 5] = [
     ALTER TABLE campaigns ADD COLUMN rounds INTEGER NOT NULL DEFAULT 0;
     ALTER TABLE campaigns ADD COLUMN lesson INTEGER;
     ALTER TABLE checkpoints ADD COLUMN labelled BLOB NOT NULL DEFAULT x'';
+",
+    "
+    ALTER TABLE generations ADD COLUMN evaluators BLOB NOT NULL DEFAULT x'';
+    CREATE TABLE notices (
+        number INTEGER PRIMARY KEY,
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        time_ms INTEGER NOT NULL,
+        text TEXT NOT NULL
+    ) STRICT;
+    CREATE INDEX notices_by_campaign ON notices (campaign, number);
 ",
 ];
 

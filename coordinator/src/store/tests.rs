@@ -41,7 +41,12 @@ fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreEr
         filtered: 3,
     };
     let first = u64::from(generation) * 2;
-    store.commit_generation(id, &record, &[individual(first), individual(first + 1)])
+    store.commit_generation(
+        id,
+        &record,
+        &[individual(first), individual(first + 1)],
+        &Provenance::default(),
+    )
 }
 
 #[test]
@@ -73,7 +78,11 @@ fn a_generation_is_committed_whole_or_not_at_all() {
         filtered: 0,
     };
     let twice = [individual(0), individual(1), individual(0)];
-    assert!(store.commit_generation(&id, &record, &twice).is_err());
+    assert!(
+        store
+            .commit_generation(&id, &record, &twice, &Provenance::default())
+            .is_err()
+    );
     assert_eq!(store.archive_len(&id).unwrap(), 0);
     assert_eq!(store.generations(&id).unwrap(), []);
 }
@@ -205,7 +214,9 @@ fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
         embedding: vec![index as f32, -0.5],
         ..individual(index)
     });
-    store.commit_generation(&id, &record, &individuals).unwrap();
+    store
+        .commit_generation(&id, &record, &individuals, &Provenance::default())
+        .unwrap();
     (folder, store, id, digests)
 }
 
@@ -302,9 +313,11 @@ fn a_dataset_and_its_training_read_back() {
         seed: u64::MAX - index,
         image: vec![index as u8; 4],
     };
-    store.add_pictures(&id, 0, &[picture(0), picture(1)]).unwrap();
-    store.add_pictures(&id, 2, &[picture(2)]).unwrap();
-    assert!(store.add_pictures(&id, 2, &[picture(3)]).is_err());
+    store
+        .add_pictures(&id, 0, &[picture(0), picture(1)], &[])
+        .unwrap();
+    store.add_pictures(&id, 2, &[picture(2)], &[]).unwrap();
+    assert!(store.add_pictures(&id, 2, &[picture(3)], &[]).is_err());
     assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
     assert_eq!(store.dataset_images(&id, 1..9).unwrap(), [1, 1, 1, 1, 2, 2, 2, 2]);
 

@@ -291,6 +291,11 @@ fn facts(status: &CampaignStatus) -> Markup {
                 (fact("Checkpoint", checkpoint.to_string().chars().take(12).collect()))
             }
         }
+        @if !status.notices.is_empty() {
+            ul.notices aria-label="Notices" {
+                @for notice in &status.notices { li { (notice.text) } }
+            }
+        }
     }
 }
 

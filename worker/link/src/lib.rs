@@ -26,7 +26,11 @@ pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
-use std::{future::Future, time::Duration};
+use std::{
+    future::Future,
+    hash::{BuildHasher as _, Hasher as _, RandomState},
+    time::Duration,
+};
 use tokio::sync::watch;
 use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 
@@ -43,7 +47,7 @@ pub enum Role {
 }
 
 impl Role {
-    fn hello(self, name: &str) -> v1::Hello {
+    fn hello(self, name: &str, instance: u64) -> v1::Hello {
         let name = name.to_owned();
         match self {
             Self::Worker { capacity } => v1::Hello {
@@ -51,12 +55,14 @@ impl Role {
                 capacity,
                 simulator_version: SIMULATOR_VERSION.to_owned(),
                 trainer_version: String::new(),
+                instance,
             },
             Self::Trainer => v1::Hello {
                 name,
                 capacity: 1,
                 simulator_version: String::new(),
                 trainer_version: TRAINER_VERSION.to_owned(),
+                instance,
             },
         }
     }
@@ -92,6 +98,8 @@ pub struct Address {
     bearer: Bearer,
     role: Role,
     name: String,
+    /// Who connects, over however many connections; not 0.
+    instance: u64,
 }
 
 impl Address {
@@ -113,6 +121,8 @@ impl Address {
             bearer: credentials.bearer(),
             role,
             name: name.to_owned(),
+            // Keyed at random by the system: two processes must not be taken for one.
+            instance: RandomState::new().build_hasher().finish() | 1,
         })
     }
 

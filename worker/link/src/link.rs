@@ -50,7 +50,7 @@ impl Link {
     pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
         let channel = InterceptedService::new(address.endpoint.connect().await?, address.bearer.clone());
         let (outbox, messages) = mpsc::channel(OUTBOX);
-        let hello = worker_message::Message::Hello(address.role.hello(&address.name));
+        let hello = worker_message::Message::Hello(address.role.hello(&address.name, address.instance));
         send(&outbox, hello).await?;
         let messages = ReceiverStream::new(messages);
         let answer = match address.role {

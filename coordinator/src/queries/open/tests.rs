@@ -3,9 +3,9 @@
 use super::*;
 use crate::{
     labels::{Action, Change},
-    store::{ArchivedIndividual, DataDirectory, GenerationRecord},
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+use murmuration_proto::CampaignSpec;
 use std::collections::BTreeSet;
 
 /// A running campaign of generations of ten.
@@ -35,19 +35,13 @@ impl Campaign {
 
     fn grow(&self, generation: u32) {
         let individual = |place| ArchivedIndividual {
-            index: u64::from(generation) * 10 + place,
-            generation,
-            controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
-            seed: 0,
             features: [f64::from(generation), place as f64, 0.0, 0.0, 0.0],
-            embedding: Vec::new(),
-            novelty: 0.0,
-            image: None,
+            ..ArchivedIndividual::still(u64::from(generation) * 10 + place, generation)
         };
         let record = GenerationRecord::of(generation, &[0.0], 0);
         let individuals: Vec<_> = (0..10).map(individual).collect();
         self.store
-            .commit_generation(&self.id, &record, &individuals)
+            .commit_generation(&self.id, &record, &individuals, &Provenance::default())
             .unwrap();
     }
 

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::labels::ClassName;
-use crate::store::{ArchivedIndividual, DataDirectory, GenerationRecord};
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+use crate::store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance};
+use murmuration_proto::CampaignSpec;
 use std::path::Path;
 
 /// A store with a campaign of three individuals.
@@ -11,19 +11,14 @@ fn open(folder: &Path) -> (Store, CampaignId) {
     let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
     let id = store.create_campaign(&spec, 7).unwrap();
-    let individual = |index| ArchivedIndividual {
-        index,
-        generation: 0,
-        controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
-        seed: 0,
-        features: [0.0; 5],
-        embedding: Vec::new(),
-        novelty: 0.0,
-        image: None,
-    };
     let record = GenerationRecord::of(0, &[0.0], 0);
     store
-        .commit_generation(&id, &record, &[0, 1, 2].map(individual))
+        .commit_generation(
+            &id,
+            &record,
+            &[0, 1, 2].map(|index| ArchivedIndividual::still(index, 0)),
+            &Provenance::default(),
+        )
         .unwrap();
     (store, id)
 }

@@ -3,9 +3,11 @@
 use super::*;
 use crate::{
     labels::Action,
-    store::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, SavedTraining},
+    store::{
+        ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance, SavedTraining,
+    },
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Lineage};
+use murmuration_proto::{CampaignSpec, Lineage};
 
 /// A completed campaign of 5 individuals, begun with a checkpoint; and another checkpoint.
 fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
@@ -29,18 +31,14 @@ fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
         .create_campaign(&CampaignSpec::from_toml(&spec).unwrap(), 7)
         .unwrap();
     let individual = |index: u64| ArchivedIndividual {
-        index,
-        generation: 0,
-        controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
-        seed: 0,
-        features: [0.0; 5],
-        embedding: Vec::new(),
-        novelty: 0.0,
         image: Some(vec![index as u8; 2500]),
+        ..ArchivedIndividual::still(index, 0)
     };
     let record = GenerationRecord::of(0, &[0.0], 0);
     let individuals: Vec<_> = (0..5).map(individual).collect();
-    store.commit_generation(&id, &record, &individuals).unwrap();
+    store
+        .commit_generation(&id, &record, &individuals, &Provenance::default())
+        .unwrap();
     store.set_state(&id, CampaignState::Completed, "").unwrap();
     (folder, store, id, second)
 }

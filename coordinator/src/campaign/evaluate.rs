@@ -1,0 +1,83 @@
+//! Evaluations by the workers, with something in the place of what had to be set aside.
+
+use super::{CampaignError, live::Live};
+use crate::{
+    breeding::ProposeError,
+    dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside},
+    leases::Instance,
+};
+use murmuration_proto::{Controller, Evaluation};
+use std::collections::BTreeMap;
+
+/// Attempts at one place of a job, each with another controller or start.
+const MOST_ATTEMPTS: u64 = 5;
+
+/// What a job came to.
+#[derive(Debug)]
+pub(super) struct Done {
+    /// What was evaluated: the tasks of the job, but for those that had to be set aside.
+    pub(super) tasks: Vec<(Controller, u64)>,
+    /// One a task.
+    pub(super) evaluations: Vec<Evaluation>,
+    /// For each task, who alone says what came of it.
+    pub(super) unaudited: Vec<Option<Instance>>,
+    /// The places that were set aside, and why.
+    pub(super) set_aside: Vec<(usize, SetAside)>,
+}
+
+/// A task and its place in a job.
+pub(super) type Placed = (usize, (Controller, u64));
+
+/// Has the workers do `job`. Where a task had to be set aside, `substitute` says which tasks take its place (and those
+/// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
+pub(super) async fn evaluate(
+    dispatch: &Dispatch,
+    live: &mut Live,
+    job: EvaluationJob,
+    substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
+) -> Result<Option<Done>, CampaignError> {
+    let mut tasks = job.tasks.clone();
+    let mut results: Vec<Option<(Evaluation, Option<Instance>)>> = vec![None; tasks.len()];
+    let mut set_aside = Vec::new();
+    let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
+    for attempt in 1.. {
+        let job = EvaluationJob {
+            tasks: wanted.iter().map(|(_, task)| *task).collect(),
+            ..job
+        };
+        let Some(evaluated) = live.until_stopped(|done| dispatch.evaluate(job, done)).await else {
+            return Ok(None);
+        };
+        let mut substitutes = BTreeMap::new();
+        for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
+            match evaluated {
+                Evaluated::Done {
+                    evaluation,
+                    unaudited,
+                } => results[place] = Some((evaluation, unaudited)),
+                Evaluated::SetAside(reason) if attempt == MOST_ATTEMPTS => {
+                    return Err(JobError::SetAside(reason).into());
+                }
+                Evaluated::SetAside(reason) => {
+                    set_aside.push((place, reason));
+                    substitutes.extend(substitute(place, attempt)?);
+                }
+            }
+        }
+        for (&place, &task) in &substitutes {
+            tasks[place] = task;
+            results[place] = None;
+        }
+        wanted = substitutes.into_iter().collect();
+        if wanted.is_empty() {
+            break;
+        }
+    }
+    let (evaluations, unaudited) = results.into_iter().flatten().unzip();
+    Ok(Some(Done {
+        tasks,
+        evaluations,
+        unaudited,
+        set_aside,
+    }))
+}

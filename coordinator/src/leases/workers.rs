@@ -1,0 +1,122 @@
+//! Those who work: they come, are heard, fall silent, and go.
+
+use super::{Agree, Back, Instance, LeaseNumber, LeaseTable, WorkerId};
+use std::{
+    collections::BTreeSet,
+    time::{Duration, Instant},
+};
+
+#[derive(Debug)]
+pub(super) struct Worker {
+    pub(super) instance: Instance,
+    /// Tasks that it runs at once; 0 once it takes no more.
+    pub(super) capacity: usize,
+    pub(super) credits: usize,
+    pub(super) heard: Instant,
+    pub(super) holds: BTreeSet<LeaseNumber>,
+    /// Tasks that it has in hand.
+    pub(super) tasks: usize,
+    /// Whether it holds a task that may take it with it, and gets nothing else.
+    pub(super) alone: bool,
+}
+
+impl Worker {
+    /// Tasks in hand for each that it runs at once, in thousandths.
+    pub(super) fn load(&self) -> usize {
+        1000 * self.tasks / self.capacity.max(1)
+    }
+}
+
+impl<R: Agree> LeaseTable<R> {
+    /// A worker that runs `capacity` tasks at once came at time `now`; it has no credits yet. `None` if it was found
+    /// wrong. One that was given up for lost is not: what it held did not take it.
+    pub fn join(&mut self, instance: Instance, capacity: usize, now: Instant) -> Option<WorkerId> {
+        if self.quarantined.contains(&instance) {
+            return None;
+        }
+        for job in self.jobs.values_mut() {
+            job.acquit(instance);
+        }
+        let id = WorkerId(self.fresh_number());
+        let worker = Worker {
+            instance,
+            capacity,
+            credits: 0,
+            heard: now,
+            holds: BTreeSet::new(),
+            tasks: 0,
+            alone: false,
+        };
+        self.workers.insert(id, worker);
+        Some(id)
+    }
+
+    /// A worker gave a sign of life.
+    pub fn hear(&mut self, worker: WorkerId, now: Instant) {
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.heard = now;
+        }
+    }
+
+    /// A worker is ready for `count` further tasks.
+    pub fn add_credits(&mut self, worker: WorkerId, count: usize) {
+        if let Some(worker) = self.workers.get_mut(&worker).filter(|worker| worker.capacity > 0) {
+            worker.credits = worker.credits.saturating_add(count);
+        }
+    }
+
+    /// A worker takes no further leases; those it holds stay with it.
+    pub fn drain(&mut self, worker: WorkerId) {
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.credits = 0;
+            worker.capacity = 0;
+        }
+    }
+
+    /// A worker is gone: its leases come back undone. One that had said that it would leave was not taken by them.
+    pub fn lose(&mut self, worker: WorkerId) {
+        let leaving = self
+            .workers
+            .get(&worker)
+            .is_some_and(|worker| worker.capacity == 0);
+        self.drop_worker(worker, if leaving { Back::Returned } else { Back::Broken });
+    }
+
+    pub(super) fn drop_worker(&mut self, worker: WorkerId, how: Back) {
+        let holds = self.workers.get(&worker).map(|worker| worker.holds.clone());
+        for lease in holds.unwrap_or_default() {
+            self.come_back(lease, how);
+        }
+        self.workers.remove(&worker);
+    }
+
+    /// Workers that have been silent for longer than `limit`. Whoever asks must [`lose`](Self::lose) them.
+    pub fn silent(&self, now: Instant, limit: Duration) -> Vec<WorkerId> {
+        let silent = |worker: &Worker| now.saturating_duration_since(worker.heard) > limit;
+        self.workers
+            .iter()
+            .filter(|(_, worker)| silent(worker))
+            .map(|(&id, _)| id)
+            .collect()
+    }
+
+    /// Number of workers that take work.
+    #[must_use]
+    pub fn workers(&self) -> usize {
+        self.workers.values().filter(|worker| worker.capacity > 0).count()
+    }
+
+    /// The process at the other end of a connection.
+    #[must_use]
+    pub fn instance(&self, worker: WorkerId) -> Option<Instance> {
+        self.workers.get(&worker).map(|worker| worker.instance)
+    }
+
+    pub(super) fn of_instance(&self, instance: Instance) -> Vec<WorkerId> {
+        let of = self
+            .workers
+            .iter()
+            .filter(|(_, worker)| worker.instance == instance);
+        of.map(|(&id, _)| id).collect()
+    }
+}

@@ -1,0 +1,59 @@
+//! The campaigns that are disturbed, and what they come to where nothing disturbs them.
+
+use murmuration_proto::CampaignSpec;
+use murmuration_tests::Murmuration;
+use std::{collections::BTreeMap, fs, sync::Mutex};
+
+/// A hand-crafted campaign of so many generations of ten.
+pub fn campaign(generations: u32, horizon: u32) -> CampaignSpec {
+    let text = format!(
+        "name = \"disturbed\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nseed = 7\n\
+         [world]\nhorizon = {horizon}\n[search]\npopulation = 10\ngenerations = {generations}\n[taxonomy]\nmedoids = 4\n"
+    );
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
+/// A campaign on a learned embedding, trained for so many epochs.
+pub fn latent(epochs: u32) -> CampaignSpec {
+    let text = format!(
+        "name = \"disturbed\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\nseed = 7\n\
+         [dataset]\ncontrollers = 200\n[training.recipe.in-batch]\nbatch = 50\nepochs = {epochs}\n\
+         [world]\nhorizon = 200\n[search]\npopulation = 10\ngenerations = 3\n[taxonomy]\nmedoids = 4\n"
+    );
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
+/// Digests of undisturbed runs, made by `murmuration run` when they are first asked for.
+pub struct Undisturbed(Mutex<BTreeMap<String, String>>);
+
+impl Undisturbed {
+    pub fn new() -> Self {
+        Self(Mutex::default())
+    }
+
+    pub fn digest(&self, spec: &CampaignSpec) -> String {
+        let text = spec.to_toml();
+        let mut known = self.0.lock().unwrap();
+        let digest = known.entry(text.clone()).or_insert_with(|| {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("spec.toml");
+            fs::write(&file, text).unwrap();
+            let murmuration = Murmuration::over(&folder.path().join("data"));
+            let run = murmuration.run(&["run", &file.display().to_string()]);
+            assert_eq!(run.code, Some(0), "{}", run.stderr);
+            let digest = murmuration.run(&["digest", "latest", "--json"]).last_line();
+            digest["digest"].as_str().unwrap().to_owned()
+        });
+        digest.clone()
+    }
+
+    /// The one way in which a scenario ends well.
+    pub fn check(&self, spec: &CampaignSpec, digest: &str) -> String {
+        assert_eq!(
+            digest,
+            self.digest(spec),
+            "the digest differs from the undisturbed run"
+        );
+        format!("digest {} as undisturbed", &digest[..8])
+    }
+}

@@ -1,0 +1,76 @@
+//! What was done, and what was found.
+
+use std::{
+    fmt, fs,
+    panic::{AssertUnwindSafe, catch_unwind},
+    path::Path,
+    time::{Duration, Instant},
+};
+
+/// One fault, as it was fired and survived.
+pub struct Row {
+    /// What was done, with numbers.
+    pub done: String,
+    /// What was found.
+    pub found: String,
+}
+
+/// Rows, and how long each took.
+pub struct Table {
+    seed: u64,
+    rows: Vec<(&'static str, Result<Row, String>, Duration)>,
+}
+
+impl Table {
+    pub fn new(seed: u64) -> Self {
+        Self {
+            seed,
+            rows: Vec::new(),
+        }
+    }
+
+    /// Runs a scenario; a panic is what it found.
+    pub fn run(&mut self, name: &'static str, scenario: impl FnOnce() -> Row) {
+        let begun = Instant::now();
+        let row = catch_unwind(AssertUnwindSafe(scenario)).map_err(|panic| {
+            let text = panic.downcast_ref::<String>().cloned();
+            text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
+                .unwrap_or_default()
+        });
+        self.rows.push((name, row, begun.elapsed()));
+    }
+
+    pub fn all_held(&self) -> bool {
+        self.rows.iter().all(|(_, row, _)| row.is_ok())
+    }
+
+    /// Puts the table where `docs/reliability.md` has it.
+    pub fn publish(&self) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reliability.md");
+        let page = fs::read_to_string(&path).unwrap();
+        let (begin, end) = ("<!-- table -->\n", "<!-- end of table -->");
+        let (before, rest) = page.split_once(begin).unwrap();
+        let (_, after) = rest.split_once(end).unwrap();
+        fs::write(&path, format!("{before}{begin}{self}\n{end}{after}")).unwrap();
+    }
+}
+
+impl fmt::Display for Table {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "Seed {}.\n", self.seed)?;
+        writeln!(f, "| fault | what was done | what was found | seconds |")?;
+        writeln!(f, "|---|---|---|---|")?;
+        for (name, row, took) in &self.rows {
+            let seconds = took.as_secs();
+            match row {
+                Ok(Row { done, found }) => writeln!(f, "| {name} | {done} | {found} | {seconds} |")?,
+                Err(panic) => writeln!(
+                    f,
+                    "| {name} | | **FAILED**: {} | {seconds} |",
+                    panic.replace('\n', " ")
+                )?,
+            }
+        }
+        Ok(())
+    }
+}

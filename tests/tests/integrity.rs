@@ -1,0 +1,192 @@
+//! Workers that compute wrongly, and work that kills workers: found out, and nothing that others see is different.
+
+use murmuration_coordinator::dispatch::{Options, Share};
+use murmuration_link::Credentials;
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::{Cluster, Impostor, quick_dispatch, small_spec};
+use std::{num::NonZeroUsize, path::Path, time::Duration};
+use tokio::{sync::watch, task::JoinHandle};
+use tonic::Code;
+
+/// A process that all connections of the liar are of.
+const LIAR: u64 = 42;
+
+fn audited(share: &str) -> Options {
+    Options {
+        audited: share.parse::<Share>().unwrap(),
+        ..quick_dispatch()
+    }
+}
+
+/// What no swarm does, in a form that any could have.
+fn lie() -> v1::Evaluation {
+    v1::Evaluation {
+        features: vec![0.123; 5],
+        image: vec![7; 2500],
+        embedding: Vec::new(),
+    }
+}
+
+/// A worker that keeps to the rules, until it is told to stop.
+fn honest(cluster: &Cluster, cache: &Path) -> (watch::Sender<bool>, JoinHandle<()>) {
+    let options = murmuration_worker::client::Options {
+        coordinator: cluster.url(),
+        credentials: Credentials::default(),
+        name: "honest".to_owned(),
+        threads: NonZeroUsize::MIN,
+        cache: cache.to_owned(),
+    };
+    let (stop, stopped) = watch::channel(false);
+    let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };
+    (stop, tokio::spawn(work))
+}
+
+/// A campaign of forty generations.
+fn longer() -> CampaignSpec {
+    let text = small_spec("").to_toml();
+    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 40")).unwrap()
+}
+
+/// The digest of the campaign that the tests disturb, undisturbed.
+async fn undisturbed(spec: &CampaignSpec) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let digest = cluster.run(spec).await;
+    cluster.stop().await;
+    digest
+}
+
+fn notices(status: &v1::Campaign) -> String {
+    let texts: Vec<_> = status.notices.iter().map(|notice| notice.text.as_str()).collect();
+    texts.join("\n")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = Options {
+        // Time for the second honest worker to come.
+        silence_limit: Duration::from_secs(20),
+        ..audited("1")
+    };
+    let mut cluster = Cluster::start_with(folder.path(), 0, options).await;
+    // Long enough for the liar to get work beside the others.
+    let spec = longer();
+    let campaign = cluster.create(&spec).await;
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let (lease, batch) = liar.lease(5).await;
+    // While it is the only one, nobody could contradict it.
+    let workers = [(); 2].map(|()| honest(&cluster, folder.path()));
+    while cluster.status(&campaign).await.workers < 3 {
+        tokio::task::yield_now().await;
+    }
+    liar.answer(lease, lie(), batch.tasks.len()).await;
+    let (_, status) = liar.answer_all(&lie()).await;
+    assert_eq!(status.code(), Code::FailedPrecondition);
+    assert!(status.message().contains("quarantined"), "{status}");
+    let again = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap_err();
+    assert!(again.message().contains("quarantined"), "{again}");
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
+    for (stop, worker) in workers {
+        stop.send_replace(true);
+        worker.await.unwrap();
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut answered = 0;
+    while answered < 20 {
+        let (lease, batch) = liar.lease(20).await;
+        liar.answer(lease, lie(), batch.tasks.len()).await;
+        answered += batch.tasks.len();
+    }
+    // Nobody has noticed: the next generation is bred from lies.
+    let (lease, batch) = liar.lease(20).await;
+    assert_eq!(cluster.status(&campaign).await.generations_done, 1);
+    let impossible = v1::Evaluation {
+        features: vec![f64::NAN; 5],
+        ..lie()
+    };
+    liar.answer(lease, impossible, batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let (stop, worker) = honest(&cluster, folder.path());
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let said = notices(&last);
+    assert!(
+        said.contains("individual 0 differs, the generations from 0 on"),
+        "{said}"
+    );
+    assert_eq!(
+        cluster.digest(&campaign).await,
+        undisturbed(&small_spec("")).await
+    );
+    stop.send_replace(true);
+    worker.await.unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("1")).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let url = cluster.url();
+    let (mut first, mut second) = (Impostor::connect(&url).await, Impostor::connect(&url).await);
+    let (lease, batch) = first.lease(1).await;
+    first.answer(lease, lie(), batch.tasks.len()).await;
+    // What it says is heard in order: once it has another, it was heard.
+    first.lease(1).await;
+    let (lease, same) = second.lease(1).await;
+    assert_eq!(batch, same, "an audit comes first");
+    let other = v1::Evaluation {
+        features: vec![0.5; 5],
+        ..lie()
+    };
+    second.answer(lease, other, same.tasks.len()).await;
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Failed);
+    assert!(last.error.contains("disagree about task 0"), "{}", last.error);
+    assert!(last.error.contains("impostor and impostor"), "{}", last.error);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_takes_three_workers_is_set_aside_and_the_campaign_goes_on() {
+    let spec = small_spec("");
+    let mut digests = Vec::new();
+    for _ in 0..2 {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), 0).await;
+        let campaign = cluster.create(&spec).await;
+        for (victim, expected) in [(1, 5), (2, 1), (3, 1)] {
+            let mut victim = Impostor::connect_as(&cluster.url(), victim).await.unwrap();
+            let (_, batch) = victim.lease(5).await;
+            assert_eq!(batch.tasks.len(), expected, "after the first, it goes out alone");
+            drop(victim);
+            while cluster.status(&campaign).await.workers > 0 {
+                tokio::task::yield_now().await;
+            }
+        }
+        let (stop, worker) = honest(&cluster, folder.path());
+        let last = cluster.finish(&campaign).await;
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        let said = notices(&last);
+        assert!(said.contains("individual 0 was set aside"), "{said}");
+        assert!(said.contains("impostor, impostor, impostor"), "{said}");
+        digests.push(cluster.digest(&campaign).await);
+        stop.send_replace(true);
+        worker.await.unwrap();
+        cluster.stop().await;
+    }
+    assert_eq!(digests[0], digests[1], "what takes its place is always the same");
+    assert_ne!(digests[0], undisturbed(&small_spec("")).await);
+}
