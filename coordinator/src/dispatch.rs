@@ -14,6 +14,7 @@ pub use trainers::Trainers;
 
 use crate::{
     leases::{Instance, LeaseNumber, WorkerId},
+    metrics::DispatchMetrics,
     store::SavedTraining,
 };
 use job::{Output, Work};
@@ -201,11 +202,11 @@ enum Request {
 impl Dispatch {
     /// Starts a dispatcher on the current runtime.
     #[must_use]
-    pub fn start(options: Options) -> Self {
+    pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
         let (count, workers) = watch::channel(0);
         let (wrong, quarantined) = watch::channel(Vec::new());
-        tokio::spawn(Service::new(options, count, wrong).run(inbox));
+        tokio::spawn(Service::new(options, count, wrong, metrics).run(inbox));
         Self {
             commands,
             workers,

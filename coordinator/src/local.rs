@@ -1,6 +1,7 @@
 //! A whole cluster in one process: a coordinator, its workers and trainers, over loopback gRPC all the same.
 
 use crate::server::{Coordinator, Options, ServerError};
+use murmuration_link::Health;
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
 use std::{fmt::Display, num::NonZeroUsize};
@@ -47,6 +48,7 @@ impl LocalCluster {
                 coordinator: way.url.clone(),
                 credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
+                health: Health::new(),
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
             };
@@ -57,6 +59,7 @@ impl LocalCluster {
                 coordinator: way.url.clone(),
                 credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
+                health: Health::new(),
             };
             spawn(trainer::run(options, stopped.clone()))
         };

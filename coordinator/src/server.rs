@@ -12,6 +12,8 @@ use crate::{
     dispatch::{self, Dispatch, Trainers},
     limits,
     maps::Maps,
+    metrics::{Metrics, Party},
+    probes::{Probes, Readiness},
     queries::Queries,
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
@@ -29,7 +31,7 @@ use murmuration_proto::{
 };
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
-use tonic::service::Routes;
+use tonic::{server::NamedService as _, service::Routes};
 
 /// How long a clean end may wait for open streams.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(5);
@@ -86,6 +88,7 @@ pub struct Coordinator {
     campaigns: Campaigns,
     dispatch: Dispatch,
     trainers: Trainers,
+    readiness: Readiness,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
@@ -102,17 +105,22 @@ impl Coordinator {
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
-        let dispatch = Dispatch::start(options.dispatch);
-        let trainers = Trainers::start(options.dispatch);
+        let metrics = Metrics::new();
+        let dispatch = Dispatch::start(options.dispatch, metrics.dispatch(Party::Worker));
+        let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
         let queries = Queries::new(store.clone());
         let annotator = SyntheticAnnotator {
             store: store.clone(),
             queries: queries.clone(),
             dispatch: dispatch.clone(),
         };
-        let campaigns = Campaigns::new(trainers.clone(), checkpoints.clone(), annotator.clone());
+        let campaigns = Campaigns::new(
+            trainers.clone(),
+            checkpoints.clone(),
+            annotator.clone(),
+            metrics.clone(),
+        );
 
-        let (health_reporter, health) = tonic_health::server::health_reporter();
         let reflection = tonic_reflection::server::Builder::configure()
             .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
@@ -136,36 +144,36 @@ impl Coordinator {
             archive: campaign_api.clone(),
             labels: label_api.clone(),
         };
+        let readiness = Readiness::default();
+        let names = [
+            CampaignServiceServer::<CampaignApi>::NAME,
+            WorkerServiceServer::<WorkerApi>::NAME,
+            TrainerServiceServer::<TrainerApi>::NAME,
+            CheckpointServiceServer::<CheckpointApi>::NAME,
+            LabelServiceServer::<LabelApi>::NAME,
+        ];
+        let health = readiness.service(&names).await;
+        let probes = Probes {
+            readiness: readiness.clone(),
+            metrics,
+            campaigns: campaigns.clone(),
+            store: store.clone(),
+        };
         let campaign_service =
             CampaignServiceServer::new(campaign_api).max_decoding_message_size(limits::MAX_MESSAGE);
         let worker_service = WorkerServiceServer::new(WorkerApi {
             dispatch: dispatch.clone(),
         })
         .max_decoding_message_size(limits::MAX_WORKER_MESSAGE);
-        health_reporter
-            .set_serving::<CampaignServiceServer<CampaignApi>>()
-            .await;
         let checkpoint_service = CheckpointServiceServer::new(CheckpointApi { checkpoints })
             .max_decoding_message_size(limits::MAX_MESSAGE);
-        health_reporter
-            .set_serving::<CheckpointServiceServer<CheckpointApi>>()
-            .await;
-        health_reporter
-            .set_serving::<WorkerServiceServer<WorkerApi>>()
-            .await;
         let label_service =
             LabelServiceServer::new(label_api).max_decoding_message_size(limits::MAX_LABEL_MESSAGE);
-        health_reporter
-            .set_serving::<LabelServiceServer<LabelApi>>()
-            .await;
         let trainer_service = TrainerServiceServer::new(TrainerApi {
             trainers: trainers.clone(),
             store,
         })
         .max_decoding_message_size(limits::MAX_MESSAGE);
-        health_reporter
-            .set_serving::<TrainerServiceServer<TrainerApi>>()
-            .await;
 
         let services = Routes::new(campaign_service)
             .add_service(worker_service)
@@ -178,6 +186,7 @@ impl Coordinator {
         let served = Served {
             services,
             web,
+            probes,
             places: Places::of_this_process(),
             stopped,
         };
@@ -186,6 +195,7 @@ impl Coordinator {
         if options.resume {
             campaigns.resume_interrupted().await?;
         }
+        readiness.set(true).await;
         Ok(Self {
             address,
             is_encrypted: options.entrance.tls().is_some(),
@@ -193,6 +203,7 @@ impl Coordinator {
             campaigns,
             dispatch,
             trainers,
+            readiness,
             stop,
             servers,
             _data: options.data,
@@ -219,6 +230,7 @@ impl Coordinator {
 
     /// Stops the searches between two commits; running campaigns stay running in the store.
     pub async fn stop_searches(&self) {
+        self.readiness.set(false).await;
         self.campaigns.stop().await;
     }
 

@@ -80,6 +80,7 @@ impl SyntheticAnnotator {
             blocking(move || store.individual(&id, model, index)).await??;
         let world: World = *record.spec.world();
         let job = ReplayJob {
+            campaign: record.id.clone(),
             controller,
             world,
             seed,

@@ -17,6 +17,7 @@ mod evaluation;
 mod feedback;
 mod image_format;
 mod invalid;
+mod lease_id;
 mod method;
 pub mod onnx;
 mod random;
@@ -39,6 +40,7 @@ pub use evaluation::{Evaluation, FEATURE_NAMES, Features, check_embedding, same_
 pub use feedback::{Feedback, Strategy};
 pub use image_format::ImageFormat;
 pub use invalid::Invalid;
+pub use lease_id::REQUEST_ID;
 pub use method::Method;
 pub use random::{Purpose, Stream};
 pub use replay::{Pose, Replay};

@@ -125,6 +125,14 @@ impl Running {
         Self::helper(command, url)
     }
 
+    /// As [`Running::worker`]; it answers for its health at this address.
+    #[must_use]
+    pub fn worker_with_health(url: &str, health: &str) -> Self {
+        let mut command = Command::new(binary("murmuration-worker"));
+        command.args(["--threads", "1", "--health", health]);
+        Self::helper(command, url)
+    }
+
     /// Starts a trainer process for the coordinator at `url`.
     #[must_use]
     pub fn trainer(url: &str) -> Self {

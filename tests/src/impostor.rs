@@ -108,6 +108,7 @@ impl Impostor {
             Some(Answer::Lease(v1::Lease {
                 id: Some(id),
                 work: Some(v1::lease::Work::Evaluations(batch)),
+                ..
             })) => (id, batch),
             other => panic!("not a lease: {other:?}"),
         }

@@ -35,6 +35,7 @@ fn honest(cluster: &Cluster, cache: &Path) -> (watch::Sender<bool>, JoinHandle<(
         name: "honest".to_owned(),
         threads: NonZeroUsize::MIN,
         cache: cache.to_owned(),
+        health: murmuration_link::Health::default(),
     };
     let (stop, stopped) = watch::channel(false);
     let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };

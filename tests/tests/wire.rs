@@ -1,6 +1,6 @@
 //! What comes over the wire from strangers: refused at the edge, with words, and nothing is lost.
 
-use murmuration_link::Credentials;
+use murmuration_link::{Credentials, Health, READY};
 use murmuration_proto::{
     SIMULATOR_VERSION,
     v1::{self, coordinator_message::Message as Answer, worker_message::Message},
@@ -31,6 +31,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
         coordinator: cluster.url(),
         credentials: Credentials::default(),
         name: "honest".to_owned(),
+        health: Health::new(),
         threads: std::num::NonZeroUsize::MIN,
         cache: folder.path().join("cache"),
     };
@@ -242,6 +243,7 @@ async fn health_and_reflection_answer_any_client() {
         "",
         "murmuration.v1.CampaignService",
         "murmuration.v1.WorkerService",
+        READY,
     ] {
         let request = HealthCheckRequest {
             service: service.to_owned(),

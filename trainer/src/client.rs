@@ -9,7 +9,7 @@ mod job;
 mod task;
 
 use job::{Event, Running};
-use murmuration_link::{Address, Broken, Coordinator, Credentials, Link, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Coordinator, Credentials, Health, Link, Party, Role, keep, stopped};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
@@ -29,6 +29,8 @@ pub struct Options {
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
+    /// Told whether it is connected.
+    pub health: Health,
 }
 
 /// Trains, in rayon's global pool, until `stop` becomes true: then it ends the epoch, hands the training back as a
@@ -48,7 +50,7 @@ pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), Tr
         coordinator: address.channel(),
         turn: Arc::default(),
     };
-    keep(&address, &mut trainer, stop).await
+    keep(&address, &options.health, &mut trainer, stop).await
 }
 
 struct Trainer {
@@ -78,7 +80,7 @@ impl Party for Trainer {
                     }
                     coordinator_message::Message::Withdrawal(withdrawal) => {
                         if let Some(dropped) = running.take_if(|running| withdrawal.lease == Some(running.lease)) {
-                            tracing::info!(lease = dropped.lease.number, "withdrawn");
+                            tracing::info!(lease = %dropped.lease, "withdrawn");
                             drop(dropped);
                             ask(&link).await?;
                         }
@@ -122,7 +124,7 @@ impl Trainer {
         let id = lease.id.unwrap_or_default();
         match Task::try_from(lease) {
             Ok(task) => {
-                tracing::info!(campaign = task.campaign, lease = id.number, "training");
+                tracing::info!(campaign = task.campaign, lease = %id, "training");
                 let (coordinator, turn) = (self.coordinator.clone(), self.turn.clone());
                 Ok(Some(Running::start(id, task, coordinator, turn, stop.clone())))
             }

@@ -1,9 +1,9 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::{Credentials, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
 use murmuration_trainer::client::{self, Options};
-use std::{num::NonZeroUsize, process::ExitCode};
+use std::{net::SocketAddr, num::NonZeroUsize, process::ExitCode};
 
 /// Trains embedders for a Murmuration coordinator.
 ///
@@ -29,6 +29,9 @@ struct Arguments {
     /// Threads that compute; they change no bit of what is trained [default: number of cores]
     #[arg(long, env = "MURMURATION_THREADS")]
     threads: Option<NonZeroUsize>,
+    /// Answer gRPC's health service at this address, such as 127.0.0.1:7701 (`murmuration health` asks it)
+    #[arg(long, env = "MURMURATION_HEALTH", value_name = "ADDRESS")]
+    health: Option<SocketAddr>,
 }
 
 #[tokio::main(flavor = "current_thread")]
@@ -51,10 +54,18 @@ async fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    let health = Health::new();
     let options = Options {
         coordinator: arguments.coordinator,
         credentials,
         name: arguments.name,
+        health: health.clone(),
     };
-    until_terminated("leaving after this epoch", |stop| client::run(options, stop)).await
+    until_terminated("leaving after this epoch", |stop| async move {
+        if let Some(listen) = arguments.health {
+            health.serve(listen).await?;
+        }
+        client::run(options, stop).await
+    })
+    .await
 }

@@ -41,7 +41,6 @@ fn pictures() -> Arc<Pictures> {
 
 fn task(configuration: &str) -> v1::TrainingTask {
     v1::TrainingTask {
-        campaign: "campaign-1".to_owned(),
         configuration: configuration.to_owned(),
         side: SIDE as u32,
         views: VIEWS as u32,

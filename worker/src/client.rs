@@ -11,7 +11,7 @@ mod tests;
 
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
-use murmuration_link::{Address, Broken, Credentials, Link, LinkError, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Party, Role, keep, stopped};
 use murmuration_proto::v1::{self, coordinator_message, worker_message};
 use pool::Pool;
 use std::{num::NonZeroUsize, path::PathBuf};
@@ -26,6 +26,8 @@ pub struct Options {
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
+    /// Told whether it is connected.
+    pub health: Health,
     /// Evaluations at once, one a thread; at most 4,096.
     pub threads: NonZeroUsize,
     /// Folder for checkpoints, up to 1 GiB of them, made when it is first needed. Workers may share one.
@@ -59,7 +61,7 @@ pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), Wo
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,
     };
-    Ok(keep(&address, &mut worker, stop).await?)
+    Ok(keep(&address, &options.health, &mut worker, stop).await?)
 }
 
 struct Worker {

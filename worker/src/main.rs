@@ -2,9 +2,9 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{Credentials, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
 use murmuration_worker::client::{self, Options};
-use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
+use std::{net::SocketAddr, num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 
 /// Evaluates controllers for a Murmuration coordinator, and embeds their pictures.
 ///
@@ -33,6 +33,9 @@ struct Arguments {
     /// Folder for checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
+    /// Answer gRPC's health service at this address, such as 127.0.0.1:7701 (`murmuration health` asks it)
+    #[arg(long, env = "MURMURATION_HEALTH", value_name = "ADDRESS")]
+    health: Option<SocketAddr>,
 }
 
 #[tokio::main(flavor = "current_thread")]
@@ -47,12 +50,20 @@ async fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
+    let health = Health::new();
     let options = Options {
         coordinator: arguments.coordinator,
         credentials,
         name: arguments.name,
+        health: health.clone(),
         threads: arguments.threads.unwrap_or(cores),
         cache: arguments.cache.unwrap_or_else(checkpoint_folder),
     };
-    until_terminated("leaving", |stop| client::run(options, stop)).await
+    until_terminated("leaving", |stop| async move {
+        if let Some(listen) = arguments.health {
+            health.serve(listen).await?;
+        }
+        client::run(options, stop).await
+    })
+    .await
 }

@@ -100,12 +100,15 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
     ),
 ];
 
-/// Pages: route, what looking at it needs, what posting to it needs.
-const PAGES: [(&str, Option<Need>, Option<Need>); 26] = [
+/// Pages, and what machines ask: route, what looking at it needs, what posting to it needs.
+const PAGES: [(&str, Option<Need>, Option<Need>); 29] = [
     ("/", Some(Person(Viewer)), Some(Person(Operator))),
     ("/login", Some(Nothing), Some(Nothing)),
     ("/logout", None, Some(Nothing)),
     ("/assets/{name}", Some(Nothing), None),
+    ("/healthz", Some(Nothing), None),
+    ("/readyz", Some(Nothing), None),
+    ("/metrics", Some(Person(Viewer)), None),
     ("/events", Some(Person(Viewer)), None),
     ("/campaigns/{id}", Some(Person(Viewer)), None),
     ("/campaigns/{id}/events", Some(Person(Viewer)), None),
@@ -188,8 +191,10 @@ mod tests {
 
     /// Every page, as the router has it: route, whether it is looked at, whether it is posted to.
     fn pages() -> Vec<(&'static str, bool, bool)> {
-        let source = include_str!("../web/mod.rs");
-        let routes = source.split(".route(").skip(1);
+        let sources = [include_str!("../web/mod.rs"), include_str!("../probes.rs")];
+        let routes = sources
+            .into_iter()
+            .flat_map(|source| source.split(".route(").skip(1));
         routes
             .map(|route| {
                 let route = route.trim_start();

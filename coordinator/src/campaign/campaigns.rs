@@ -8,6 +8,7 @@ use super::{
 use crate::{
     checkpoints::Checkpoints,
     dispatch::Trainers,
+    metrics::Metrics,
     store::{CampaignRecord, Notice, StoreError},
     synthetic::SyntheticAnnotator,
 };
@@ -21,6 +22,7 @@ use tokio::{
     sync::{Mutex, watch},
     task::JoinHandle,
 };
+use tracing::Instrument as _;
 
 /// A campaign as it stands: what is on disk, and what is happening.
 #[derive(Debug, Clone)]
@@ -67,13 +69,19 @@ pub(super) struct AtWork {
 impl Campaigns {
     /// A registry over a store, with nothing at work.
     #[must_use]
-    pub fn new(trainers: Trainers, checkpoints: Checkpoints, annotator: SyntheticAnnotator) -> Self {
+    pub fn new(
+        trainers: Trainers,
+        checkpoints: Checkpoints,
+        annotator: SyntheticAnnotator,
+        metrics: Metrics,
+    ) -> Self {
         let means = Means {
             store: annotator.store.clone(),
             dispatch: annotator.dispatch.clone(),
             trainers,
             checkpoints,
             annotator,
+            metrics,
         };
         Self {
             means,
@@ -99,6 +107,7 @@ impl Campaigns {
         })
         .await??;
         let id = record.id.clone();
+        tracing::info!(campaign = %id, "created");
         self.start(&mut *self.at_work.lock().await, record)?;
         self.status(id.as_str()).await
     }
@@ -166,6 +175,7 @@ impl Campaigns {
             self.start(&mut at_work, record)?;
         }
         drop(at_work);
+        tracing::info!(campaign = %id, change = change.name(), "changed");
         self.status(id.as_str()).await
     }
 
@@ -261,7 +271,10 @@ impl Campaigns {
         let (stop, stopped) = watch::channel(false);
         let (sender, progress) = watch::channel(Progress::default());
         let live = Live::new(sender, stopped);
-        let task = tokio::spawn(run::run(self.means.clone(), record.id.clone(), live));
+        // Of nobody's request: it goes on after the one that started it, and says itself whose it is.
+        let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
+        let task = run::run(self.means.clone(), record.id.clone(), live).instrument(span);
+        let task = tokio::spawn(task);
         at_work.insert(record.id, AtWork { stop, progress, task });
         Ok(())
     }

@@ -38,6 +38,7 @@ pub(super) async fn collect(
         let chunk = next..u64::from(dataset.controllers()).min(next + CHUNK);
         let tasks = tasks(&spec, &dataset, chunk.clone())?;
         let job = EvaluationJob {
+            campaign: id.clone(),
             model: spec.model(),
             world: *spec.world(),
             image: *spec.image(),

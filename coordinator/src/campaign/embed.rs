@@ -44,7 +44,11 @@ pub(super) async fn embed(
             .into_iter()
             .map(|individual| individual.image.unwrap_or_default())
             .collect();
-        let job = EmbeddingJob { embedder, images };
+        let job = EmbeddingJob {
+            campaign: id.clone(),
+            embedder,
+            images,
+        };
         let Some(embeddings) = live.until_stopped(|done| means.dispatch.embed(job, done)).await else {
             return Ok(Outcome::Stopped);
         };

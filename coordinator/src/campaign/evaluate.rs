@@ -42,6 +42,7 @@ pub(super) async fn evaluate(
     let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
     for attempt in 1.. {
         let job = EvaluationJob {
+            campaign: job.campaign.clone(),
             tasks: wanted.iter().map(|(_, task)| *task).collect(),
             ..job
         };

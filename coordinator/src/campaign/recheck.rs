@@ -106,6 +106,7 @@ impl Recheck {
         .await??;
         let tasks: Vec<_> = archived.iter().map(|old| (old.controller, old.seed)).collect();
         let job = EvaluationJob {
+            campaign: self.id.clone(),
             model: self.spec.model(),
             world: *self.spec.world(),
             image: *self.spec.image(),

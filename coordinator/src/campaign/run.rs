@@ -7,6 +7,7 @@ use super::{
 use crate::{
     checkpoints::Checkpoints,
     dispatch::{Dispatch, JobError, Trainers},
+    metrics::Metrics,
     store::{CampaignRecord, Store},
     synthetic::SyntheticAnnotator,
 };
@@ -19,6 +20,7 @@ pub(super) struct Means {
     pub(super) trainers: Trainers,
     pub(super) checkpoints: Checkpoints,
     pub(super) annotator: SyntheticAnnotator,
+    pub(super) metrics: Metrics,
 }
 
 /// How a stage ended.

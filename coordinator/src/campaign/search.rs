@@ -11,11 +11,12 @@ use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
     dispatch::{Embedder, EvaluationJob},
     medoids,
+    metrics::Metrics,
     novelty::{self, Behaviours},
     store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Provenance, Store, StoreError},
 };
 use murmuration_proto::{CampaignSpec, Method, Purpose, Stream};
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 /// Individuals read from the store at a time.
 const CHUNK: u64 = 4096;
@@ -23,6 +24,7 @@ const CHUNK: u64 = 4096;
 /// A campaign's search between two generations: a function of its specification, its embedder and its archive.
 struct Search {
     store: Store,
+    metrics: Metrics,
     id: CampaignId,
     spec: Arc<CampaignSpec>,
     embedder: Option<Embedder>,
@@ -58,6 +60,7 @@ pub(super) async fn evolve(
         search = unchanged;
         let proposal = proposal?;
         let job = EvaluationJob {
+            campaign: search.id.clone(),
             model: search.spec.model(),
             world: *search.spec.world(),
             image: *search.spec.image(),
@@ -102,13 +105,14 @@ async fn restore(means: &Means, record: CampaignRecord) -> Result<Search, Campai
         ),
         None => None,
     };
-    let store = means.store.clone();
-    blocking(move || Search::restore(store, record, embedder)).await?
+    let (store, metrics) = (means.store.clone(), means.metrics.clone());
+    blocking(move || Search::restore(store, metrics, record, embedder)).await?
 }
 
 impl Search {
     fn restore(
         store: Store,
+        metrics: Metrics,
         record: CampaignRecord,
         embedder: Option<Embedder>,
     ) -> Result<Self, CampaignError> {
@@ -120,6 +124,7 @@ impl Search {
             parents: Vec::new(),
             next_generation: record.generations_done,
             store,
+            metrics,
             id: record.id,
             spec: Arc::new(record.spec),
             embedder,
@@ -213,8 +218,10 @@ impl Search {
                 },
             )
             .collect();
+        let begun = Instant::now();
         self.store
             .commit_generation(&self.id, &record, &individuals, &provenance)?;
+        self.metrics.generation_committed(begun.elapsed());
         let parent = |(controller, novelty)| Parent { controller, novelty };
         let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
         self.parents = controllers.zip(novelty).map(parent).collect();

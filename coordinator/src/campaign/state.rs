@@ -83,7 +83,7 @@ impl Change {
 }
 
 impl CampaignState {
-    const ALL: [Self; 5] = [
+    pub(crate) const ALL: [Self; 5] = [
         Self::Running,
         Self::Paused,
         Self::Completed,

@@ -88,7 +88,8 @@ impl Connection {
     }
 }
 
-async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
+/// A connection to a coordinator's URL.
+pub(super) async fn connect(url: &str, credentials: &Credentials) -> Result<Coordinator, CliError> {
     let endpoint = credentials.endpoint(url)?.connect_timeout(Duration::from_secs(5));
     let channel = endpoint.connect().await;
     let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;

@@ -12,6 +12,7 @@ mod controller;
 mod error;
 mod filter;
 mod follow;
+mod health;
 mod json;
 mod judge;
 mod labels;
@@ -131,6 +132,8 @@ enum Command {
     Accuracy(accuracy::AccuracyCommand),
     /// Measure how well the rule-based judge agrees with classes that people gave
     Judge(judge::JudgeCommand),
+    /// Ask whether a coordinator, worker or trainer is there and ready, for container engines and scripts
+    Health(health::Health),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -186,6 +189,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Agreement(agreement) => agreement.execute(&global).await,
         Command::Accuracy(accuracy) => accuracy.execute(&global).await,
         Command::Judge(judge) => judge.execute(&global),
+        Command::Health(health) => health.execute(&global).await,
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

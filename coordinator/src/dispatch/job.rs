@@ -3,6 +3,7 @@
 use crate::{
     campaign::CampaignId,
     leases::{Agree, Instance, Terms},
+    metrics::WorkKind,
     store::{SavedTraining, TrainingPictures},
 };
 use murmuration_proto::{
@@ -18,6 +19,8 @@ const EMBEDDING_EFFORT: u64 = 1300;
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
+    /// Whose they are.
+    pub campaign: CampaignId,
     /// The capability model of every controller.
     pub model: CapabilityModel,
     /// The arena.
@@ -42,6 +45,8 @@ pub struct Embedder {
 /// Stored pictures to embed.
 #[derive(Debug, Clone)]
 pub struct EmbeddingJob {
+    /// Whose they are.
+    pub campaign: CampaignId,
     /// What embeds them.
     pub embedder: Embedder,
     /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
@@ -79,6 +84,8 @@ pub struct Lesson {
 /// One simulation to watch.
 #[derive(Debug, Clone)]
 pub struct ReplayJob {
+    /// Of whose archive it is.
+    pub campaign: CampaignId,
     /// The controller.
     pub controller: Controller,
     /// The arena.
@@ -228,6 +235,25 @@ impl Work {
         }
     }
 
+    /// The campaign that it is for.
+    pub(super) fn campaign(&self) -> &CampaignId {
+        match self {
+            Self::Evaluations(job) => &job.campaign,
+            Self::Embeddings(job) => &job.campaign,
+            Self::Replay(job) => &job.campaign,
+            Self::Training(job) => &job.campaign,
+        }
+    }
+
+    pub(super) const fn kind(&self) -> WorkKind {
+        match self {
+            Self::Evaluations(_) => WorkKind::Evaluation,
+            Self::Embeddings(_) => WorkKind::Embedding,
+            Self::Replay(_) => WorkKind::Replay,
+            Self::Training(_) => WorkKind::Training,
+        }
+    }
+
     /// The tasks at these places, as they travel.
     pub(super) fn batch(&self, tasks: &[usize]) -> v1::lease::Work {
         let task = |controller: &Controller, seed| v1::EvaluationTask {
@@ -254,7 +280,6 @@ impl Work {
                 images: tasks.iter().map(|&place| job.images[place].clone()).collect(),
             }),
             Self::Training(job) => v1::lease::Work::Training(v1::TrainingTask {
-                campaign: job.campaign.as_str().to_owned(),
                 configuration: job.configuration.to_toml(),
                 side: job.side,
                 views: job.pictures.views,

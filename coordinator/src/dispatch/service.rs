@@ -5,8 +5,9 @@ use super::{
     TrainingJob, WorkerReport,
     job::{Output, Work},
 };
-use crate::leases::{
-    Back, Grant, Instance, JobId, LeaseNumber, LeaseTable, News, Refused, Settled, WorkerId,
+use crate::{
+    leases::{Back, Grant, Instance, JobId, LeaseNumber, LeaseTable, News, Refused, Settled, WorkerId},
+    metrics::DispatchMetrics,
 };
 use murmuration_proto::{Purpose, Stream, v1};
 use std::{
@@ -22,6 +23,7 @@ use tokio::{
     time::MissedTickBehavior,
 };
 use tonic::Status;
+use tracing::Span;
 
 /// How often silence and lateness are looked for.
 const TICK: Duration = Duration::from_millis(100);
@@ -41,6 +43,17 @@ pub(super) struct Service {
     chance: Stream,
     count: watch::Sender<usize>,
     wrong: watch::Sender<Vec<Quarantined>>,
+    metrics: DispatchMetrics,
+    /// When each lease was given, until its answer came or its job was over.
+    given: BTreeMap<LeaseNumber, Given>,
+}
+
+/// A lease that somebody has.
+struct Given {
+    job: JobId,
+    at: Instant,
+    /// Names it in the log, as its worker does in its own.
+    span: Span,
 }
 
 struct Job {
@@ -64,6 +77,7 @@ impl Service {
         options: Options,
         count: watch::Sender<usize>,
         wrong: watch::Sender<Vec<Quarantined>>,
+        metrics: DispatchMetrics,
     ) -> Self {
         let epoch = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -78,6 +92,8 @@ impl Service {
             chance: Stream::derive(epoch, Purpose::Audit, 0),
             count,
             wrong,
+            metrics,
+            given: BTreeMap::new(),
         }
     }
 
@@ -97,6 +113,7 @@ impl Service {
             self.send_leases();
             self.tell_news();
             let count = self.table.workers();
+            self.metrics.stand(count, self.table.waiting(), self.table.out());
             self.count
                 .send_if_modified(|known| std::mem::replace(known, count) != count);
         }
@@ -209,6 +226,9 @@ impl Service {
             return;
         };
         let Some(job) = self.jobs.get(&id) else { return };
+        let given = self.given.remove(&lease);
+        let span = given.as_ref().map_or_else(Span::none, |given| given.span.clone());
+        let _in_lease = span.entered();
         match outcome {
             Outcome::Failure(failure) if failure.class() == FailureClass::Fatal => {
                 self.table.forget(id);
@@ -216,12 +236,19 @@ impl Service {
             }
             Outcome::Failure(failure) => {
                 tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
+                self.metrics.returned(1);
                 let broke = failure.class() == FailureClass::Broken;
                 self.table
                     .come_back(lease, if broke { Back::Broken } else { Back::Returned });
             }
             outcome => match job.work.outputs(outcome) {
-                Ok(outputs) => self.keep(worker, lease, outputs),
+                Ok(outputs) => {
+                    if let Some(Given { at, .. }) = given {
+                        self.metrics
+                            .answered(job.work.kind(), outputs.len(), at.elapsed());
+                    }
+                    self.keep(worker, lease, outputs);
+                }
                 Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
             },
         }
@@ -259,6 +286,7 @@ impl Service {
                 }
                 News::Disagreement { job, task, between } => {
                     let workers = self.names(&between);
+                    self.metrics.disagreed();
                     tracing::error!(?workers, task, "workers disagree, and there is no other to ask");
                     self.reply(job, Err(JobError::Disagreement { task, workers }));
                 }
@@ -268,6 +296,7 @@ impl Service {
                     again,
                 } => {
                     let name = self.names(&[instance]).concat();
+                    self.metrics.quarantined();
                     tracing::error!(
                         worker = name,
                         again,
@@ -295,15 +324,21 @@ impl Service {
                 value: Output::Evaluation(evaluation),
                 by,
                 audited,
-            } => Ok(Output::Evaluated(Evaluated::Done {
-                evaluation,
-                unaudited: (!audited).then_some(by),
-            })),
+            } => {
+                if audited {
+                    self.metrics.audited();
+                }
+                Ok(Output::Evaluated(Evaluated::Done {
+                    evaluation,
+                    unaudited: (!audited).then_some(by),
+                }))
+            }
             Settled::Result { value, .. } => Ok(value),
             Settled::SetAside { lost } => {
                 let set_aside = SetAside {
                     workers: self.names(&lost),
                 };
+                self.metrics.set_aside(1);
                 tracing::error!(%set_aside, "work was set aside");
                 match evaluations {
                     true => Ok(Output::Evaluated(Evaluated::SetAside(set_aside))),
@@ -315,6 +350,7 @@ impl Service {
     }
 
     fn reply(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
+        self.given.retain(|_, given| given.job != id);
         if let Some(job) = self.jobs.remove(&id) {
             // Whoever waited may have stopped waiting.
             let _ = job.reply.send(result);
@@ -331,6 +367,7 @@ impl Service {
         for id in withdrawn {
             let held: Vec<_> = self.table.held(id).collect();
             self.table.forget(id);
+            self.given.retain(|_, given| given.job != id);
             let job = self.jobs.remove(&id);
             // Evaluations are done before a word of theirs would be; a training may have minutes to go.
             if job.is_some_and(|job| matches!(job.work, Work::Training(_))) {
@@ -355,7 +392,9 @@ impl Service {
 
     /// The one way in which a worker is lost; `reason` is told to it, if it still listens.
     fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
+        let with_workers = self.table.out();
         self.table.lose(id);
+        self.metrics.returned(with_workers - self.table.out());
         self.dismiss(id, reason);
     }
 
@@ -366,6 +405,7 @@ impl Service {
         };
         match reason {
             Some(status) => {
+                self.metrics.dropped();
                 tracing::warn!(worker = worker.name, reason = status.message(), "worker dropped");
                 let _ = worker.outbox.try_send(Err(status));
             }
@@ -384,10 +424,17 @@ impl Service {
             let Some(content) = self.jobs.get(&job) else {
                 continue;
             };
+            let (id, campaign) = (self.lease_id(lease), content.work.campaign().to_string());
+            let holder = self.workers.get(&worker).map(|worker| &worker.name);
+            let span = tracing::info_span!(parent: None, "lease", %id, campaign, worker = holder);
+            span.in_scope(|| tracing::debug!(tasks = tasks.len(), "given"));
             let message = v1::coordinator_message::Message::Lease(v1::Lease {
-                id: Some(self.lease_id(lease)),
+                id: Some(id),
+                campaign,
                 work: Some(content.work.batch(&tasks)),
             });
+            let at = Instant::now();
+            self.given.insert(lease, Given { job, at, span });
             self.send(worker, message);
         }
     }

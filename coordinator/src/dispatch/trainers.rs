@@ -4,6 +4,7 @@ use super::{
     Dispatch, JobError, Options, TrainingJob,
     job::{Output, Work},
 };
+use crate::metrics::DispatchMetrics;
 use murmuration_proto::CheckpointDigest;
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -15,8 +16,8 @@ pub struct Trainers(Dispatch);
 impl Trainers {
     /// Starts it on the current runtime.
     #[must_use]
-    pub fn start(options: Options) -> Self {
-        Self(Dispatch::start(options))
+    pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
+        Self(Dispatch::start(options, metrics))
     }
 
     /// Has a trainer train an embedder and publish it. Dropping the future withdraws the job.

@@ -5,6 +5,7 @@ use crate::{
     access::{Door, Local},
     connections::{Places, connections},
     limits,
+    probes::Probes,
     web::{self, Web},
 };
 use murmuration_link::Credentials;
@@ -35,6 +36,7 @@ pub struct LocalWay {
 pub(super) struct Served {
     pub(super) services: Routes,
     pub(super) web: Web,
+    pub(super) probes: Probes,
     pub(super) places: Places,
     /// True once everything is to end.
     pub(super) stopped: watch::Receiver<bool>,
@@ -99,7 +101,12 @@ impl Served {
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;
         }
-        let routes = web::beside(self.services.clone(), self.web.clone(), Arc::new(door));
+        let routes = web::beside(
+            self.services.clone(),
+            self.web.clone(),
+            self.probes.clone().routes(),
+            Arc::new(door),
+        );
         let connections = connections(listener, self.places.clone());
         let mut stopped = self.stopped.clone();
         let serving = server

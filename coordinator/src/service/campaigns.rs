@@ -219,11 +219,13 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             let least = u64::from(world.horizon()) * u64::from(world.agents()) / MAX_POSES + 1;
             return Err(Invalid::new("stride", stride, format!("{least} or more for this world")).into());
         }
+        let id = record.id.clone();
         let found = self
-            .read(move |store| store.individual(&record.id, record.spec.model(), index))
+            .read(move |store| store.individual(&id, record.spec.model(), index))
             .await?;
         let _seat = self.seats.replay()?;
         let job = ReplayJob {
+            campaign: record.id,
             controller: found.controller,
             world,
             seed: found.seed,

@@ -10,6 +10,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
 use tonic::{Request, Response, Status, Streaming};
+use tracing::Instrument as _;
 
 /// Time that a new connection has to say Hello.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
@@ -58,14 +59,15 @@ pub(super) async fn serve(
     };
     let worker = dispatch.join(newcomer).await?;
     let dispatch = dispatch.clone();
-    tokio::spawn(async move {
+    let stream_ends = async move {
         if let Err(status) = pass_on(&dispatch, worker, &mut inbox).await {
             tracing::debug!(?worker, %status, "worker stream broke");
             // The worker may be gone already.
             let _ = outbox.try_send(Err(status));
         }
         dispatch.report(worker, WorkerReport::Gone).await;
-    });
+    };
+    tokio::spawn(stream_ends.in_current_span());
     Ok(Response::new(ReceiverStream::new(stream)))
 }
 

@@ -50,6 +50,17 @@ impl Store {
         })
     }
 
+    /// Number of entries of all campaigns' logs.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn count_labels(&self) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let count: i64 = connection.query_row("SELECT count(*) FROM labels", [], |row| row.get(0))?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
     /// What the log of a campaign comes to.
     ///
     /// # Errors

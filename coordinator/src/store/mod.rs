@@ -66,6 +66,19 @@ impl Store {
         })
     }
 
+    /// Whether it can be read.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    pub fn answers(&self) -> Result<(), StoreError> {
+        self.read(|connection| {
+            let tables = "SELECT count(*) FROM sqlite_schema";
+            Ok(connection
+                .query_row(tables, [], |row| row.get::<_, i64>(0))
+                .map(drop)?)
+        })
+    }
+
     /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`.
     fn write<T>(
         &self,

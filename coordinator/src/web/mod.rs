@@ -25,6 +25,7 @@ use crate::{
     campaign::Campaigns,
     limits::MAX_POST,
     maps::Maps,
+    requests,
     service::{CampaignApi, LabelApi},
     store::Store,
 };
@@ -51,13 +52,16 @@ pub(crate) struct Web {
     pub(crate) labels: LabelApi,
 }
 
-/// The pages beside the gRPC services, on one port, for whom its door lets in.
-pub(crate) fn beside(services: Routes, web: Web, door: Arc<Door>) -> Routes {
+/// The pages and what machines ask for beside the gRPC services, on one port, for whom its door lets in.
+pub(crate) fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>) -> Routes {
     let pages = pages(web)
         .layer(Extension(door.clone()))
         .layer(middleware::from_fn_with_state(door.clone(), guard::guard));
-    let both = pages.merge(services.into_axum_router()).fallback(nowhere);
-    both.layer(middleware::from_fn_with_state(door, admit)).into()
+    let all = pages.merge(probes).merge(services.into_axum_router());
+    all.fallback(nowhere)
+        .layer(middleware::from_fn_with_state(door, admit))
+        .layer(middleware::from_fn(requests::named))
+        .into()
 }
 
 /// The answer to who may not come in, where a page was asked for.

@@ -54,7 +54,6 @@ impl Course {
             }
         }
         tracing::info!(
-            campaign = self.task.campaign,
             epochs = training.epoch(),
             ending = ?training.ending(),
             "trained"
@@ -70,7 +69,7 @@ impl Course {
         if !saved.is_empty() {
             match self.fresh().and_then(|training| training.taken_up(&saved)) {
                 Err(error @ (TrainingError::Damaged(_) | TrainingError::Other(_))) => {
-                    tracing::warn!(campaign = self.task.campaign, %error, "training from the first epoch");
+                    tracing::warn!(%error, "training from the first epoch");
                 }
                 restored => return restored.map_err(Undone::fatal),
             }

@@ -6,7 +6,7 @@ use super::{
     task::{LessonTask, Task},
 };
 use crate::{labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning};
-use murmuration_link::{Coordinator, attempts, fetch_checkpoint};
+use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, trainer_service_client::TrainerServiceClient, training_part::Part},
@@ -64,7 +64,7 @@ async fn parent(
     lesson: &LessonTask,
     coordinator: &Coordinator,
 ) -> Result<crate::network::Network, Undone> {
-    let fetched = fetch_checkpoint(coordinator, lesson.parent).await;
+    let fetched = fetch_checkpoint(coordinator, lesson.parent, task.lease).await;
     let bytes = fetched.map_err(|status| Undone::call("the checkpoint to go on from", &status))?;
     if CheckpointDigest::of(&bytes) != lesson.parent {
         return Err(Undone::retryable(
@@ -84,7 +84,7 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
     };
     let labelled_bytes = task.lesson.as_ref().map_or(0, |lesson| lesson.bytes);
     let mut messages = TrainerServiceClient::new(coordinator)
-        .fetch_training(request)
+        .fetch_training(for_lease(request, task.lease))
         .await?
         .into_inner();
     let mut parts = Parts::default();

@@ -2,7 +2,7 @@
 
 use super::{course::Course, dataset, task::Task};
 use murmuration_embed::Runtime;
-use murmuration_link::{Coordinator, attempts, may_pass, stopped};
+use murmuration_link::{Coordinator, attempts, for_lease, may_pass, stopped};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
@@ -13,6 +13,7 @@ use tokio::{
     task::{JoinError, JoinSet, spawn_blocking},
 };
 use tonic::Status;
+use tracing::{Instrument as _, Span};
 
 /// Events that may wait to be sent: a training that is ahead of the network waits.
 const EVENTS: usize = 4;
@@ -102,14 +103,16 @@ impl Running {
     ) -> Self {
         let (sender, events) = mpsc::channel(EVENTS);
         let mut job = JoinSet::new();
-        job.spawn(async move {
+        let span = tracing::info_span!("lease", id = %lease, campaign = task.campaign);
+        let training = async move {
             let outcome = match train(task, coordinator, turn, stop, sender.clone()).await {
                 Ok(digest) => Outcome::Checkpoint(digest.to_string()),
                 Err(undone) => undone.into(),
             };
             // Nobody may want to know any more.
             let _ = sender.send(Event::Done(outcome)).await;
-        });
+        };
+        job.spawn(training.instrument(span));
         Self {
             lease,
             events,
@@ -133,7 +136,7 @@ async fn train(
 ) -> Result<CheckpointDigest, Undone> {
     // First of all: nobody should train for long to learn that it cannot be checked.
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::fatal)?;
-    let turn = turn.lock_owned().await;
+    let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {
         fetched = dataset::fetch(&task, &coordinator) => fetched?,
         () = stopped(&mut stop) => return Err(Undone::retryable("the trainer is leaving")),
@@ -145,7 +148,9 @@ async fn train(
         events,
         stop,
     };
+    let span = Span::current();
     let publication = spawn_blocking(move || {
+        let _in_lease = span.entered();
         let publication = course.run();
         drop(turn);
         publication
@@ -153,7 +158,7 @@ async fn train(
     let publication = publication.await??;
     attempts(|| {
         let mut client = CheckpointServiceClient::new(coordinator.clone());
-        let requests = tokio_stream::iter(publication.requests());
+        let requests = for_lease(tokio_stream::iter(publication.requests()), lease);
         async move { client.publish_checkpoint(requests).await }
     })
     .await

@@ -6,6 +6,7 @@ use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configurat
 /// A training to be done.
 #[derive(Debug)]
 pub(super) struct Task {
+    pub(super) lease: v1::LeaseId,
     pub(super) campaign: String,
     pub(super) configuration: Configuration,
     pub(super) side: usize,
@@ -62,7 +63,8 @@ impl TryFrom<v1::Lease> for Task {
         Ok(Self {
             bytes: bytes("behaviours", task.side, (task.views, task.behaviours))?,
             lesson,
-            campaign: task.campaign,
+            lease: lease.id.unwrap_or_default(),
+            campaign: lease.campaign,
             configuration,
             side: task.side as usize,
             views: task.views as usize,
@@ -77,8 +79,8 @@ mod tests {
     fn lease(configuration: &str, behaviours: u32) -> v1::Lease {
         v1::Lease {
             id: None,
+            campaign: "small-1".to_owned(),
             work: Some(v1::lease::Work::Training(v1::TrainingTask {
-                campaign: "small-1".to_owned(),
                 configuration: configuration.to_owned(),
                 side: 50,
                 views: 2,
@@ -108,6 +110,7 @@ mod tests {
         let replay = v1::lease::Work::Replay(v1::ReplayTask::default());
         let work = v1::Lease {
             id: None,
+            campaign: "small-1".to_owned(),
             work: Some(replay),
         };
         check_refused(work, "a kind of work that this trainer knows");

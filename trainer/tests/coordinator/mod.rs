@@ -1,6 +1,6 @@
 //! A coordinator as trainers see it, whose every word a test decides.
 
-use murmuration_link::Credentials;
+use murmuration_link::{Credentials, Health};
 use murmuration_proto::{
     CheckpointDigest, PART_BYTES,
     v1::{
@@ -79,6 +79,7 @@ impl Fake {
             coordinator,
             credentials: Credentials::default(),
             name: "trainer".to_owned(),
+            health: Health::new(),
         };
         let trainer = tokio::spawn(client::run(options, stopped));
         Self {
@@ -151,6 +152,7 @@ impl Session {
     pub async fn lease_for_credit(&self, number: u64, task: v1::TrainingTask) {
         let lease = v1::Lease {
             id: Some(lease_id(number)),
+            campaign: "campaign-1".to_owned(),
             work: Some(v1::lease::Work::Training(task)),
         };
         self.say(coordinator_message::Message::Lease(lease)).await;

@@ -1,11 +1,22 @@
 //! Single calls to a coordinator that may be away for a moment.
 
+use murmuration_proto::{REQUEST_ID, v1};
 use std::{future::Future, time::Duration};
-use tonic::{Code, Status};
+use tonic::{Code, Request, Status, metadata::MetadataValue};
 
 /// Attempts at a call, and the pause between two.
 const ATTEMPTS: usize = 3;
 const PAUSE: Duration = Duration::from_millis(500);
+
+/// A request made on behalf of a lease: it goes by the lease's id, so that the coordinator's log says so too.
+pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
+    let mut request = Request::new(message);
+    // Two numbers and a dash are always a header's value.
+    if let Ok(id) = MetadataValue::try_from(lease.to_string()) {
+        request.metadata_mut().insert(REQUEST_ID, id);
+    }
+    request
+}
 
 /// Makes a call, and makes it again, three times in all with half a second between, while what it fails of
 /// [may pass](may_pass).

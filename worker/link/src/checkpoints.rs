@@ -1,6 +1,6 @@
 //! Published embedders, as the coordinator at the other end has them.
 
-use crate::{Coordinator, attempts};
+use crate::{Coordinator, attempts, for_lease};
 use murmuration_proto::{
     CheckpointDigest,
     onnx::MAX_MODEL_BYTES,
@@ -8,26 +8,31 @@ use murmuration_proto::{
 };
 use tonic::Status;
 
-/// The bytes that the coordinator has under a digest, unchecked: at most [`MAX_MODEL_BYTES`]. Tries again while the
-/// coordinator is away.
+/// The bytes that the coordinator has under a digest, unchecked: at most [`MAX_MODEL_BYTES`]. They are wanted for `lease`.
+/// Tries again while the coordinator is away.
 ///
 /// # Errors
 /// Where there is none of that digest, or the coordinator was away for too long.
 pub async fn fetch_checkpoint(
     coordinator: &Coordinator,
     digest: CheckpointDigest,
+    lease: v1::LeaseId,
 ) -> Result<Vec<u8>, Status> {
-    attempts(|| receive(CheckpointServiceClient::new(coordinator.clone()), digest)).await
+    attempts(|| receive(CheckpointServiceClient::new(coordinator.clone()), digest, lease)).await
 }
 
 async fn receive(
     mut client: CheckpointServiceClient<Coordinator>,
     digest: CheckpointDigest,
+    lease: v1::LeaseId,
 ) -> Result<Vec<u8>, Status> {
     let request = v1::FetchCheckpointRequest {
         digest: digest.to_string(),
     };
-    let mut chunks = client.fetch_checkpoint(request).await?.into_inner();
+    let mut chunks = client
+        .fetch_checkpoint(for_lease(request, lease))
+        .await?
+        .into_inner();
     let mut bytes = Vec::new();
     while let Some(chunk) = chunks.message().await? {
         if bytes.len() + chunk.data.len() > MAX_MODEL_BYTES {

@@ -8,17 +8,19 @@ mod attempts;
 mod backoff;
 mod checkpoints;
 mod credentials;
+mod health;
 mod link;
 mod process;
 mod stop;
 mod token;
 
-pub use attempts::{attempts, may_pass};
+pub use attempts::{attempts, for_lease, may_pass};
 pub use checkpoints::fetch_checkpoint;
 pub use credentials::{
     Bearer, Coordinator, Credentials, CredentialsError, IdentityFiles, TrustFiles, read_pem, read_token,
     root_cause,
 };
+pub use health::{Health, READY};
 pub use link::{Broken, Link};
 pub use process::{log_to_stderr, until_terminated};
 pub use stop::{stopped, termination};
@@ -29,6 +31,8 @@ use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},
+    io,
+    net::SocketAddr,
     time::Duration,
 };
 use tokio::sync::watch;
@@ -81,6 +85,14 @@ pub enum LinkError {
     /// The URL is not one, or the credentials are not for it.
     #[error(transparent)]
     Credentials(#[from] CredentialsError),
+    /// Nobody could ask how it is.
+    #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
+    Health {
+        /// The address.
+        listen: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The coordinator does not take it: its version is another, or it has not shown who it is.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
@@ -144,12 +156,13 @@ pub trait Party {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
-/// Keeps `party` connected until it leaves after `stop` became true.
+/// Keeps `party` connected until it leaves after `stop` became true; `health` is told whether it is.
 ///
 /// # Errors
 /// Where the coordinator does not take it.
 pub async fn keep(
     address: &Address,
+    health: &Health,
     party: &mut impl Party,
     mut stop: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
@@ -163,7 +176,10 @@ pub async fn keep(
             Ok(link) => {
                 pause.reset();
                 tracing::info!(name = address.name, coordinator = %address.endpoint.uri(), "connected");
-                party.session(link, stop.clone()).await
+                health.ready(true).await;
+                let ended = party.session(link, stop.clone()).await;
+                health.ready(false).await;
+                ended
             }
             Err(broken) => Err(broken),
         };

@@ -4,7 +4,7 @@ use murmuration_embed::{
     Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
 };
 use murmuration_link::{Coordinator, fetch_checkpoint, may_pass};
-use murmuration_proto::CheckpointDigest;
+use murmuration_proto::{CheckpointDigest, v1};
 use std::{
     path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
@@ -75,13 +75,13 @@ impl Checkpoints {
         Ok(Embedders::new(runtime, cache.clone()))
     }
 
-    /// The bytes that the coordinator has under this digest, unchecked. Blocks: for threads outside the runtime.
-    pub(super) fn fetch(&self, digest: CheckpointDigest) -> Result<Vec<u8>, NotFetched> {
+    /// The bytes that the coordinator has under this digest, unchecked, for a lease. Blocks: for threads outside the runtime.
+    pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
         let coordinator = self.coordinator.clone();
         self.runtime.spawn(async move {
             // The thread waits for it.
-            let _ = reply.send(fetch_checkpoint(&coordinator, digest).await);
+            let _ = reply.send(fetch_checkpoint(&coordinator, digest, lease).await);
         });
         answer
             .blocking_recv()

@@ -2,11 +2,11 @@
 
 use super::{
     checkpoints::{Checkpoints, Unavailable},
-    lease::{Outcome, Work},
+    lease::{Lease, Outcome, Work},
 };
 use crate::{evaluate::Evaluator, replay::replay, simulate::Start};
 use murmuration_embed::{EmbedError, Embedder, Embedders};
-use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World};
+use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World, v1};
 use std::sync::Arc;
 
 pub(super) struct Desk {
@@ -37,9 +37,11 @@ impl Desk {
         }
     }
 
-    pub(super) fn outcome(&mut self, work: Work) -> Outcome {
-        self.work(work).unwrap_or_else(|undone| {
+    /// What comes of a lease.
+    pub(super) fn outcome(&mut self, lease: Lease) -> Outcome {
+        self.work(lease).unwrap_or_else(|undone| {
             let message = undone.to_string();
+            tracing::warn!(message, "not done");
             match undone {
                 Undone::Checkpoint(unavailable) if unavailable.may_pass() => Outcome::retryable(message),
                 _ => Outcome::fatal(message),
@@ -47,7 +49,7 @@ impl Desk {
         })
     }
 
-    fn work(&mut self, work: Work) -> Result<Outcome, Undone> {
+    fn work(&mut self, Lease { id, work, .. }: Lease) -> Result<Outcome, Undone> {
         Ok(match work {
             Work::Evaluations {
                 world,
@@ -57,13 +59,13 @@ impl Desk {
             } => {
                 let evaluations = self.evaluate(world, image, &tasks)?;
                 Outcome::Evaluations(match checkpoint {
-                    Some(checkpoint) => embedded(self.embedder(checkpoint)?, evaluations)?,
+                    Some(checkpoint) => embedded(self.embedder(checkpoint, id)?, evaluations)?,
                     None => evaluations,
                 })
             }
             Work::Embeddings { checkpoint, images } => {
                 let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
-                Outcome::Embeddings(self.embedder(checkpoint)?.embed(&images)?)
+                Outcome::Embeddings(self.embedder(checkpoint, id)?.embed(&images)?)
             }
             Work::Replay {
                 world,
@@ -93,7 +95,11 @@ impl Desk {
         tasks.iter().map(evaluate).collect()
     }
 
-    fn embedder(&mut self, digest: CheckpointDigest) -> Result<&mut Embedder, Unavailable> {
+    fn embedder(
+        &mut self,
+        digest: CheckpointDigest,
+        lease: v1::LeaseId,
+    ) -> Result<&mut Embedder, Unavailable> {
         let embedders = match self.embedders.take() {
             Some(embedders) => embedders,
             None => self.checkpoints.embedders()?,
@@ -102,7 +108,7 @@ impl Desk {
         let embedder = self
             .embedders
             .insert(embedders)
-            .get(digest, |digest| checkpoints.fetch(digest))?;
+            .get(digest, |digest| checkpoints.fetch(digest, lease))?;
         Ok(embedder)
     }
 }

@@ -12,6 +12,8 @@ const MAX_BATCH: usize = 4096;
 #[derive(Debug)]
 pub(super) struct Lease {
     pub(super) id: v1::LeaseId,
+    /// Whose it is, for the log.
+    pub(super) campaign: String,
     pub(super) work: Work,
 }
 
@@ -116,7 +118,11 @@ impl TryFrom<v1::Lease> for Lease {
             Some(v1::lease::Work::Training(_)) => return Err(unknown("a training")),
             None => return Err(unknown("nothing")),
         };
-        Ok(Self { id, work })
+        Ok(Self {
+            id,
+            campaign: message.campaign,
+            work,
+        })
     }
 }
 
@@ -191,6 +197,7 @@ mod tests {
     fn taken_in(work: v1::lease::Work) -> Result<Work, String> {
         let lease = v1::Lease {
             id: Some(v1::LeaseId::default()),
+            campaign: "small-1".to_owned(),
             work: Some(work),
         };
         let lease = Lease::try_from(lease).map_err(|invalid| invalid.to_string())?;

@@ -123,19 +123,23 @@ fn work_until_closed(
 ) {
     loop {
         let next = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
-        let Ok(Lease { id, work }) = next else { return };
-        let credits = work.len();
+        let Ok(lease) = next else { return };
+        let (id, credits) = (lease.id, lease.work.len());
+        let span = tracing::info_span!("lease", %id, campaign = lease.campaign);
+        let _in_lease = span.entered();
         let begun = Instant::now();
         let outcome = if draining.load(Ordering::Relaxed) {
             Outcome::retryable("the worker is leaving".to_owned())
         } else {
-            desk.outcome(work)
+            desk.outcome(lease)
         };
+        let took = begun.elapsed();
+        tracing::debug!(tasks = credits, ?took, "over");
         let finished = Finished {
             id,
             outcome,
             credits,
-            took: begun.elapsed(),
+            took,
         };
         if outcomes.send(finished).is_err() {
             return;

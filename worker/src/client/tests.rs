@@ -4,7 +4,7 @@
 use super::{
     checkpoints::Checkpoints,
     desk::Desk,
-    lease::{Outcome, Work},
+    lease::{Lease, Outcome, Work},
 };
 use murmuration_link::{Address, Credentials, Role};
 use murmuration_proto::{
@@ -109,7 +109,12 @@ impl Worker {
     /// What a thread makes of `work`, a new one every time.
     async fn outcome(&self, work: Work) -> Outcome {
         let mut desk = Desk::new(self.checkpoints.clone());
-        tokio::task::spawn_blocking(move || desk.outcome(work))
+        let lease = Lease {
+            id: v1::LeaseId::default(),
+            campaign: "small-1".to_owned(),
+            work,
+        };
+        tokio::task::spawn_blocking(move || desk.outcome(lease))
             .await
             .unwrap()
     }

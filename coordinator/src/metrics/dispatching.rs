@@ -1,0 +1,218 @@
+//! What a dispatcher counts: work, leases, and those who hold them.
+
+use super::Party;
+use prometheus_client::{
+    metrics::{
+        counter::Counter,
+        family::Family,
+        gauge::Gauge,
+        histogram::{Histogram, exponential_buckets},
+    },
+    registry::{Registry, Unit},
+};
+use std::time::Duration;
+
+/// What is farmed out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WorkKind {
+    /// Evaluations of controllers.
+    Evaluation,
+    /// Pictures to embed.
+    Embedding,
+    /// Simulations to watch.
+    Replay,
+    /// Embedders to train.
+    Training,
+}
+
+impl WorkKind {
+    const ALL: [Self; 4] = [Self::Evaluation, Self::Embedding, Self::Replay, Self::Training];
+
+    /// Its name as a label.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Evaluation => "evaluation",
+            Self::Embedding => "embedding",
+            Self::Replay => "replay",
+            Self::Training => "training",
+        }
+    }
+
+    const fn labels(self) -> Labels {
+        [("work", self.name())]
+    }
+
+    const fn party(self) -> Party {
+        match self {
+            Self::Evaluation | Self::Embedding | Self::Replay => Party::Worker,
+            Self::Training => Party::Trainer,
+        }
+    }
+}
+
+type Labels = [(&'static str, &'static str); 1];
+
+/// Every dispatcher's metrics, told apart by labels.
+#[derive(Debug, Clone)]
+pub(super) struct Families {
+    connected: Family<Labels, Gauge>,
+    pending: Family<Labels, Gauge>,
+    leased: Family<Labels, Gauge>,
+    returned: Family<Labels, Counter>,
+    dropped: Family<Labels, Counter>,
+    quarantined: Counter,
+    audited: Counter,
+    disagreements: Counter,
+    poisoned: Counter,
+    done: Family<Labels, Counter>,
+    turnaround: Family<Labels, Histogram>,
+}
+
+/// Where one dispatcher counts; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct DispatchMetrics {
+    connected: Gauge,
+    pending: Gauge,
+    leased: Gauge,
+    returned: Counter,
+    dropped: Counter,
+    families: Families,
+}
+
+impl Families {
+    pub(super) fn register(registry: &mut Registry) -> Self {
+        let families = Self {
+            connected: Family::default(),
+            pending: Family::default(),
+            leased: Family::default(),
+            returned: Family::default(),
+            dropped: Family::default(),
+            quarantined: Counter::default(),
+            audited: Counter::default(),
+            disagreements: Counter::default(),
+            poisoned: Counter::default(),
+            done: Family::default(),
+            // From a millisecond to nine hours: a training is one lease.
+            turnaround: Family::new_with_constructor(|| Histogram::new(exponential_buckets(0.001, 4.0, 13))),
+        };
+        let Self {
+            connected,
+            pending,
+            leased,
+            returned,
+            dropped,
+            quarantined,
+            audited,
+            disagreements,
+            poisoned,
+            done,
+            turnaround,
+        } = families.clone();
+        registry.register("connected", "Workers and trainers that take work", connected);
+        registry.register("tasks_pending", "Tasks that nobody has yet", pending);
+        registry.register("leases", "Leases that are with somebody", leased);
+        registry.register(
+            "leases_returned",
+            "Leases that came back undone, to be given again",
+            returned,
+        );
+        registry.register(
+            "dropped",
+            "Workers and trainers that fell silent or misbehaved",
+            dropped,
+        );
+        registry.register(
+            "quarantines",
+            "Workers that are not trusted any more",
+            quarantined,
+        );
+        registry.register(
+            "audits",
+            "Evaluations repeated on another worker, to compare",
+            audited,
+        );
+        registry.register(
+            "disagreements",
+            "Evaluations on which two workers differed",
+            disagreements,
+        );
+        registry.register(
+            "tasks_set_aside",
+            "Tasks that were given up because they end their workers",
+            poisoned,
+        );
+        registry.register("tasks_done", "Results that came, repetitions included", done);
+        registry.register_with_unit(
+            "lease_turnaround",
+            "Time from giving a lease to its answer",
+            Unit::Seconds,
+            turnaround,
+        );
+        families
+    }
+
+    pub(super) fn of(&self, party: Party) -> DispatchMetrics {
+        let labels = [("party", party.name())];
+        // What has not happened yet is nought, not absent: a rate over it is one from the first scrape on.
+        for kind in WorkKind::ALL.into_iter().filter(|kind| kind.party() == party) {
+            drop(self.done.get_or_create(&kind.labels()));
+            drop(self.turnaround.get_or_create(&kind.labels()));
+        }
+        DispatchMetrics {
+            connected: self.connected.get_or_create_owned(&labels),
+            pending: self.pending.get_or_create_owned(&labels),
+            leased: self.leased.get_or_create_owned(&labels),
+            returned: self.returned.get_or_create_owned(&labels),
+            dropped: self.dropped.get_or_create_owned(&labels),
+            families: self.clone(),
+        }
+    }
+}
+
+impl DispatchMetrics {
+    /// How things stand: who is there, how many tasks nobody has, how many leases somebody has.
+    pub fn stand(&self, connected: usize, pending: usize, leased: usize) {
+        self.connected.set(connected as i64);
+        self.pending.set(pending as i64);
+        self.leased.set(leased as i64);
+    }
+
+    /// A lease was answered with so many results, as long after it was given as that.
+    pub fn answered(&self, kind: WorkKind, results: usize, after: Duration) {
+        let labels = kind.labels();
+        self.families.done.get_or_create(&labels).inc_by(results as u64);
+        let turnaround = self.families.turnaround.get_or_create(&labels);
+        turnaround.observe(after.as_secs_f64());
+    }
+
+    /// So many leases came back undone.
+    pub fn returned(&self, leases: usize) {
+        self.returned.inc_by(leases as u64);
+    }
+
+    /// A worker or trainer was sent away: it fell silent, or said what cannot be.
+    pub fn dropped(&self) {
+        self.dropped.inc();
+    }
+
+    /// An evaluation is repeated on another worker.
+    pub fn audited(&self) {
+        self.families.audited.inc();
+    }
+
+    /// Two workers differ about one evaluation.
+    pub fn disagreed(&self) {
+        self.families.disagreements.inc();
+    }
+
+    /// A worker is not trusted any more.
+    pub fn quarantined(&self) {
+        self.families.quarantined.inc();
+    }
+
+    /// So many tasks were given up, because whoever has them dies of them.
+    pub fn set_aside(&self, tasks: usize) {
+        self.families.poisoned.inc_by(tasks as u64);
+    }
+}

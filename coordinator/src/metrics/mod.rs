@@ -1,0 +1,117 @@
+//! What a coordinator measures of itself, in the words of Prometheus.
+//!
+//! [`Metrics`] is a value, not a global: a process may run several coordinators. What happens is counted where it
+//! happens, through handles that are cheap to clone; what the store knows anyway is read when somebody asks
+//! ([`observed`]). Every name is explained in docs/operations.md.
+
+mod dispatching;
+mod observed;
+
+pub use dispatching::{DispatchMetrics, WorkKind};
+
+use crate::{
+    campaign::{CampaignError, Campaigns},
+    store::Store,
+};
+use dispatching::Families;
+use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
+use prometheus_client::{
+    encoding::text::{encode_eof, encode_registry},
+    metrics::{
+        histogram::{Histogram, exponential_buckets},
+        info::Info,
+    },
+    registry::{Registry, Unit},
+};
+use std::{sync::Arc, time::Duration};
+
+/// Content type of [`Metrics::render`]'s text.
+pub const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// Before every name.
+const PREFIX: &str = "murmuration";
+
+/// The metrics of one coordinator; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Metrics {
+    registry: Arc<Registry>,
+    dispatch: Families,
+    commit: Histogram,
+}
+
+/// With whom a dispatcher deals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Party {
+    /// Workers.
+    Worker,
+    /// Trainers.
+    Trainer,
+}
+
+impl Party {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Worker => "worker",
+            Self::Trainer => "trainer",
+        }
+    }
+}
+
+impl Metrics {
+    /// All at nought.
+    #[must_use]
+    pub fn new() -> Self {
+        let mut registry = Registry::with_prefix(PREFIX);
+        let versions = [
+            ("version", env!("CARGO_PKG_VERSION")),
+            ("simulator", SIMULATOR_VERSION),
+            ("trainer", TRAINER_VERSION),
+        ];
+        registry.register("build", "Versions of what runs", Info::new(versions.to_vec()));
+        // From a millisecond to half a minute.
+        let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));
+        registry.register_with_unit(
+            "generation_commit",
+            "Time to put a generation on disk",
+            Unit::Seconds,
+            commit.clone(),
+        );
+        let dispatch = Families::register(&mut registry);
+        Self {
+            registry: Arc::new(registry),
+            dispatch,
+            commit,
+        }
+    }
+
+    /// Where the dispatcher of workers or trainers counts.
+    #[must_use]
+    pub fn dispatch(&self, party: Party) -> DispatchMetrics {
+        self.dispatch.of(party)
+    }
+
+    /// A generation was put on disk.
+    pub fn generation_committed(&self, took: Duration) {
+        self.commit.observe(took.as_secs_f64());
+    }
+
+    /// Everything, as text in the OpenMetrics format, which Prometheus reads.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn render(&self, campaigns: &Campaigns, store: &Store) -> Result<String, CampaignError> {
+        let observed = observed::observe(campaigns, store).await?;
+        let mut text = String::new();
+        let encoded = encode_registry(&mut text, &self.registry)
+            .and_then(|()| encode_registry(&mut text, &observed))
+            .and_then(|()| encode_eof(&mut text));
+        encoded.map_err(|_| CampaignError::Broken)?;
+        Ok(text)
+    }
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,100 @@
+//! What is read from the store and from the campaigns at work whenever metrics are asked for.
+
+use super::PREFIX;
+use crate::{
+    campaign::{CampaignError, CampaignState, CampaignStatus, Campaigns, blocking},
+    store::Store,
+};
+use prometheus_client::{
+    metrics::{family::Family, gauge::Gauge},
+    registry::Registry,
+};
+
+type ByCampaign = Family<[(&'static str, String); 1], Gauge>;
+
+/// As things stand now.
+pub(super) async fn observe(campaigns: &Campaigns, store: &Store) -> Result<Registry, CampaignError> {
+    let store = store.clone();
+    let labels = blocking(move || store.count_labels()).await??;
+    let statuses = campaigns.list().await?;
+    let mut registry = Registry::with_prefix(PREFIX);
+    let archived = statuses.iter().map(|status| status.record.individuals()).sum();
+    for (name, help, value) in [
+        (
+            "archive_individuals",
+            "Individuals in the archives of all campaigns",
+            archived,
+        ),
+        (
+            "label_entries",
+            "Entries of the label logs of all campaigns",
+            labels,
+        ),
+    ] {
+        let gauge: Gauge = Gauge::default();
+        gauge.set(signed(value));
+        registry.register(name, help, gauge);
+    }
+    registry.register("campaigns", "Campaigns, by state", by_state(&statuses));
+    by_campaign(&statuses, &mut registry);
+    Ok(registry)
+}
+
+fn by_state(statuses: &[CampaignStatus]) -> Family<[(&'static str, &'static str); 1], Gauge> {
+    let states = Family::<_, Gauge>::default();
+    for state in CampaignState::ALL {
+        drop(states.get_or_create(&[("state", state.name())]));
+    }
+    for status in statuses {
+        states
+            .get_or_create(&[("state", status.record.state.name())])
+            .inc();
+    }
+    states
+}
+
+/// How far those have come that are at work. The others would only grow in number.
+fn by_campaign(statuses: &[CampaignStatus], registry: &mut Registry) {
+    let (done, all) = (ByCampaign::default(), ByCampaign::default());
+    let (epoch, epochs) = (ByCampaign::default(), ByCampaign::default());
+    for status in statuses.iter().filter(|status| status.active) {
+        let set = |family: &ByCampaign, value: u64| {
+            let labels = [("campaign", status.record.id.to_string())];
+            family.get_or_create(&labels).set(signed(value));
+        };
+        set(&done, status.record.generations_done.into());
+        set(&all, status.record.generations().into());
+        if let Some(training) = &status.training {
+            set(&epoch, training.epoch);
+            set(&epochs, training.epochs);
+        }
+    }
+    for (name, help, family) in [
+        (
+            "campaign_generations_done",
+            "Generations on disk of a campaign at work",
+            done,
+        ),
+        (
+            "campaign_generations",
+            "Generations that a campaign at work is to have",
+            all,
+        ),
+        (
+            "training_epochs_done",
+            "Epochs that a campaign's training has done",
+            epoch,
+        ),
+        (
+            "training_epochs",
+            "Epochs that a campaign's training has at most",
+            epochs,
+        ),
+    ] {
+        registry.register(name, help, family);
+    }
+}
+
+fn signed(value: u64) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
+}

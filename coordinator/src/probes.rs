@@ -1,0 +1,90 @@
+//! What machines ask of a coordinator over HTTP: whether it lives, whether it is ready, and its metrics.
+//!
+//! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and say nothing of what a
+//! campaign contains.
+
+use crate::{
+    campaign::{Campaigns, blocking},
+    metrics::{CONTENT_TYPE, Metrics},
+    store::Store,
+};
+use axum::{
+    Router,
+    extract::State,
+    http::{StatusCode, header},
+    response::{IntoResponse as _, Response},
+    routing::get,
+};
+use murmuration_link::Health;
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+use tonic_health::{pb::health_server::HealthServer, server::HealthService};
+
+/// Whether a coordinator has taken up what its predecessor left; cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Readiness {
+    ready: Arc<AtomicBool>,
+    /// Says the same by gRPC.
+    health: Health,
+}
+
+impl Readiness {
+    pub(crate) async fn set(&self, ready: bool) {
+        self.ready.store(ready, Ordering::Release);
+        self.health.ready(ready).await;
+    }
+
+    /// What answers by gRPC, for the services of these names too.
+    pub(crate) async fn service(&self, services: &[&str]) -> HealthServer<HealthService> {
+        for service in services {
+            self.health.serves(service).await;
+        }
+        self.health.service()
+    }
+}
+
+/// What the answers are taken from.
+#[derive(Debug, Clone)]
+pub(crate) struct Probes {
+    pub(crate) readiness: Readiness,
+    pub(crate) metrics: Metrics,
+    pub(crate) campaigns: Campaigns,
+    pub(crate) store: Store,
+}
+
+impl Probes {
+    /// The three routes.
+    pub(crate) fn routes(self) -> Router {
+        Router::new()
+            .route("/healthz", get(async || "alive\n"))
+            .route("/readyz", get(ready))
+            .route("/metrics", get(metrics))
+            .with_state(self)
+    }
+}
+
+/// The store answers, and what was interrupted is at work again.
+async fn ready(State(probes): State<Probes>) -> Response {
+    if !probes.readiness.ready.load(Ordering::Acquire) {
+        return not_ready("not ready: campaigns are being resumed, or the coordinator is shutting down");
+    }
+    let store = probes.store;
+    match blocking(move || store.answers()).await {
+        Ok(Ok(())) => "ready\n".into_response(),
+        Ok(Err(error)) => not_ready(&format!("not ready: {error}")),
+        Err(error) => not_ready(&format!("not ready: {error}")),
+    }
+}
+
+fn not_ready(why: &str) -> Response {
+    (StatusCode::SERVICE_UNAVAILABLE, format!("{why}\n")).into_response()
+}
+
+async fn metrics(State(probes): State<Probes>) -> Response {
+    match probes.metrics.render(&probes.campaigns, &probes.store).await {
+        Ok(text) => ([(header::CONTENT_TYPE, CONTENT_TYPE)], text).into_response(),
+        Err(error) => (StatusCode::INTERNAL_SERVER_ERROR, format!("{error}\n")).into_response(),
+    }
+}

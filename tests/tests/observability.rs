@@ -1,0 +1,183 @@
+//! What machines ask a coordinator, on the port that gRPC is served on: health, metrics, and by which name a request goes.
+
+use murmuration_proto::{REQUEST_ID, v1};
+use murmuration_tests::{Cluster, Murmuration, Running, small_latent_spec, small_spec};
+use std::{collections::BTreeMap, time::Duration};
+use ureq::{Agent, Body, http::Response};
+
+async fn get(url: &str, path: &str) -> Response<Body> {
+    let url = format!("{url}{path}");
+    let agent: Agent = Agent::config_builder().http_status_as_error(false).build().into();
+    let answer = tokio::task::spawn_blocking(move || agent.get(url).call());
+    answer.await.unwrap().unwrap()
+}
+
+async fn text(url: &str, path: &str) -> (u16, String) {
+    let mut answer = get(url, path).await;
+    (
+        answer.status().as_u16(),
+        answer.body_mut().read_to_string().unwrap(),
+    )
+}
+
+/// Every sample by its name and labels, as they are written.
+async fn metrics(url: &str) -> BTreeMap<String, f64> {
+    let (status, text) = text(url, "/metrics").await;
+    assert_eq!(status, 200, "{text}");
+    assert!(text.ends_with("# EOF\n"), "{text}");
+    let samples = text.lines().filter(|line| !line.starts_with('#'));
+    let sample = |line: &str| {
+        let (name, value) = line.rsplit_once(' ').unwrap();
+        (name.to_owned(), value.parse().unwrap())
+    };
+    samples.map(sample).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn metrics_say_what_a_campaign_came_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let before = metrics(&cluster.url()).await;
+    for name in [
+        "murmuration_tasks_done_total{work=\"evaluation\"}",
+        "murmuration_leases_returned_total{party=\"worker\"}",
+        "murmuration_disagreements_total",
+        "murmuration_campaigns{state=\"completed\"}",
+    ] {
+        assert_eq!(before[name], 0.0, "{name}");
+    }
+    cluster.run(&small_latent_spec("")).await;
+    let after = metrics(&cluster.url()).await;
+    for (name, value) in [
+        // 200 pictures of the dataset, 100 individuals of the archive.
+        ("murmuration_tasks_done_total{work=\"evaluation\"}", 300.0),
+        ("murmuration_tasks_done_total{work=\"training\"}", 1.0),
+        ("murmuration_generation_commit_seconds_count", 5.0),
+        (
+            "murmuration_lease_turnaround_seconds_count{work=\"training\"}",
+            1.0,
+        ),
+        ("murmuration_archive_individuals", 100.0),
+        ("murmuration_campaigns{state=\"completed\"}", 1.0),
+        ("murmuration_tasks_pending{party=\"worker\"}", 0.0),
+        ("murmuration_leases{party=\"worker\"}", 0.0),
+        ("murmuration_connected{party=\"worker\"}", 2.0),
+        ("murmuration_connected{party=\"trainer\"}", 1.0),
+        ("murmuration_label_entries", 0.0),
+    ] {
+        assert_eq!(after.get(name), Some(&value), "{name}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_workers_a_campaign_waits_in_the_queue() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    cluster.create(&small_spec("")).await;
+    loop {
+        let now = metrics(&cluster.url()).await;
+        if now["murmuration_tasks_pending{party=\"worker\"}"] == 20.0 {
+            assert_eq!(now["murmuration_campaigns{state=\"running\"}"], 1.0);
+            assert_eq!(now["murmuration_campaign_generations{campaign=\"small-1\"}"], 5.0);
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_name_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let (_, text) = text(&cluster.url(), "/metrics").await;
+    let explained = include_str!("../../docs/operations.md");
+    let types = text.lines().filter_map(|line| line.strip_prefix("# TYPE "));
+    let mut names = 0;
+    for (name, kind) in types.map(|line| line.split_once(' ').unwrap()) {
+        let name = match kind {
+            "counter" => format!("`{name}_total`"),
+            "info" => format!("`{name}_info`"),
+            _ => format!("`{name}`"),
+        };
+        assert!(explained.contains(&name), "{name} is not in docs/operations.md");
+        names += 1;
+    }
+    assert!(names > 10, "{text}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_coordinator_says_that_it_lives_and_is_ready() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    assert_eq!(
+        text(&cluster.url(), "/healthz").await,
+        (200, "alive\n".to_owned())
+    );
+    assert_eq!(text(&cluster.url(), "/readyz").await, (200, "ready\n".to_owned()));
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_goes_by_the_name_it_came_with_or_gets_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let made = get(&cluster.url(), "/healthz").await;
+    assert!(!made.headers()[REQUEST_ID].is_empty());
+
+    let mut request = tonic::Request::new(v1::ListCampaignsRequest {});
+    request
+        .metadata_mut()
+        .insert(REQUEST_ID, "the-one-42".parse().unwrap());
+    let answer = cluster.client.list_campaigns(request).await.unwrap();
+    assert_eq!(answer.metadata().get(REQUEST_ID).unwrap(), "the-one-42");
+    // A refusal says it too, for the one who has to look it up.
+    let mut request = tonic::Request::new(v1::GetCampaignRequest {
+        campaign: "none".to_owned(),
+    });
+    request
+        .metadata_mut()
+        .insert(REQUEST_ID, "the-one-43".parse().unwrap());
+    let refused = cluster.client.get_campaign(request).await.unwrap_err();
+    assert_eq!(refused.metadata().get(REQUEST_ID).unwrap(), "the-one-43");
+    cluster.stop().await;
+}
+
+#[test]
+fn the_health_command_asks_a_coordinator_and_a_worker() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(folder.path());
+    let none = murmuration.run(&["health"]);
+    assert_ne!(none.code, Some(0), "{}", none.stderr);
+
+    let mut coordinator = murmuration.start(&["serve", "--workers", "0", "--listen", "127.0.0.1:0"]);
+    coordinator.wait_for("serving ");
+    while murmuration.run(&["health"]).code != Some(0) {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+
+    let address = free_address();
+    let url = format!("http://{address}");
+    // Its coordinator is not there: it lives, and is not ready.
+    let worker = Running::worker_with_health("http://127.0.0.1:1", &address);
+    while murmuration
+        .run(&["health", "--alive", "--coordinator", &url])
+        .code
+        != Some(0)
+    {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let ready = murmuration.run(&["health", "--coordinator", &url]);
+    assert_eq!(ready.code, Some(1));
+    assert!(ready.stderr.contains("is not ready"), "{}", ready.stderr);
+    worker.kill();
+    coordinator.kill();
+}
+
+/// One that was free a moment ago.
+fn free_address() -> String {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap().to_string()
+}
