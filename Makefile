@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-browser test-faults faults lint build runtime browser toolchain bench clean
+.PHONY: demo test test-browser test-faults faults test-containers lint build runtime browser toolchain bench clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
 demo: build runtime
@@ -12,7 +12,8 @@ demo: build runtime
 # Everything that must hold before a change lands.
 test: lint build runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
-		PATH="$${python:+$$python:}$$PATH" $(CARGO) test --release --workspace
+		bases="$$(tests/containers/base-images)" && \
+		MURMURATION_TEST_BASES="$$bases" PATH="$${python:+$$python:}$$PATH" $(CARGO) test --release --workspace
 
 # The pages in a real browser alone; pictures of them land in target/screenshots.
 test-browser: build browser
@@ -26,10 +27,16 @@ faults: build runtime
 	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
 	MURMURATION_FAULTS=long $(CARGO) test --release --workspace --test faults -- --nocapture
 
+# A cluster in containers, some of which are killed. Skipped where there is no Docker engine.
+test-containers: build runtime
+	bases="$$(tests/containers/base-images)" && \
+		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --release --workspace --test containers
+
 lint: toolchain
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
+	scripts/validate-kubernetes $(CURDIR)/target/kubernetes-validate
 
 build: toolchain
 	$(CARGO) build --release --workspace --bins

@@ -124,6 +124,7 @@ impl Impostor {
                 Ok(Some(Answer::Lease(v1::Lease {
                     id: Some(id),
                     work: Some(v1::lease::Work::Evaluations(batch)),
+                    ..
                 }))) => {
                     let tasks = batch.tasks.len();
                     self.answer(id, evaluation.clone(), tasks).await;

@@ -1,0 +1,212 @@
+//! A cluster of containers, brought down when it is dropped.
+
+use murmuration_tests::{Finished, Murmuration};
+use serde_json::Value;
+use std::{
+    env,
+    io::{self, Write as _},
+    net::TcpListener,
+    path::Path,
+    process::{Command, Output},
+    thread,
+    time::{Duration, Instant},
+};
+
+/// How long anything awaited may take: far more than it does.
+const LIMIT: Duration = Duration::from_secs(300);
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Images that the Dockerfile builds on.
+pub struct Bases {
+    build: String,
+    runtime: String,
+}
+
+/// Those that were made; `None`, and a line that says so, where there are none.
+pub fn base_images() -> Option<Bases> {
+    let named = env::var("MURMURATION_TEST_BASES").unwrap_or_default();
+    if let [build, runtime] = named.split_whitespace().collect::<Vec<_>>()[..] {
+        return Some(Bases {
+            build: build.to_owned(),
+            runtime: runtime.to_owned(),
+        });
+    }
+    // Not eprintln!, which a test that passes does not show.
+    let _ = writeln!(
+        io::stderr(),
+        "skipped: no images to build containers on (`make test-containers` makes them where it can)"
+    );
+    None
+}
+
+/// Containers of deploy/compose.yaml.
+pub struct Cluster {
+    bases: Bases,
+    project: String,
+    port: u16,
+    /// The host's command line, over no data of its own.
+    murmuration: Murmuration,
+}
+
+impl Cluster {
+    /// Builds the image, and starts a coordinator, a trainer and so many workers.
+    pub fn up(bases: Bases, workers: usize) -> Self {
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let cluster = Self {
+            bases,
+            project: format!("murmuration-tests-{}", std::process::id()),
+            port: free.local_addr().unwrap().port(),
+            murmuration: Murmuration::over(Path::new("/nowhere")),
+        };
+        drop(free);
+        cluster.compose(&["build", "coordinator"]);
+        cluster.compose(&["up", "--detach", "--scale", &format!("worker={workers}")]);
+        cluster
+    }
+
+    /// A command of this machine's, to the coordinator in its container.
+    pub fn murmuration(&self, arguments: &[&str]) -> Finished {
+        let url = format!("http://127.0.0.1:{}", self.port);
+        let all = [arguments, &["--coordinator", &url]].concat();
+        self.murmuration.run(&all)
+    }
+
+    /// Waits until every container is healthy, by its own health check.
+    pub fn wait_until_healthy(&self) {
+        let containers = self.containers(None);
+        assert!(containers.len() > 2, "{containers:?}");
+        for container in containers {
+            until("a healthy container", || {
+                inspect(&container)["State"]["Health"]["Status"] == "healthy"
+            });
+        }
+    }
+
+    /// Waits until the newest campaign is as `described`, however often the coordinator goes meanwhile.
+    pub fn wait_for(&self, what: &str, described: impl Fn(&Value) -> bool) {
+        until(what, || {
+            let shown = self.murmuration(&["show", "latest", "--json"]);
+            if shown.code != Some(0) {
+                return false;
+            }
+            let status = shown.last_line();
+            assert_ne!(status["state"], "failed", "{status}");
+            let described = described(&status);
+            assert!(
+                described || status["state"] != "completed",
+                "{what}: was missed, {status}"
+            );
+            described
+        });
+    }
+
+    /// SIGKILL to a container of a service, which must die of it; then it is started again.
+    pub fn kill_one(&self, service: &str) {
+        let container = &self.containers(Some(service))[0];
+        docker(&["kill", "--signal", "KILL", container]);
+        until("a dead container", || {
+            inspect(container)["State"]["Running"] == false
+        });
+        assert_eq!(
+            inspect(container)["State"]["ExitCode"],
+            137,
+            "{service} was not killed"
+        );
+        docker(&["start", container]);
+    }
+
+    /// A service's containers have no rights, and can write only where they must.
+    pub fn check_confined(&self, service: &str) {
+        let container = &self.containers(Some(service))[0];
+        let user = docker(&["exec", container, "id", "-u"]);
+        assert_eq!(user.trim(), "10001");
+        let status = docker(&["exec", container, "cat", "/proc/self/status"]);
+        let line = |name: &str| {
+            let found = status.lines().find_map(|line| line.strip_prefix(name));
+            found.unwrap_or_default().trim().to_owned()
+        };
+        assert_eq!(line("CapBnd:"), "0000000000000000");
+        assert_eq!(line("NoNewPrivs:"), "1");
+        let written = Command::new("docker")
+            .args(["exec", container, "touch", "/usr/local/bin/new"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&written.stderr).into_owned();
+        assert!(said.contains("Read-only file system"), "{said}");
+    }
+
+    fn containers(&self, service: Option<&str>) -> Vec<String> {
+        let project = format!("label=com.docker.compose.project={}", self.project);
+        let mut arguments = vec!["ps", "--quiet", "--no-trunc", "--filter", &project];
+        let service = service.map(|service| format!("label=com.docker.compose.service={service}"));
+        if let Some(service) = &service {
+            arguments.extend(["--filter", service]);
+        }
+        docker(&arguments).lines().map(str::to_owned).collect()
+    }
+
+    fn compose(&self, arguments: &[&str]) {
+        let output = self.try_compose(arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "compose {arguments:?}:\n{said}");
+    }
+
+    fn try_compose(&self, arguments: &[&str]) -> Output {
+        let plugin = Command::new("docker").args(["compose", "version"]).output();
+        let mut command = match plugin.is_ok_and(|output| output.status.success()) {
+            true => {
+                let mut docker = Command::new("docker");
+                docker.arg("compose");
+                docker
+            }
+            false => Command::new("docker-compose"),
+        };
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/compose.yaml");
+        command
+            .args(["--project-name", &self.project])
+            .arg("--file")
+            .arg(file);
+        command
+            .args(arguments)
+            .env("BUILD_BASE", &self.bases.build)
+            .env("RUNTIME_BASE", &self.bases.runtime)
+            .env("MURMURATION_IMAGE", "murmuration-tests/murmuration")
+            .env("MURMURATION_PORT", self.port.to_string())
+            .output()
+            .unwrap()
+    }
+}
+
+impl Drop for Cluster {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let logs = self.try_compose(&["logs", "--no-color", "--tail", "40"]);
+            eprintln!("{}", String::from_utf8_lossy(&logs.stdout));
+        }
+        // What cannot be brought down is named on the console.
+        let down = self.try_compose(&["down", "--volumes", "--timeout", "2"]);
+        if !down.status.success() {
+            eprintln!("{}", String::from_utf8_lossy(&down.stderr));
+        }
+    }
+}
+
+fn docker(arguments: &[&str]) -> String {
+    let output = Command::new("docker").args(arguments).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "docker {arguments:?}: {said}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn inspect(container: &str) -> Value {
+    let shown: Value = serde_json::from_str(&docker(&["inspect", container])).unwrap();
+    shown[0].clone()
+}
+
+fn until(what: &str, mut arrived: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !arrived() {
+        assert!(begun.elapsed() < LIMIT, "waited too long for {what}");
+        thread::sleep(PAUSE);
+    }
+}
