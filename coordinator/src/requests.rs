@@ -6,6 +6,7 @@ use axum::{
     middleware::Next,
     response::Response,
 };
+use murmuration_link::{TRACE_PARENT, follow};
 use murmuration_proto::REQUEST_ID;
 use std::{
     sync::{
@@ -24,6 +25,10 @@ pub(crate) async fn named(request: Request, next: Next) -> Response {
     let id = given(request.headers()).unwrap_or_else(made);
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
     let span = tracing::info_span!("request", id = id.to_str().unwrap_or_default());
+    let parent = request.headers().get(TRACE_PARENT);
+    if let Some(parent) = parent.and_then(|parent| parent.to_str().ok()) {
+        follow(&span, parent);
+    }
     async {
         let begun = Instant::now();
         let mut response = next.run(request).await;

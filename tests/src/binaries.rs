@@ -94,7 +94,14 @@ impl Murmuration {
     /// Starts a command, its stderr captured.
     #[must_use]
     pub fn start(&self, arguments: &[&str]) -> Running {
+        self.start_with(arguments, &[])
+    }
+
+    /// As [`Murmuration::start`], with these variables in its environment.
+    #[must_use]
+    pub fn start_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
         let mut command = self.command(arguments);
+        command.envs(variables.iter().copied());
         Running {
             child: command
                 .stdout(Stdio::null())
@@ -125,11 +132,11 @@ impl Running {
         Self::helper(command, url)
     }
 
-    /// As [`Running::worker`]; it answers for its health at this address.
+    /// As [`Running::worker`], with these variables in its environment.
     #[must_use]
-    pub fn worker_with_health(url: &str, health: &str) -> Self {
+    pub fn worker_with(url: &str, variables: &[(&str, &str)]) -> Self {
         let mut command = Command::new(binary("murmuration-worker"));
-        command.args(["--threads", "1", "--health", health]);
+        command.args(["--threads", "1"]).envs(variables.iter().copied());
         Self::helper(command, url)
     }
 

@@ -2,7 +2,21 @@
 
 use murmuration_proto::{REQUEST_ID, v1};
 use murmuration_tests::{Cluster, Murmuration, Running, small_latent_spec, small_spec};
-use std::{collections::BTreeMap, time::Duration};
+use opentelemetry_proto::tonic::{
+    collector::trace::v1::{
+        ExportTraceServiceRequest, ExportTraceServiceResponse,
+        trace_service_server::{TraceService, TraceServiceServer},
+    },
+    trace::v1::ResourceSpans,
+};
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex},
+    time::Duration,
+};
+use tokio::net::TcpListener;
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::transport::Server;
 use ureq::{Agent, Body, http::Response};
 
 async fn get(url: &str, path: &str) -> Response<Body> {
@@ -161,7 +175,7 @@ fn the_health_command_asks_a_coordinator_and_a_worker() {
     let address = free_address();
     let url = format!("http://{address}");
     // Its coordinator is not there: it lives, and is not ready.
-    let worker = Running::worker_with_health("http://127.0.0.1:1", &address);
+    let worker = Running::worker_with("http://127.0.0.1:1", &[("MURMURATION_HEALTH", &address)]);
     while murmuration
         .run(&["health", "--alive", "--coordinator", &url])
         .code
@@ -173,6 +187,85 @@ fn the_health_command_asks_a_coordinator_and_a_worker() {
     assert_eq!(ready.code, Some(1));
     assert!(ready.stderr.contains("is not ready"), "{}", ready.stderr);
     worker.kill();
+    coordinator.kill();
+}
+
+/// A collector of spans.
+#[derive(Clone, Default)]
+struct Collector(Arc<Mutex<Vec<ResourceSpans>>>);
+
+#[tonic::async_trait]
+impl TraceService for Collector {
+    async fn export(
+        &self,
+        request: tonic::Request<ExportTraceServiceRequest>,
+    ) -> Result<tonic::Response<ExportTraceServiceResponse>, tonic::Status> {
+        self.0.lock().unwrap().extend(request.into_inner().resource_spans);
+        Ok(tonic::Response::new(ExportTraceServiceResponse::default()))
+    }
+}
+
+impl Collector {
+    /// Serves one; its URL.
+    async fn start() -> (Self, String) {
+        let collector = Self::default();
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let server = Server::builder().add_service(TraceServiceServer::new(collector.clone()));
+        tokio::spawn(server.serve_with_incoming(TcpListenerStream::new(listener)));
+        (collector, url)
+    }
+
+    /// Traces in which a process of this service has a lease's span, and the span's parent.
+    fn leases(&self, service: &str) -> BTreeMap<Vec<u8>, Vec<u8>> {
+        let is_named = |spans: &&ResourceSpans| {
+            let attributes = spans.resource.iter().flat_map(|resource| &resource.attributes);
+            attributes.into_iter().any(|attribute| {
+                attribute.key == "service.name"
+                    && format!("{:?}", attribute.value).contains(&format!("\"{service}\""))
+            })
+        };
+        let all = self.0.lock().unwrap();
+        let named = all.iter().filter(is_named);
+        let spans = named
+            .flat_map(|spans| &spans.scope_spans)
+            .flat_map(|spans| &spans.spans);
+        let leases = spans.filter(|span| span.name == "lease");
+        leases
+            .map(|span| (span.trace_id.clone(), span.parent_span_id.clone()))
+            .collect()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lease_is_one_trace_on_coordinator_and_worker() {
+    let (collector, url) = Collector::start().await;
+    let variables = [
+        ("OTEL_EXPORTER_OTLP_ENDPOINT", url.as_str()),
+        ("OTEL_BSP_SCHEDULE_DELAY", "100"),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(folder.path());
+    let mut coordinator = murmuration.start_with(
+        &["serve", "--workers", "0", "--listen", "127.0.0.1:0"],
+        &variables,
+    );
+    let said = coordinator.wait_for("serving ");
+    let worker = Running::worker_with(said.rsplit(' ').next().unwrap(), &variables);
+    let spec = folder.path().join("small.toml");
+    std::fs::write(&spec, small_spec("").to_toml()).unwrap();
+    let submitted = murmuration.run(&["submit", spec.to_str().unwrap()]);
+    assert_eq!(submitted.code, Some(0), "{}", submitted.stderr);
+    loop {
+        let given = collector.leases("murmuration");
+        let done = collector.leases("murmuration-worker");
+        if let Some((_, parent)) = done.iter().find(|(trace, _)| given.contains_key(*trace)) {
+            assert!(!parent.is_empty());
+            break;
+        }
+        tokio::time::sleep(Duration::from_millis(50)).await;
+    }
+    assert_eq!(worker.terminate(), Some(0));
     coordinator.kill();
 }
 

@@ -1,7 +1,7 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, telemetry, until_terminated};
 use murmuration_trainer::client::{self, Options};
 use std::{net::SocketAddr, num::NonZeroUsize, process::ExitCode};
 
@@ -37,7 +37,7 @@ struct Arguments {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    log_to_stderr("info");
+    let telemetry = telemetry("murmuration-trainer", "info");
     // To rayon 0 is the number of cores.
     let threads = arguments.threads.map_or(0, NonZeroUsize::get);
     if let Err(error) = rayon::ThreadPoolBuilder::new()
@@ -61,11 +61,13 @@ async fn main() -> ExitCode {
         name: arguments.name,
         health: health.clone(),
     };
-    until_terminated("leaving after this epoch", |stop| async move {
+    let code = until_terminated("leaving after this epoch", |stop| async move {
         if let Some(listen) = arguments.health {
             health.serve(listen).await?;
         }
         client::run(options, stop).await
     })
-    .await
+    .await;
+    telemetry.end().await;
+    code
 }

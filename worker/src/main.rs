@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, log_to_stderr, until_terminated};
+use murmuration_link::{Credentials, Health, IdentityFiles, TrustFiles, telemetry, until_terminated};
 use murmuration_worker::client::{self, Options};
 use std::{net::SocketAddr, num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 
@@ -41,7 +41,7 @@ struct Arguments {
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    log_to_stderr("info");
+    let telemetry = telemetry("murmuration-worker", "info");
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     let credentials = match Credentials::read(&arguments.trust, &arguments.identity) {
         Ok(credentials) => credentials,
@@ -59,11 +59,13 @@ async fn main() -> ExitCode {
         threads: arguments.threads.unwrap_or(cores),
         cache: arguments.cache.unwrap_or_else(checkpoint_folder),
     };
-    until_terminated("leaving", |stop| async move {
+    let code = until_terminated("leaving", |stop| async move {
         if let Some(listen) = arguments.health {
             health.serve(listen).await?;
         }
         client::run(options, stop).await
     })
-    .await
+    .await;
+    telemetry.end().await;
+    code
 }

@@ -25,7 +25,7 @@ mod token;
 pub use error::CliError;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use murmuration_link::{Credentials, CredentialsError, IdentityFiles, TrustFiles, log_to_stderr};
+use murmuration_link::{Credentials, CredentialsError, IdentityFiles, Telemetry, TrustFiles, telemetry};
 use std::{path::PathBuf, process::ExitCode};
 
 const EXAMPLES: &str = "\
@@ -148,12 +148,18 @@ enum Command {
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    log(&arguments.command);
     let done = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
         .map_err(|error| CliError::Failed(format!("cannot start threads: {error}")))
-        .and_then(|runtime| runtime.block_on(execute(arguments)));
+        .and_then(|runtime| {
+            runtime.block_on(async {
+                let telemetry = tell(&arguments.command);
+                let done = execute(arguments).await;
+                telemetry.end().await;
+                done
+            })
+        });
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -204,11 +210,11 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
 }
 
 /// Servers tell what they do; other commands only what goes wrong.
-fn log(command: &Command) {
+fn tell(command: &Command) -> Telemetry {
     let default = if matches!(command, Command::Serve(_)) {
         "info"
     } else {
         "error"
     };
-    log_to_stderr(default);
+    telemetry("murmuration", default)
 }

@@ -9,6 +9,7 @@ use crate::{
     leases::{Back, Grant, Instance, JobId, LeaseNumber, LeaseTable, News, Refused, Settled, WorkerId},
     metrics::DispatchMetrics,
 };
+use murmuration_link::trace_parent;
 use murmuration_proto::{Purpose, Stream, v1};
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -431,6 +432,7 @@ impl Service {
             let message = v1::coordinator_message::Message::Lease(v1::Lease {
                 id: Some(id),
                 campaign,
+                trace_parent: trace_parent(&span),
                 work: Some(content.work.batch(&tasks)),
             });
             let at = Instant::now();

@@ -2,7 +2,7 @@
 
 use super::{course::Course, dataset, task::Task};
 use murmuration_embed::Runtime;
-use murmuration_link::{Coordinator, attempts, for_lease, may_pass, stopped};
+use murmuration_link::{Coordinator, attempts, follow, for_lease, may_pass, stopped};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
@@ -104,6 +104,7 @@ impl Running {
         let (sender, events) = mpsc::channel(EVENTS);
         let mut job = JoinSet::new();
         let span = tracing::info_span!("lease", id = %lease, campaign = task.campaign);
+        follow(&span, &task.trace_parent);
         let training = async move {
             let outcome = match train(task, coordinator, turn, stop, sender.clone()).await {
                 Ok(digest) => Outcome::Checkpoint(digest.to_string()),

@@ -8,6 +8,8 @@ use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configurat
 pub(super) struct Task {
     pub(super) lease: v1::LeaseId,
     pub(super) campaign: String,
+    /// The trace that it belongs to.
+    pub(super) trace_parent: String,
     pub(super) configuration: Configuration,
     pub(super) side: usize,
     pub(super) views: usize,
@@ -65,6 +67,7 @@ impl TryFrom<v1::Lease> for Task {
             lesson,
             lease: lease.id.unwrap_or_default(),
             campaign: lease.campaign,
+            trace_parent: lease.trace_parent,
             configuration,
             side: task.side as usize,
             views: task.views as usize,
@@ -80,6 +83,7 @@ mod tests {
         v1::Lease {
             id: None,
             campaign: "small-1".to_owned(),
+            trace_parent: String::new(),
             work: Some(v1::lease::Work::Training(v1::TrainingTask {
                 configuration: configuration.to_owned(),
                 side: 50,
@@ -111,6 +115,7 @@ mod tests {
         let work = v1::Lease {
             id: None,
             campaign: "small-1".to_owned(),
+            trace_parent: String::new(),
             work: Some(replay),
         };
         check_refused(work, "a kind of work that this trainer knows");

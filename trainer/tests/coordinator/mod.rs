@@ -153,6 +153,7 @@ impl Session {
         let lease = v1::Lease {
             id: Some(lease_id(number)),
             campaign: "campaign-1".to_owned(),
+            trace_parent: String::new(),
             work: Some(v1::lease::Work::Training(task)),
         };
         self.say(coordinator_message::Message::Lease(lease)).await;

@@ -1,19 +1,28 @@
 //! Single calls to a coordinator that may be away for a moment.
 
+use crate::{TRACE_PARENT, trace_parent};
 use murmuration_proto::{REQUEST_ID, v1};
 use std::{future::Future, time::Duration};
 use tonic::{Code, Request, Status, metadata::MetadataValue};
+use tracing::Span;
 
 /// Attempts at a call, and the pause between two.
 const ATTEMPTS: usize = 3;
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// A request made on behalf of a lease: it goes by the lease's id, so that the coordinator's log says so too.
+/// A request made on behalf of a lease: it goes by the lease's id, so that the coordinator's log says so too, and belongs
+/// to the current span's trace.
 pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     let mut request = Request::new(message);
-    // Two numbers and a dash are always a header's value.
-    if let Ok(id) = MetadataValue::try_from(lease.to_string()) {
-        request.metadata_mut().insert(REQUEST_ID, id);
+    let names = [
+        (REQUEST_ID, lease.to_string()),
+        (TRACE_PARENT, trace_parent(&Span::current())),
+    ];
+    for (header, name) in names.into_iter().filter(|(_, name)| !name.is_empty()) {
+        // Digits, letters and dashes are always a header's value.
+        if let Ok(value) = MetadataValue::try_from(name) {
+            request.metadata_mut().insert(header, value);
+        }
     }
     request
 }

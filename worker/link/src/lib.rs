@@ -12,6 +12,7 @@ mod health;
 mod link;
 mod process;
 mod stop;
+mod telemetry;
 mod token;
 
 pub use attempts::{attempts, for_lease, may_pass};
@@ -22,8 +23,9 @@ pub use credentials::{
 };
 pub use health::{Health, READY};
 pub use link::{Broken, Link};
-pub use process::{log_to_stderr, until_terminated};
+pub use process::until_terminated;
 pub use stop::{stopped, termination};
+pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;

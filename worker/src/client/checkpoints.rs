@@ -11,6 +11,7 @@ use std::{
 };
 use tokio::{runtime::Handle, sync::oneshot};
 use tonic::Status;
+use tracing::Instrument as _;
 
 /// Most bytes of checkpoints on disk (1 GiB: thousands of them).
 const MAX_CACHE_BYTES: u64 = 1 << 30;
@@ -79,10 +80,11 @@ impl Checkpoints {
     pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
         let coordinator = self.coordinator.clone();
-        self.runtime.spawn(async move {
+        let fetching = async move {
             // The thread waits for it.
             let _ = reply.send(fetch_checkpoint(&coordinator, digest, lease).await);
-        });
+        };
+        self.runtime.spawn(fetching.in_current_span());
         answer
             .blocking_recv()
             .unwrap_or_else(|_| Err(Status::unavailable("the worker is leaving")))

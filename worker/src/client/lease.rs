@@ -14,6 +14,8 @@ pub(super) struct Lease {
     pub(super) id: v1::LeaseId,
     /// Whose it is, for the log.
     pub(super) campaign: String,
+    /// The trace that it belongs to.
+    pub(super) trace_parent: String,
     pub(super) work: Work,
 }
 
@@ -121,6 +123,7 @@ impl TryFrom<v1::Lease> for Lease {
         Ok(Self {
             id,
             campaign: message.campaign,
+            trace_parent: message.trace_parent,
             work,
         })
     }
@@ -198,6 +201,7 @@ mod tests {
         let lease = v1::Lease {
             id: Some(v1::LeaseId::default()),
             campaign: "small-1".to_owned(),
+            trace_parent: String::new(),
             work: Some(work),
         };
         let lease = Lease::try_from(lease).map_err(|invalid| invalid.to_string())?;

@@ -5,6 +5,7 @@ use super::{
     desk::Desk,
     lease::{Lease, Outcome},
 };
+use murmuration_link::follow;
 use murmuration_proto::v1;
 use std::{
     io,
@@ -126,6 +127,7 @@ fn work_until_closed(
         let Ok(lease) = next else { return };
         let (id, credits) = (lease.id, lease.work.len());
         let span = tracing::info_span!("lease", %id, campaign = lease.campaign);
+        follow(&span, &lease.trace_parent);
         let _in_lease = span.entered();
         let begun = Instant::now();
         let outcome = if draining.load(Ordering::Relaxed) {

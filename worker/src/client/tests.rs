@@ -112,6 +112,7 @@ impl Worker {
         let lease = Lease {
             id: v1::LeaseId::default(),
             campaign: "small-1".to_owned(),
+            trace_parent: String::new(),
             work,
         };
         tokio::task::spawn_blocking(move || desk.outcome(lease))
