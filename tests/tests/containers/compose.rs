@@ -3,7 +3,7 @@
 use murmuration_tests::{Finished, Murmuration};
 use serde_json::Value;
 use std::{
-    env,
+    env, fs,
     io::{self, Write as _},
     net::TcpListener,
     path::Path,
@@ -11,10 +11,14 @@ use std::{
     thread,
     time::{Duration, Instant},
 };
+use tempfile::TempDir;
 
 /// How long anything awaited may take: far more than it does.
 const LIMIT: Duration = Duration::from_secs(300);
 const PAUSE: Duration = Duration::from_millis(100);
+/// Files of the coordinator's that people need too.
+const CA: &str = "ca.pem";
+const TOKEN: &str = "operator.token";
 
 /// Images that the Dockerfile builds on.
 pub struct Bases {
@@ -44,6 +48,8 @@ pub struct Cluster {
     bases: Bases,
     project: String,
     port: u16,
+    /// What the command line shows to the coordinator, and knows it by.
+    secrets: TempDir,
     /// The host's command line, over no data of its own.
     murmuration: Murmuration,
 }
@@ -56,19 +62,35 @@ impl Cluster {
             bases,
             project: format!("murmuration-tests-{}", std::process::id()),
             port: free.local_addr().unwrap().port(),
+            secrets: tempfile::tempdir().unwrap(),
             murmuration: Murmuration::over(Path::new("/nowhere")),
         };
         drop(free);
         cluster.compose(&["build", "coordinator"]);
         cluster.compose(&["up", "--detach", "--scale", &format!("worker={workers}")]);
+        for secret in [CA, TOKEN] {
+            let inside = format!("/etc/murmuration/{secret}");
+            let held = docker(&[
+                "exec",
+                &cluster.containers(Some("coordinator"))[0],
+                "cat",
+                &inside,
+            ]);
+            fs::write(cluster.secret(secret), held).unwrap();
+        }
         cluster
     }
 
     /// A command of this machine's, to the coordinator in its container.
     pub fn murmuration(&self, arguments: &[&str]) -> Finished {
-        let url = format!("http://127.0.0.1:{}", self.port);
-        let all = [arguments, &["--coordinator", &url]].concat();
-        self.murmuration.run(&all)
+        let url = format!("https://127.0.0.1:{}", self.port);
+        let (ca, token) = (self.secret(CA), self.secret(TOKEN));
+        let to = ["--coordinator", &url, "--ca", &ca, "--token-file", &token];
+        self.murmuration.run(&[arguments, &to].concat())
+    }
+
+    fn secret(&self, name: &str) -> String {
+        self.secrets.path().join(name).to_str().unwrap().to_owned()
     }
 
     /// Waits until every container is healthy, by its own health check.

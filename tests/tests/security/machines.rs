@@ -1,7 +1,7 @@
 //! Workers and trainers, and their certificates.
 
 use crate::{Desk, people::channel};
-use murmuration_link::Credentials;
+use murmuration_link::{Credentials, Health};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
 };
@@ -16,6 +16,7 @@ fn options(desk: &Desk, cluster: &Cluster, credentials: Credentials) -> worker::
         coordinator: cluster.url(),
         credentials,
         name: "tested".to_owned(),
+        health: Health::new(),
         threads: NonZeroUsize::MIN,
         cache: desk.path("cache"),
     }
