@@ -1,4 +1,8 @@
-//! Checkpoints: bytes in an object store under their digest, descriptions in the database.
+//! Checkpoints: bytes on a shelf under their digest, descriptions in the database.
+
+mod shelf;
+
+pub use shelf::{Condition, Shelf};
 
 use crate::dispatch::Embedder;
 use crate::store::{CheckpointRecord, Store, StoreError};
@@ -7,10 +11,8 @@ use murmuration_proto::{
     CheckpointDigest, ImageFormat, Lineage,
     onnx::{EmbedderModel, ModelError},
 };
-use object_store::{ObjectStore, ObjectStoreExt as _, local::LocalFileSystem, path::Path as ObjectPath};
 use std::{
     path::Path,
-    sync::Arc,
     time::{SystemTime, UNIX_EPOCH},
 };
 
@@ -18,8 +20,7 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct Checkpoints {
     store: Store,
-    objects: Arc<dyn ObjectStore>,
-    prefix: ObjectPath,
+    shelf: Shelf,
 }
 
 /// Why a checkpoint cannot be stored or read.
@@ -42,10 +43,30 @@ pub enum CheckpointError {
     /// The bytes are no embedder that workers could run.
     #[error("{0}")]
     Model(#[from] ModelError),
+    /// The bytes of a stored checkpoint are gone.
+    #[error(
+        "checkpoint {digest} is not at {place}: `murmuration checkpoints import` brings it back from a copy"
+    )]
+    Missing {
+        /// The checkpoint.
+        digest: CheckpointDigest,
+        /// The file or object that should hold it.
+        place: String,
+    },
+    /// The bytes of a stored checkpoint are others than those that were stored.
+    #[error(
+        "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what can be saved"
+    )]
+    Damaged {
+        /// The file or object that should hold it.
+        place: String,
+        /// The digest of its bytes.
+        found: CheckpointDigest,
+    },
     /// The bytes are not those that the digest names.
     #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
     Mismatch {
-        /// The digest asked for or announced.
+        /// The digest announced.
         wanted: CheckpointDigest,
         /// The digest of the bytes.
         found: CheckpointDigest,
@@ -70,37 +91,32 @@ pub enum CheckpointError {
 }
 
 impl Checkpoints {
-    /// Keeps checkpoints at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools'
-    /// environment variables), or, if there is none, in the folder `checkpoints` of the data directory.
+    /// Keeps checkpoints on the [`Shelf`] at `location`.
     ///
     /// # Errors
-    /// [`CheckpointError::Location`] where that is no place for them.
+    /// As [`Shelf::open`].
     pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
-        let folder = data.join("checkpoints");
-        let refused = |reason: &dyn std::fmt::Display| CheckpointError::Location {
-            location: location.map_or_else(|| folder.display().to_string(), str::to_owned),
-            reason: reason.to_string(),
-        };
-        let (objects, prefix): (Arc<dyn ObjectStore>, _) = match location {
-            Some(url) => {
-                let url = url.parse().map_err(|error| refused(&error))?;
-                let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
-                let variables = variables.map(|(name, value)| (name.to_ascii_lowercase(), value));
-                let (objects, prefix) =
-                    object_store::parse_url_opts(&url, variables).map_err(|error| refused(&error))?;
-                (objects.into(), prefix)
+        let shelf = Shelf::open(data, location)?;
+        Ok(Self { store, shelf })
+    }
+
+    /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. One
+    /// that is missing is logged: only a campaign that comes to need it fails of it.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`], or if they cannot be read.
+    pub async fn verify(&self) -> Result<(), CheckpointError> {
+        if !self.shelf.is_folder() {
+            return Ok(());
+        }
+        for record in self.list().await? {
+            match self.shelf.get(record.digest).await {
+                Ok(_) => {}
+                Err(missing @ CheckpointError::Missing { .. }) => tracing::warn!("{missing}"),
+                Err(error) => return Err(error),
             }
-            None => {
-                std::fs::create_dir_all(&folder).map_err(|error| refused(&error))?;
-                let objects = LocalFileSystem::new_with_prefix(&folder).map_err(|error| refused(&error))?;
-                (Arc::new(objects.with_fsync(true)), ObjectPath::default())
-            }
-        };
-        Ok(Self {
-            store,
-            objects,
-            prefix,
-        })
+        }
+        Ok(())
     }
 
     /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing. It has seen what its parent
@@ -130,7 +146,7 @@ impl Checkpoints {
             lineage,
             created_ms,
         };
-        self.objects.put(&self.object(digest), bytes.into()).await?;
+        self.shelf.put(digest, bytes).await?;
         self.on_disk(move |store| {
             store.add_checkpoint(&record)?;
             store.checkpoint(record.digest)
@@ -160,14 +176,7 @@ impl Checkpoints {
     /// If there is none of that digest, or its bytes are gone or damaged.
     pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         self.describe(digest).await?;
-        let bytes = self.objects.get(&self.object(digest)).await?.bytes().await?;
-        match CheckpointDigest::of(&bytes) {
-            found if found == digest => Ok(bytes),
-            found => Err(CheckpointError::Mismatch {
-                wanted: digest,
-                found,
-            }),
-        }
+        self.shelf.get(digest).await
     }
 
     /// A checkpoint as an embedder of pictures in `format`.
@@ -193,10 +202,6 @@ impl Checkpoints {
             checkpoint,
             dimensions: model.dimensions(),
         })
-    }
-
-    fn object(&self, digest: CheckpointDigest) -> ObjectPath {
-        self.prefix.clone().join(format!("{digest}.onnx"))
     }
 
     async fn on_disk<T: Send + 'static>(
@@ -260,9 +265,22 @@ mod tests {
         .unwrap();
         let error = checkpoints.fetch(digest).await.unwrap_err();
         assert!(
-            matches!(error, CheckpointError::Mismatch { wanted, .. } if wanted == digest),
+            matches!(&error, CheckpointError::Damaged { place, .. } if place.contains(&digest.to_string())),
             "{error}"
         );
+        let said = checkpoints.verify().await.unwrap_err().to_string();
+        assert!(said.contains("murmuration doctor"), "{said}");
+        // What is gone stops nobody who does not need it, and comes back with the same bytes.
+        std::fs::remove_file(folder.path().join(format!("checkpoints/{digest}.onnx"))).unwrap();
+        checkpoints.verify().await.unwrap();
+        let error = checkpoints.fetch(digest).await.unwrap_err();
+        assert!(matches!(error, CheckpointError::Missing { .. }), "{error}");
+        let again = Bytes::from_static(MODEL);
+        checkpoints
+            .publish(Lineage::default(), again.clone())
+            .await
+            .unwrap();
+        assert_eq!(checkpoints.fetch(digest).await.unwrap(), again);
     }
 
     #[tokio::test]

@@ -6,6 +6,7 @@
 
 pub mod access;
 pub mod accuracy;
+pub mod backup;
 pub mod breeding;
 pub mod campaign;
 pub mod checkpoints;
@@ -13,6 +14,7 @@ pub mod cli;
 mod connections;
 pub mod digest;
 pub mod dispatch;
+pub mod doctor;
 pub mod filter;
 pub mod gather;
 pub mod judge;

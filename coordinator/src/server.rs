@@ -105,6 +105,7 @@ impl Coordinator {
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
+        checkpoints.verify().await?;
         let metrics = Metrics::new();
         let dispatch = Dispatch::start(options.dispatch, metrics.dispatch(Party::Worker));
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));

@@ -1,11 +1,14 @@
 //! The real binaries, in real processes.
 
+use crate::FaultyLibc;
 use serde_json::Value;
 use std::{
+    ffi::OsString,
     io::{BufRead as _, BufReader, Read as _},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
     sync::OnceLock,
+    time::{Duration, Instant},
 };
 
 /// Path of a binary of the workspace, built in the profile of the tests that ask.
@@ -34,6 +37,8 @@ pub fn binary(name: &str) -> PathBuf {
 #[derive(Debug, Clone)]
 pub struct Murmuration {
     data: PathBuf,
+    /// What its processes have in their environment besides.
+    environment: Vec<(&'static str, OsString)>,
 }
 
 /// A command that has ended.
@@ -77,7 +82,50 @@ impl Murmuration {
     pub fn over(data: &Path) -> Self {
         Self {
             data: data.to_owned(),
+            environment: Vec::new(),
         }
+    }
+
+    /// The same commands, subject to faults.
+    #[must_use]
+    pub fn under(mut self, faults: &FaultyLibc) -> Self {
+        self.environment.extend(faults.environment());
+        self
+    }
+
+    /// The newest campaign, as `show --json` prints it.
+    #[must_use]
+    #[track_caller]
+    pub fn latest(&self) -> Value {
+        self.run(&["show", "latest", "--json"]).last_line()
+    }
+
+    /// The newest campaign as soon as it `is` as wished. Panics after a minute.
+    #[track_caller]
+    pub fn latest_when(&self, is: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let shown = self.run(&["show", "latest", "--json"]);
+            // Until its coordinator listens there may be none.
+            let latest = (shown.code == Some(0)).then(|| shown.last_line());
+            if let Some(latest) = latest.as_ref().filter(|latest| is(latest)) {
+                return latest.clone();
+            }
+            assert!(
+                begun.elapsed() < Duration::from_secs(60),
+                "{latest:?} {}",
+                shown.stderr
+            );
+        }
+    }
+
+    /// The digest of the newest campaign.
+    #[must_use]
+    #[track_caller]
+    pub fn digest(&self) -> String {
+        let digest = self.run(&["digest", "latest"]);
+        assert_eq!(digest.code, Some(0), "{}", digest.stderr);
+        digest.stdout
     }
 
     /// Runs a command to its end.
@@ -117,6 +165,7 @@ impl Murmuration {
             .args(arguments)
             .env("MURMURATION_DATA", &self.data)
             .env("RUST_BACKTRACE", "0")
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::null());
         command
     }
@@ -178,6 +227,11 @@ impl Running {
         panic!("it ended without saying {sign:?}:\n{said}");
     }
 
+    /// Waits until it ends by itself; its exit code.
+    pub fn wait(mut self) -> Option<i32> {
+        self.exit()
+    }
+
     /// SIGKILL, and waits until it is dead. Panics if it had ended by itself: then the fault did not fire.
     pub fn kill(mut self) {
         assert_eq!(
@@ -196,6 +250,10 @@ impl Running {
             .status()
             .unwrap();
         assert!(signalled.success());
+        self.exit()
+    }
+
+    fn exit(&mut self) -> Option<i32> {
         let mut rest = String::new();
         if let Some(stderr) = self.child.stderr.as_mut() {
             stderr.read_to_string(&mut rest).unwrap();

@@ -33,6 +33,19 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
+/// The file, in `folder`, of a campaign of some seconds, so that there is something to interrupt: 60 generations of 20
+/// controllers, 600 steps each.
+#[must_use]
+pub fn longer_spec(folder: &Path) -> String {
+    let text = small_spec("seed = 5").to_toml();
+    let text = text
+        .replace("generations = 5", "generations = 60")
+        .replace("horizon = 200", "horizon = 600");
+    let path = folder.join("longer.toml");
+    std::fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
 /// A latent campaign as small as [`small_spec`], trained on the pictures of 100 controllers; `more` is added to the file.
 #[must_use]
 pub fn small_latent_spec(more: &str) -> CampaignSpec {

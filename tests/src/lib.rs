@@ -4,8 +4,10 @@
 
 mod binaries;
 mod cluster;
+mod faulty_libc;
 mod impostor;
 
 pub use binaries::{Finished, Murmuration, Running, binary};
-pub use cluster::{Cluster, quick_dispatch, small_latent_spec, small_spec};
+pub use cluster::{Cluster, longer_spec, quick_dispatch, small_latent_spec, small_spec};
+pub use faulty_libc::FaultyLibc;
 pub use impostor::Impostor;

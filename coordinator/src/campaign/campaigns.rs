@@ -1,7 +1,7 @@
 //! The registry: every campaign of the store, and those at work in this process.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, Change, NotAllowed, Stage,
+    CampaignError, CampaignId, CampaignState, Stage,
     live::{Live, Progress},
     run::{self, Means, blocking},
 };
@@ -39,6 +39,8 @@ pub struct CampaignStatus {
     pub per_second: f64,
     /// How far the training has come, while there is one.
     pub training: Option<v1::TrainingProgress>,
+    /// What it waits for before it goes on by itself, such as room on the disk.
+    pub waiting: Option<String>,
     /// Workers connected to this coordinator.
     pub workers: usize,
     /// Trainers connected to this coordinator.
@@ -62,7 +64,7 @@ pub(super) type AtWorkById = BTreeMap<CampaignId, AtWork>;
 #[derive(Debug)]
 pub(super) struct AtWork {
     stop: watch::Sender<bool>,
-    progress: watch::Receiver<Progress>,
+    pub(super) progress: watch::Receiver<Progress>,
     task: JoinHandle<()>,
 }
 
@@ -131,52 +133,6 @@ impl Campaigns {
             }
         }
         Ok(())
-    }
-
-    /// Pauses, resumes or cancels a campaign; its new status is on disk when this returns.
-    ///
-    /// # Errors
-    /// If there is no such campaign or its state does not allow the change.
-    pub async fn change(&self, id: &str, change: Change) -> Result<CampaignStatus, CampaignError> {
-        let mut at_work = self.at_work.lock().await;
-        let mut record = self.record(id).await?;
-        let id = record.id.clone();
-        let failed = at_work
-            .get(&id)
-            .is_some_and(|work| work.progress.borrow().failed.is_some());
-        let from = if failed {
-            CampaignState::Failed
-        } else {
-            record.state
-        };
-        let state = from.after(change).ok_or_else(|| NotAllowed {
-            id: id.clone(),
-            change,
-            state: from,
-        })?;
-        let busy = at_work.get(&id).is_some_and(|work| !work.task.is_finished());
-        if change == Change::Resume && busy {
-            drop(at_work);
-            return self.status(id.as_str()).await;
-        }
-        if let Some(work) = at_work.remove(&id) {
-            work.end().await;
-        }
-        let store = self.means.store.clone();
-        record = blocking(move || {
-            // It may have completed while it was being stopped.
-            if store.campaign(record.id.as_str())?.state != CampaignState::Completed {
-                store.set_state(&record.id, state, "")?;
-            }
-            store.campaign(record.id.as_str())
-        })
-        .await??;
-        if record.state == CampaignState::Running {
-            self.start(&mut at_work, record)?;
-        }
-        drop(at_work);
-        tracing::info!(campaign = %id, change = change.name(), "changed");
-        self.status(id.as_str()).await
     }
 
     /// Every campaign, oldest first.
@@ -298,6 +254,7 @@ impl Campaigns {
             arrived: if active { progress.arrived } else { 0 },
             per_second: if active { progress.per_second } else { 0.0 },
             training: progress.training.filter(|_| active),
+            waiting: progress.waiting.filter(|_| active),
             workers: *self.means.dispatch.workers().borrow(),
             trainers: *self.means.trainers.connected().borrow(),
             notices,
@@ -316,9 +273,14 @@ struct Snapshot {
 impl AtWork {
     fn snapshot(&self) -> Snapshot {
         Snapshot {
-            active: !self.task.is_finished(),
+            active: self.is_busy(),
             progress: self.progress.borrow().clone(),
         }
+    }
+
+    /// Whether it has not ended.
+    pub(super) fn is_busy(&self) -> bool {
+        !self.task.is_finished()
     }
 
     /// Stops the search between two commits and waits until it has stopped.

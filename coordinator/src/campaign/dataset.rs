@@ -4,12 +4,12 @@ use super::{
     CampaignError,
     evaluate::{Placed, evaluate},
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome},
 };
 use crate::{
     breeding::{self, ProposeError},
     dispatch::EvaluationJob,
-    store::{CampaignRecord, Picture},
+    store::{CampaignRecord, Picture, Store},
 };
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
 use std::ops::Range;
@@ -68,8 +68,11 @@ pub(super) async fn collect(
             })
             .collect();
         let count = pictures.len() as u64;
-        let (store, id) = (means.store.clone(), id.clone());
-        blocking(move || store.add_pictures(&id, chunk.start * starts, &pictures, &notices)).await??;
+        let (id, place) = (id.clone(), chunk.start * starts);
+        let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &notices);
+        if means.commit(live, add).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
         live.committed(count);
         next = chunk.end;
     }

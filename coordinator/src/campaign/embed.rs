@@ -54,23 +54,29 @@ pub(super) async fn embed(
         };
         let embeddings = embeddings?;
         let count = embeddings.len() as u64;
-        let (store, of) = (means.store.clone(), id.clone());
-        blocking(move || store.add_embeddings(&of, embedded, &embeddings)).await??;
+        let of = id.clone();
+        let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings);
+        if means.commit(live, add).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
         embedded += count;
         live.committed(count);
     }
-    let store = means.store.clone();
-    blocking(move || switch(&store, &id, &spec, embedder.dimensions)).await??;
-    Ok(Outcome::Done)
+    let (store, of) = (means.store.clone(), id.clone());
+    let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions)).await??;
+    let switched = means
+        .commit(live, move |store| store.switch(&id, &measured))
+        .await?;
+    Ok(Outcome::of(switched))
 }
 
-/// Measures every generation anew, in the archive as it stood after it, and commits the switch.
-fn switch(
+/// Measures every generation anew, in the archive as it stood after it.
+fn measure(
     store: &Store,
     id: &CampaignId,
     spec: &CampaignSpec,
     dimensions: usize,
-) -> Result<(), CampaignError> {
+) -> Result<Switch, CampaignError> {
     let embeddings = store.next_embeddings(id)?;
     let features = store.individuals(id, spec.model(), 0..embeddings.len() as u64, false)?;
     let method = spec.method();
@@ -94,5 +100,5 @@ fn switch(
             .push(GenerationRecord::of(record.generation, &novelty, record.filtered));
         measured.novelty.extend(novelty);
     }
-    Ok(store.switch(id, &measured)?)
+    Ok(measured)
 }

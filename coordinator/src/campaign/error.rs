@@ -91,3 +91,16 @@ pub enum CampaignError {
     )]
     Broken,
 }
+
+impl CampaignError {
+    /// Whether the disk is why, so that the same may be done later.
+    #[must_use]
+    pub const fn may_pass(&self) -> bool {
+        match self {
+            Self::Store(error)
+            | Self::Label(LabelError::Store(error))
+            | Self::Checkpoint(CheckpointError::Store(error)) => error.may_pass(),
+            _ => false,
+        }
+    }
+}

@@ -7,7 +7,10 @@ use super::{
     run::{Means, Outcome, blocking},
     train::train,
 };
-use crate::{dispatch::Lesson, store::CampaignRecord};
+use crate::{
+    dispatch::Lesson,
+    store::{CampaignRecord, Store},
+};
 use murmuration_proto::{
     CheckpointDigest, Feedback,
     training::{Configuration, ConfigurationError},
@@ -34,9 +37,8 @@ pub(super) async fn fine_tune(
     let Some(checkpoint) = train(means, &record, (configuration, Some(lesson)), live).await? else {
         return Ok(Outcome::Stopped);
     };
-    let store = means.store.clone();
-    blocking(move || store.finish_round(&record.id, checkpoint)).await??;
-    Ok(Outcome::Done)
+    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
+    Ok(Outcome::of(means.commit(live, finish).await?))
 }
 
 /// That of the checkpoint to go on from, with the recipe for labels.

@@ -5,7 +5,10 @@ use super::{
     live::Live,
     run::{Means, Outcome, blocking},
 };
-use crate::{labels::RequestId, store::CampaignRecord};
+use crate::{
+    labels::RequestId,
+    store::{CampaignRecord, Store},
+};
 
 /// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
 pub(super) async fn label(
@@ -24,10 +27,14 @@ pub(super) async fn label(
         return Ok(Outcome::Stopped);
     };
     let answers = answers?;
-    let store = means.store.clone();
     let request = RequestId::of_round(record.rounds_done + 1);
+    let id = record.id.clone();
+    let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
+    if means.commit(live, answer).await?.is_none() {
+        return Ok(Outcome::Stopped);
+    }
+    let store = means.store.clone();
     blocking(move || {
-        store.answer_round(&record.id, &request, answers)?;
         let labels = store.labels(&record.id)?;
         super::moves::check_lesson(&record.id, &labels)
     })

@@ -23,6 +23,8 @@ pub(super) struct Progress {
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
+    /// What it waits for before it goes on by itself.
+    pub(super) waiting: Option<String>,
     /// Why it failed, also where the store could not record that.
     pub(super) failed: Option<String>,
 }
@@ -64,6 +66,15 @@ impl Live {
     pub(super) fn committed(&mut self, count: u64) {
         self.committed += count;
         self.progress.send_modify(|progress| progress.arrived = 0);
+    }
+
+    /// What the campaign waits for, if it does.
+    pub(super) fn waiting(&self, what: Option<String>) {
+        self.progress.send_if_modified(|progress| {
+            let changes = progress.waiting != what;
+            progress.waiting = what;
+            changes
+        });
     }
 
     /// The campaign has failed.

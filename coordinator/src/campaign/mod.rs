@@ -1,7 +1,9 @@
 //! Campaigns: where they stand, the stages that they go through, and the registry of those at work.
 
 mod campaigns;
+mod commit;
 mod dataset;
+mod decisions;
 mod embed;
 mod error;
 mod evaluate;

@@ -1,13 +1,9 @@
 //! What people decide about a campaign's behaviour space: another checkpoint, or a round of feedback.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, CampaignStatus, Campaigns, Change, NotAllowed,
-    campaigns::AtWorkById, run::blocking,
+    CampaignError, CampaignId, CampaignState, CampaignStatus, Campaigns, Change, NotAllowed, run::blocking,
 };
-use crate::{
-    labels::Labels,
-    store::{CampaignRecord, Store, StoreError},
-};
+use crate::{labels::Labels, store::CampaignRecord};
 use murmuration_proto::CheckpointDigest;
 
 impl Campaigns {
@@ -25,7 +21,7 @@ impl Campaigns {
         let image = record.spec.image();
         self.means.checkpoints.embedder(checkpoint, image).await?;
         let id = record.id.clone();
-        self.decide(&mut at_work, record.id, move |store, id| {
+        self.decide(&mut at_work, record, move |store, id| {
             store.move_to(id, checkpoint)
         })
         .await?;
@@ -48,7 +44,7 @@ impl Campaigns {
         let labels = blocking(move || store.labels(&labelled)).await??;
         check_lesson(&record.id, &labels)?;
         let id = record.id.clone();
-        self.decide(&mut at_work, record.id, move |store, id| {
+        self.decide(&mut at_work, record, move |store, id| {
             store.begin_round(id, labels.entries())
         })
         .await?;
@@ -69,25 +65,6 @@ impl Campaigns {
             return Err(CampaignError::NoEmbedding { id, method });
         }
         Ok(record)
-    }
-
-    /// Stops a campaign, writes the decision, and has it go on.
-    async fn decide(
-        &self,
-        at_work: &mut AtWorkById,
-        id: CampaignId,
-        decision: impl FnOnce(&Store, &CampaignId) -> Result<(), StoreError> + Send + 'static,
-    ) -> Result<(), CampaignError> {
-        if let Some(work) = at_work.remove(&id) {
-            work.end().await;
-        }
-        let store = self.means.store.clone();
-        let record = blocking(move || {
-            decision(&store, &id)?;
-            store.campaign(id.as_str())
-        })
-        .await??;
-        self.start(at_work, record)
     }
 }
 

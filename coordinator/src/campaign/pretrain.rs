@@ -3,10 +3,10 @@
 use super::{
     CampaignError,
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome},
     train::train,
 };
-use crate::store::CampaignRecord;
+use crate::store::{CampaignRecord, Store};
 use murmuration_proto::EmbedderSource;
 
 /// Has the embedder trained, and the campaign move to the checkpoint.
@@ -22,7 +22,6 @@ pub(super) async fn pretrain(
     let Some(checkpoint) = train(means, &record, (configuration, None), live).await? else {
         return Ok(Outcome::Stopped);
     };
-    let store = means.store.clone();
-    blocking(move || store.move_to(&record.id, checkpoint)).await??;
-    Ok(Outcome::Done)
+    let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
+    Ok(Outcome::of(means.commit(live, begin).await?))
 }

@@ -13,7 +13,7 @@ use super::{
 use crate::{
     dispatch::{Embedder, EvaluationJob, Quarantined},
     leases::Instance,
-    store::{ArchivedIndividual, CampaignRecord},
+    store::{ArchivedIndividual, CampaignRecord, Store},
 };
 use murmuration_proto::{CampaignSpec, Evaluation, Feedback, same_embedding};
 
@@ -78,14 +78,13 @@ impl Recheck {
             return Ok(Some(false));
         };
         tracing::warn!(campaign = %self.id, "{said}");
-        let (store, id) = (means.store.clone(), self.id.clone());
+        let id = self.id.clone();
         let taken_back = differs.map(|individual| individual.generation);
-        blocking(move || match taken_back {
+        let change = move |store: &Store| match taken_back {
             Some(generation) => store.take_back(&id, generation, &said),
             None => store.notify(&id, &said),
-        })
-        .await??;
-        Ok(Some(taken_back.is_some()))
+        };
+        Ok(means.commit(live, change).await?.map(|()| taken_back.is_some()))
     }
 
     /// The first of these individuals whose evaluation is not what the archive says; `None` outside if the campaign is

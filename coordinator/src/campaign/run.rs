@@ -32,6 +32,16 @@ pub(super) enum Outcome {
     Stopped,
 }
 
+impl Outcome {
+    /// That of a stage that ends with a [`Means::commit`].
+    pub(super) const fn of(committed: Option<()>) -> Self {
+        match committed {
+            Some(()) => Self::Done,
+            None => Self::Stopped,
+        }
+    }
+}
+
 /// Runs the campaign from where it stands until it is complete, failed or stopped.
 pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
     match stages(&means, &id, &mut live).await {
@@ -69,10 +79,7 @@ async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outco
             Stage::Label => label::label(means, record, live).await?,
             Stage::FineTune => fine_tune::fine_tune(means, record, live).await?,
             Stage::Evolve => search::evolve(means, record, live).await?,
-            Stage::Taxonomy => {
-                search::complete(means, record).await?;
-                return Ok(Outcome::Done);
-            }
+            Stage::Taxonomy => return search::complete(means, record, live).await,
         };
         if outcome == Outcome::Stopped {
             return Ok(Outcome::Stopped);

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
     dispatch::{Embedder, EvaluationJob},
-    medoids,
+    medoids::{self, Clustering},
     metrics::Metrics,
     novelty::{self, Behaviours},
     store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Provenance, Store, StoreError},
@@ -20,6 +20,13 @@ use std::{sync::Arc, time::Instant};
 
 /// Individuals read from the store at a time.
 const CHUNK: u64 = 4096;
+
+/// An evaluated generation, to be committed.
+struct Generation {
+    record: GenerationRecord,
+    individuals: Vec<ArchivedIndividual>,
+    provenance: Provenance,
+}
 
 /// A campaign's search between two generations: a function of its specification, its embedder and its archive.
 struct Search {
@@ -74,15 +81,38 @@ pub(super) async fn evolve(
             return Ok(Outcome::Stopped);
         };
         let count = done.evaluations.len() as u64;
-        search = blocking(move || search.absorb(proposal.filtered, done)).await??;
+        let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
+        search = absorbed;
+        let (id, metrics) = (search.id.clone(), search.metrics.clone());
+        let commit = move |store: &Store| {
+            let begun = Instant::now();
+            let Generation {
+                record,
+                individuals,
+                provenance,
+            } = &generation;
+            store.commit_generation(&id, record, individuals, provenance)?;
+            metrics.generation_committed(begun.elapsed());
+            Ok::<_, StoreError>(())
+        };
+        if means.commit(live, commit).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
         live.committed(count);
     }
 }
 
 /// Clusters the archive and completes the campaign.
-pub(super) async fn complete(means: &Means, record: CampaignRecord) -> Result<(), CampaignError> {
+pub(super) async fn complete(
+    means: &Means,
+    record: CampaignRecord,
+    live: &Live,
+) -> Result<Outcome, CampaignError> {
     let search = restore(means, record).await?;
-    Ok(blocking(move || search.complete()).await??)
+    let id = search.id.clone();
+    let taxonomy = blocking(move || search.taxonomy()).await?;
+    let complete = move |store: &Store| store.complete(&id, &taxonomy);
+    Ok(Outcome::of(means.commit(live, complete).await?))
 }
 
 /// Numbers in a behaviour vector.
@@ -181,8 +211,8 @@ impl Search {
         Ok(vec![(place, (controller, stream.bits()))])
     }
 
-    /// Adds an evaluated generation to the archive, in memory and on disk.
-    fn absorb(mut self, filtered: u64, done: Done) -> Result<Self, CampaignError> {
+    /// Adds an evaluated generation to the archive in memory; the generation.
+    fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
         let first = self.behaviours.len();
         let method = self.spec.method();
         for evaluation in &done.evaluations {
@@ -218,21 +248,21 @@ impl Search {
                 },
             )
             .collect();
-        let begun = Instant::now();
-        self.store
-            .commit_generation(&self.id, &record, &individuals, &provenance)?;
-        self.metrics.generation_committed(begun.elapsed());
         let parent = |(controller, novelty)| Parent { controller, novelty };
         let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
         self.parents = controllers.zip(novelty).map(parent).collect();
         self.next_generation += 1;
-        Ok(self)
+        let generation = Generation {
+            record,
+            individuals,
+            provenance,
+        };
+        Ok((self, generation))
     }
 
-    /// Clusters the archive and completes the campaign.
-    fn complete(self) -> Result<(), StoreError> {
+    /// Clusters the archive.
+    fn taxonomy(&self) -> Clustering {
         let mut stream = Stream::derive(self.spec.seed(), Purpose::Medoids, 0);
-        let taxonomy = medoids::cluster(&self.behaviours, self.spec.medoids() as usize, &mut stream);
-        self.store.complete(&self.id, &taxonomy)
+        medoids::cluster(&self.behaviours, self.spec.medoids() as usize, &mut stream)
     }
 }

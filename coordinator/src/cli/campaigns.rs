@@ -208,9 +208,10 @@ fn stage(campaign: &v1::Campaign) -> &'static str {
     }
 }
 
-/// The state in a word; a running campaign that nobody works on was interrupted.
+/// The state in a word; a running campaign that nobody works on was interrupted, one whose disk is full waits.
 fn state(campaign: &v1::Campaign) -> String {
     match campaign.state() {
+        v1::CampaignState::Running if !campaign.waiting.is_empty() => "waiting".to_owned(),
         v1::CampaignState::Running if !campaign.active => "interrupted".to_owned(),
         state => state
             .as_str_name()
@@ -257,8 +258,10 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
         state(campaign),
         stage(campaign)
     );
-    if !campaign.error.is_empty() {
-        println!("# {}", campaign.error);
+    for said in [&campaign.error, &campaign.waiting] {
+        if !said.is_empty() {
+            println!("# {said}");
+        }
     }
     println!(
         "# {} of {} generations are complete",

@@ -2,6 +2,7 @@
 
 use crate::{
     access::{EntranceError, TokensError},
+    backup::BackupError,
     gather::GatherError,
     picture::PictureError,
     report::ReportError,
@@ -119,6 +120,17 @@ impl From<PictureError> for CliError {
 impl From<ReportError> for CliError {
     fn from(error: ReportError) -> Self {
         Self::Failed(error.to_string())
+    }
+}
+
+impl From<BackupError> for CliError {
+    fn from(error: BackupError) -> Self {
+        let said = error.to_string();
+        match error {
+            BackupError::Store(error) => error.into(),
+            BackupError::NotEmpty(_) | BackupError::NoBackup { .. } => Self::Input(said),
+            _ => Self::Failed(said),
+        }
     }
 }
 

@@ -57,7 +57,8 @@ enum Screen {
     Bar(ProgressBar),
     Plain {
         next: Instant,
-        shown: Option<(v1::CampaignStage, u64)>,
+        /// Stage, step, and whether it waits.
+        shown: Option<(v1::CampaignStage, u64, bool)>,
     },
     Json,
 }
@@ -91,7 +92,7 @@ impl View {
                 bar.set_message(news.text);
             }
             Screen::Plain { next, shown } => {
-                let step = Some((status.stage(), news.step));
+                let step = Some((status.stage(), news.step, !status.waiting.is_empty()));
                 let due = step != *shown && Instant::now() >= *next;
                 if due || !status.active {
                     let (done, total) = (HumanCount(news.done), HumanCount(news.total));

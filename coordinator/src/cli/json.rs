@@ -1,6 +1,12 @@
 //! What programs read: one versioned schema for each kind of thing.
 
-use murmuration_proto::{CampaignSpec, CapabilityModel, Dataset, EmbedderSource, v1};
+use crate::{
+    backup::Manifest,
+    checkpoints::Condition,
+    doctor::{CampaignFindings, Findings, Prospect},
+    store::Remains,
+};
+use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Dataset, EmbedderSource, v1};
 use serde_json::{Value, json};
 
 /// Version of every object printed here; it rises when a field changes its meaning or goes.
@@ -54,6 +60,7 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "rounds_done": campaign.rounds_done,
         "labelled": campaign.labelled,
         "notices": campaign.notices.iter().map(notice).collect::<Vec<_>>(),
+        "waiting": campaign.waiting,
         "spec": spec.map(|spec| spec.to_toml()),
     })
 }
@@ -186,6 +193,66 @@ pub(super) fn agreement(first: &str, second: &str, agreement: &v1::Agreement) ->
         "kappa": agreement.kappa,
         "confusions": agreement.confusions.iter().map(confusion).collect::<Vec<_>>(),
         "disagreements": agreement.disagreements.iter().map(disagreement).collect::<Vec<_>>(),
+    })
+}
+
+pub(super) fn backup(folder: &str, manifest: &Manifest) -> Value {
+    json!({
+        "schema": SCHEMA,
+        "folder": folder,
+        "created_ms": manifest.created_ms,
+        "database": manifest.database,
+        "checkpoints": manifest.checkpoints,
+        "checkpoint_store": manifest.checkpoint_store,
+    })
+}
+
+/// What the doctor found.
+pub(super) fn findings(found: &Findings) -> Value {
+    let remains = |remains: &Remains| {
+        json!({
+            "pictures": remains.pictures,
+            "generations": remains.generations,
+            "individuals": remains.individuals,
+            "labels": remains.labels,
+            "taxonomy": remains.taxonomy,
+        })
+    };
+    let campaign = |campaign: &CampaignFindings| {
+        json!({
+            "campaign": campaign.id.as_str(),
+            "state": campaign.state.map(|state| state.name()),
+            "condition": match campaign.prospect {
+                Prospect::Whole => "whole",
+                Prospect::LacksCheckpoint => "lacks-checkpoint",
+                Prospect::Partly => "partly",
+                Prospect::Lost => "lost",
+            },
+            "stored": remains(&campaign.stored),
+            "whole": remains(&campaign.remains),
+            "problems": campaign.problems,
+            "note": campaign.note,
+        })
+    };
+    let checkpoint = |(digest, condition): &(CheckpointDigest, Condition)| {
+        json!({
+            "checkpoint": digest.to_string(),
+            "condition": match condition {
+                Condition::Whole => "whole",
+                Condition::Missing => "missing",
+                Condition::Damaged => "damaged",
+                Condition::Unread(_) => "unread",
+            },
+        })
+    };
+    json!({
+        "schema": SCHEMA,
+        "healthy": found.is_healthy(),
+        "database": found.database.display().to_string(),
+        "database_schema": found.schema,
+        "faults": found.faults,
+        "checkpoints": found.checkpoints.iter().map(checkpoint).collect::<Vec<_>>(),
+        "campaigns": found.campaigns.iter().map(campaign).collect::<Vec<_>>(),
     })
 }
 

@@ -15,6 +15,7 @@ mod follow;
 mod health;
 mod json;
 mod judge;
+mod keeping;
 mod labels;
 mod report;
 mod run;
@@ -134,6 +135,12 @@ enum Command {
     Judge(judge::JudgeCommand),
     /// Ask whether a coordinator, worker or trainer is there and ready, for container engines and scripts
     Health(health::Health),
+    /// Copy the data directory, also of a coordinator that runs
+    Backup(keeping::Backup),
+    /// Put a backup back
+    Restore(keeping::Restore),
+    /// Say what is whole in a data directory and what is not; save what can be saved
+    Doctor(keeping::Doctor),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -196,6 +203,9 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Accuracy(accuracy) => accuracy.execute(&global).await,
         Command::Judge(judge) => judge.execute(&global),
         Command::Health(health) => health.execute(&global).await,
+        Command::Backup(backup) => backup.execute(&global).await,
+        Command::Restore(restore) => restore.execute(&global).await,
+        Command::Doctor(doctor) => doctor.execute(&global).await,
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
             clap_complete::generate(

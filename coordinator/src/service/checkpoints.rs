@@ -118,11 +118,12 @@ impl From<CheckpointError> for Status {
         match error {
             CheckpointError::Store(error) => error.into(),
             CheckpointError::Model(_) => Self::invalid_argument(said),
-            CheckpointError::Mismatch { .. } => Self::data_loss(said),
+            CheckpointError::Mismatch { .. }
+            | CheckpointError::Missing { .. }
+            | CheckpointError::Damaged { .. } => Self::data_loss(said),
             CheckpointError::Location { .. } | CheckpointError::Pictures { .. } => {
                 Self::failed_precondition(said)
             }
-            CheckpointError::Objects(object_store::Error::NotFound { .. }) => Self::data_loss(said),
             CheckpointError::Objects(_) => Self::unavailable(said),
             CheckpointError::Broken => Self::internal(said),
         }

@@ -45,6 +45,7 @@ impl From<CampaignStatus> for v1::Campaign {
                 .into_iter()
                 .map(|Notice { time_ms, text }| v1::Notice { time_ms, text })
                 .collect(),
+            waiting: status.waiting.unwrap_or_default(),
         }
     }
 }
@@ -102,12 +103,13 @@ impl From<StoreError> for Status {
             StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
                 Self::not_found(said)
             }
-            StoreError::DiskFull { .. } => Self::resource_exhausted(said),
+            StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
+                Self::resource_exhausted(said)
+            }
             StoreError::Damaged { .. } => Self::data_loss(said),
-            StoreError::InUse { .. }
-            | StoreError::NoDirectory(_)
-            | StoreError::Newer { .. }
-            | StoreError::ReadOnly { .. } => Self::failed_precondition(said),
+            StoreError::InUse { .. } | StoreError::NoDirectory(_) | StoreError::Newer { .. } => {
+                Self::failed_precondition(said)
+            }
             StoreError::File { .. } | StoreError::Sqlite { .. } => Self::internal(said),
         }
     }

@@ -73,6 +73,33 @@ impl DataDirectory {
         }
     }
 
+    /// Keeps others from holding a folder while somebody looks at it, and changes nothing there: a file that is locked for as
+    /// long as it lives, or `None` where no coordinator has ever been.
+    ///
+    /// # Errors
+    /// [`StoreError::InUse`] if a process holds it; otherwise says which file cannot be used.
+    pub fn watch(path: &Path) -> Result<Option<fs::File>, StoreError> {
+        let lock_path = path.join(Self::LOCK);
+        let failed = |source| StoreError::File {
+            doing: "open the lock file",
+            path: lock_path.clone(),
+            source,
+        };
+        let lock = match fs::File::open(&lock_path) {
+            Ok(lock) => lock,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(failed(error)),
+        };
+        match lock.try_lock_shared() {
+            Ok(()) => Ok(Some(lock)),
+            Err(fs::TryLockError::WouldBlock) => Err(StoreError::InUse {
+                path: path.to_path_buf(),
+                holder: read_holder(lock),
+            }),
+            Err(fs::TryLockError::Error(source)) => Err(failed(source)),
+        }
+    }
+
     /// Like [`DataDirectory::hold`], but the folder must exist.
     ///
     /// # Errors

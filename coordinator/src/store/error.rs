@@ -1,4 +1,6 @@
 //! What can go wrong with the store, in words for the person whose data it is.
+//!
+//! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
 use rusqlite::{ErrorCode, ffi};
 use std::{
@@ -34,8 +36,9 @@ pub enum StoreError {
     },
     /// The database was written by a newer version of Murmuration.
     #[error(
-        "{path} has schema version {found}, this murmuration knows up to {known}: it was written by a newer \
-         version, please use that one (nothing was changed)"
+        "{path} has schema version {found}, this murmuration ({}) knows up to {known}: it was written by a newer \
+         version, so run that one; `murmuration --version` tells which one is which (nothing was changed)",
+        env!("CARGO_PKG_VERSION")
     )]
     Newer {
         /// The database.
@@ -46,20 +49,32 @@ pub enum StoreError {
         known: u32,
     },
     /// The file is no SQLite database, or it is damaged.
-    #[error("{path} is not a sound database ({reason}): restore a copy, or move it away to start afresh")]
+    #[error("{path} is damaged ({reason}): `murmuration doctor` says what can be saved")]
     Damaged {
-        /// The database.
+        /// The database, or a file that it names.
         path: PathBuf,
         /// What is wrong with it.
         reason: String,
     },
     /// The disk has no room.
     #[error(
-        "the disk that holds {path} is full: make room, then `murmuration resume latest` (nothing was lost)"
+        "the disk that holds {path} is full: make room, then campaigns go on by themselves; what was refused was not \
+         done, and can be asked again"
     )]
     DiskFull {
-        /// The database.
+        /// The database, or the folder of checkpoints.
         path: PathBuf,
+    },
+    /// The disk refuses to be written, or to say that what was written has arrived.
+    #[error(
+        "the disk that holds {path} cannot be written ({reason}): it may be failing, or have become read-only; once it can, \
+         campaigns go on by themselves, and what was refused can be asked again"
+    )]
+    Unwritable {
+        /// The database, or the folder of checkpoints.
+        path: PathBuf,
+        /// What SQLite or the system said.
+        reason: String,
     },
     /// The file may not be written.
     #[error(
@@ -95,14 +110,69 @@ pub enum StoreError {
     },
 }
 
+/// What SQLite reports when the system did not write, or did not say that it has.
+const NOT_WRITTEN: [i32; 8] = [
+    ffi::SQLITE_IOERR_WRITE,
+    ffi::SQLITE_IOERR_FSYNC,
+    ffi::SQLITE_IOERR_DIR_FSYNC,
+    ffi::SQLITE_IOERR_TRUNCATE,
+    ffi::SQLITE_IOERR_DELETE,
+    ffi::SQLITE_IOERR_SHMOPEN,
+    ffi::SQLITE_IOERR_SHMSIZE,
+    ffi::SQLITE_IOERR_SHMMAP,
+];
+
 impl StoreError {
+    /// Whether the disk is why, so that the same change may be made later.
+    #[must_use]
+    pub const fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            Self::DiskFull { .. } | Self::Unwritable { .. } | Self::ReadOnly { .. }
+        )
+    }
+
+    /// What is wrong, for whoever knows where and what to do.
+    pub(crate) fn reason(&self) -> String {
+        match self {
+            Self::Damaged { reason, .. } => reason.clone(),
+            error => error.to_string(),
+        }
+    }
+
+    /// What a file or folder could not be written for.
+    pub(crate) fn from_io(source: io::Error, doing: &'static str, path: &Path) -> Self {
+        let path = path.to_path_buf();
+        match Self::refused(source.kind(), &source, &path) {
+            Some(refused) => refused,
+            None => Self::File { doing, path, source },
+        }
+    }
+
+    /// What the system said, where it is that the disk cannot be written for now.
+    pub(crate) fn refused(kind: io::ErrorKind, said: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
+        let path = path.to_path_buf();
+        match kind {
+            io::ErrorKind::StorageFull => Some(Self::DiskFull { path }),
+            io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::QuotaExceeded => Some(Self::Unwritable {
+                path,
+                reason: said.to_string(),
+            }),
+            _ => None,
+        }
+    }
+
     pub(super) fn from_sqlite(source: rusqlite::Error, path: &Path) -> Self {
         let path = path.to_path_buf();
         let code = source
             .sqlite_error()
             .map(|error| (error.code, error.extended_code));
         match code {
-            Some((ErrorCode::DiskFull, _)) | Some((_, ffi::SQLITE_IOERR_WRITE)) => Self::DiskFull { path },
+            Some((ErrorCode::DiskFull, _)) => Self::DiskFull { path },
+            Some((_, code)) if NOT_WRITTEN.contains(&code) => Self::Unwritable {
+                path,
+                reason: source.to_string(),
+            },
             Some((ErrorCode::ReadOnly | ErrorCode::PermissionDenied | ErrorCode::CannotOpen, _)) => {
                 Self::ReadOnly { path }
             }

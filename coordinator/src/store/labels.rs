@@ -216,7 +216,7 @@ fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<La
     Ok(labels)
 }
 
-fn entries(
+pub(super) fn entries(
     connection: &Connection,
     which: &str,
     parameters: impl rusqlite::Params,

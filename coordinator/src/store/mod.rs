@@ -9,10 +9,13 @@ mod checkpoints;
 mod data_directory;
 mod embeddings;
 mod error;
+mod inspection;
 mod labels;
+mod open;
 mod pictures;
 mod provenance;
 mod rounds;
+mod salvage;
 mod schema;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
@@ -25,11 +28,15 @@ pub use labels::LabelError;
 pub use pictures::{Picture, SavedTraining};
 pub use provenance::{Notice, Provenance};
 pub use rounds::TrainingPictures;
+pub use salvage::Remains;
 
 use rusqlite::{Connection, Transaction};
 use std::{
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 /// The open store; clones share one connection.
@@ -38,32 +45,49 @@ pub struct Store {
     /// One connection: SQLite has one writer, and every statement here is short.
     connection: Arc<Mutex<Connection>>,
     path: Arc<Path>,
+    /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
+    /// has the connection.
+    in_doubt: Arc<AtomicBool>,
 }
 
 impl Store {
     /// Name of the database in its data directory.
     pub const FILE: &str = "murmuration.sqlite";
 
-    /// Opens or creates the database in `directory`, which must be held (see [`DataDirectory::hold`]).
+    /// Opens or creates the database in `directory`, which must be held (see [`DataDirectory::hold`]), brings it to the
+    /// newest schema, and checks its structure (of a database of more than a gigabyte `murmuration doctor` does that).
     ///
     /// # Errors
     /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
     pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
         let path = directory.path().join(Self::FILE);
-        let named = |source| StoreError::from_sqlite(source, &path);
-        let mut connection = Connection::open(&path).map_err(named)?;
-        let version = schema::version(&connection, &path)?;
-        connection
-            .execute_batch(
-                "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
-                 PRAGMA busy_timeout = 5000;",
-            )
-            .map_err(named)?;
-        schema::migrate(&mut connection, version).map_err(named)?;
-        Ok(Self {
+        if !path.exists() {
+            open::create(directory.path())?;
+        }
+        let connection = open::to_write(&path)?;
+        Ok(Self::over(connection, &path))
+    }
+
+    /// Opens the database in `folder` to look at it, and says which version its schema is of; nothing can be changed through
+    /// it, and nothing is checked. `alone` says that nobody writes it meanwhile (see [`DataDirectory::watch`]).
+    ///
+    /// # Errors
+    /// As [`Store::open`], and [`StoreError::NoDirectory`].
+    pub fn look(folder: &Path, alone: bool) -> Result<(Self, u32), StoreError> {
+        let path = folder.join(Self::FILE);
+        if !path.exists() {
+            return Err(StoreError::NoDirectory(folder.to_path_buf()));
+        }
+        let (connection, version) = open::to_look(&path, alone)?;
+        Ok((Self::over(connection, &path), version))
+    }
+
+    fn over(connection: Connection, path: &Path) -> Self {
+        Self {
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
-        })
+            in_doubt: Arc::default(),
+        }
     }
 
     /// Whether it can be read.
@@ -85,20 +109,31 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
-        let transaction = connection
-            .transaction()
-            .map_err(|source| StoreError::from_sqlite(source, &self.path))?;
-        let value = change(&transaction).map_err(|error| error.at(&self.path))?;
-        transaction
-            .commit()
-            .map_err(|source| StoreError::from_sqlite(source, &self.path))?;
-        Ok(value)
+        if self.in_doubt.load(Ordering::Relaxed) {
+            open::settle(&connection, &self.path)?;
+            self.in_doubt.store(false, Ordering::Relaxed);
+        }
+        let changed = changed(&mut connection, change).map_err(|error| error.at(&self.path));
+        if matches!(changed, Err(StoreError::Unwritable { .. })) {
+            self.in_doubt.store(true, Ordering::Relaxed);
+        }
+        changed
     }
 
     fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {
         let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         query(&connection).map_err(|error| error.at(&self.path))
     }
+}
+
+fn changed<T>(
+    connection: &mut Connection,
+    change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
+) -> Result<T, StoreError> {
+    let transaction = connection.transaction()?;
+    let value = change(&transaction)?;
+    transaction.commit()?;
+    Ok(value)
 }
 
 #[cfg(test)]

@@ -122,13 +122,20 @@ const MIGRATIONS: [&str; 6] = [
 ];
 
 /// The newest schema version.
-const VERSION: u32 = MIGRATIONS.len() as u32;
+pub(super) const VERSION: u32 = MIGRATIONS.len() as u32;
 
 /// The version of the database, which this murmuration must know; looking changes nothing.
 pub(super) fn version(connection: &Connection, path: &Path) -> Result<u32, StoreError> {
     let found = connection
         .pragma_query_value(None, "user_version", |row| row.get(0))
         .map_err(|source| StoreError::from_sqlite(source, path))?;
+    // Databases appear under their name with their tables: this one was cut off, and must not pass for a new one.
+    if found == 0 {
+        return Err(StoreError::Damaged {
+            path: path.to_path_buf(),
+            reason: "it holds no tables".to_owned(),
+        });
+    }
     if found > VERSION {
         return Err(StoreError::Newer {
             path: path.to_path_buf(),

@@ -181,6 +181,7 @@ pub(super) fn figures(status: &CampaignStatus) -> Markup {
         (progress(status))
         (facts(status))
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
+        @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } }
         div.actions {
             @for change in [Change::Pause, Change::Resume, Change::Cancel] {
                 @if offered(status, change) {
@@ -212,6 +213,7 @@ fn progress(status: &CampaignStatus) -> Markup {
     let (done, total, unit) = amount(status);
     let state = match status.record.state {
         CampaignState::Running if !status.active => "interrupted",
+        CampaignState::Running if status.waiting.is_some() => "waiting",
         CampaignState::Running => stage(status.stage),
         state => state.name(),
     };

@@ -39,7 +39,7 @@ pub(super) enum Wrong {
 }
 
 impl Wrong {
-    const fn status(&self) -> StatusCode {
+    fn status(&self) -> StatusCode {
         match self {
             Self::Host | Self::Origin => StatusCode::FORBIDDEN,
             Self::NoPage => StatusCode::NOT_FOUND,
@@ -55,6 +55,7 @@ impl Wrong {
                 | CampaignError::NoEmbedder(_)
                 | CampaignError::TooFewClasses { .. },
             ) => StatusCode::CONFLICT,
+            Self::Campaign(error) if error.may_pass() => StatusCode::INSUFFICIENT_STORAGE,
             Self::Campaign(_) | Self::Picture(_) => StatusCode::INTERNAL_SERVER_ERROR,
         }
     }

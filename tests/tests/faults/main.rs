@@ -6,6 +6,7 @@
 
 mod campaign;
 mod crowd;
+mod disk;
 mod kills;
 mod network;
 mod processes;
@@ -59,7 +60,7 @@ impl Scale {
 
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
-const SCENARIOS: [(&str, Scenario); 13] = [
+const SCENARIOS: [(&str, Scenario); 14] = [
     ("workers killed", kills::workers),
     ("coordinator killed", kills::coordinator),
     ("trainer killed", kills::trainer),
@@ -71,6 +72,7 @@ const SCENARIOS: [(&str, Scenario); 13] = [
     ("wrong bits", workers::wrong_bits),
     ("impossible results", workers::impossible),
     ("foreign leases", workers::foreign_leases),
+    ("full disk", disk::full),
     ("connections", crowd::connections),
     ("soak", soak::soak),
 ];

@@ -89,7 +89,7 @@ impl Cache {
     /// `fetch` is called by one thread at a time, and not again for what the folder has by then.
     ///
     /// # Errors
-    /// Where `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read or written.
+    /// Where `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read.
     pub fn get_or_fetch<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         digest: CheckpointDigest,
@@ -107,7 +107,10 @@ impl Cache {
         if got != digest {
             return Err(FetchError::Mismatch { digest, got });
         }
-        self.insert(digest, &bytes)?;
+        if let Err(error) = self.insert(digest, &bytes) {
+            // Of a full disk: they are what was asked for all the same, and fetched again the next time.
+            tracing::warn!(%error, "a checkpoint is not kept");
+        }
         Ok(bytes)
     }
 

@@ -29,7 +29,19 @@ pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
 }
 
 impl News {
+    /// What there is to say; while the campaign waits for something, what for.
     pub(super) fn of(status: &v1::Campaign) -> Self {
+        let news = Self::of_stage(status);
+        if status.waiting.is_empty() {
+            return news;
+        }
+        Self {
+            text: format!("waiting: {}", status.waiting),
+            ..news
+        }
+    }
+
+    fn of_stage(status: &v1::Campaign) -> Self {
         let spec = status
             .spec
             .clone()

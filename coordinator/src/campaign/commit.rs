@@ -1,0 +1,45 @@
+//! Writing what a stage has come to, however long the disk takes.
+
+use super::{
+    CampaignError,
+    live::Live,
+    run::{Means, blocking},
+};
+use crate::store::Store;
+use std::{sync::Arc, time::Duration};
+
+/// Pauses before a refused change is made again: they double from the first to the last.
+const FIRST_PAUSE: Duration = Duration::from_secs(2);
+const LAST_PAUSE: Duration = Duration::from_secs(30);
+
+impl Means {
+    /// Makes a change to the store. Where the disk refuses it for now (it is full, read-only, or failing), the campaign
+    /// waits, says so, and makes it again: what workers have evaluated is not thrown away. `None` if the campaign is to
+    /// stop while it waits; then nothing has changed.
+    pub(super) async fn commit<E: Into<CampaignError> + Send + 'static>(
+        &self,
+        live: &Live,
+        change: impl Fn(&Store) -> Result<(), E> + Send + Sync + 'static,
+    ) -> Result<Option<()>, CampaignError> {
+        let change = Arc::new(change);
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let (store, once) = (self.store.clone(), change.clone());
+            let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
+                Ok(()) => {
+                    live.waiting(None);
+                    return Ok(Some(()));
+                }
+                Err(error) if error.may_pass() => error.to_string(),
+                Err(error) => return Err(error),
+            };
+            tracing::warn!(error, "waits for the disk");
+            live.waiting(Some(error));
+            tokio::select! {
+                () = live.stopped() => return Ok(None),
+                () = tokio::time::sleep(pause) => {}
+            }
+            pause = LAST_PAUSE.min(pause * 2);
+        }
+    }
+}

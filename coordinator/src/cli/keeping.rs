@@ -1,0 +1,202 @@
+//! `backup`, `restore`, `doctor`: what is kept in a data directory of this machine, without its coordinator.
+
+use super::{CliError, Global, json};
+use crate::{
+    backup::{self, Manifest},
+    checkpoints::Condition,
+    doctor::{self, CampaignFindings, Findings, Prospect},
+    store::StoreError,
+};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `backup`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Safe while a coordinator runs: the copy is of one instant, checked, and appears under its name once it is on disk. Run it on
+the machine of the data directory. Reports and caches are left out: they are made anew.
+
+Example:
+  murmuration backup /backups/$(date +%F)")]
+pub(super) struct Backup {
+    /// Folder to write, which does not exist yet
+    folder: PathBuf,
+}
+
+/// Arguments of `restore`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Puts a backup back as the data directory (--data), which must be empty or not exist. Campaigns that were running go on with
+the next `murmuration serve`, or `murmuration resume`.
+
+Example:
+  murmuration restore /backups/2026-11-21 --data murmuration-data")]
+pub(super) struct Restore {
+    /// Folder that `murmuration backup` has written
+    folder: PathBuf,
+}
+
+/// Arguments of `doctor`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. What is
+lost of an archive is made anew when its campaign is resumed from what was saved.
+
+Example:
+  murmuration doctor || murmuration doctor --salvage saved-data")]
+pub(super) struct Doctor {
+    /// Copy what is whole into this new data directory
+    #[arg(long, value_name = "NEW_DIR")]
+    salvage: Option<PathBuf>,
+}
+
+impl Backup {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        of_this_machine(global)?;
+        let manifest = backup::backup(&global.data, global.checkpoint_store.as_deref(), &self.folder).await?;
+        tell(global, &manifest, &self.folder, "backed up");
+        Ok(())
+    }
+}
+
+impl Restore {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        of_this_machine(global)?;
+        let manifest = backup::restore(&self.folder, &global.data).await?;
+        tell(global, &manifest, &global.data, "restored");
+        Ok(())
+    }
+}
+
+fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) {
+    if global.json {
+        json::print(&json::backup(&folder.display().to_string(), manifest));
+    } else {
+        println!("{}", folder.display());
+        eprintln!(
+            "{done}: the database, and {} checkpoints",
+            match manifest.checkpoint_store {
+                Some(_) => 0,
+                None => manifest.checkpoints.len(),
+            }
+        );
+    }
+    if let Some(bucket) = &manifest.checkpoint_store {
+        eprintln!("checkpoints are kept at {bucket}: back that up where it is (--checkpoint-store names it)");
+    }
+}
+
+impl Doctor {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        of_this_machine(global)?;
+        let location = global.checkpoint_store.as_deref();
+        let held = |error: StoreError| match error {
+            StoreError::InUse { .. } => CliError::Failed(format!(
+                "{error}: stop that first, or `murmuration backup DIR`, which checks what it copies, and doctor --data DIR"
+            )),
+            StoreError::Damaged { path, reason } => CliError::Failed(format!(
+                "nothing of {} can be read ({reason}): `murmuration restore` puts a backup back",
+                path.display()
+            )),
+            error => error.into(),
+        };
+        let found =
+            match &self.salvage {
+                Some(target) => doctor::salvage(&global.data, location, target)
+                    .await
+                    .map_err(|error| match error {
+                        doctor::SalvageError::Store(error) => held(error),
+                        error => CliError::Failed(error.to_string()),
+                    })?,
+                None => doctor::examine(&global.data, location)
+                    .await
+                    .map_err(|error| match error {
+                        crate::checkpoints::CheckpointError::Store(error) => held(error),
+                        error => CliError::Failed(error.to_string()),
+                    })?,
+            };
+        if global.json {
+            json::print(&json::findings(&found));
+        } else {
+            print(&found);
+        }
+        match self.salvage {
+            Some(target) => {
+                eprintln!(
+                    "what is whole was copied; next: murmuration list --data {}",
+                    target.display()
+                );
+                Ok(())
+            }
+            None if found.is_healthy() => Ok(()),
+            None => Err(CliError::Failed(format!(
+                "{} is damaged: `murmuration doctor --salvage NEW_DIR` copies what is whole into a new data directory",
+                global.data.display()
+            ))),
+        }
+    }
+}
+
+fn of_this_machine(global: &Global) -> Result<(), CliError> {
+    match &global.coordinator {
+        Some(url) => Err(CliError::Input(format!(
+            "this reads a data directory, not the coordinator at {url}: run it on that machine, with --data DIR"
+        ))),
+        None => Ok(()),
+    }
+}
+
+fn print(found: &Findings) {
+    let state = if found.faults.is_empty() {
+        "sound"
+    } else {
+        "damaged"
+    };
+    println!(
+        "database {}: {state}, schema {}",
+        found.database.display(),
+        found.schema
+    );
+    for fault in &found.faults {
+        println!("  {fault}");
+    }
+    for (digest, condition) in &found.checkpoints {
+        println!("checkpoint {digest}: {}", condition_name(condition));
+    }
+    for campaign in &found.campaigns {
+        print_campaign(campaign);
+    }
+}
+
+fn print_campaign(campaign: &CampaignFindings) {
+    let CampaignFindings { stored, remains, .. } = campaign;
+    let state = campaign.state.map_or("unreadable", |state| state.name());
+    let amount = format!(
+        "{} of {} generations and {} of {} labels are whole",
+        remains.generations, stored.generations, remains.labels, stored.labels
+    );
+    let verdict = match campaign.prospect {
+        Prospect::Whole => format!(
+            "whole ({} generations, {} labels)",
+            stored.generations, stored.labels
+        ),
+        Prospect::LacksCheckpoint => "whole, but it cannot go on without its checkpoint".to_owned(),
+        Prospect::Partly => {
+            format!("damaged: {amount}, and can be saved; resumed, it makes the other generations anew")
+        }
+        Prospect::Lost => "lost: nobody knows any more what it was asked to do".to_owned(),
+    };
+    println!("campaign {} ({state}): {verdict}", campaign.id);
+    for problem in campaign.problems.iter().chain(&campaign.note) {
+        println!("  {problem}");
+    }
+}
+
+/// How a checkpoint is, in a word or two.
+pub(super) fn condition_name(condition: &Condition) -> &str {
+    match condition {
+        Condition::Whole => "whole",
+        Condition::Missing => "missing: `murmuration checkpoints import` brings it back from a copy",
+        Condition::Damaged => "damaged: remove the file, and import a copy",
+        Condition::Unread(why) => why,
+    }
+}

@@ -1,0 +1,141 @@
+//! Opening the database: made whole or not at all, checked before it is trusted, and made sure of after the disk failed.
+
+use super::{Store, StoreError, schema};
+use rusqlite::{
+    Connection, OpenFlags,
+    backup::{Backup, StepResult},
+    ffi,
+};
+use std::{
+    fs::{self, File},
+    path::{Path, PathBuf},
+};
+
+/// Up to how many bytes a database's structure is checked whenever it is opened: half a second where it is in memory.
+const CHECKED_BYTES: u64 = 1 << 30;
+
+/// Makes an empty database of the newest schema in `folder`. It appears under its name once it is on disk, so that an
+/// empty file of that name is never taken for a new one.
+pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
+    let path = folder.join(format!("{}.new", Store::FILE));
+    for begun in [path.clone(), with_suffix(&path, "-journal")] {
+        if begun.exists() {
+            fs::remove_file(&begun).map_err(|error| StoreError::from_io(error, "remove", &begun))?;
+        }
+    }
+    let named = |source| StoreError::from_sqlite(source, &path);
+    let mut connection = Connection::open(&path).map_err(named)?;
+    schema::migrate(&mut connection, 0).map_err(named)?;
+    connection.close().map_err(|(_, source)| named(source))?;
+    let placed = File::open(&path)
+        .and_then(|file| file.sync_all())
+        .and_then(|()| fs::rename(&path, folder.join(Store::FILE)))
+        .and_then(|()| File::open(folder)?.sync_all());
+    placed.map_err(|error| StoreError::from_io(error, "write", &path))
+}
+
+/// A connection to a database that is there, checked and of the newest schema.
+pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
+    let named = |source| StoreError::from_sqlite(source, path);
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    let mut connection = Connection::open_with_flags(path, flags).map_err(named)?;
+    let version = schema::version(&connection, path)?;
+    check(&connection, path)?;
+    connection
+        .execute_batch(
+            "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
+             PRAGMA busy_timeout = 5000;",
+        )
+        .map_err(named)?;
+    schema::migrate(&mut connection, version).map_err(named)?;
+    Ok(connection)
+}
+
+/// A connection through which nothing changes, and the version of the schema that was found. `alone` says that nobody else
+/// can be writing; then SQLite leaves no files behind where no log lies beside the database.
+pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
+    let named = |source| StoreError::from_sqlite(source, path);
+    let log = with_suffix(path, "-wal");
+    let unchanging = alone && !log.metadata().is_ok_and(|log| log.len() > 0);
+    let flags =
+        OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
+    let connection = if unchanging {
+        let uri = format!("file:{}?immutable=1", uri_path(path));
+        Connection::open_with_flags(uri, flags)
+    } else {
+        Connection::open_with_flags(path, flags)
+    }
+    .map_err(named)?;
+    let version = schema::version(&connection, path)?;
+    if version == schema::VERSION {
+        return Ok((connection, version));
+    }
+    // Of an older one, a copy is looked at as it would be after it was brought to the newest.
+    let mut copy = Connection::open_in_memory().map_err(named)?;
+    copy_whole(&connection, &mut copy).map_err(named)?;
+    schema::migrate(&mut copy, version).map_err(named)?;
+    Ok((copy, version))
+}
+
+/// Makes sure of what is committed after the disk failed under a change.
+///
+/// What the log holds beyond the last commit is unknown then: the system may have dropped what it said it could not write,
+/// and say that all is well the next time. So everything committed is written into the database anew, and the log is
+/// emptied; only then is anything else acknowledged.
+pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    let busy: i64 = connection
+        .query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |row| row.get(0))
+        .map_err(|source| StoreError::from_sqlite(source, path))?;
+    match busy {
+        0 => Ok(()),
+        _ => Err(StoreError::Unwritable {
+            path: path.to_path_buf(),
+            reason: "another process reads the database: its log cannot be emptied".to_owned(),
+        }),
+    }
+}
+
+/// Copies every page as it stands at one instant, whoever else writes.
+pub(super) fn copy_whole(from: &Connection, to: &mut Connection) -> rusqlite::Result<()> {
+    let backup = Backup::new(from, to)?;
+    // In one step, so that it is one read transaction.
+    match backup.step(-1)? {
+        StepResult::Done => Ok(()),
+        _ => Err(rusqlite::Error::SqliteFailure(
+            ffi::Error::new(ffi::SQLITE_BUSY),
+            Some("the database is being opened by another process, try again".to_owned()),
+        )),
+    }
+}
+
+fn check(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    if path.metadata().map_or(0, |file| file.len()) > CHECKED_BYTES {
+        tracing::info!(path = %path.display(), "not checked at start, for its size: `murmuration doctor` does");
+        return Ok(());
+    }
+    let said: String = connection
+        .query_row("PRAGMA quick_check(1)", [], |row| row.get(0))
+        .map_err(|source| StoreError::from_sqlite(source, path))?;
+    match said.as_str() {
+        "ok" => Ok(()),
+        _ => Err(StoreError::Damaged {
+            path: path.to_path_buf(),
+            reason: said.replace('\n', " "),
+        }),
+    }
+}
+
+fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(suffix);
+    name.into()
+}
+
+/// A path in SQLite's URIs, where these three have a meaning.
+fn uri_path(path: &Path) -> String {
+    path.display()
+        .to_string()
+        .replace('%', "%25")
+        .replace('?', "%3f")
+        .replace('#', "%23")
+}

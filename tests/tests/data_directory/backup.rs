@@ -1,0 +1,72 @@
+//! Backups of a coordinator at work, put back.
+
+use crate::{generations, undisturbed};
+use murmuration_tests::Murmuration;
+use std::fs;
+
+const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+
+#[test]
+fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
+    let folder = tempfile::tempdir().unwrap();
+    let (spec, digest) = undisturbed(folder.path());
+    let at_work = Murmuration::over(&folder.path().join("at-work"));
+    assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
+    let run = at_work.start(&["run", &spec, "--workers", "1"]);
+    at_work.latest_when(|latest| generations(latest) > 2);
+    let path = folder.path().join("backup");
+    let backup = path.display().to_string();
+    let made = at_work.run(&["backup", &backup, "--json"]).last_line();
+    assert_eq!(made["checkpoints"].as_array().unwrap().len(), 1);
+    run.kill();
+    let again = at_work.run(&["backup", &backup]);
+    assert_eq!(again.code, Some(2));
+    assert!(again.stderr.contains("is not empty"), "{}", again.stderr);
+
+    // It is a data directory that the doctor can look at.
+    let examined = Murmuration::over(&path).run(&["doctor", "--json"]).last_line();
+    assert_eq!(
+        (&examined["healthy"], &examined["campaigns"][0]["condition"]),
+        (&true.into(), &"whole".into())
+    );
+
+    let restored = Murmuration::over(&folder.path().join("restored"));
+    let put_back = restored.run(&["restore", &backup]);
+    assert_eq!(put_back.code, Some(0), "{}", put_back.stderr);
+    assert_eq!(restored.run(&["checkpoints", "list", "--json"]).lines().len(), 1);
+    let done = generations(&restored.latest());
+    assert!((2..60).contains(&done), "{done} generations");
+    let resumed = restored.run(&["resume", "latest"]);
+    assert_eq!(resumed.code, Some(0), "{}", resumed.stderr);
+    assert_eq!(restored.digest(), digest);
+    // Nothing is ever put over something.
+    assert_eq!(restored.run(&["restore", &backup]).code, Some(2));
+
+    let database = path.join("murmuration.sqlite");
+    let mut bytes = fs::read(&database).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&database, bytes).unwrap();
+    let elsewhere = folder.path().join("elsewhere");
+    let refused = Murmuration::over(&elsewhere).run(&["restore", &backup]);
+    assert_eq!(refused.code, Some(1));
+    assert!(refused.stderr.contains("is damaged"), "{}", refused.stderr);
+    assert!(!elsewhere.exists());
+}
+
+#[test]
+fn what_is_no_backup_is_not_put_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let refused = murmuration.run(&["restore", &folder.path().display().to_string()]);
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.stderr.contains("is no backup"), "{}", refused.stderr);
+    let nothing = murmuration.run(&["backup", &folder.path().join("backup").display().to_string()]);
+    assert_eq!(nothing.code, Some(2));
+    assert!(
+        nothing.stderr.contains("there is no data directory"),
+        "{}",
+        nothing.stderr
+    );
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}

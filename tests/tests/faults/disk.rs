@@ -1,0 +1,84 @@
+//! A disk that is full for a while.
+
+use super::{
+    Scale,
+    campaign::{Undisturbed, campaign},
+    processes::Cluster,
+    table::Row,
+};
+use murmuration_proto::v1;
+use std::{
+    fs::{self, File},
+    io::Write as _,
+    path::{Path, PathBuf},
+    process::Command,
+    thread,
+    time::Duration,
+};
+
+/// A small file system in memory, unmounted when dropped.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    /// `None` where that is not allowed here.
+    fn at(path: &Path) -> Option<Self> {
+        fs::create_dir(path).unwrap();
+        let mounted = Command::new("mount")
+            .args(["-t", "tmpfs", "-o", "size=8m", "none"])
+            .arg(path)
+            .status();
+        mounted
+            .is_ok_and(|status| status.success())
+            .then(|| Self(path.to_owned()))
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        // Lazily: a process that was killed may not be gone yet.
+        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+    }
+}
+
+pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let folder = tempfile::tempdir().unwrap();
+    let Some(disk) = SmallDisk::at(&folder.path().join("data")) else {
+        return Row {
+            done: "skipped: mounting a small disk needs root".to_owned(),
+            found: "nothing".to_owned(),
+        };
+    };
+    let spec = campaign(60, 1000);
+    let mut cluster = Cluster::start_in(folder, 2);
+    let id = cluster.submit(&spec);
+    cluster.wait_until(&id, |status| status.generations_done >= 5);
+    let ballast = disk.0.join("ballast");
+    let mut file = File::create(&ballast).unwrap();
+    while file.write_all(&[0; 4096]).is_ok() {}
+    drop(file);
+    // The database may have a little room in its own files yet.
+    let mut before = cluster.try_status(&id).unwrap().generations_done;
+    loop {
+        thread::sleep(Duration::from_secs(2));
+        let now = cluster.try_status(&id).unwrap();
+        assert_eq!(now.state(), v1::CampaignState::Running, "{}", now.error);
+        if now.generations_done == before {
+            break;
+        }
+        before = now.generations_done;
+    }
+    assert!(
+        before < spec.search().generations(),
+        "it was over before the disk was full"
+    );
+    fs::remove_file(&ballast).unwrap();
+    let digest = cluster.finish(&id);
+    drop(cluster);
+    Row {
+        done: format!("disk full after {before} generations, room again later"),
+        found: format!(
+            "waited, and went on by itself; {}",
+            undisturbed.check(&spec, &digest)
+        ),
+    }
+}
