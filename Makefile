@@ -37,6 +37,7 @@ lint: toolchain
 	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
 	scripts/validate-kubernetes $(CURDIR)/target/kubernetes-validate
+	scripts/cargo-deny
 
 build: toolchain
 	$(CARGO) build --release --workspace --bins
