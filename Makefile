@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-browser test-faults faults test-containers lint build runtime browser toolchain bench clean
+.PHONY: demo test test-browser test-faults faults test-containers lint build runtime browser toolchain bench fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
 demo: build runtime
@@ -47,6 +47,11 @@ bench: build runtime
 	./target/release/murmuration bench simulate
 	./target/release/murmuration bench train
 	$(CARGO) bench --workspace
+
+# Every parser at the edge, for so many seconds each; `make test` runs the same targets on changed inputs.
+SECONDS ?= 60
+fuzz: toolchain
+	scripts/fuzz $(SECONDS)
 
 # ONNX Runtime, which embedders run on: a pinned library, fetched once into the cache folder.
 runtime:

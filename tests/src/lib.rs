@@ -4,6 +4,7 @@
 
 mod binaries;
 mod cluster;
+pub mod edges;
 mod faulty_libc;
 mod impostor;
 

@@ -4,6 +4,7 @@ use crate::{
     access::{EntranceError, TokensError},
     backup::BackupError,
     gather::GatherError,
+    labels::TableError,
     picture::PictureError,
     report::ReportError,
     server::ServerError,
@@ -131,6 +132,12 @@ impl From<BackupError> for CliError {
             BackupError::NotEmpty(_) | BackupError::NoBackup { .. } => Self::Input(said),
             _ => Self::Failed(said),
         }
+    }
+}
+
+impl From<TableError> for CliError {
+    fn from(error: TableError) -> Self {
+        Self::Input(error.to_string())
     }
 }
 

@@ -1,20 +1,21 @@
 //! `label`, `labels`, `classes`, `agreement`: what people say about behaviours.
 
-mod table;
-
 use super::{
     CliError, Global,
     connection::{Connection, LabelClient},
     json,
     run::CrewSize,
 };
-use crate::{labels::Annotator, local::Crew};
+use crate::{
+    labels::{Annotator, Table, to_csv},
+    local::Crew,
+};
 use murmuration_proto::{CampaignSpec, Strategy, v1};
 use std::{
+    fs,
     path::PathBuf,
     time::{SystemTime, UNIX_EPOCH},
 };
-use table::Table;
 
 /// Arguments of `label`.
 #[derive(Debug, clap::Args)]
@@ -98,7 +99,10 @@ impl LabelCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         // What is wrong with the file is to be known before anything is started.
         let table = match &self.csv {
-            Some(file) => Some(Table::read(file, self.annotator.as_ref())?),
+            Some(file) => {
+                let text = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
+                Some(Table::parse(file, text, self.annotator.as_ref())?)
+            }
             None => None,
         };
         let crew = match &table {
@@ -198,7 +202,8 @@ impl LabelsCommand {
         let v1::ListLabelsResponse { labels, digest } = listed?.into_inner();
         let answers = || labels.iter().filter_map(|label| label.answer.as_ref());
         if let Some(file) = &self.csv {
-            table::write(file, answers())?;
+            let text = to_csv(answers()).map_err(|error| CliError::Failed(error.to_string()))?;
+            fs::write(file, text).map_err(|error| CliError::unwritable(file, &error))?;
             eprintln!("wrote {}", file.display());
         }
         if global.json {

@@ -10,12 +10,14 @@ mod confusion_matrix;
 mod current;
 mod log;
 mod names;
+mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, Label, LabelDigest, Labels};
 pub use log::{Action, Change, Entry, Refusal};
 pub use names::{Annotator, Answer, ClassName, Colour, RequestId};
+pub use table::{Table, TableError, to_csv};
 
 #[cfg(test)]
 mod tests;

@@ -156,3 +156,56 @@ pub(super) fn migrate(connection: &mut Connection, from: u32) -> rusqlite::Resul
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::{DataDirectory, Store};
+    use rusqlite::params;
+
+    const SPEC: &str = "model = \"single-sensor\"\nmethod = \"random\"";
+
+    /// A data directory whose database is of an older version, with a campaign of one individual.
+    fn older(version: usize) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
+        for migration in &MIGRATIONS[..version] {
+            connection.execute_batch(migration).unwrap();
+        }
+        connection
+            .pragma_update(None, "user_version", version as u32)
+            .unwrap();
+        let campaign = "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
+            VALUES (1, 'old-1', ?1, '1', 'paused', '', 5)";
+        connection.execute(campaign, [SPEC]).unwrap();
+        let controller: Vec<u8> = [0.5_f64; 4].iter().flat_map(|gene| gene.to_le_bytes()).collect();
+        let features = vec![0_u8; 40];
+        let individual = "INSERT INTO individuals VALUES (1, 0, 0, ?1, 7, ?2, 0.5)";
+        connection
+            .execute(individual, params![controller, features])
+            .unwrap();
+        folder
+    }
+
+    #[test]
+    fn every_older_version_is_brought_to_the_newest_with_what_it_holds() {
+        for version in 1..MIGRATIONS.len() {
+            let folder = older(version);
+            let look = || Store::look(folder.path(), true).unwrap();
+            let check = |store: &Store| {
+                let record = store.campaign("old-1").unwrap();
+                assert_eq!((record.created_ms, record.rounds_done), (5, 0));
+                let kept = store.individual(&record.id, record.spec.model(), 0).unwrap();
+                assert_eq!((kept.seed, kept.controller.genes()), (7, [0.5; 4].as_slice()));
+            };
+            // Looked at, it stays as old as it was.
+            for _ in 0..2 {
+                let (store, found) = look();
+                assert_eq!(found as usize, version);
+                check(&store);
+            }
+            check(&Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap());
+            assert_eq!(look().1, VERSION);
+        }
+    }
+}

@@ -1,23 +1,26 @@
 //! Labels as CSV: `id, class, annotator, time`.
+//!
+//! Limits: text in and out, no files.
 
-use super::super::CliError;
-use crate::labels::{Annotator, Answer};
+use super::{Annotator, Answer};
 use csv::{ErrorKind, ReaderBuilder, StringRecord};
 use murmuration_proto::{Invalid, v1};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 const COLUMNS: [&str; 4] = ["id", "class", "annotator", "time"];
 
 /// A file of answers, read and understood.
 #[derive(Debug)]
-pub(super) struct Table {
+pub struct Table {
     file: PathBuf,
     text: Vec<u8>,
     rows: Vec<Row>,
 }
+
+/// What is wrong with a file of answers: the file, its line where there is one, and what is allowed there.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct TableError(String);
 
 /// An answer, and where in the text its row begins.
 #[derive(Debug)]
@@ -35,23 +38,25 @@ struct Places {
 }
 
 impl Table {
-    /// Reads the answers of a file; rows without a class are passed over. `annotator` is who gave those that do not say.
-    pub(super) fn read(file: &Path, annotator: Option<&Annotator>) -> Result<Self, CliError> {
-        let text = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
+    /// Reads the answers in the text of `file`; rows without a class are passed over. `annotator` is who gave those that do
+    /// not say.
+    ///
+    /// # Errors
+    /// Where the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
+    pub fn parse(file: &Path, text: Vec<u8>, annotator: Option<&Annotator>) -> Result<Self, TableError> {
         let mut table = Self {
             file: file.to_owned(),
             text,
             rows: Vec::new(),
         };
-        table.rows = table.parse(annotator)?;
+        table.rows = table.answers(annotator)?;
         if table.rows.is_empty() {
-            let said = format!("{}: no row has a class", file.display());
-            return Err(CliError::Input(said));
+            return Err(TableError(format!("{}: no row has a class", file.display())));
         }
         Ok(table)
     }
 
-    fn parse(&self, annotator: Option<&Annotator>) -> Result<Vec<Row>, CliError> {
+    fn answers(&self, annotator: Option<&Annotator>) -> Result<Vec<Row>, TableError> {
         let mut reader = ReaderBuilder::new().from_reader(self.text.as_slice());
         let places = Places::of(reader.headers().map_err(|error| self.not_csv(&error))?)
             .map_err(|column| self.error(0, &format!("there is no column \"{column}\"")))?;
@@ -70,7 +75,10 @@ impl Table {
     }
 
     /// Checks that all of them are about individuals of an archive of `len`.
-    pub(super) fn check_indices(&self, campaign: &str, len: u64) -> Result<(), CliError> {
+    ///
+    /// # Errors
+    /// Names the first that is not.
+    pub fn check_indices(&self, campaign: &str, len: u64) -> Result<(), TableError> {
         let beyond = self.rows.iter().find(|row| row.answer.index >= len);
         beyond.map_or(Ok(()), |row| {
             let allowed = format!("the index of one of the {len} individuals in the archive of {campaign}");
@@ -79,11 +87,12 @@ impl Table {
     }
 
     /// The answers, in their order.
-    pub(super) fn into_answers(self) -> Vec<v1::Answer> {
+    #[must_use]
+    pub fn into_answers(self) -> Vec<v1::Answer> {
         self.rows.into_iter().map(|row| row.answer).collect()
     }
 
-    fn not_csv(&self, error: &csv::Error) -> CliError {
+    fn not_csv(&self, error: &csv::Error) -> TableError {
         match error.kind() {
             ErrorKind::UnequalLengths {
                 pos: Some(position),
@@ -93,12 +102,12 @@ impl Table {
                 let said = format!("{len} cells under {expected_len} names of columns");
                 self.error(position.byte() as usize, &said)
             }
-            _ => CliError::Input(format!("{}: {error}", self.file.display())),
+            _ => TableError(format!("{}: {error}", self.file.display())),
         }
     }
 
     /// An error about the row at `byte`, or after the empty lines there.
-    fn error(&self, byte: usize, error: &dyn std::fmt::Display) -> CliError {
+    fn error(&self, byte: usize, error: &dyn std::fmt::Display) -> TableError {
         let (before, rest) = self.text.split_at(byte.min(self.text.len()));
         let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
         let line = 1 + before
@@ -106,7 +115,7 @@ impl Table {
             .chain(empty)
             .filter(|&&character| character == b'\n')
             .count();
-        CliError::Input(format!("{}, line {line}: {error}", self.file.display()))
+        TableError(format!("{}, line {line}: {error}", self.file.display()))
     }
 }
 
@@ -150,17 +159,19 @@ impl Places {
     }
 }
 
-/// Writes answers to a file that [`Table::read`] understands.
-pub(super) fn write<'a>(file: &Path, answers: impl Iterator<Item = &'a v1::Answer>) -> Result<(), CliError> {
-    let failed = |error: csv::Error| CliError::Failed(format!("cannot write {}: {error}", file.display()));
-    let mut writer = csv::Writer::from_path(file).map_err(failed)?;
-    writer.write_record(COLUMNS).map_err(failed)?;
+/// Answers as a text that [`Table::parse`] understands.
+///
+/// # Errors
+/// Where the answers cannot be written as CSV.
+pub fn to_csv<'a>(answers: impl Iterator<Item = &'a v1::Answer>) -> Result<Vec<u8>, csv::Error> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(COLUMNS)?;
     for answer in answers {
         let (index, time) = (answer.index.to_string(), answer.time_ms.to_string());
         let cells = [&index, &answer.answer, &answer.annotator, &time];
-        writer.write_record(cells).map_err(failed)?;
+        writer.write_record(cells)?;
     }
-    writer.flush().map_err(|error| CliError::unwritable(file, &error))
+    writer.into_inner().map_err(|error| error.into_error().into())
 }
 
 #[cfg(test)]
@@ -169,11 +180,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn read_text(text: &str, annotator: Option<&str>) -> Result<Table, String> {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("labels.csv");
-        fs::write(&file, text).unwrap();
         let annotator = annotator.map(|name| name.parse::<Annotator>().unwrap());
-        Table::read(&file, annotator.as_ref()).map_err(|error| error.to_string())
+        let text = text.as_bytes().to_vec();
+        Table::parse(Path::new("labels.csv"), text, annotator.as_ref()).map_err(|error| error.to_string())
     }
 
     #[track_caller]
@@ -235,10 +244,9 @@ mod tests {
     proptest! {
         #[test]
         fn what_is_written_reads_back(answers in answers()) {
-            let folder = tempfile::tempdir().unwrap();
-            let file = folder.path().join("labels.csv");
-            write(&file, answers.iter()).unwrap();
-            prop_assert_eq!(Table::read(&file, None).unwrap().into_answers(), answers);
+            let text = to_csv(answers.iter()).unwrap();
+            let table = Table::parse(Path::new("labels.csv"), text, None).unwrap();
+            prop_assert_eq!(table.into_answers(), answers);
         }
     }
 }

@@ -1,0 +1,224 @@
+//! Every parser at the edge, as a function of bytes that must not panic: what fuzzers and a short test of every build call.
+//!
+//! Limits: a parser may refuse what it likes; what it takes must come out the same when it is written and read again.
+
+use murmuration_coordinator::labels::Table;
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Controller, Feedback, Lineage, Purpose, Replay, Search, Stream, World,
+    onnx::EmbedderModel, training::Configuration, v1,
+};
+use murmuration_worker::case::Case;
+use prost::Message;
+use std::{fs, path::Path, str::from_utf8};
+
+/// A parser, with what it is called.
+#[derive(Debug, Clone, Copy)]
+pub struct Edge {
+    /// Name of its fuzz target.
+    pub name: &'static str,
+    /// Parses, and panics where there is a bug.
+    pub parse: fn(&[u8]),
+    /// Inputs that it takes, to begin with.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+}
+
+/// All of them.
+pub const EDGES: [Edge; 5] = [
+    Edge {
+        name: "campaign_toml",
+        parse: campaign_toml,
+        seeds: campaign_files,
+    },
+    Edge {
+        name: "messages",
+        parse: messages,
+        seeds: encoded,
+    },
+    Edge {
+        name: "case_json",
+        parse: case_json,
+        seeds: || files("vectors", "json"),
+    },
+    Edge {
+        name: "checkpoint",
+        parse: checkpoint,
+        seeds: || files("models", "onnx"),
+    },
+    Edge {
+        name: "labels_csv",
+        parse: labels_csv,
+        seeds: tables,
+    },
+];
+
+/// A campaign file; and the configuration of a training, which checkpoints bring along.
+pub fn campaign_toml(bytes: &[u8]) {
+    let Ok(text) = from_utf8(bytes) else { return };
+    if let Ok(spec) = CampaignSpec::from_toml(text) {
+        let written = CampaignSpec::from_toml(&spec.to_toml());
+        assert_eq!(written.as_ref().ok(), Some(&spec), "{written:?}");
+        assert_eq!(
+            CampaignSpec::try_from(v1::CampaignSpec::from(&spec)).as_ref(),
+            Ok(&spec)
+        );
+    }
+    if let Ok(configuration) = Configuration::from_toml(text) {
+        let written = Configuration::from_toml(&configuration.to_toml());
+        assert_eq!(written.as_ref().ok(), Some(&configuration), "{written:?}");
+    }
+}
+
+/// Messages: the first byte says which, the rest is its encoding.
+pub fn messages(bytes: &[u8]) {
+    let Some((kind, bytes)) = bytes.split_first() else {
+        return;
+    };
+    match kind % 7 {
+        0 => {
+            if let Some(Ok(spec)) = decoded::<v1::CampaignSpec>(bytes).map(CampaignSpec::try_from) {
+                assert_eq!(CampaignSpec::try_from(v1::CampaignSpec::from(&spec)), Ok(spec));
+            }
+        }
+        1 => drop(decoded::<v1::Checkpoint>(bytes).map(Lineage::try_from)),
+        2 => drop(decoded::<v1::Replay>(bytes).map(Replay::try_from)),
+        3 => drop(decoded::<v1::World>(bytes).map(World::try_from)),
+        4 => drop(decoded::<v1::Feedback>(bytes).map(Feedback::try_from)),
+        5 => drop(decoded::<v1::Search>(bytes).map(Search::try_from)),
+        _ => {
+            if let Some(individual) = decoded::<v1::Individual>(bytes) {
+                for model in [CapabilityModel::SingleSensor, CapabilityModel::TwoSensor] {
+                    drop(Controller::new(model, &individual.controller));
+                }
+            }
+        }
+    }
+}
+
+fn decoded<M: Message + Default>(bytes: &[u8]) -> Option<M> {
+    M::decode(bytes).ok()
+}
+
+/// A reference case.
+pub fn case_json(bytes: &[u8]) {
+    if let Ok(text) = from_utf8(bytes) {
+        drop(Case::from_json(text));
+    }
+}
+
+/// A checkpoint that is published or imported.
+pub fn checkpoint(bytes: &[u8]) {
+    drop(EmbedderModel::read(bytes));
+}
+
+/// A file of labels.
+pub fn labels_csv(bytes: &[u8]) {
+    drop(Table::parse(Path::new("labels.csv"), bytes.to_vec(), None));
+}
+
+/// A change of an input, of the kinds that parsers stumble over; the same for the same stream.
+#[must_use]
+pub fn mutated(seed: &[u8], dice: &mut Stream) -> Vec<u8> {
+    const TELLING: [&[u8]; 12] = [
+        b"\"",
+        b"\n",
+        b"[",
+        b"]",
+        b"-1",
+        b"1e999",
+        b"nan",
+        b"18446744073709551616",
+        b"\xff",
+        b"\x00",
+        b"0x",
+        b"=",
+    ];
+    let mut bytes = seed.to_vec();
+    for _ in 0..=dice.below(4) {
+        let at = dice.below(bytes.len() as u64 + 1) as usize;
+        let end = bytes.len().min(at + 1 + dice.below(16) as usize);
+        match dice.below(6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << dice.below(8),
+            1 if at < bytes.len() => bytes[at] = dice.bits() as u8,
+            2 => drop(bytes.drain(at..end)),
+            3 => bytes.truncate(at),
+            4 => {
+                let again = bytes[at..end].to_vec();
+                drop(bytes.splice(at..at, again));
+            }
+            _ => {
+                let telling = TELLING[dice.below(TELLING.len() as u64) as usize];
+                drop(bytes.splice(at..at, telling.iter().copied()));
+            }
+        }
+    }
+    bytes
+}
+
+/// The dice for the mutations of one edge.
+#[must_use]
+pub fn dice(number: u64) -> Stream {
+    Stream::derive(5, Purpose::Jitter, number)
+}
+
+fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let mut paths: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    paths.retain(|path| path.extension().is_some_and(|found| found == extension));
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).unwrap()).collect()
+}
+
+/// The examples, as they are and with every field.
+fn campaign_files() -> Vec<Vec<u8>> {
+    let short = files("../examples", "toml");
+    let whole = specs().into_iter().map(|spec| spec.to_toml().into_bytes());
+    whole.chain(short.clone()).collect()
+}
+
+fn specs() -> Vec<CampaignSpec> {
+    let texts = files("../examples", "toml").into_iter();
+    texts
+        .map(|text| CampaignSpec::from_toml(from_utf8(&text).unwrap()).unwrap())
+        .collect()
+}
+
+fn encoded() -> Vec<Vec<u8>> {
+    let of = |kind: u8, bytes: Vec<u8>| [vec![kind], bytes].concat();
+    let spec = specs().into_iter().map(|spec| v1::CampaignSpec::from(&spec));
+    let mut seeds: Vec<_> = spec
+        .flat_map(|spec| {
+            let feedback = spec
+                .feedback
+                .as_ref()
+                .map(|feedback| of(4, feedback.encode_to_vec()));
+            let world = spec.world.as_ref().map(|world| of(3, world.encode_to_vec()));
+            let search = spec.search.as_ref().map(|search| of(5, search.encode_to_vec()));
+            [Some(of(0, spec.encode_to_vec())), feedback, world, search]
+        })
+        .flatten()
+        .collect();
+    let checkpoint = v1::Checkpoint {
+        digest: "0".repeat(64),
+        size: 5,
+        metrics: [("loss".to_owned(), 0.5)].into(),
+        ..v1::Checkpoint::default()
+    };
+    seeds.push(of(1, checkpoint.encode_to_vec()));
+    let individual = v1::Individual {
+        controller: vec![0.5; 9],
+        ..v1::Individual::default()
+    };
+    seeds.push(of(6, individual.encode_to_vec()));
+    seeds
+}
+
+fn tables() -> Vec<Vec<u8>> {
+    let texts = [
+        "id,class,annotator,time\n3,ring,ana,1700000000000\n3,\"clump, loose\",ben,1700000000001\n\n4,not sure,ana,\n",
+        "x,class,id,annotator\r\n1,ring,7,ana\r\n2,,8,\r\n",
+    ];
+    texts.map(|text| text.as_bytes().to_vec()).into()
+}
