@@ -9,6 +9,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Notices of a campaign that are told; older ones stay in the store.
 const MOST_NOTICES: u32 = 50;
 
+/// In the place of who alone evaluated something, where two found the same.
+const NOBODY: u64 = 0;
+
 /// Where a generation comes from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Provenance {
@@ -30,7 +33,7 @@ pub struct Notice {
 
 impl Provenance {
     pub(super) fn evaluators(&self) -> Vec<u8> {
-        let number = |by: &Option<Instance>| by.map_or(0, |Instance(number)| number).to_le_bytes();
+        let number = |by: &Option<Instance>| by.map_or(NOBODY, |Instance(number)| number).to_le_bytes();
         self.unaudited.iter().flat_map(number).collect()
     }
 }
@@ -61,7 +64,8 @@ impl Store {
                 let (first, evaluators) = row?;
                 let first = first.unwrap_or_default().unsigned_abs();
                 for (index, by) in (first..).zip(evaluators.as_chunks::<8>().0) {
-                    if instances.contains(&Instance(u64::from_le_bytes(*by))) {
+                    let by = u64::from_le_bytes(*by);
+                    if by != NOBODY && instances.contains(&Instance(by)) {
                         indices.push(index);
                     }
                 }

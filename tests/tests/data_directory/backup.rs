@@ -12,7 +12,9 @@ fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let (spec, digest) = undisturbed(folder.path());
     let at_work = Murmuration::over(&folder.path().join("at-work"));
     assert_eq!(at_work.run(&["checkpoints", "import", MODEL]).code, Some(0));
-    let run = at_work.start(&["run", &spec, "--workers", "1"]);
+    let mut run = at_work.start(&["run", &spec, "--workers", "1"]);
+    // Until it holds the data directory, whoever asks would hold it.
+    run.wait_for("generation");
     at_work.latest_when(|latest| generations(latest) > 2);
     let path = folder.path().join("backup");
     let backup = path.display().to_string();
