@@ -16,6 +16,7 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let id = cluster.submit(&spec);
     cluster.wait_until(&id, |status| status.generations_done > 0);
     let before = memory_mib(cluster.coordinator().id());
+    let watching = watch_unread(&cluster, &id);
     let mut silent = Vec::new();
     for _ in 0..scale.connections {
         // It may refuse what is too many.
@@ -26,7 +27,6 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         opened > scale.connections / 2,
         "only {opened} connections were taken"
     );
-    let watching = watch_unread(&cluster, &id);
     let digest = cluster.finish(&id);
     let grown = memory_mib(cluster.coordinator().id()) - before;
     assert!(grown < 400.0, "the coordinator grew by {grown} MiB");
