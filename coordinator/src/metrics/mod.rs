@@ -2,7 +2,7 @@
 //!
 //! [`Metrics`] is a value, not a global: a process may run several coordinators. What happens is counted where it
 //! happens, through handles that are cheap to clone; what the store knows anyway is read when somebody asks
-//! ([`observed`]). Every name is explained in docs/operations.md.
+//! (`observed`). Every name is explained in docs/operations.md.
 
 mod dispatching;
 mod observed;
