@@ -25,7 +25,7 @@ test-faults: build runtime
 
 faults: build runtime
 	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
-	MURMURATION_FAULTS=long $(CARGO) test --release --workspace --test faults -- --nocapture
+	MURMURATION_SCALE=long $(CARGO) test --release --workspace --test faults -- --nocapture
 
 # A cluster in containers, some of which are killed. Skipped where there is no Docker engine.
 test-containers: build runtime

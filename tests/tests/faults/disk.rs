@@ -49,7 +49,7 @@ pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
         };
     };
     let spec = campaign(60, 1000);
-    let mut cluster = Cluster::start_in(folder, 2);
+    let mut cluster = Cluster::start_in(folder, 2, Vec::new());
     let id = cluster.submit(&spec);
     cluster.wait_until(&id, |status| status.generations_done >= 5);
     let ballast = disk.0.join("ballast");

@@ -1,10 +1,11 @@
 //! Faults against the real processes: seeded, fired for certain, and the outcome compared with an undisturbed run.
 //!
 //! One after the other, with a table of what was done and what was found. `MURMURATION_SEED` decides when and whom they
-//! strike; `MURMURATION_FAULTS=long` has more of everything (`make faults`), and writes the table to
+//! strike; `MURMURATION_SCALE=long` has more of everything (`make faults`), and writes the table to
 //! `docs/reliability.md`.
 
 mod campaign;
+mod clock;
 mod crowd;
 mod disk;
 mod kills;
@@ -60,7 +61,7 @@ impl Scale {
 
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
-const SCENARIOS: [(&str, Scenario); 14] = [
+const SCENARIOS: [(&str, Scenario); 15] = [
     ("workers killed", kills::workers),
     ("coordinator killed", kills::coordinator),
     ("trainer killed", kills::trainer),
@@ -73,13 +74,14 @@ const SCENARIOS: [(&str, Scenario); 14] = [
     ("impossible results", workers::impossible),
     ("foreign leases", workers::foreign_leases),
     ("full disk", disk::full),
+    ("clock jumps", clock::jumps),
     ("connections", crowd::connections),
     ("soak", soak::soak),
 ];
 
 #[test]
 fn faults() {
-    let long = std::env::var("MURMURATION_FAULTS").is_ok_and(|scale| scale == "long");
+    let long = std::env::var("MURMURATION_SCALE").is_ok_and(|scale| scale == "long");
     let mut scale = if long { Scale::LONG } else { Scale::SHORT };
     if let Ok(seed) = std::env::var("MURMURATION_SEED") {
         scale.seed = seed.parse().unwrap();

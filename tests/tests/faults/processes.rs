@@ -3,6 +3,7 @@
 use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient};
 use murmuration_tests::binary;
 use std::{
+    ffi::OsString,
     fs::{self, File},
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
@@ -17,6 +18,9 @@ use tonic::{
 
 /// Long enough for a busy machine; nothing takes that long that works.
 pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What processes find in their environment.
+pub type Environment = Vec<(&'static str, OsString)>;
 
 /// A process that writes its log to a file, and is killed with this.
 pub struct Process {
@@ -95,6 +99,7 @@ impl Drop for Process {
 /// A coordinator over a data directory, and whoever works for it.
 pub struct Cluster {
     folder: tempfile::TempDir,
+    environment: Environment,
     address: String,
     coordinator: Option<Process>,
     pub workers: Vec<Process>,
@@ -106,12 +111,13 @@ pub struct Cluster {
 impl Cluster {
     /// A coordinator that repeats one evaluation in ten on another worker, with `workers` workers of one thread.
     pub fn start(workers: usize) -> Self {
-        Self::start_in(tempfile::tempdir().unwrap(), workers)
+        Self::start_in(tempfile::tempdir().unwrap(), workers, Vec::new())
     }
 
-    /// The same in a folder that is ready; the data directory is `data` in it.
-    pub fn start_in(folder: tempfile::TempDir, workers: usize) -> Self {
-        let mut coordinator = serve(folder.path(), "127.0.0.1:0", 0);
+    /// The same in a folder that is ready, where the data directory is `data`, and with more in the environment of every
+    /// process.
+    pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
+        let mut coordinator = serve(folder.path(), "127.0.0.1:0", 0, &environment);
         coordinator.wait_for("  pages:");
         let said = coordinator.said();
         let (_, rest) = said.split_once("http://").unwrap();
@@ -125,6 +131,7 @@ impl Cluster {
         };
         let mut cluster = Self {
             folder,
+            environment,
             address,
             coordinator: Some(coordinator),
             workers: Vec::new(),
@@ -158,7 +165,7 @@ impl Cluster {
     pub fn restart_coordinator(&mut self) {
         self.coordinator.take().unwrap().kill();
         self.started += 1;
-        let mut coordinator = serve(self.folder.path(), &self.address, self.started);
+        let mut coordinator = serve(self.folder.path(), &self.address, self.started, &self.environment);
         coordinator.wait_for("  pages:");
         self.coordinator = Some(coordinator);
     }
@@ -183,7 +190,9 @@ impl Cluster {
 
     fn start_worker(&mut self, mut command: Command, url: &str, name: &str) -> Process {
         self.started += 1;
-        command.args(["--coordinator", url]);
+        command
+            .args(["--coordinator", url])
+            .envs(self.environment.clone());
         if name == "murmuration-worker" {
             let cache = self.folder.path().join("cache");
             command.args(["--threads", "1"]).arg("--cache").arg(cache);
@@ -251,7 +260,7 @@ impl Cluster {
     }
 }
 
-fn serve(folder: &Path, listen: &str, number: u32) -> Process {
+fn serve(folder: &Path, listen: &str, number: u32, environment: &Environment) -> Process {
     let mut command = Command::new(binary("murmuration"));
     command
         .args([
@@ -265,6 +274,7 @@ fn serve(folder: &Path, listen: &str, number: u32) -> Process {
             "--listen",
             listen,
         ])
-        .env("MURMURATION_DATA", folder.join("data"));
+        .env("MURMURATION_DATA", folder.join("data"))
+        .envs(environment.clone());
     Process::start(command, &folder.join(format!("coordinator-{number}.log")))
 }
