@@ -134,6 +134,6 @@ fn what_fails_is_named_with_exit_code_1() {
     desk.check(
         &["list", "--data", &damaged.display().to_string()],
         1,
-        "is not a sound database",
+        "is damaged (file is not a database): `murmuration doctor` says what can be saved",
     );
 }
