@@ -80,14 +80,15 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.trainer_kills;
-    let spec = latent(3 * kills + 3);
+    // An epoch of so few pictures takes some thirty milliseconds.
+    let spec = latent(20 * kills + 20);
     let mut cluster = Cluster::start(2);
     let url = cluster.url();
     let mut trainer = cluster.worker(&url, "murmuration-trainer");
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 3);
     for kill in 0..kills {
-        let epoch = u64::from(3 * kill + 1);
+        let epoch = u64::from(20 * kill + 1);
         let status = cluster.wait_until(&id, |status| {
             status.training.is_some_and(|training| training.epoch >= epoch)
         });
