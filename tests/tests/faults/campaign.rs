@@ -13,11 +13,11 @@ pub fn campaign(generations: u32, horizon: u32) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// A campaign on a learned embedding, trained for so many epochs.
+/// A campaign on a learned embedding, trained for so many epochs, however little they bring.
 pub fn latent(epochs: u32) -> CampaignSpec {
     let text = format!(
         "name = \"disturbed\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\nseed = 7\n\
-         [dataset]\ncontrollers = 200\n[training.recipe.in-batch]\nbatch = 50\nepochs = {epochs}\n\
+         [dataset]\ncontrollers = 200\n[training.recipe.in-batch]\nbatch = 50\nepochs = {epochs}\npatience = {epochs}\n\
          [world]\nhorizon = 200\n[search]\npopulation = 10\ngenerations = 3\n[taxonomy]\nmedoids = 4\n"
     );
     CampaignSpec::from_toml(&text).unwrap()

@@ -80,21 +80,20 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.trainer_kills;
-    // An epoch of so few pictures takes some thirty milliseconds.
-    let spec = latent(20 * kills + 20);
+    let spec = latent(10 * kills + 10);
     let mut cluster = Cluster::start(2);
     let url = cluster.url();
     let mut trainer = cluster.worker(&url, "murmuration-trainer");
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 3);
     for kill in 0..kills {
-        let epoch = u64::from(20 * kill + 1);
+        let epoch = u64::from(10 * kill + 1);
         let status = cluster.wait_until(&id, |status| {
             status.training.is_some_and(|training| training.epoch >= epoch)
         });
         let training = status
             .training
-            .expect("the training is over before the last kill");
+            .unwrap_or_else(|| panic!("over before the last kill: {}", status.error));
         assert!(training.epoch < training.epochs, "over before the last kill");
         pause(&mut dice, 30);
         trainer.kill();
