@@ -45,9 +45,6 @@ pub struct Options {
 pub struct Share(f64);
 
 impl Share {
-    /// The whole.
-    pub const ALL: Self = Self(1.0);
-
     /// As a number.
     #[must_use]
     pub const fn get(self) -> f64 {

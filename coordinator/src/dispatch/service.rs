@@ -238,9 +238,7 @@ impl Service {
             Outcome::Failure(failure) => {
                 tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
                 self.metrics.returned(1);
-                let broke = failure.class() == FailureClass::Broken;
-                self.table
-                    .come_back(lease, if broke { Back::Broken } else { Back::Returned });
+                self.table.come_back(lease, Back::Returned);
             }
             outcome => match job.work.outputs(outcome) {
                 Ok(outputs) => {
