@@ -11,15 +11,17 @@
 //!
 //! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
+mod job;
 mod task;
 mod turns;
 mod workers;
 
+use job::Job;
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
 };
-use task::{Task, Verdict};
+use task::Task;
 use turns::Queues;
 use workers::Worker;
 
@@ -160,7 +162,7 @@ pub enum Refused {
 pub enum Back {
     /// Its worker lives, and could not or would not do it now.
     Returned,
-    /// Its worker broke on it, or was lost while it held it.
+    /// Its worker was lost while it held it.
     Broken,
 }
 
@@ -179,17 +181,6 @@ pub struct LeaseTable<R> {
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
     next: u64,
-}
-
-#[derive(Debug)]
-struct Job<R> {
-    tasks: Vec<Task<R>>,
-    queues: Queues,
-    settled: usize,
-    /// Effort that it has had, of all its workers; whoever has had least is next.
-    served: u64,
-    effort: u64,
-    hurried: bool,
 }
 
 /// A lease outlives its holder until its job is over, so that a late result still counts.
@@ -333,7 +324,7 @@ impl<R: Agree> LeaseTable<R> {
         };
         let id = *id;
         if let Some(job) = self.jobs.get_mut(&id) {
-            for &place in tasks.iter().rev() {
+            for &place in tasks {
                 job.come_back(place, (how == Back::Broken).then_some(*instance));
             }
         }
@@ -383,12 +374,6 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
-    /// Whether a worker was found wrong.
-    #[must_use]
-    pub fn is_quarantined(&self, instance: Instance) -> bool {
-        self.quarantined.contains(&instance)
-    }
-
     /// Tells how far a job is, and forgets it once it is over.
     fn tell(&mut self, id: JobId) {
         let Some(job) = self.jobs.get(&id) else { return };
@@ -432,71 +417,6 @@ impl<R: Agree> LeaseTable<R> {
     fn fresh_number(&mut self) -> u64 {
         self.next += 1;
         self.next - 1
-    }
-}
-
-impl<R: Agree> Job<R> {
-    /// Takes in what a worker says about a task, who had it in hand if `held`; who that shows to be wrong.
-    fn hear(&mut self, place: usize, by: Instance, result: R, held: bool) -> Vec<Instance> {
-        let task = &mut self.tasks[place];
-        let before = task.verdict();
-        task.out -= usize::from(held);
-        let consistent = task.hear(by, result);
-        let mut wrong = self.file(place, before);
-        if !consistent {
-            wrong.push(by);
-        }
-        wrong
-    }
-
-    /// A lease on a task came back undone, from a worker that the task may have taken with it.
-    fn come_back(&mut self, place: usize, broke: Option<Instance>) {
-        let task = &mut self.tasks[place];
-        let before = task.verdict();
-        task.out -= 1;
-        if let Some(instance) = broke {
-            task.lost.insert(instance);
-        }
-        self.file(place, before);
-    }
-
-    /// A worker that was given up for lost is back: no task took it.
-    fn acquit(&mut self, instance: Instance) {
-        for place in 0..self.tasks.len() {
-            let before = self.tasks[place].verdict();
-            if self.tasks[place].lost.remove(&instance) {
-                self.file(place, before);
-            }
-        }
-    }
-
-    /// Forgets what a worker said, but for what another found too; how many tasks that opens again.
-    fn unhear(&mut self, instance: Instance) -> usize {
-        let before = self.settled;
-        for place in 0..self.tasks.len() {
-            let verdict = self.tasks[place].verdict();
-            if self.tasks[place].unhear(instance) {
-                self.file(place, verdict);
-            }
-        }
-        before.saturating_sub(self.settled)
-    }
-
-    /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
-    fn file(&mut self, place: usize, before: Verdict) -> Vec<Instance> {
-        let task = &self.tasks[place];
-        let verdict = task.verdict();
-        self.settled = self.settled - usize::from(before.is_settled()) + usize::from(verdict.is_settled());
-        self.queues.remove(place);
-        match verdict {
-            Verdict::Settled(_) => return task.wrong(),
-            Verdict::SetAside => {}
-            Verdict::Open if task.out > 0 => {}
-            Verdict::Open if !task.votes.is_empty() => self.queues.want_second(place),
-            Verdict::Open if !task.lost.is_empty() => self.queues.want_alone(place),
-            Verdict::Open => self.queues.want_next(place),
-        }
-        Vec::new()
     }
 }
 

@@ -250,7 +250,10 @@ impl Cluster {
                 self.seen.settled += 1;
                 assert!(!submitted.deadly.contains(&place), "a deadly task was done");
                 if value != truth(job, place) {
-                    assert!(!audited && !self.table.is_quarantined(by), "a lie was kept");
+                    assert!(
+                        !audited && !self.table.quarantined.contains(&by),
+                        "a lie was kept"
+                    );
                 }
             }
             Settled::SetAside { lost } => {

@@ -1,0 +1,83 @@
+//! The tasks of one job: what is heard of them changes where they wait, and how many are settled.
+
+use super::{
+    Agree, Instance,
+    task::{Task, Verdict},
+    turns::Queues,
+};
+
+#[derive(Debug)]
+pub(super) struct Job<R> {
+    pub(super) tasks: Vec<Task<R>>,
+    pub(super) queues: Queues,
+    pub(super) settled: usize,
+    /// Effort that it has had, of all its workers; whoever has had least is next.
+    pub(super) served: u64,
+    pub(super) effort: u64,
+    pub(super) hurried: bool,
+}
+
+impl<R: Agree> Job<R> {
+    /// Takes in what a worker says about a task, who had it in hand if `held`; who that shows to be wrong.
+    pub(super) fn hear(&mut self, place: usize, by: Instance, result: R, held: bool) -> Vec<Instance> {
+        let task = &mut self.tasks[place];
+        let before = task.verdict();
+        task.out -= usize::from(held);
+        let consistent = task.hear(by, result);
+        let mut wrong = self.file(place, before);
+        if !consistent {
+            wrong.push(by);
+        }
+        wrong
+    }
+
+    /// A lease on a task came back undone, from a worker that the task may have taken with it.
+    pub(super) fn come_back(&mut self, place: usize, broke: Option<Instance>) {
+        let task = &mut self.tasks[place];
+        let before = task.verdict();
+        task.out -= 1;
+        if let Some(instance) = broke {
+            task.lost.insert(instance);
+        }
+        self.file(place, before);
+    }
+
+    /// A worker that was given up for lost is back: no task took it.
+    pub(super) fn acquit(&mut self, instance: Instance) {
+        for place in 0..self.tasks.len() {
+            let before = self.tasks[place].verdict();
+            if self.tasks[place].lost.remove(&instance) {
+                self.file(place, before);
+            }
+        }
+    }
+
+    /// Forgets what a worker said, but for what another found too; how many tasks that opens again.
+    pub(super) fn unhear(&mut self, instance: Instance) -> usize {
+        let before = self.settled;
+        for place in 0..self.tasks.len() {
+            let verdict = self.tasks[place].verdict();
+            if self.tasks[place].unhear(instance) {
+                self.file(place, verdict);
+            }
+        }
+        before.saturating_sub(self.settled)
+    }
+
+    /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
+    pub(super) fn file(&mut self, place: usize, before: Verdict) -> Vec<Instance> {
+        let task = &self.tasks[place];
+        let verdict = task.verdict();
+        self.settled = self.settled - usize::from(before.is_settled()) + usize::from(verdict.is_settled());
+        self.queues.remove(place);
+        match verdict {
+            Verdict::Settled(_) => return task.wrong(),
+            Verdict::SetAside => {}
+            Verdict::Open if task.out > 0 => {}
+            Verdict::Open if !task.votes.is_empty() => self.queues.want_second(place),
+            Verdict::Open if !task.lost.is_empty() => self.queues.want_alone(place),
+            Verdict::Open => self.queues.want_next(place),
+        }
+        Vec::new()
+    }
+}
