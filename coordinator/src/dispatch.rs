@@ -3,10 +3,12 @@
 //! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
 //! no results once a job is over and writes nothing to disk.
 
+mod headway;
 mod job;
 mod service;
 mod trainers;
 
+pub use headway::Headway;
 pub use job::{
     Embedder, EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob,
 };
@@ -20,12 +22,7 @@ use crate::{
 use job::{Output, Work};
 use murmuration_proto::{Invalid, Replay, v1};
 use service::Service;
-use std::{
-    fmt,
-    str::FromStr,
-    sync::{Arc, atomic::AtomicU32},
-    time::Duration,
-};
+use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
 
@@ -183,7 +180,7 @@ enum Command {
 enum Request {
     Submit {
         work: Work,
-        done: Arc<AtomicU32>,
+        headway: Arc<Headway>,
         reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
     },
     Join {
@@ -211,7 +208,7 @@ impl Dispatch {
         }
     }
 
-    /// Has the workers evaluate a job; `done` counts the evaluations that have arrived. Results are in the
+    /// Has the workers evaluate a job; `headway` says how far it is. Results are in the
     /// order of the tasks. Dropping the future withdraws the job.
     ///
     /// # Errors
@@ -219,19 +216,19 @@ impl Dispatch {
     pub async fn evaluate(
         &self,
         job: EvaluationJob,
-        done: Arc<AtomicU32>,
+        headway: Arc<Headway>,
     ) -> Result<Vec<Evaluated>, JobError> {
-        let outputs = self.submit(Work::Evaluations(job), done).await?;
+        let outputs = self.submit(Work::Evaluations(job), headway).await?;
         Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
     }
 
-    /// Has the workers embed stored pictures; `done` counts those that have arrived. Embeddings are in the order of the
+    /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the
     /// pictures. Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
-    pub async fn embed(&self, job: EmbeddingJob, done: Arc<AtomicU32>) -> Result<Vec<Vec<f32>>, JobError> {
-        let outputs = self.submit(Work::Embeddings(job), done).await?;
+    pub async fn embed(&self, job: EmbeddingJob, headway: Arc<Headway>) -> Result<Vec<Vec<f32>>, JobError> {
+        let outputs = self.submit(Work::Embeddings(job), headway).await?;
         Ok(outputs.into_iter().filter_map(Output::into_embedding).collect())
     }
 
@@ -283,9 +280,9 @@ impl Dispatch {
             .await;
     }
 
-    async fn submit(&self, work: Work, done: Arc<AtomicU32>) -> Result<Vec<Output>, JobError> {
+    async fn submit(&self, work: Work, headway: Arc<Headway>) -> Result<Vec<Output>, JobError> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::Work(Request::Submit { work, done, reply });
+        let command = Command::Work(Request::Submit { work, headway, reply });
         self.commands
             .send(command)
             .await

@@ -61,7 +61,8 @@ pub trait Agree {
 pub struct Terms {
     /// Number of tasks, at least one.
     pub tasks: usize,
-    /// What a task costs, in a unit that all jobs share (agents times steps, say); at least 1.
+    /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
+    /// say); at least 1.
     pub effort: u64,
     /// Places of the tasks that a second worker repeats, where there is one.
     pub audited: BTreeSet<usize>,
@@ -159,7 +160,7 @@ pub enum Refused {
 
 /// How a lease comes back undone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Back {
+enum Back {
     /// Its worker lives, and could not or would not do it now.
     Returned,
     /// Its worker was lost while it held it.
@@ -238,6 +239,9 @@ impl<R: Agree> LeaseTable<R> {
             self.leases.remove(&number);
         }
         self.jobs.remove(&job);
+        for worker in self.workers.values_mut() {
+            worker.rests.remove(&job);
+        }
     }
 
     /// The leases of a job that are with a worker.
@@ -282,7 +286,8 @@ impl<R: Agree> LeaseTable<R> {
         now: Instant,
     ) -> Result<(), Refused> {
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
-        let instance = self.workers.get(&worker).ok_or(Refused::UnknownLease)?.instance;
+        let worker = self.workers.get_mut(&worker).ok_or(Refused::UnknownLease)?;
+        let instance = worker.instance;
         if lease.instance != instance {
             return Err(Refused::NotYours);
         }
@@ -292,7 +297,9 @@ impl<R: Agree> LeaseTable<R> {
                 wanted: lease.tasks.len(),
             });
         }
-        self.learn_turnaround(now.saturating_duration_since(lease.given));
+        worker.rests.remove(&lease.job);
+        let took = now.saturating_duration_since(lease.given);
+        self.learn_turnaround(took);
         let held = self.release(number);
         let Some(Lease { job: id, tasks, .. }) = self.leases.remove(&number) else {
             return Err(Refused::UnknownLease);
@@ -308,8 +315,20 @@ impl<R: Agree> LeaseTable<R> {
         Ok(())
     }
 
+    /// A worker gives a lease back that it could not do. It gets nothing more of that job for a while, each time in a row
+    /// for longer; its tasks are the next to go out.
+    pub fn give_back(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
+        let Some(job) = self.leased(worker, number) else {
+            return;
+        };
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.rest_from(job, now);
+        }
+        self.come_back(number, Back::Returned);
+    }
+
     /// A lease that its holder will not answer comes back; its tasks are the next to go out.
-    pub fn come_back(&mut self, number: LeaseNumber, how: Back) {
+    fn come_back(&mut self, number: LeaseNumber, how: Back) {
         if !self.release(number) {
             return;
         }

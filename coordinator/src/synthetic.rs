@@ -2,7 +2,7 @@
 
 use crate::{
     campaign::{CampaignError, blocking},
-    dispatch::{Dispatch, ReplayJob},
+    dispatch::{Dispatch, Headway, ReplayJob},
     judge::judge,
     labels::{Action, Annotator, Answer, Change},
     queries::Queries,
@@ -10,10 +10,7 @@ use crate::{
 };
 use murmuration_proto::{Strategy, World};
 use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicU32, Ordering},
-    },
+    sync::Arc,
     time::{SystemTime, UNIX_EPOCH},
 };
 use tokio::task::JoinSet;
@@ -36,7 +33,7 @@ pub struct SyntheticAnnotator {
 
 impl SyntheticAnnotator {
     /// What it says of the first `count` individuals in the strategy's order that nobody has answered about, fewer where
-    /// there are not so many; nothing is written to the log. `done` counts the answers.
+    /// there are not so many; nothing is written to the log. `headway` counts the answers.
     ///
     /// With the same archive and log they are the same answers.
     ///
@@ -47,7 +44,7 @@ impl SyntheticAnnotator {
         record: &CampaignRecord,
         strategy: Strategy,
         count: usize,
-        done: Arc<AtomicU32>,
+        headway: Arc<Headway>,
     ) -> Result<Vec<Change>, CampaignError> {
         let asked = {
             let (queries, record) = (self.queries.clone(), record.clone());
@@ -57,10 +54,10 @@ impl SyntheticAnnotator {
         for part in asked.chunks(AT_ONCE) {
             let mut answering = JoinSet::new();
             for (place, &index) in part.iter().enumerate() {
-                let (annotator, record, done) = (self.clone(), record.clone(), done.clone());
+                let (annotator, record, headway) = (self.clone(), record.clone(), headway.clone());
                 answering.spawn(async move {
                     let answer = annotator.answer(&record, index as u64).await?;
-                    done.fetch_add(1, Ordering::Relaxed);
+                    headway.one_more();
                     Ok::<_, CampaignError>((place, answer))
                 });
             }

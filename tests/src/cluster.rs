@@ -121,6 +121,7 @@ impl Cluster {
     pub async fn create(&mut self, spec: &CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
+            weight: None,
         };
         self.client
             .create_campaign(request)

@@ -44,6 +44,7 @@ impl Processes {
     async fn create(&mut self) {
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec()).into()),
+            weight: None,
         };
         self.client.create_campaign(request).await.unwrap();
     }

@@ -203,7 +203,10 @@ async fn clients_are_told_which_field_is_wrong() {
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let mut spec = v1::CampaignSpec::from(&small_spec(""));
     spec.search.as_mut().unwrap().population = Some(0);
-    let request = v1::CreateCampaignRequest { spec: Some(spec) };
+    let request = v1::CreateCampaignRequest {
+        spec: Some(spec),
+        weight: None,
+    };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     assert!(

@@ -1,7 +1,7 @@
 //! The registry: every campaign of the store, and those at work in this process.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, Stage,
+    CampaignError, CampaignId, CampaignState, Stage, Weight,
     live::{Live, Progress},
     run::{self, Means, blocking},
 };
@@ -95,7 +95,7 @@ impl Campaigns {
     ///
     /// # Errors
     /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
-    pub async fn create(&self, spec: CampaignSpec) -> Result<CampaignStatus, CampaignError> {
+    pub async fn create(&self, spec: CampaignSpec, weight: Weight) -> Result<CampaignStatus, CampaignError> {
         if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
             self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
         }
@@ -104,7 +104,7 @@ impl Campaigns {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
         let record = blocking(move || {
-            let id = store.create_campaign(&spec, created_ms)?;
+            let id = store.create_campaign(&spec, weight, created_ms)?;
             store.campaign(id.as_str())
         })
         .await??;

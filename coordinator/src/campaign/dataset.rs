@@ -31,20 +31,13 @@ pub(super) async fn collect(
         spec,
         pictures_done,
         ..
-    } = record;
+    } = &record;
     let starts = u64::from(dataset.starts());
-    let mut next = pictures_done / starts;
+    let mut next = *pictures_done / starts;
     while next < u64::from(dataset.controllers()) {
         let chunk = next..u64::from(dataset.controllers()).min(next + CHUNK);
         let tasks = tasks(&spec, &dataset, chunk.clone())?;
-        let job = EvaluationJob {
-            campaign: id.clone(),
-            model: spec.model(),
-            world: *spec.world(),
-            image: *spec.image(),
-            embedder: None,
-            tasks,
-        };
+        let job = EvaluationJob::of(&record, None, tasks);
         let substitute =
             |place: usize, attempt| substitutes(&spec, &dataset, chunk.start, place as u64, attempt);
         let Some(done) = evaluate(&means.dispatch, live, job, substitute).await? else {

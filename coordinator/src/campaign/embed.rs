@@ -25,6 +25,7 @@ pub(super) async fn embed(
     let CampaignRecord {
         id,
         spec,
+        weight,
         next_checkpoint: Some(checkpoint),
         mut embedded,
         ..
@@ -46,10 +47,14 @@ pub(super) async fn embed(
             .collect();
         let job = EmbeddingJob {
             campaign: id.clone(),
+            weight,
             embedder,
             images,
         };
-        let Some(embeddings) = live.until_stopped(|done| means.dispatch.embed(job, done)).await else {
+        let Some(embeddings) = live
+            .until_stopped(|headway| means.dispatch.embed(job, headway))
+            .await
+        else {
             return Ok(Outcome::Stopped);
         };
         let embeddings = embeddings?;

@@ -46,7 +46,10 @@ pub(super) async fn evaluate(
             tasks: wanted.iter().map(|(_, task)| *task).collect(),
             ..job
         };
-        let Some(evaluated) = live.until_stopped(|done| dispatch.evaluate(job, done)).await else {
+        let Some(evaluated) = live
+            .until_stopped(|headway| dispatch.evaluate(job, headway))
+            .await
+        else {
             return Ok(None);
         };
         let mut substitutes = BTreeMap::new();

@@ -21,7 +21,7 @@ pub(super) async fn label(
     };
     let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
     let answered = live
-        .until_stopped(|done| means.annotator.answers(&record, strategy, count, done))
+        .until_stopped(|headway| means.annotator.answers(&record, strategy, count, headway))
         .await;
     let Some(answers) = answered else {
         return Ok(Outcome::Stopped);

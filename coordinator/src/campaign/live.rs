@@ -1,18 +1,16 @@
 //! What a campaign at work tells its watchers, and hears from whoever stops it.
 
+use crate::dispatch::Headway;
 use murmuration_proto::v1;
 use std::{
     collections::VecDeque,
-    sync::{
-        Arc,
-        atomic::{AtomicU32, Ordering},
-    },
+    sync::Arc,
     time::{Duration, Instant},
 };
 use tokio::sync::watch;
 
 /// How often watchers hear of a campaign's evaluations.
-const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
+pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
 /// Span that evaluations a second are averaged over.
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
@@ -94,23 +92,29 @@ impl Live {
         let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 
-    /// Awaits what `begin` starts, telling meanwhile what its counter shows. `None` if the campaign is to stop; only
+    /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up. `None` if the campaign is to stop; only
     /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
     pub(super) async fn until_stopped<F: Future>(
         &mut self,
-        begin: impl FnOnce(Arc<AtomicU32>) -> F,
+        begin: impl FnOnce(Arc<Headway>) -> F,
     ) -> Option<F::Output> {
-        let done = Arc::new(AtomicU32::new(0));
+        let headway = Arc::<Headway>::default();
         let mut stopped = self.stopped.clone();
-        let work = begin(done.clone());
+        let work = begin(headway.clone());
         tokio::pin!(work);
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
                 _ = stopped.wait_for(|&stopped| stopped) => return None,
-                output = &mut work => return Some(output),
-                _ = tick.tick() => self.count(done.load(Ordering::Relaxed), Instant::now()),
+                output = &mut work => {
+                    self.waiting(None);
+                    return Some(output);
+                }
+                _ = tick.tick() => {
+                    self.count(headway.done(), Instant::now());
+                    self.waiting(headway.trouble());
+                }
             }
         }
     }

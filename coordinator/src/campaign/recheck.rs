@@ -5,7 +5,7 @@
 //! back without them.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
     evaluate::evaluate,
     live::Live,
     run::{Means, blocking},
@@ -15,15 +15,14 @@ use crate::{
     leases::Instance,
     store::{ArchivedIndividual, CampaignRecord, Store},
 };
-use murmuration_proto::{CampaignSpec, Evaluation, Feedback, same_embedding};
+use murmuration_proto::{Evaluation, Feedback, same_embedding};
 
 /// Individuals that are evaluated again at a time.
 const CHUNK: usize = 1024;
 
 /// What this stage has looked at.
 pub(super) struct Recheck {
-    id: CampaignId,
-    spec: CampaignSpec,
+    campaign: CampaignRecord,
     /// First generation of the stage.
     first: u32,
     /// Workers found wrong whose work was looked at.
@@ -39,9 +38,8 @@ impl Recheck {
             _ => further,
         };
         Self {
-            id: record.id.clone(),
             first: record.generations().saturating_sub(stage),
-            spec: record.spec.clone(),
+            campaign: record.clone(),
             seen: 0,
         }
     }
@@ -60,7 +58,7 @@ impl Recheck {
             return Ok(Some(false));
         }
         let instances: Vec<Instance> = newly.iter().map(|wrong| wrong.instance).collect();
-        let (store, id, first) = (means.store.clone(), self.id.clone(), self.first);
+        let (store, id, first) = (means.store.clone(), self.campaign.id.clone(), self.first);
         let indices = blocking(move || store.evaluated_by(&id, &instances, first)).await??;
         let mut differs = None;
         for chunk in indices.chunks(CHUNK) {
@@ -77,8 +75,8 @@ impl Recheck {
         let Some(said) = said else {
             return Ok(Some(false));
         };
-        tracing::warn!(campaign = %self.id, "{said}");
-        let id = self.id.clone();
+        tracing::warn!(campaign = %self.campaign.id, "{said}");
+        let id = self.campaign.id.clone();
         let taken_back = differs.map(|individual| individual.generation);
         let change = move |store: &Store| match taken_back {
             Some(generation) => store.take_back(&id, generation, &said),
@@ -96,7 +94,11 @@ impl Recheck {
         live: &mut Live,
         indices: &[u64],
     ) -> Result<Option<Option<ArchivedIndividual>>, CampaignError> {
-        let (store, id, model) = (means.store.clone(), self.id.clone(), self.spec.model());
+        let (store, id, model) = (
+            means.store.clone(),
+            self.campaign.id.clone(),
+            self.campaign.spec.model(),
+        );
         let wanted = indices.to_vec();
         let archived = blocking(move || {
             let individual = |index| store.individual(&id, model, index);
@@ -104,14 +106,7 @@ impl Recheck {
         })
         .await??;
         let tasks: Vec<_> = archived.iter().map(|old| (old.controller, old.seed)).collect();
-        let job = EvaluationJob {
-            campaign: self.id.clone(),
-            model: self.spec.model(),
-            world: *self.spec.world(),
-            image: *self.spec.image(),
-            embedder,
-            tasks: tasks.clone(),
-        };
+        let job = EvaluationJob::of(&self.campaign, embedder, tasks.clone());
         let again = |place: usize, _| Ok(vec![(place, tasks[place])]);
         let Some(done) = evaluate(&means.dispatch, live, job, again).await? else {
             return Ok(None);

@@ -1,7 +1,7 @@
 //! The evolve stage: propose, have evaluated, absorb, commit; and the taxonomy at the end.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
     evaluate::{Done, Placed, evaluate},
     live::Live,
     recheck::Recheck,
@@ -15,7 +15,7 @@ use crate::{
     novelty::{self, Behaviours},
     store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Provenance, Store, StoreError},
 };
-use murmuration_proto::{CampaignSpec, Method, Purpose, Stream};
+use murmuration_proto::{Method, Purpose, Stream};
 use std::{sync::Arc, time::Instant};
 
 /// Individuals read from the store at a time.
@@ -32,8 +32,7 @@ struct Generation {
 struct Search {
     store: Store,
     metrics: Metrics,
-    id: CampaignId,
-    spec: Arc<CampaignSpec>,
+    campaign: Arc<CampaignRecord>,
     embedder: Option<Embedder>,
     behaviours: Behaviours,
     /// The last generation; empty before the first.
@@ -66,14 +65,8 @@ pub(super) async fn evolve(
         .await?;
         search = unchanged;
         let proposal = proposal?;
-        let job = EvaluationJob {
-            campaign: search.id.clone(),
-            model: search.spec.model(),
-            world: *search.spec.world(),
-            image: *search.spec.image(),
-            embedder: search.embedder,
-            tasks: proposal.controllers.iter().copied().zip(search.seeds()).collect(),
-        };
+        let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
+        let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
         let evaluated = evaluate(&means.dispatch, live, job, |place, attempt| {
             search.substitute(place, attempt)
         });
@@ -83,7 +76,7 @@ pub(super) async fn evolve(
         let count = done.evaluations.len() as u64;
         let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
         search = absorbed;
-        let (id, metrics) = (search.id.clone(), search.metrics.clone());
+        let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
         let commit = move |store: &Store| {
             let begun = Instant::now();
             let Generation {
@@ -109,7 +102,7 @@ pub(super) async fn complete(
     live: &Live,
 ) -> Result<Outcome, CampaignError> {
     let search = restore(means, record).await?;
-    let id = search.id.clone();
+    let id = search.campaign.id.clone();
     let taxonomy = blocking(move || search.taxonomy()).await?;
     let complete = move |store: &Store| store.complete(&id, &taxonomy);
     Ok(Outcome::of(means.commit(live, complete).await?))
@@ -155,15 +148,15 @@ impl Search {
             next_generation: record.generations_done,
             store,
             metrics,
-            id: record.id,
-            spec: Arc::new(record.spec),
+            campaign: Arc::new(record),
             embedder,
         };
         for start in (0..len).step_by(CHUNK as usize) {
             let range = start..len.min(start + CHUNK);
-            for individual in search
-                .store
-                .individuals(&search.id, search.spec.model(), range, false)?
+            for individual in
+                search
+                    .store
+                    .individuals(&search.campaign.id, search.campaign.spec.model(), range, false)?
             {
                 let behaviour = method.behaviour(&individual.features, &individual.embedding);
                 search.behaviours.push(&behaviour)?;
@@ -178,7 +171,7 @@ impl Search {
         if search.behaviours.len() as u64 != len {
             let reason = format!(
                 "campaign {} lacks individuals of its complete generations",
-                search.id
+                search.campaign.id
             );
             return Err(StoreError::Damaged {
                 path: Store::FILE.into(),
@@ -190,15 +183,15 @@ impl Search {
     }
 
     fn propose(&self) -> Result<Proposal, ProposeError> {
-        breeding::propose(&self.spec, self.next_generation, &self.parents)
+        breeding::propose(&self.campaign.spec, self.next_generation, &self.parents)
     }
 
     /// Seeds of the starts of the generation to come.
     fn seeds(&self) -> Vec<u64> {
         let first = self.behaviours.len() as u64;
-        let population = u64::from(self.spec.search().population());
+        let population = u64::from(self.campaign.spec.search().population());
         (first..first + population)
-            .map(|index| Stream::derive(self.spec.seed(), Purpose::Start, index).bits())
+            .map(|index| Stream::derive(self.campaign.spec.seed(), Purpose::Start, index).bits())
             .collect()
     }
 
@@ -206,20 +199,28 @@ impl Search {
     /// space, from another start.
     fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
         let index = (self.behaviours.len() + place) as u64;
-        let mut stream = Stream::derive(self.spec.seed(), Purpose::Substitute, index << 8 | attempt);
-        let controller = breeding::sample(self.spec.controllers(), self.spec.filter(), &mut stream)?;
+        let mut stream = Stream::derive(
+            self.campaign.spec.seed(),
+            Purpose::Substitute,
+            index << 8 | attempt,
+        );
+        let controller = breeding::sample(
+            self.campaign.spec.controllers(),
+            self.campaign.spec.filter(),
+            &mut stream,
+        )?;
         Ok(vec![(place, (controller, stream.bits()))])
     }
 
     /// Adds an evaluated generation to the archive in memory; the generation.
     fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
         let first = self.behaviours.len();
-        let method = self.spec.method();
+        let method = self.campaign.spec.method();
         for evaluation in &done.evaluations {
             let behaviour = method.behaviour(evaluation.features(), evaluation.embedding());
             self.behaviours.push(&behaviour)?;
         }
-        let neighbours = self.spec.search().neighbours() as usize;
+        let neighbours = self.campaign.spec.search().neighbours() as usize;
         let novelty = novelty::novelty(&self.behaviours, first..self.behaviours.len(), neighbours);
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
@@ -262,7 +263,11 @@ impl Search {
 
     /// Clusters the archive.
     fn taxonomy(&self) -> Clustering {
-        let mut stream = Stream::derive(self.spec.seed(), Purpose::Medoids, 0);
-        medoids::cluster(&self.behaviours, self.spec.medoids() as usize, &mut stream)
+        let mut stream = Stream::derive(self.campaign.spec.seed(), Purpose::Medoids, 0);
+        medoids::cluster(
+            &self.behaviours,
+            self.campaign.spec.medoids() as usize,
+            &mut stream,
+        )
     }
 }

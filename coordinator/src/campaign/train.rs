@@ -2,14 +2,15 @@
 
 use super::{
     CampaignError, CampaignId,
-    live::Live,
+    live::{COUNTING_INTERVAL, Live},
     run::{Means, blocking},
 };
 use crate::{
-    dispatch::{Lesson, TrainingJob},
+    dispatch::{Headway, Lesson, TrainingJob},
     store::{CampaignRecord, SavedTraining, Store, TrainingPictures},
 };
 use murmuration_proto::{CheckpointDigest, training::Configuration};
+use std::sync::Arc;
 use tokio::sync::watch;
 
 /// Has an embedder trained and published; `None` if the campaign is to stop.
@@ -23,6 +24,7 @@ pub(super) async fn train(
     let (saved, snapshots) = watch::channel(None);
     let job = TrainingJob {
         campaign: record.id.clone(),
+        weight: record.weight,
         configuration,
         side: record.spec.image().resolution(),
         pictures: TrainingPictures::of(record),
@@ -32,14 +34,17 @@ pub(super) async fn train(
     };
     let keeping = tokio::spawn(keep(means.store.clone(), record.id.clone(), snapshots));
     let trained = {
-        let training = means.trainers.train(job);
+        let headway = Arc::<Headway>::default();
+        let training = means.trainers.train(job, headway.clone());
         tokio::pin!(training);
+        let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
                 () = live.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
                 Ok(()) = reports.changed() => live.training(*reports.borrow_and_update()),
+                _ = tick.tick() => live.waiting(headway.trouble()),
             }
         }
     };

@@ -7,7 +7,7 @@ use super::{
     json,
     run::{CrewSize, read_spec},
 };
-use crate::local::Crew;
+use crate::{campaign::Weight, local::Crew};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, v1};
 use std::path::PathBuf;
 use tonic::Status;
@@ -27,6 +27,9 @@ pub(super) struct Submit {
     /// Seed instead of the file's, of its training too
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
+    /// Its share of the workers while other campaigns run as well, in proportion to theirs: 1 to 10,000
+    #[arg(long, value_name = "N", default_value_t)]
+    weight: Weight,
 }
 
 /// Arguments of `adopt`.
@@ -72,6 +75,7 @@ impl Submit {
         }
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec).into()),
+            weight: Some(self.weight.get()),
         };
         let campaign = connection.client.create_campaign(request).await?.into_inner();
         changed(

@@ -41,6 +41,7 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "active": campaign.active,
         "error": campaign.error,
         "created_ms": campaign.created_ms,
+        "weight": campaign.weight,
         "generations_done": campaign.generations_done,
         "generations": campaign.generations,
         "evaluations_done": evaluations(campaign.generations_done).map(|done| done + u64::from(campaign.evaluated_in_generation)),

@@ -95,6 +95,7 @@ impl Run {
         let mut connection = Connection::start(global, data, crew).await?;
         let request = v1::CreateCampaignRequest {
             spec: Some((&spec).into()),
+            weight: None,
         };
         let campaign = connection.client.create_campaign(request).await?.into_inner();
         eprintln!(

@@ -1,10 +1,10 @@
 //! What is farmed out: its form as a job, as batches on the wire, and as results.
 
 use crate::{
-    campaign::CampaignId,
+    campaign::{CampaignId, Weight},
     leases::{Agree, Instance, Terms},
     metrics::WorkKind,
-    store::{SavedTraining, TrainingPictures},
+    store::{CampaignRecord, SavedTraining, TrainingPictures},
 };
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World,
@@ -21,6 +21,8 @@ const EMBEDDING_EFFORT: u64 = 1300;
 pub struct EvaluationJob {
     /// Whose they are.
     pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
     /// The capability model of every controller.
     pub model: CapabilityModel,
     /// The arena.
@@ -31,6 +33,25 @@ pub struct EvaluationJob {
     pub embedder: Option<Embedder>,
     /// Controllers with the seeds of their starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
+}
+
+impl EvaluationJob {
+    /// Controllers, with the seeds of their starts, to evaluate as this campaign wants it.
+    pub(crate) fn of(
+        record: &CampaignRecord,
+        embedder: Option<Embedder>,
+        tasks: Vec<(Controller, u64)>,
+    ) -> Self {
+        Self {
+            campaign: record.id.clone(),
+            weight: record.weight,
+            model: record.spec.model(),
+            world: *record.spec.world(),
+            image: *record.spec.image(),
+            embedder,
+            tasks,
+        }
+    }
 }
 
 /// A published embedder, as far as jobs need to know it.
@@ -47,6 +68,8 @@ pub struct Embedder {
 pub struct EmbeddingJob {
     /// Whose they are.
     pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
     /// What embeds them.
     pub embedder: Embedder,
     /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
@@ -58,6 +81,8 @@ pub struct EmbeddingJob {
 pub struct TrainingJob {
     /// The campaign.
     pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
     /// How to train.
     pub configuration: Configuration,
     /// Pixels along a side of the pictures.
@@ -220,16 +245,17 @@ impl Work {
         let mut audited = audited;
         let mut some = || (0..tasks).filter(|_| audited()).collect();
         let simulation = |world: &World| u64::from(world.agents()) * u64::from(world.horizon());
-        let (effort, audited, hurried) = match self {
-            Self::Evaluations(job) => (simulation(&job.world), some(), true),
-            Self::Embeddings(_) => (EMBEDDING_EFFORT, some(), true),
-            Self::Replay(job) => (simulation(&job.world), BTreeSet::new(), true),
+        let (weight, effort, audited, hurried) = match self {
+            Self::Evaluations(job) => (job.weight, simulation(&job.world), some(), true),
+            Self::Embeddings(job) => (job.weight, EMBEDDING_EFFORT, some(), true),
+            // Somebody waits for it.
+            Self::Replay(job) => (Weight::default(), simulation(&job.world), BTreeSet::new(), true),
             // Two at once would cost minutes of a machine each.
-            Self::Training(_) => (1, BTreeSet::new(), false),
+            Self::Training(job) => (job.weight, 1, BTreeSet::new(), false),
         };
         Terms {
             tasks,
-            effort,
+            effort: weight.charge(effort),
             audited,
             hurried,
         }

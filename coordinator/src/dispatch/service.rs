@@ -1,22 +1,20 @@
 //! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
 
+mod results;
+
 use super::{
-    Command, Evaluated, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, SetAside,
-    TrainingJob, WorkerReport,
+    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, WorkerReport,
     job::{Output, Work},
 };
 use crate::{
-    leases::{Back, Grant, Instance, JobId, LeaseNumber, LeaseTable, News, Refused, Settled, WorkerId},
+    leases::{Grant, Instance, JobId, LeaseNumber, LeaseTable, WorkerId},
     metrics::DispatchMetrics,
 };
 use murmuration_link::trace_parent;
 use murmuration_proto::{Purpose, Stream, v1};
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::{
-        Arc,
-        atomic::{AtomicU32, Ordering},
-    },
+    sync::Arc,
     time::{Duration, Instant, SystemTime, UNIX_EPOCH},
 };
 use tokio::{
@@ -59,7 +57,7 @@ struct Given {
 
 struct Job {
     work: Work,
-    done: Arc<AtomicU32>,
+    headway: Arc<Headway>,
     reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
 }
 
@@ -67,9 +65,6 @@ struct Worker {
     name: String,
     outbox: Outbox,
 }
-
-/// What a job comes to, task by task.
-type Results = Vec<Settled<Output>>;
 
 impl Service {
     /// One without jobs and workers; `count` is told the number of workers that take work, `wrong` whom of them it found
@@ -129,10 +124,10 @@ impl Service {
 
     fn take(&mut self, request: Request) {
         match request {
-            Request::Submit { work, done, reply } => {
+            Request::Submit { work, headway, reply } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
                 let id = self.table.submit(work.terms(|| chance.chance(share)));
-                self.jobs.insert(id, Job { work, done, reply });
+                self.jobs.insert(id, Job { work, headway, reply });
             }
             Request::Join { newcomer, reply } => self.welcome(newcomer, reply),
             Request::Report { worker, report } => {
@@ -210,150 +205,6 @@ impl Service {
             self.names.retain(|instance, _| here.contains(instance));
         }
         self.names.insert(instance, name.to_owned());
-    }
-
-    fn names(&self, instances: &[Instance]) -> Vec<String> {
-        let name = |instance| self.names.get(instance).map_or("?", String::as_str);
-        instances
-            .iter()
-            .map(|instance| name(instance).to_owned())
-            .collect()
-    }
-
-    fn take_result(&mut self, worker: WorkerId, lease: LeaseNumber, outcome: v1::batch_result::Outcome) {
-        use v1::{FailureClass, batch_result::Outcome};
-        let Some(id) = self.table.leased(worker, lease) else {
-            tracing::debug!(?worker, ?lease, "a result that nobody waits for");
-            return;
-        };
-        let Some(job) = self.jobs.get(&id) else { return };
-        let given = self.given.remove(&lease);
-        let span = given.as_ref().map_or_else(Span::none, |given| given.span.clone());
-        let _in_lease = span.entered();
-        match outcome {
-            Outcome::Failure(failure) if failure.class() == FailureClass::Fatal => {
-                self.table.forget(id);
-                self.reply(id, Err(JobError::Fatal(failure.message)));
-            }
-            Outcome::Failure(failure) => {
-                tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
-                self.metrics.returned(1);
-                self.table.come_back(lease, Back::Returned);
-            }
-            outcome => match job.work.outputs(outcome) {
-                Ok(outputs) => {
-                    if let Some(Given { at, .. }) = given {
-                        self.metrics
-                            .answered(job.work.kind(), outputs.len(), at.elapsed());
-                    }
-                    self.keep(worker, lease, outputs);
-                }
-                Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
-            },
-        }
-    }
-
-    fn keep(&mut self, worker: WorkerId, lease: LeaseNumber, outputs: Vec<Output>) {
-        match self.table.complete(worker, lease, outputs, Instant::now()) {
-            Ok(()) | Err(Refused::UnknownLease | Refused::NotYours) => {}
-            Err(refused @ Refused::WrongCount { .. }) => self.found_wrong(worker, &refused.to_string()),
-        }
-    }
-
-    /// A worker sent what no sound worker sends.
-    fn found_wrong(&mut self, worker: WorkerId, what: &str) {
-        let Some(instance) = self.table.instance(worker) else {
-            return;
-        };
-        // Before it is forgotten, so that it is told what was wrong.
-        self.dismiss(worker, Some(Status::invalid_argument(what)));
-        self.table.quarantine(instance);
-    }
-
-    /// Passes on what became of jobs and workers.
-    fn tell_news(&mut self) {
-        for news in self.table.take_news() {
-            match news {
-                News::Progress { job, settled } => {
-                    if let Some(job) = self.jobs.get(&job) {
-                        job.done.store(settled as u32, Ordering::Relaxed);
-                    }
-                }
-                News::Done { job, results } => {
-                    let results = self.outcome(job, results);
-                    self.reply(job, results);
-                }
-                News::Disagreement { job, task, between } => {
-                    let workers = self.names(&between);
-                    self.metrics.disagreed();
-                    tracing::error!(?workers, task, "workers disagree, and there is no other to ask");
-                    self.reply(job, Err(JobError::Disagreement { task, workers }));
-                }
-                News::Quarantined {
-                    instance,
-                    workers,
-                    again,
-                } => {
-                    let name = self.names(&[instance]).concat();
-                    self.metrics.quarantined();
-                    tracing::error!(
-                        worker = name,
-                        again,
-                        "a worker was found wrong, and is quarantined"
-                    );
-                    self.wrong
-                        .send_modify(|wrong| wrong.push(Quarantined { instance, name }));
-                    for worker in workers {
-                        let status = Status::failed_precondition(NotWelcome::Quarantined.to_string());
-                        self.dismiss(worker, Some(status));
-                    }
-                }
-            }
-        }
-    }
-
-    /// What a job's tasks come to; where nothing could take the place of one that was set aside, nothing.
-    fn outcome(&self, job: JobId, results: Results) -> Result<Vec<Output>, JobError> {
-        let evaluations = self
-            .jobs
-            .get(&job)
-            .is_some_and(|job| matches!(job.work, Work::Evaluations(_)));
-        let settle = |settled| match settled {
-            Settled::Result {
-                value: Output::Evaluation(evaluation),
-                by,
-                audited,
-            } => {
-                if audited {
-                    self.metrics.audited();
-                }
-                Ok(Output::Evaluated(Evaluated::Done {
-                    evaluation,
-                    unaudited: (!audited).then_some(by),
-                }))
-            }
-            Settled::Result { value, .. } => Ok(value),
-            Settled::SetAside { lost } => {
-                let set_aside = SetAside {
-                    workers: self.names(&lost),
-                };
-                self.metrics.set_aside(1);
-                tracing::error!(%set_aside, "work was set aside");
-                match evaluations {
-                    true => Ok(Output::Evaluated(Evaluated::SetAside(set_aside))),
-                    false => Err(set_aside.into()),
-                }
-            }
-        };
-        results.into_iter().map(settle).collect()
-    }
-
-    fn reply(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
-        self.given.retain(|_, given| given.job != id);
-        if let Some(job) = self.jobs.remove(&id) {
-            // Whoever waited may have stopped waiting.
-            let _ = job.reply.send(result);
-        }
     }
 
     fn forget_withdrawn_jobs(&mut self) {
@@ -443,19 +294,6 @@ impl Service {
         v1::LeaseId {
             epoch: self.epoch,
             number: lease.0,
-        }
-    }
-
-    /// Passes on what a trainer says of the training under a lease, if it is still wanted.
-    fn tell_training(&mut self, worker: WorkerId, lease: LeaseNumber, tell: impl FnOnce(&TrainingJob)) {
-        let job = self.table.leased(worker, lease).and_then(|id| self.jobs.get(&id));
-        if let Some(Job {
-            work: Work::Training(job),
-            ..
-        }) = job
-        {
-            tell(job);
-            self.table.get_on(lease);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
 
 use super::{
-    Dispatch, JobError, Options, TrainingJob,
+    Dispatch, Headway, JobError, Options, TrainingJob,
     job::{Output, Work},
 };
 use crate::metrics::DispatchMetrics;
@@ -20,15 +20,13 @@ impl Trainers {
         Self(Dispatch::start(options, metrics))
     }
 
-    /// Has a trainer train an embedder and publish it. Dropping the future withdraws the job.
+    /// Has a trainer train an embedder and publish it; `headway` says what holds it up. Dropping the future withdraws the
+    /// job.
     ///
     /// # Errors
     /// See [`JobError`].
-    pub async fn train(&self, job: TrainingJob) -> Result<CheckpointDigest, JobError> {
-        let outputs = self
-            .0
-            .submit(Work::Training(Box::new(job)), Arc::default())
-            .await?;
+    pub async fn train(&self, job: TrainingJob, headway: Arc<Headway>) -> Result<CheckpointDigest, JobError> {
+        let outputs = self.0.submit(Work::Training(Box::new(job)), headway).await?;
         outputs
             .into_iter()
             .find_map(Output::into_checkpoint)

@@ -20,7 +20,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
     let text = "model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = 2\ngenerations = 3\nneighbours = 1\n\
                 [taxonomy]\nmedoids = 1";
     let id = store
-        .create_campaign(&CampaignSpec::from_toml(text).unwrap(), 0)
+        .create_campaign(&CampaignSpec::from_toml(text).unwrap(), Weight::default(), 0)
         .unwrap();
     for generation in 0..3 {
         let individuals = [0, 1].map(|place| ArchivedIndividual {

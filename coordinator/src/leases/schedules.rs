@@ -304,11 +304,10 @@ impl Cluster {
 
     fn give_back(&mut self, instance: Instance) {
         let process = self.processes.get_mut(&instance).unwrap();
-        if process.worker.is_some()
+        if let Some(worker) = process.worker
             && let Some(grant) = process.has.pop()
-            && self.table.leased(process.worker.unwrap(), grant.lease).is_some()
         {
-            self.table.come_back(grant.lease, Back::Returned);
+            self.table.give_back(worker, grant.lease, self.now);
         }
     }
 

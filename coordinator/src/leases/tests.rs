@@ -338,6 +338,32 @@ fn jobs_share_the_workers_by_effort() {
 }
 
 #[test]
+fn who_gives_a_job_back_pauses_from_it_for_longer_each_time_and_does_others_meanwhile() {
+    let (mut table, [worker]) = workers([1000]);
+    let mut now = now();
+    let broken = table.submit(terms(1));
+    let mut pauses = Vec::new();
+    let mut grant = table.grant(now).unwrap();
+    for _ in 0..8 {
+        assert_eq!(grant.job, broken);
+        table.give_back(worker, grant.lease, now);
+        let sound = table.submit(terms(1));
+        let other = table.grant(now).unwrap();
+        assert_eq!(other.job, sound, "another job is done at once");
+        table.complete(worker, other.lease, answers(&other), now).unwrap();
+        let begun = now;
+        grant = loop {
+            match table.grant(now) {
+                Some(grant) => break grant,
+                None => now += Duration::from_millis(50),
+            }
+        };
+        pauses.push((now - begun).as_millis());
+    }
+    assert_eq!(pauses, [200, 400, 800, 1600, 3200, 6400, 10_000, 10_000]);
+}
+
+#[test]
 fn a_small_job_does_not_wait_for_a_large_one() {
     let (mut table, [_]) = workers([1000]);
     let large = table.submit(terms(10_000));

@@ -7,7 +7,7 @@ use super::{
 use std::{
     cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 /// The tasks of a job that wait for a worker, by what they need; each is in one of them at most.
@@ -143,7 +143,7 @@ impl<R: Agree> LeaseTable<R> {
                 Worker {
                     instance, credits, ..
                 },
-            )) = self.free(reserved, now, fits)
+            )) = self.free(id, reserved, now, fits)
             {
                 let voiceless = |place: &usize| !job.tasks[*place].has_voice(*instance);
                 let tasks = job.queues.second.iter().copied().filter(voiceless);
@@ -155,7 +155,7 @@ impl<R: Agree> LeaseTable<R> {
             }
         }
         if let Some(&place) = job.queues.alone.first()
-            && let Some((worker, _)) = self.free(None, now, |worker| worker.holds.is_empty())
+            && let Some((worker, _)) = self.free(id, None, now, |worker| worker.holds.is_empty())
         {
             return Some(Choice {
                 worker,
@@ -164,7 +164,7 @@ impl<R: Agree> LeaseTable<R> {
             });
         }
         let waiting = job.queues.ready_len();
-        let (worker, Worker { credits, .. }) = self.free(reserved, now, |_| waiting > 0)?;
+        let (worker, Worker { credits, .. }) = self.free(id, reserved, now, |_| waiting > 0)?;
         let capacity: usize = self.workers.values().map(|worker| worker.capacity).sum();
         let share = waiting.div_ceil(2 * capacity.max(1)).clamp(1, MAX_BATCH);
         Some(Choice {
@@ -177,7 +177,7 @@ impl<R: Agree> LeaseTable<R> {
     /// What an idle worker gets of a lease that is late with others: the first result counts. Whoever has it as well is
     /// given twice as long before there is a next.
     fn choose_late(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
-        for lease in self.leases.values().filter(|lease| self.is_late(lease, 1, now)) {
+        for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
             if !job.hurried {
                 continue;
@@ -194,7 +194,7 @@ impl<R: Agree> LeaseTable<R> {
                 !job.tasks[place].has_voice(worker.instance) && !self.has_in_hand(worker, lease.job, place)
             };
             let fits = |worker: &Worker| new_to(worker, place) && (!alone || worker.holds.is_empty());
-            let Some((id, worker)) = self.free(reserved, now, fits) else {
+            let Some((id, worker)) = self.free(lease.job, reserved, now, fits) else {
                 continue;
             };
             let likewise = |&place: &usize| {
@@ -211,11 +211,26 @@ impl<R: Agree> LeaseTable<R> {
         None
     }
 
+    /// The leases that somebody holds and is late with, oldest first.
+    fn late(&self, now: Instant) -> impl Iterator<Item = &Lease> {
+        let patience = self.patience(1);
+        // Their numbers are in the order in which they were given.
+        let old = move |lease: &&Lease| now.saturating_duration_since(lease.given) > patience;
+        self.leases
+            .values()
+            .take_while(old)
+            .filter(|lease| lease.holder.is_some())
+    }
+
     /// Whether a lease whose tasks so many workers have in hand is out for longer than leases usually are.
     fn is_late(&self, lease: &Lease, hands: usize, now: Instant) -> bool {
+        lease.holder.is_some() && now.saturating_duration_since(lease.given) > self.patience(hands)
+    }
+
+    /// How long a lease may be out whose tasks so many workers have in hand.
+    fn patience(&self, hands: usize) -> Duration {
         let usual = self.turnaround.map_or(PATIENCE.1, |usual| usual * LATE);
-        let patience = usual.clamp(PATIENCE.0, PATIENCE.1) * (1 << hands.saturating_sub(1).min(10));
-        lease.holder.is_some() && now.saturating_duration_since(lease.given) > patience
+        usual.clamp(PATIENCE.0, PATIENCE.1) * (1 << hands.saturating_sub(1).min(10))
     }
 
     fn has_in_hand(&self, worker: &Worker, job: JobId, place: usize) -> bool {
@@ -234,9 +249,10 @@ impl<R: Agree> LeaseTable<R> {
         Some(id)
     }
 
-    /// The worker with least in hand of those that may get more, those first that are not late.
+    /// The worker with least in hand of those that may get more of a job, those first that are not late.
     fn free(
         &self,
+        job: JobId,
         reserved: Option<WorkerId>,
         now: Instant,
         fits: impl Fn(&Worker) -> bool,
@@ -245,7 +261,8 @@ impl<R: Agree> LeaseTable<R> {
             .iter()
             .map(|(&id, worker)| (id, worker))
             .filter(|(id, worker)| {
-                worker.credits > 0 && !worker.alone && reserved != Some(*id) && fits(worker)
+                let may = worker.credits > 0 && !worker.alone && reserved != Some(*id);
+                may && !worker.rests(job, now) && fits(worker)
             })
             .min_by_key(|(id, worker)| {
                 let behind = self.is_behind(worker, now);
@@ -297,8 +314,9 @@ impl<R: Agree> LeaseTable<R> {
             .jobs
             .iter()
             .flat_map(|(&id, job)| job.queues.second.iter().map(move |&place| (id, place)));
-        let late = self.leases.values().filter(|lease| self.is_late(lease, 1, now));
-        let late = late.flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
+        let late = self
+            .late(now)
+            .flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
         let half_done = |(id, place): &(JobId, usize)| {
             let task = self.jobs.get(id).map(|job| &job.tasks[*place]);
             task.is_some_and(|task| !task.votes.is_empty() && !task.verdict().is_settled())

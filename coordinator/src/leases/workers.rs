@@ -1,8 +1,8 @@
 //! Those who work: they come, are heard, fall silent, and go.
 
-use super::{Agree, Back, Instance, LeaseNumber, LeaseTable, WorkerId};
+use super::{Agree, Back, Instance, JobId, LeaseNumber, LeaseTable, WorkerId};
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
 };
 
@@ -18,12 +18,39 @@ pub(super) struct Worker {
     pub(super) tasks: usize,
     /// Whether it holds a task that may take it with it, and gets nothing else.
     pub(super) alone: bool,
+    /// Jobs that it gave leases of back, and what has come of none since.
+    pub(super) rests: BTreeMap<JobId, Rest>,
 }
+
+/// A worker's pause from a job that it could not do.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rest {
+    /// How long the last one was.
+    length: Duration,
+    until: Instant,
+}
+
+/// First and longest pause of a worker from a job whose leases it gives back.
+const RESTS: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(10));
 
 impl Worker {
     /// Tasks in hand for each that it runs at once, in thousandths.
     pub(super) fn load(&self) -> usize {
         1000 * self.tasks / self.capacity.max(1)
+    }
+
+    /// It gave back a lease of this job: each time in a row it pauses for twice as long.
+    pub(super) fn rest_from(&mut self, job: JobId, now: Instant) {
+        let length = self
+            .rests
+            .get(&job)
+            .map_or(RESTS.0, |rest| RESTS.1.min(rest.length * 2));
+        let until = now + length;
+        self.rests.insert(job, Rest { length, until });
+    }
+
+    pub(super) fn rests(&self, job: JobId, now: Instant) -> bool {
+        self.rests.get(&job).is_some_and(|rest| now < rest.until)
     }
 }
 
@@ -46,6 +73,7 @@ impl<R: Agree> LeaseTable<R> {
             holds: BTreeSet::new(),
             tasks: 0,
             alone: false,
+            rests: BTreeMap::new(),
         };
         self.workers.insert(id, worker);
         Some(id)
@@ -98,6 +126,14 @@ impl<R: Agree> LeaseTable<R> {
             .filter(|(_, worker)| silent(worker))
             .map(|(&id, _)| id)
             .collect()
+    }
+
+    /// Whether a worker is there and takes work.
+    #[must_use]
+    pub fn takes_work(&self, worker: WorkerId) -> bool {
+        self.workers
+            .get(&worker)
+            .is_some_and(|worker| worker.capacity > 0)
     }
 
     /// Number of workers that take work.

@@ -48,7 +48,7 @@ fn an_empty_archive_has_an_empty_map() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"hand-crafted\"").unwrap();
-    let id = store.create_campaign(&spec, 7).unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     let maps = Maps::new(store.clone());
     assert!(maps.axes(&record).unwrap().points.is_empty());

@@ -2,7 +2,7 @@
 
 use super::{Seats, Streamed};
 use crate::{
-    campaign::{Campaigns, Change, blocking},
+    campaign::{Campaigns, Change, Weight, blocking},
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
     store::{CampaignRecord, Store, StoreError},
@@ -57,10 +57,11 @@ impl CampaignApi {
 #[tonic::async_trait]
 impl v1::campaign_service_server::CampaignService for CampaignApi {
     async fn create_campaign(&self, request: Request<v1::CreateCampaignRequest>) -> Answer<v1::Campaign> {
-        let message = request.into_inner().spec;
-        let message = message.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
-        let spec = CampaignSpec::try_from(message)?;
-        Ok(Response::new(self.campaigns.create(spec).await?.into()))
+        let v1::CreateCampaignRequest { spec, weight } = request.into_inner();
+        let spec = spec.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
+        let spec = CampaignSpec::try_from(spec)?;
+        let weight = weight.map(Weight::try_from).transpose()?.unwrap_or_default();
+        Ok(Response::new(self.campaigns.create(spec, weight).await?.into()))
     }
 
     async fn get_campaign(&self, request: Request<v1::GetCampaignRequest>) -> Answer<v1::Campaign> {

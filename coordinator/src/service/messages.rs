@@ -23,6 +23,7 @@ impl From<CampaignStatus> for v1::Campaign {
             state: v1::CampaignState::from(record.state) as i32,
             error: record.error,
             created_ms: record.created_ms,
+            weight: record.weight.get(),
             generations_done: record.generations_done,
             evaluated_in_generation: arrived(Stage::Evolve),
             evaluations_per_second: status.per_second,

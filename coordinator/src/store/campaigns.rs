@@ -1,7 +1,7 @@
 //! Rows of campaigns.
 
 use super::{Store, StoreError, checkpoints::checkpoint_number};
-use crate::campaign::{CampaignId, CampaignState};
+use crate::campaign::{CampaignId, CampaignState, Weight};
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION,
 };
@@ -14,6 +14,8 @@ pub struct CampaignRecord {
     pub id: CampaignId,
     /// What it was asked to do.
     pub spec: CampaignSpec,
+    /// Its share of the workers.
+    pub weight: Weight,
     /// Where it stands.
     pub state: CampaignState,
     /// Why it failed; empty unless it did.
@@ -64,7 +66,7 @@ const SELECT: &str = "
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
             WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
-           c.rounds, c.lesson
+           c.rounds, c.lesson, c.weight
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -74,7 +76,12 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError::NoCheckpoint`] if there is no such checkpoint, or if it cannot be written.
-    pub fn create_campaign(&self, spec: &CampaignSpec, created_ms: u64) -> Result<CampaignId, StoreError> {
+    pub fn create_campaign(
+        &self,
+        spec: &CampaignSpec,
+        weight: Weight,
+        created_ms: u64,
+    ) -> Result<CampaignId, StoreError> {
         self.write(|transaction| {
             let number: i64 =
                 transaction.query_row("SELECT coalesce(max(number), 0) + 1 FROM campaigns", [], |row| {
@@ -87,8 +94,8 @@ impl Store {
             };
             transaction.execute(
                 "INSERT INTO campaigns
-                    (number, id, spec, simulator_version, state, error, created_ms, next_checkpoint)
-                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6, ?7)",
+                    (number, id, spec, simulator_version, state, error, created_ms, next_checkpoint, weight)
+                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6, ?7, ?8)",
                 params![
                     number,
                     id,
@@ -97,6 +104,7 @@ impl Store {
                     CampaignState::Running.name(),
                     created_ms as i64,
                     next_checkpoint,
+                    weight.get(),
                 ],
             )?;
             Ok(CampaignId::from_store(id))
@@ -178,6 +186,7 @@ struct Columns {
     embedded: i64,
     rounds_done: u32,
     lesson: Option<i64>,
+    weight: u32,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -197,6 +206,7 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         embedded: row.get(12)?,
         rounds_done: row.get(13)?,
         lesson: row.get(14)?,
+        weight: row.get(15)?,
     })
 }
 
@@ -214,6 +224,7 @@ impl TryFrom<Columns> for CampaignRecord {
         Ok(Self {
             id: CampaignId::from_store(columns.id),
             spec,
+            weight: Weight::try_from(columns.weight).map_err(|error| damaged(error.to_string()))?,
             state,
             error: columns.error,
             created_ms: columns.created_ms.unsigned_abs(),

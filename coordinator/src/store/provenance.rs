@@ -158,7 +158,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
         let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
-        let id = store.create_campaign(&spec, 7).unwrap();
+        let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
         for generation in 0..3 {
             let first = 2 * u64::from(generation);
             let individuals = [first, first + 1].map(|index| ArchivedIndividual {

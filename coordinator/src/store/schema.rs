@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 6] = [
+const MIGRATIONS: [&str; 7] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -118,6 +118,9 @@ const MIGRATIONS: [&str; 6] = [
         text TEXT NOT NULL
     ) STRICT;
     CREATE INDEX notices_by_campaign ON notices (campaign, number);
+",
+    "
+    ALTER TABLE campaigns ADD COLUMN weight INTEGER NOT NULL DEFAULT 100;
 ",
 ];
 

@@ -52,7 +52,7 @@ fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreEr
 #[test]
 fn a_committed_generation_reads_back_to_the_bit() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 7).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
     commit(&store, &id, 0).unwrap();
     commit(&store, &id, 1).unwrap();
     let read = store.individuals(&id, MODEL, 1..100, true).unwrap();
@@ -70,7 +70,7 @@ fn a_committed_generation_reads_back_to_the_bit() {
 #[test]
 fn a_generation_is_committed_whole_or_not_at_all() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 0).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     let record = GenerationRecord {
         generation: 0,
         best_novelty: 0.0,
@@ -90,7 +90,7 @@ fn a_generation_is_committed_whole_or_not_at_all() {
 #[test]
 fn a_taxonomy_completes_its_campaign() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 0).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     commit(&store, &id, 0).unwrap();
     assert_eq!(store.taxonomy(&id).unwrap(), None);
     let clustering = Clustering {
@@ -114,7 +114,7 @@ fn a_taxonomy_completes_its_campaign() {
 #[test]
 fn what_is_not_there_is_named() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 0).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     let error = store.campaign("nobody-7").unwrap_err().to_string();
     assert!(error.contains("no campaign \"nobody-7\""), "{error}");
     let error = store.individual(&id, MODEL, 5).unwrap_err().to_string();
@@ -171,7 +171,7 @@ fn a_file_that_is_no_database_is_named() {
 #[test]
 fn a_full_disk_is_called_that_and_loses_nothing() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 0).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     commit(&store, &id, 0).unwrap();
     let pages: u32 = store
         .read(|c| Ok(c.pragma_query_value(None, "page_count", |row| row.get(0))?))
@@ -206,7 +206,7 @@ fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
         digests[0]
     );
     let id = store
-        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), 0)
+        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 0)
         .unwrap();
     store.switch(&id, &unchanged(&[])).unwrap();
     let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
@@ -297,7 +297,7 @@ fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
     let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{absent}\"");
     let spec = CampaignSpec::from_toml(&text).unwrap();
     assert!(matches!(
-        store.create_campaign(&spec, 0),
+        store.create_campaign(&spec, Weight::default(), 0),
         Err(StoreError::NoCheckpoint(_))
     ));
     assert_eq!(store.campaign(id.as_str()).unwrap().checkpoint, Some(digest));
@@ -307,7 +307,7 @@ fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
 #[test]
 fn a_dataset_and_its_training_read_back() {
     let (_folder, store) = open();
-    let id = store.create_campaign(&spec(), 0).unwrap();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     let picture = |index: u64| Picture {
         controller: individual(0).controller,
         seed: u64::MAX - index,

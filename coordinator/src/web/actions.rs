@@ -1,7 +1,7 @@
 //! What people ask for with a button.
 
 use super::{Web, wrong::Wrong};
-use crate::campaign::Change;
+use crate::campaign::{Change, Weight};
 use axum::{
     Form,
     extract::{Path, State},
@@ -63,7 +63,7 @@ pub(super) async fn start(
         SpecFileError::Value(invalid) => invalid,
         SpecFileError::Syntax(error) => Invalid::new("example", example, error.to_string()),
     })?;
-    let created = web.campaigns.create(spec).await?;
+    let created = web.campaigns.create(spec, Weight::default()).await?;
     Ok(page_of(created.record.id.as_str()))
 }
 

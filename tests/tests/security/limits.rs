@@ -33,6 +33,7 @@ async fn messages_and_headers() {
             name: Some(name),
             ..Default::default()
         }),
+        weight: None,
     };
     let undo = |campaign| v1::UndoLabelRequest {
         campaign,

@@ -22,7 +22,7 @@ impl Campaign {
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
         let text = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = 10";
         let spec = CampaignSpec::from_toml(text).unwrap();
-        let id = store.create_campaign(&spec, 7).unwrap();
+        let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
         let campaign = Self {
             _folder: folder,
             queries: Queries::new(store.clone()),

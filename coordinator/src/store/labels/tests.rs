@@ -10,7 +10,7 @@ use std::path::Path;
 fn open(folder: &Path) -> (Store, CampaignId) {
     let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
-    let id = store.create_campaign(&spec, 7).unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
     let record = GenerationRecord::of(0, &[0.0], 0);
     store
         .commit_generation(

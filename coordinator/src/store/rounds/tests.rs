@@ -28,7 +28,7 @@ fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
          [search]\npopulation = 5\ngenerations = 1\n[taxonomy]\nmedoids = 2\n[feedback]\ngenerations = 3"
     );
     let id = store
-        .create_campaign(&CampaignSpec::from_toml(&spec).unwrap(), 7)
+        .create_campaign(&CampaignSpec::from_toml(&spec).unwrap(), Weight::default(), 7)
         .unwrap();
     let individual = |index: u64| ArchivedIndividual {
         image: Some(vec![index as u8; 2500]),

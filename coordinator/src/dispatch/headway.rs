@@ -1,0 +1,42 @@
+//! How far a job is, told while somebody waits for it.
+
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicU32, Ordering},
+};
+
+/// How far a job is, and what holds it up.
+#[derive(Debug, Default)]
+pub struct Headway {
+    done: AtomicU32,
+    trouble: Mutex<Option<String>>,
+}
+
+impl Headway {
+    /// Tasks whose results have arrived; fewer than before where a worker was found wrong.
+    #[must_use]
+    pub fn done(&self) -> u32 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    /// Why work was given back, if none has been done since.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        let trouble = self.trouble.lock();
+        trouble.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// So many are done.
+    pub(crate) fn set_done(&self, count: u32) {
+        self.done.store(count, Ordering::Relaxed);
+    }
+
+    /// One more is done.
+    pub(crate) fn one_more(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn set_trouble(&self, trouble: Option<String>) {
+        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = trouble;
+    }
+}
