@@ -4,6 +4,7 @@
 //! declared here are skipped when a file is read; kinds of content that are declared only so that a reader can
 //! see that they are there (subgraphs, functions, sparse tensors) are kept as undecoded bytes.
 
+mod budget;
 mod embedder_model;
 mod operators;
 mod shape;
@@ -11,7 +12,7 @@ mod tensor;
 mod wire;
 
 pub use embedder_model::{
-    EMBEDDING_DIMENSIONS, EmbedderModel, IMAGE_SIDES, MAX_MODEL_BYTES, MAX_NODE_PRODUCTS, MAX_NODES,
+    EMBEDDING_DIMENSIONS, EmbedderModel, IMAGE_SIDES, MAX_ELEMENTS, MAX_MODEL_BYTES, MAX_NODES, MAX_PRODUCTS,
     MAX_VALUE_ELEMENTS, ModelError,
 };
 

@@ -4,8 +4,8 @@
 //! again: the runtime meets only that, never the bytes as they came.
 
 use super::{
-    DataType, GraphProto, ModelProto, NodeProto, TypeProto, ValueInfoProto, operators, shape::Value, tensor,
-    wire,
+    DataType, GraphProto, ModelProto, NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators,
+    shape::Value, tensor, wire,
 };
 use prost::Message as _;
 use std::{collections::BTreeMap, ops::RangeInclusive};
@@ -14,8 +14,10 @@ use std::{collections::BTreeMap, ops::RangeInclusive};
 pub const MAX_MODEL_BYTES: usize = 64 << 20;
 /// Most numbers in any value between two nodes, for each image (4 Mi).
 pub const MAX_VALUE_ELEMENTS: usize = 4 << 20;
-/// Most multiplications of a node, for each image (2 Gi).
-pub const MAX_NODE_PRODUCTS: usize = 2 << 30;
+/// Most numbers in all values between nodes together, for each image (64 Mi).
+pub const MAX_ELEMENTS: usize = 64 << 20;
+/// Most multiplications of all nodes together, for each image (2 Gi: about a second of one core).
+pub const MAX_PRODUCTS: usize = 2 << 30;
 /// Most nodes of a graph.
 pub const MAX_NODES: usize = 1024;
 /// Dimensions that an embedding may have.
@@ -79,7 +81,8 @@ impl EmbedderModel {
     ///
     /// # Errors
     /// Where the file is not ONNX, does more or else than embed images, or needs another file, an operator that is
-    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`], [`MAX_NODE_PRODUCTS`]).
+    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`],
+    /// [`MAX_ELEMENTS`], [`MAX_PRODUCTS`]).
     pub fn read(file: &[u8]) -> Result<Self, ModelError> {
         if file.len() > MAX_MODEL_BYTES {
             return Err(ModelError::TooLarge(file.len()));
@@ -274,12 +277,13 @@ fn follow(
 ) -> Result<BTreeMap<String, Value>, ModelError> {
     let mut values = constants;
     values.insert(input.to_owned(), image);
+    let mut budget = Budget::full();
     for node in &graph.node {
         let refused = |problem| ModelError::Node {
             node: format!("{} ({})", node.op_type, node.output.join(", ")),
             problem,
         };
-        let (name, value) = evaluate(node, &values).map_err(refused)?;
+        let (name, value) = evaluate(node, &values, &mut budget).map_err(refused)?;
         if values.insert(name.to_owned(), value).is_some() {
             return Err(refused("its output has the name of another value".to_owned()));
         }
@@ -288,7 +292,11 @@ fn follow(
 }
 
 /// What a node makes: its name and its shape.
-fn evaluate<'a>(node: &'a NodeProto, values: &BTreeMap<String, Value>) -> Result<(&'a str, Value), String> {
+fn evaluate<'a>(
+    node: &'a NodeProto,
+    values: &BTreeMap<String, Value>,
+    budget: &mut Budget,
+) -> Result<(&'a str, Value), String> {
     if !is_standard(&node.domain) {
         return Err(format!("operators of {:?} are not allowed", node.domain));
     }
@@ -301,10 +309,8 @@ fn evaluate<'a>(node: &'a NodeProto, values: &BTreeMap<String, Value>) -> Result
             .ok_or_else(|| format!("nothing before it makes {name:?}"))
     };
     let inputs = node.input.iter().map(taken).collect::<Result<Vec<_>, _>>()?;
-    let value = operators::output(node, &inputs)?;
-    if value.elements() > MAX_VALUE_ELEMENTS {
-        return Err(format!("it makes {} numbers for an image", value.elements()));
-    }
+    let value = operators::output(node, &inputs, budget)?;
+    budget.keep(value.elements())?;
     Ok((output, value))
 }
 

@@ -4,7 +4,7 @@
 
 use super::{
     AttributeProto, AttributeType, DataType, NodeProto,
-    embedder_model::MAX_NODE_PRODUCTS,
+    budget::Budget,
     shape::{Value, Window, broadcast, product, reduce, reshape, slide},
     tensor,
 };
@@ -14,8 +14,8 @@ const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant
     GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
     Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
 
-/// What `node` makes of `inputs`.
-pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, String> {
+/// What `node` makes of `inputs`, paid from `budget`.
+pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -> Result<Value, String> {
     let attributes = Attributes(&node.attribute);
     match (node.op_type.as_str(), inputs) {
         ("Constant", []) => constant(&node.attribute),
@@ -29,8 +29,10 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, Strin
             to => Err(format!("it casts to type {to}: only floats are allowed")),
         },
         ("Add" | "Sub" | "Mul" | "Div", [a, b]) => broadcast(a, b),
-        ("Conv", [x, weights, bias @ ..]) if bias.len() <= 1 => convolution(attributes, x, weights, bias),
-        ("AveragePool" | "MaxPool", [x]) => pooling(attributes, x),
+        ("Conv", [x, weights, bias @ ..]) if bias.len() <= 1 => {
+            convolution(attributes, x, weights, bias, budget)
+        }
+        ("AveragePool" | "MaxPool", [x]) => pooling(attributes, x, budget),
         ("GlobalAveragePool" | "GlobalMaxPool", [x]) => {
             let [channels, _, _] = image(x)?;
             Ok(Value::Batched(vec![channels, 1, 1]))
@@ -41,8 +43,8 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value]) -> Result<Value, Strin
         ("GroupNormalization" | "InstanceNormalization", [x, parameters @ ..]) if parameters.len() == 2 => {
             normalised(attributes, x, parameters)
         }
-        ("Gemm", [x, weights, bias @ ..]) if bias.len() <= 1 => dense(attributes, x, weights, bias),
-        ("MatMul", [x, weights]) => product_with(x.batched()?, weights.floats()?),
+        ("Gemm", [x, weights, bias @ ..]) if bias.len() <= 1 => dense(attributes, x, weights, bias, budget),
+        ("MatMul", [x, weights]) => product_with(x.batched()?, weights.floats()?, budget),
         // Its axes became an input with version 18 of the operators.
         ("ReduceMean", [x]) => mean(attributes, x, attributes.integers("axes")?),
         ("ReduceMean", [x, axes]) => mean(attributes, x, axes.integers()?),
@@ -108,6 +110,7 @@ fn convolution(
     x: &Value,
     weights: &Value,
     bias: &[&Value],
+    budget: &mut Budget,
 ) -> Result<Value, String> {
     let [channels, height, width] = image(x)?;
     let sizes = weights.floats()?;
@@ -136,16 +139,16 @@ fn convolution(
     }
     let [height, width] = slid(attributes, [height, width], kernel, false)?;
     let made = [filters, height, width];
-    affordable(&[product(&made), depth, kernel_height, kernel_width])?;
+    budget.pay(&[product(&made), depth, kernel_height, kernel_width])?;
     Ok(Value::Batched(made.to_vec()))
 }
 
-fn pooling(attributes: Attributes<'_>, x: &Value) -> Result<Value, String> {
+fn pooling(attributes: Attributes<'_>, x: &Value, budget: &mut Budget) -> Result<Value, String> {
     let [channels, height, width] = image(x)?;
     let kernel = attributes.pair("kernel_shape")?.ok_or("it has no kernel_shape")?;
     let round_up = attributes.integer("ceil_mode", 0)? != 0;
     let [height, width] = slid(attributes, [height, width], kernel, round_up)?;
-    affordable(&[channels, height, width, kernel[0], kernel[1]])?;
+    budget.pay(&[channels, height, width, kernel[0], kernel[1]])?;
     Ok(Value::Batched(vec![channels, height, width]))
 }
 
@@ -207,7 +210,13 @@ fn mean(attributes: Attributes<'_>, x: &Value, axes: &[i64]) -> Result<Value, St
     reduce(x.batched()?, axes, keeps).map(Value::Batched)
 }
 
-fn dense(attributes: Attributes<'_>, x: &Value, weights: &Value, bias: &[&Value]) -> Result<Value, String> {
+fn dense(
+    attributes: Attributes<'_>,
+    x: &Value,
+    weights: &Value,
+    bias: &[&Value],
+    budget: &mut Budget,
+) -> Result<Value, String> {
     if attributes.integer("transA", 0)? != 0 {
         return Err("it transposes the batch".to_owned());
     }
@@ -224,7 +233,7 @@ fn dense(attributes: Attributes<'_>, x: &Value, weights: &Value, bias: &[&Value]
     if x.len() != 1 {
         return Err(format!("it takes images of {x:?}, not rows"));
     }
-    let made = product_with(x, &sizes)?;
+    let made = product_with(x, &sizes, budget)?;
     match bias {
         [bias] if broadcast(&made, bias)? != made => Err("its bias does not fit".to_owned()),
         _ => Ok(made),
@@ -232,23 +241,14 @@ fn dense(attributes: Attributes<'_>, x: &Value, weights: &Value, bias: &[&Value]
 }
 
 /// Rows of `x` times a matrix of `weights`.
-fn product_with(x: &[usize], weights: &[usize]) -> Result<Value, String> {
+fn product_with(x: &[usize], weights: &[usize], budget: &mut Budget) -> Result<Value, String> {
     match (x, weights) {
         ([outer @ .., inner], [rows, columns]) if inner == rows => {
             let made = [outer, &[*columns]].concat();
-            affordable(&[product(&made), *inner])?;
+            budget.pay(&[product(&made), *inner])?;
             Ok(Value::Batched(made))
         }
         _ => Err(format!("weights of shape {weights:?} do not fit {x:?}")),
-    }
-}
-
-fn affordable(factors: &[usize]) -> Result<(), String> {
-    match product(factors) {
-        products if products > MAX_NODE_PRODUCTS => {
-            Err(format!("it takes {products} multiplications for an image"))
-        }
-        _ => Ok(()),
     }
 }
 

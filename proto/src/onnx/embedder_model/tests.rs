@@ -282,7 +282,7 @@ fn memory_and_time_of_an_image_are_bounded() {
         graph.node.last_mut().unwrap().output[0] = "wider".to_owned();
     });
     check_refused(
-        "AveragePool (p): it takes 4032060000000 multiplications",
+        "AveragePool (p): with its 4032060000000 multiplications the model takes over 2147483648",
         |graph| {
             node(graph, "p").attribute = vec![
                 AttributeProto::integers("kernel_shape", &[1000; 2]),
@@ -290,6 +290,31 @@ fn memory_and_time_of_an_image_are_bounded() {
             ];
         },
     );
+}
+
+#[test]
+fn memory_and_time_of_all_nodes_together_are_bounded() {
+    let many = |graph: &mut GraphProto, operator, attributes: &[AttributeProto]| {
+        graph
+            .initializer
+            .push(TensorProto::floats("many", &[40_000, 1, 1], &[0.0; 40_000]));
+        append(graph, "Add", &["images", "many"], Vec::new());
+        for place in 0..30 {
+            let input = if operator == "Abs" { "last" } else { "images" };
+            append(graph, operator, &[input], attributes.to_vec());
+            graph.node.last_mut().unwrap().output[0] = format!("copy {place}");
+        }
+    };
+    check_refused("numbers the model makes over 67108864 for an image", |graph| {
+        many(graph, "Abs", &[]);
+    });
+    let window = [
+        AttributeProto::integers("kernel_shape", &[99; 2]),
+        AttributeProto::integers("pads", &[98; 4]),
+    ];
+    check_refused("multiplications the model takes over 2147483648", |graph| {
+        many(graph, "AveragePool", &window);
+    });
 }
 
 proptest! {
