@@ -1,6 +1,6 @@
 //! What every request meets first: whether its connection may ask as often, and whether it may ask for that.
 
-use super::{Access, COOKIE, Refusal, Sessions, Shown, needs};
+use super::{Access, COOKIE, Refusal, Sessions, Shown, machine::Certificate, needs};
 use crate::{connections::Visit, web};
 use axum::{
     extract::{MatchedPath, Request, State},
@@ -59,10 +59,10 @@ impl Door {
         let token = bearer(headers).map(TokenDigest::of);
         let session = is_page.then(|| self.logged_in(headers)).flatten();
         let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
-        let certificates = connection.and_then(TlsConnectInfo::peer_certs);
+        let chain = connection.and_then(TlsConnectInfo::peer_certs);
         Shown {
             token: token.or(session),
-            certificate: certificates.is_some_and(|chain| !chain.is_empty()),
+            certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
         }
     }
 
@@ -88,7 +88,7 @@ impl From<Refusal> for Status {
         let said = refusal.to_string();
         match refusal {
             Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => Self::unauthenticated(said),
-            Refusal::Role { .. } => Self::permission_denied(said),
+            Refusal::Role { .. } | Refusal::WrongCertificate(_) => Self::permission_denied(said),
             Refusal::Rate => Self::resource_exhausted(said),
         }
     }

@@ -7,6 +7,7 @@
 mod admit;
 mod entrance;
 mod local;
+mod machine;
 mod needs;
 mod sessions;
 mod tokens;
@@ -14,11 +15,13 @@ mod tokens;
 pub(crate) use admit::{Door, admit};
 pub use entrance::{Entrance, EntranceError, Tls};
 pub(crate) use local::{Local, local_token};
+pub(crate) use machine::Machine;
 pub use needs::Role;
 pub(crate) use sessions::{COOKIE, LIFETIME, Sessions};
 pub(crate) use tokens::entry;
 pub use tokens::{Tokens, TokensError};
 
+use machine::Certificate;
 use murmuration_link::TokenDigest;
 use needs::Need;
 use std::sync::Arc;
@@ -37,8 +40,8 @@ pub(crate) struct Access {
 pub(crate) struct Shown {
     /// The digest of a token, in a header or behind a cookie.
     token: Option<TokenDigest>,
-    /// Whether its connection is that of a machine with a certificate; the TLS library has checked whose.
-    certificate: bool,
+    /// The certificate of its connection, which the TLS library has checked.
+    certificate: Option<Certificate>,
 }
 
 /// Why a request is not let in.
@@ -59,6 +62,9 @@ pub(crate) enum Refusal {
          and --key"
     )]
     NoCertificate,
+    /// It shows a certificate for other machines.
+    #[error("this certificate is not for a {0}: it names another kind of machine")]
+    WrongCertificate(Machine),
     /// Its token is not good for this.
     #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
     Role {
@@ -81,13 +87,19 @@ impl Access {
     }
 
     fn admits(&self, need: Need, shown: &Shown) -> Result<(), Refusal> {
+        let certificate = shown.certificate.as_ref().filter(|_| self.certificates);
+        let is_for = |machine| certificate.is_some_and(|certificate| certificate.is_for(machine));
         let needs = match need {
             Need::Nothing => return Ok(()),
-            Need::Machine if self.certificates && shown.certificate => return Ok(()),
-            Need::Machine if self.certificates => return Err(Refusal::NoCertificate),
-            Need::MachineOr(_) if self.certificates && shown.certificate => return Ok(()),
-            Need::Machine => Role::Operator,
-            Need::MachineOr(role) | Need::Person(role) => role,
+            Need::Machine(machine) if is_for(machine) => return Ok(()),
+            Need::Machine(machine) if certificate.is_some() => {
+                return Err(Refusal::WrongCertificate(machine));
+            }
+            Need::Machine(_) if self.certificates => return Err(Refusal::NoCertificate),
+            Need::MachineOr(machine, _) if is_for(machine) => return Ok(()),
+            Need::AnyMachineOr(_) if is_for(Machine::Worker) || is_for(Machine::Trainer) => return Ok(()),
+            Need::Machine(_) => Role::Operator,
+            Need::MachineOr(_, role) | Need::AnyMachineOr(role) | Need::Person(role) => role,
         };
         let Some(tokens) = &self.tokens else {
             return Ok(());
@@ -116,10 +128,10 @@ mod tests {
     use super::*;
     use murmuration_link::Token;
 
-    fn shown(token: Option<&Token>, certificate: bool) -> Shown {
+    fn shown(token: Option<&Token>, certificate: &[Machine]) -> Shown {
         Shown {
             token: token.map(Token::digest),
-            certificate,
+            certificate: (!certificate.is_empty()).then(|| Certificate::for_these(certificate)),
         }
     }
 
@@ -141,11 +153,14 @@ mod tests {
         let access = access(&pairs, false);
         for (place, token) in tokens.iter().enumerate() {
             for (needs, role) in roles.into_iter().enumerate() {
-                let admitted = access.admits(Need::Person(role), &shown(Some(token), false));
+                let admitted = access.admits(Need::Person(role), &shown(Some(token), &[]));
                 assert_eq!(admitted.is_ok(), place >= needs, "{place} for {role}");
             }
             // Without a client CA machines are let in as operators.
-            let machine = access.admits(Need::Machine, &shown(Some(token), true));
+            let machine = access.admits(
+                Need::Machine(Machine::Worker),
+                &shown(Some(token), &[Machine::Worker]),
+            );
             assert_eq!(machine.is_ok(), place == 2);
         }
         assert_eq!(access.admits(Need::Nothing, &Shown::default()), Ok(()));
@@ -154,7 +169,7 @@ mod tests {
             Err(Refusal::NoToken)
         );
         let stranger = Token::generate().unwrap();
-        let refused = access.admits(Need::Person(Role::Viewer), &shown(Some(&stranger), false));
+        let refused = access.admits(Need::Person(Role::Viewer), &shown(Some(&stranger), &[]));
         assert_eq!(refused, Err(Refusal::UnknownToken));
     }
 
@@ -162,28 +177,36 @@ mod tests {
     fn with_a_client_ca_machines_show_certificates_and_nothing_else() {
         let operator = Token::generate().unwrap();
         let access = access(&[(Role::Operator, &operator)], true);
-        let refused = access.admits(Need::Machine, &shown(Some(&operator), false));
+        let (worker, trainer) = (Machine::Worker, Machine::Trainer);
+        let person = shown(Some(&operator), &[]);
+        let refused = access.admits(Need::Machine(worker), &person);
         assert_eq!(refused, Err(Refusal::NoCertificate));
-        let machine = shown(None, true);
-        assert_eq!(access.admits(Need::Machine, &machine), Ok(()));
-        assert_eq!(access.admits(Need::MachineOr(Role::Operator), &machine), Ok(()));
-        assert_eq!(
-            access.admits(Need::MachineOr(Role::Operator), &shown(Some(&operator), false)),
-            Ok(())
-        );
-        assert_eq!(
-            access.admits(Need::Person(Role::Viewer), &machine),
-            Err(Refusal::NoToken)
-        );
+        let machine = shown(None, &[worker]);
+        assert_eq!(access.admits(Need::Machine(worker), &machine), Ok(()));
+        let refused = access.admits(Need::Machine(trainer), &machine);
+        assert_eq!(refused, Err(Refusal::WrongCertificate(trainer)));
+        for need in [
+            Need::AnyMachineOr(Role::Operator),
+            Need::MachineOr(worker, Role::Operator),
+        ] {
+            assert_eq!(access.admits(need, &machine), Ok(()));
+            assert_eq!(access.admits(need, &person), Ok(()));
+        }
+        for need in [
+            Need::MachineOr(trainer, Role::Operator),
+            Need::Person(Role::Viewer),
+        ] {
+            assert_eq!(access.admits(need, &machine), Err(Refusal::NoToken));
+        }
     }
 
     #[test]
     fn without_tokens_everybody_is_an_operator() {
         let open = Access::default();
         for need in [
-            Need::Machine,
+            Need::Machine(Machine::Worker),
             Need::Person(Role::Operator),
-            Need::MachineOr(Role::Operator),
+            Need::MachineOr(Machine::Trainer, Role::Operator),
         ] {
             assert_eq!(open.admits(need, &Shown::default()), Ok(()));
         }

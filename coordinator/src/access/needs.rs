@@ -1,6 +1,7 @@
 //! The one table of what every gRPC method and every page needs. What is not in it is for operators alone, and a test
 //! fails.
 
+use super::Machine;
 use axum::http::Method;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -34,13 +35,16 @@ pub(crate) enum Need {
     Nothing,
     /// The token of somebody with this role.
     Person(Role),
-    /// A machine's certificate; an operator's token where machines have none.
-    Machine,
+    /// The certificate of such a machine; an operator's token where machines have none.
+    Machine(Machine),
+    /// The certificate of such a machine, or the token of somebody with this role.
+    MachineOr(Machine, Role),
     /// A machine's certificate, or the token of somebody with this role.
-    MachineOr(Role),
+    AnyMachineOr(Role),
 }
 
-use Need::{Machine, MachineOr, Nothing, Person};
+use Machine::{Trainer, Worker};
+use Need::{AnyMachineOr, MachineOr, Nothing, Person};
 use Role::{Annotator, Operator, Viewer};
 
 /// gRPC: service, methods, what they need.
@@ -69,9 +73,9 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
         "murmuration.v1.CheckpointService",
         &[
             ("ListCheckpoints", Person(Viewer)),
-            ("GetCheckpoint", MachineOr(Viewer)),
-            ("FetchCheckpoint", MachineOr(Viewer)),
-            ("PublishCheckpoint", MachineOr(Operator)),
+            ("GetCheckpoint", AnyMachineOr(Viewer)),
+            ("FetchCheckpoint", AnyMachineOr(Viewer)),
+            ("PublishCheckpoint", MachineOr(Trainer, Operator)),
         ],
     ),
     (
@@ -88,10 +92,13 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
             ("GetAgreement", Person(Viewer)),
         ],
     ),
-    ("murmuration.v1.WorkerService", &[("Work", Machine)]),
+    ("murmuration.v1.WorkerService", &[("Work", Need::Machine(Worker))]),
     (
         "murmuration.v1.TrainerService",
-        &[("Train", Machine), ("FetchTraining", Machine)],
+        &[
+            ("Train", Need::Machine(Trainer)),
+            ("FetchTraining", Need::Machine(Trainer)),
+        ],
     ),
     ("grpc.health.v1.Health", &[("Check", Nothing), ("Watch", Nothing)]),
     (

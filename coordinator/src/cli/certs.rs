@@ -1,6 +1,7 @@
 //! `certs`: certificates to begin with, for a cluster of one's own.
 
 use super::{CliError, json};
+use crate::access::Machine;
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
     KeyUsagePurpose,
@@ -90,6 +91,10 @@ impl Certs {
             .map(str::to_owned)
             .into_iter()
             .chain(self.host.iter().cloned());
+        let machine = |name, machine: Machine| {
+            let only = vec![machine.dns_name().to_owned()];
+            signed(&issuer, name, only, ExtendedKeyUsagePurpose::ClientAuth)
+        };
         Ok(vec![
             ca,
             signed(
@@ -98,13 +103,8 @@ impl Certs {
                 names.collect(),
                 ExtendedKeyUsagePurpose::ServerAuth,
             )?,
-            signed(&issuer, "worker", Vec::new(), ExtendedKeyUsagePurpose::ClientAuth)?,
-            signed(
-                &issuer,
-                "trainer",
-                Vec::new(),
-                ExtendedKeyUsagePurpose::ClientAuth,
-            )?,
+            machine("worker", Machine::Worker)?,
+            machine("trainer", Machine::Trainer)?,
         ])
     }
 

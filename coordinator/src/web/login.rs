@@ -89,7 +89,7 @@ fn form(wrong: &str) -> Markup {
 pub(super) fn turned_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
     let status = match refusal {
         Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
-        Refusal::Role { .. } => StatusCode::FORBIDDEN,
+        Refusal::Role { .. } | Refusal::WrongCertificate(_) => StatusCode::FORBIDDEN,
         Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
     };
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());

@@ -50,6 +50,31 @@ async fn a_worker_without_one_is_told_and_leaves() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_worker_cannot_pose_as_a_trainer() {
+    let desk = Desk::new();
+    let cluster = desk.cluster(0).await;
+    let worker = desk.credentials(None, Some(&desk.path("certs/worker")));
+    let channel = channel(&cluster, &worker).await;
+    let refused = TrainerServiceClient::new(channel.clone())
+        .fetch_training(v1::FetchTrainingRequest::default())
+        .await
+        .unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
+    assert!(refused.message().contains("not for a trainer"), "{refused}");
+    let refused = CheckpointServiceClient::new(channel)
+        .publish_checkpoint(tokio_stream::empty())
+        .await
+        .unwrap_err();
+    assert_eq!(refused.code(), Code::Unauthenticated, "{refused}");
+    let trainer = desk.credentials(None, Some(&desk.path("certs/trainer")));
+    let (_stop, stopped) = watch::channel(false);
+    let refused = worker::run(options(&desk, &cluster, trainer), stopped).await;
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("not for a worker"), "{refused}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_foreign_certificate_opens_no_connection() {
     let (desk, foreign) = (Desk::new(), Desk::new());
     let cluster = desk.cluster(0).await;
