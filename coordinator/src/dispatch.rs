@@ -20,7 +20,7 @@ use crate::{
     store::SavedTraining,
 };
 use job::{Output, Work};
-use murmuration_proto::{Invalid, Replay, v1};
+use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
 use service::Service;
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 use tokio::sync::{mpsc, oneshot, watch};
@@ -115,6 +115,8 @@ pub(crate) struct Newcomer {
     pub(crate) instance: Option<Instance>,
     /// Tasks that it runs at once.
     pub(crate) capacity: usize,
+    /// How it embeds.
+    pub(crate) kind: EmbeddingKind,
     /// Where messages to it go.
     pub(crate) outbox: Outbox,
 }
@@ -194,12 +196,12 @@ enum Request {
 }
 
 impl Dispatch {
-    /// Starts a dispatcher on the current runtime.
+    /// Starts a dispatcher on the current runtime. It does not listen to workers that were found wrong before.
     #[must_use]
-    pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
+    pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
         let (count, workers) = watch::channel(0);
-        let (wrong, quarantined) = watch::channel(Vec::new());
+        let (wrong, quarantined) = watch::channel(wrong);
         tokio::spawn(Service::new(options, count, wrong, metrics).run(inbox));
         Self {
             commands,
@@ -222,14 +224,18 @@ impl Dispatch {
         Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
     }
 
-    /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the
-    /// pictures. Dropping the future withdraws the job.
+    /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the pictures,
+    /// each with who alone says so, `None` where two workers found the same. Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
-    pub async fn embed(&self, job: EmbeddingJob, headway: Arc<Headway>) -> Result<Vec<Vec<f32>>, JobError> {
+    pub async fn embed(
+        &self,
+        job: EmbeddingJob,
+        headway: Arc<Headway>,
+    ) -> Result<Vec<(Vec<f32>, Option<Instance>)>, JobError> {
         let outputs = self.submit(Work::Embeddings(job), headway).await?;
-        Ok(outputs.into_iter().filter_map(Output::into_embedding).collect())
+        Ok(outputs.into_iter().filter_map(Output::into_embedded).collect())
     }
 
     /// Has a worker simulate one individual again, to be watched.
@@ -256,10 +262,10 @@ impl Dispatch {
         self.workers.clone()
     }
 
-    /// Workers that were found wrong since this dispatcher started, oldest first.
+    /// Workers that were found wrong, oldest first, now and whenever there is another.
     #[must_use]
-    pub fn quarantined(&self) -> Vec<Quarantined> {
-        self.quarantined.borrow().clone()
+    pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
+        self.quarantined.clone()
     }
 
     /// Takes in whoever connects.

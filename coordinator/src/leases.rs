@@ -361,6 +361,11 @@ impl<R: Agree> LeaseTable<R> {
         }
     }
 
+    /// A worker was found wrong before this table was: it is not listened to.
+    pub fn mistrust(&mut self, instance: Instance) {
+        self.quarantined.insert(instance);
+    }
+
     /// A worker was found wrong: it is not listened to any more, and what it did unaudited is done again.
     pub fn quarantine(&mut self, instance: Instance) {
         self.quarantine_all(BTreeSet::from([instance]));

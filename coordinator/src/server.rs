@@ -107,7 +107,11 @@ impl Coordinator {
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
         checkpoints.verify().await?;
         let metrics = Metrics::new();
-        let dispatch = Dispatch::start(options.dispatch, metrics.dispatch(Party::Worker));
+        let dispatch = Dispatch::start(
+            options.dispatch,
+            metrics.dispatch(Party::Worker),
+            store.quarantined()?,
+        );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
         let queries = Queries::new(store.clone());
         let annotator = SyntheticAnnotator {
@@ -195,6 +199,14 @@ impl Coordinator {
         options.data.announce(&local.url)?;
         if options.resume {
             campaigns.resume_interrupted().await?;
+            let (campaigns, mut stopped) = (campaigns.clone(), stop.subscribe());
+            tokio::spawn(async move {
+                tokio::select! {
+                    // A dropped sender stops it too.
+                    _ = stopped.wait_for(|&stopped| stopped) => {}
+                    () = campaigns.watch_quarantine() => {}
+                }
+            });
         }
         readiness.set(true).await;
         Ok(Self {

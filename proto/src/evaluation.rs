@@ -104,11 +104,59 @@ impl Evaluation {
     /// Whether the two are the same bits.
     #[must_use]
     pub fn same_bits(&self, other: &Self) -> bool {
-        let bits = |features: &Features| features.map(f64::to_bits);
-        bits(&self.features) == bits(&other.features)
-            && self.image == other.image
-            && same_embedding(&self.embedding, &other.embedding)
+        self.same_simulation(other) && same_embedding(&self.embedding, &other.embedding)
     }
+
+    /// Whether features and image are the same bits, whatever the embeddings are.
+    #[must_use]
+    pub fn same_simulation(&self, other: &Self) -> bool {
+        let bits = |features: &Features| features.map(f64::to_bits);
+        bits(&self.features) == bits(&other.features) && self.image == other.image
+    }
+}
+
+/// A kind of machine: those of one kind embed a picture as the same bits, those of different kinds nearly alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EmbeddingKind(u64);
+
+impl EmbeddingKind {
+    /// That of machines that do not say.
+    pub const UNKNOWN: Self = Self(0);
+
+    /// The kind that a description is of.
+    #[must_use]
+    pub fn of(description: &str) -> Self {
+        let hash = blake3::hash(description.as_bytes());
+        let (first, _) = hash.as_bytes().split_first_chunk().unwrap_or((&[0; 8], &[]));
+        // 0 is nobody's.
+        Self(u64::from_le_bytes(*first) | 1)
+    }
+
+    /// As it travels.
+    #[must_use]
+    pub const fn number(self) -> u64 {
+        self.0
+    }
+}
+
+impl From<u64> for EmbeddingKind {
+    fn from(number: u64) -> Self {
+        Self(number)
+    }
+}
+
+/// How far embeddings of one picture by machines of different kinds may be apart, in proportion to their size and absolutely:
+/// the rounding of a thousand sums in another order is a hundredth of that.
+const NEAR: f32 = 1e-3;
+
+/// Whether two embeddings are near enough to be of one picture, by machines of different kinds.
+#[must_use]
+pub fn near_embedding(one: &[f32], other: &[f32]) -> bool {
+    let size = one
+        .iter()
+        .chain(other)
+        .fold(1.0_f32, |size, value| size.max(value.abs()));
+    one.len() == other.len() && one.iter().zip(other).all(|(a, b)| (a - b).abs() <= NEAR * size)
 }
 
 /// Whether two embeddings are the same bits.

@@ -36,7 +36,9 @@ pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use controller::Controller;
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
-pub use evaluation::{Evaluation, FEATURE_NAMES, Features, check_embedding, same_embedding};
+pub use evaluation::{
+    EmbeddingKind, Evaluation, FEATURE_NAMES, Features, check_embedding, near_embedding, same_embedding,
+};
 pub use feedback::{Feedback, Strategy};
 pub use image_format::ImageFormat;
 pub use invalid::Invalid;

@@ -133,13 +133,26 @@ impl Cluster {
 
     /// Watches a campaign until it stops; its last status.
     pub async fn finish(&mut self, campaign: &str) -> v1::Campaign {
+        self.watch_until(campaign, |_| false).await
+    }
+
+    /// Watches a campaign until it is as wanted, or stops; its status then.
+    pub async fn watch_until(
+        &mut self,
+        campaign: &str,
+        wanted: impl Fn(&v1::Campaign) -> bool,
+    ) -> v1::Campaign {
         let request = v1::WatchCampaignRequest {
             campaign: campaign.to_owned(),
         };
         let mut statuses = self.client.watch_campaign(request).await.unwrap().into_inner();
         let mut last = None;
         while let Some(status) = statuses.message().await.unwrap() {
+            let found = wanted(&status);
             last = Some(status);
+            if found {
+                break;
+            }
         }
         last.expect("a watched campaign says something")
     }

@@ -1,4 +1,4 @@
-//! A C library that fails on demand, for real processes: syncs that do not arrive, clocks that jump.
+//! A C library that fails on demand, for real processes: syncs and writes that do not arrive, clocks that jump.
 //!
 //! Limits: Linux with a C compiler, and what a process asks of its C library; see `faulty_libc/faulty_libc.c`.
 
@@ -11,14 +11,16 @@ use std::{
     sync::OnceLock,
 };
 
-/// What `errno` says of a disk that fails.
+/// What `errno` says of a disk that fails, and of one that can only be read.
 const EIO: u32 = 5;
+const EROFS: u32 = 30;
 
 /// Faults of the processes that are started under it; none until they are asked for.
 #[derive(Debug)]
 pub struct FaultyLibc {
     control: PathBuf,
     sync: Cell<bool>,
+    read_only: Cell<bool>,
     clock: Cell<i64>,
 }
 
@@ -29,6 +31,7 @@ impl FaultyLibc {
         let faults = Self {
             control: folder.join("faults"),
             sync: Cell::new(false),
+            read_only: Cell::new(false),
             clock: Cell::new(0),
         };
         faults.apply();
@@ -38,6 +41,12 @@ impl FaultyLibc {
     /// Has every `fsync` and `fdatasync` fail with EIO from now on, or no longer.
     pub fn fail_syncs(&self, fail: bool) {
         self.sync.set(fail);
+        self.apply();
+    }
+
+    /// Has the disk be read-only from now on, as far as databases write to it, or no longer.
+    pub fn read_only(&self, read_only: bool) {
+        self.read_only.set(read_only);
         self.apply();
     }
 
@@ -58,9 +67,14 @@ impl FaultyLibc {
 
     /// Replaces the file, so that no process reads half of it.
     fn apply(&self) {
-        let sync = if self.sync.get() { EIO } else { 0 };
+        let errno = |fails: &Cell<bool>, errno| if fails.get() { errno } else { 0 };
+        let (sync, write) = (errno(&self.sync, EIO), errno(&self.read_only, EROFS));
         let next = self.control.with_extension("next");
-        fs::write(&next, format!("sync {sync}\nclock {}\n", self.clock.get())).unwrap();
+        fs::write(
+            &next,
+            format!("sync {sync}\nwrite {write}\nclock {}\n", self.clock.get()),
+        )
+        .unwrap();
         fs::rename(&next, &self.control).unwrap();
     }
 }

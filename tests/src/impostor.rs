@@ -66,6 +66,7 @@ impl Impostor {
             capacity: 1,
             trainer_version: String::new(),
             instance: 0,
+            embedding_kind: 0,
         })
     }
 
@@ -139,9 +140,12 @@ impl Impostor {
 
     /// Answers a lease with `evaluation` for each of `tasks` tasks.
     pub async fn answer(&self, lease: v1::LeaseId, evaluation: v1::Evaluation, tasks: usize) {
-        let evaluations = v1::Evaluations {
-            evaluations: vec![evaluation; tasks],
-        };
+        self.answer_each(lease, vec![evaluation; tasks]).await;
+    }
+
+    /// Answers a lease with an evaluation for each of its tasks.
+    pub async fn answer_each(&self, lease: v1::LeaseId, evaluations: Vec<v1::Evaluation>) {
+        let evaluations = v1::Evaluations { evaluations };
         let outcome = Some(v1::batch_result::Outcome::Evaluations(evaluations));
         self.send(Message::Result(v1::BatchResult {
             lease: Some(lease),

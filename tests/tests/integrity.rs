@@ -2,8 +2,8 @@
 
 use murmuration_coordinator::dispatch::{Options, Share};
 use murmuration_link::Credentials;
-use murmuration_proto::{CampaignSpec, v1};
-use murmuration_tests::{Cluster, Impostor, quick_dispatch, small_spec};
+use murmuration_proto::{CampaignSpec, Purpose, Stream, v1};
+use murmuration_tests::{Cluster, Impostor, quick_dispatch, small_latent_spec, small_spec};
 use std::{num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 use tonic::Code;
@@ -24,6 +24,34 @@ fn lie() -> v1::Evaluation {
         features: vec![0.123; 5],
         image: vec![7; 2500],
         embedding: Vec::new(),
+    }
+}
+
+/// A lie of its own for each start: pictures that are all alike teach nothing.
+fn lie_about(seed: u64) -> v1::Evaluation {
+    let mut noise = Stream::derive(seed, Purpose::Start, 0);
+    v1::Evaluation {
+        image: (0..2500).map(|_| noise.bits() as u8).collect(),
+        ..lie()
+    }
+}
+
+/// What gives a worker away.
+fn impossible() -> v1::Evaluation {
+    v1::Evaluation {
+        features: vec![f64::NAN; 5],
+        ..lie()
+    }
+}
+
+/// Lies about so many tasks, if no more than that are to be had.
+async fn tell_lies(liar: &mut Impostor, count: usize) {
+    let mut told = 0;
+    while told < count {
+        let (lease, batch) = liar.lease(20).await;
+        let lies: Vec<_> = batch.tasks.iter().map(|task| lie_about(task.seed)).collect();
+        told += lies.len();
+        liar.answer_each(lease, lies).await;
     }
 }
 
@@ -103,20 +131,11 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let campaign = cluster.create(&small_spec("")).await;
     let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
-    let mut answered = 0;
-    while answered < 20 {
-        let (lease, batch) = liar.lease(20).await;
-        liar.answer(lease, lie(), batch.tasks.len()).await;
-        answered += batch.tasks.len();
-    }
+    tell_lies(&mut liar, 20).await;
     // Nobody has noticed: the next generation is bred from lies.
     let (lease, batch) = liar.lease(20).await;
     assert_eq!(cluster.status(&campaign).await.generations_done, 1);
-    let impossible = v1::Evaluation {
-        features: vec![f64::NAN; 5],
-        ..lie()
-    };
-    liar.answer(lease, impossible, batch.tasks.len()).await;
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
     let (stop, worker) = honest(&cluster, folder.path());
     let last = cluster.finish(&campaign).await;
@@ -130,6 +149,84 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
         cluster.digest(&campaign).await,
         undisturbed(&small_spec("")).await
     );
+    stop.send_replace(true);
+    worker.await.unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = small_spec("");
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&spec).await;
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    tell_lies(&mut liar, 20).await;
+    // A further lease shows that the lies are in the archive.
+    liar.lease(20).await;
+    drop(liar);
+    let (stop, worker) = honest(&cluster, folder.path());
+    cluster.finish(&campaign).await;
+    let expected = undisturbed(&spec).await;
+    assert_ne!(cluster.digest(&campaign).await, expected);
+    stop.send_replace(true);
+    worker.await.unwrap();
+    cluster.stop().await;
+
+    // Another coordinator knows who did what, and finds out over another campaign.
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let other = cluster.create(&small_spec("seed = 2")).await;
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let (lease, batch) = liar.lease(1).await;
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let (stop, worker) = honest(&cluster, folder.path());
+    cluster.finish(&other).await;
+    let said = loop {
+        let status = cluster.finish(&campaign).await;
+        if !status.notices.is_empty() && status.state() == v1::CampaignState::Completed {
+            break notices(&status);
+        }
+    };
+    assert!(
+        said.contains("individual 0 differs, the generations from 0 on"),
+        "{said}"
+    );
+    assert_eq!(cluster.digest(&campaign).await, expected);
+    stop.send_replace(true);
+    worker.await.unwrap();
+    cluster.stop().await;
+
+    // And a third does not let it in.
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let refused = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap_err();
+    assert!(refused.message().contains("quarantined"), "{refused}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = small_latent_spec("");
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&spec).await;
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let pictures = 200;
+    tell_lies(&mut liar, pictures).await;
+    // The trainer learns from that, and the search begins. It takes longer than an impostor is heard that says nothing.
+    let searching = |status: &v1::Campaign| !status.checkpoint.is_empty();
+    let status = cluster.watch_until(&campaign, searching).await;
+    assert_eq!(status.error, "");
+    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let (lease, batch) = liar.lease(1).await;
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let (stop, worker) = honest(&cluster, folder.path());
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let said = notices(&last);
+    assert!(said.contains("picture 0 of the dataset differs"), "{said}");
+    assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
     stop.send_replace(true);
     worker.await.unwrap();
     cluster.stop().await;

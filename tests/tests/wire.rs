@@ -214,6 +214,13 @@ async fn clients_are_told_which_field_is_wrong() {
         "{status}"
     );
 
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&small_spec("")).into()),
+        weight: Some(0),
+    };
+    let status = cluster.client.create_campaign(request).await.unwrap_err();
+    assert_eq!(status.message(), "weight = 0: must be from 1 to 10,000");
+
     let request = v1::GetCampaignRequest {
         campaign: "nobody".to_owned(),
     };

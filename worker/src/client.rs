@@ -11,8 +11,12 @@ mod tests;
 
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
+use murmuration_embed::Runtime;
 use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Party, Role, keep, stopped};
-use murmuration_proto::v1::{self, coordinator_message, worker_message};
+use murmuration_proto::{
+    EmbeddingKind,
+    v1::{self, coordinator_message, worker_message},
+};
 use pool::Pool;
 use std::{num::NonZeroUsize, path::PathBuf};
 use tokio::sync::watch;
@@ -51,10 +55,12 @@ pub enum WorkerError {
 /// See [`WorkerError`].
 pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     let capacity = options.threads.get() as u32;
+    // A worker without it says so when it is asked to embed.
+    let kind = Runtime::load().map_or(EmbeddingKind::UNKNOWN, |runtime| runtime.kind());
     let address = Address::new(
         &options.coordinator,
         &options.credentials,
-        Role::Worker { capacity },
+        Role::Worker { capacity, kind },
         &options.name,
     )?;
     let checkpoints = Checkpoints::new(address.channel(), options.cache);

@@ -7,9 +7,9 @@ use super::{
 };
 use crate::{
     checkpoints::Checkpoints,
-    dispatch::Trainers,
+    dispatch::{Quarantined, Trainers},
     metrics::Metrics,
-    store::{CampaignRecord, Notice, StoreError},
+    store::{CampaignRecord, Notice, Store, StoreError},
     synthetic::SyntheticAnnotator,
 };
 use murmuration_proto::{CampaignSpec, EmbedderSource, SIMULATOR_VERSION, v1};
@@ -135,6 +135,45 @@ impl Campaigns {
         Ok(())
     }
 
+    /// Whenever workers are found wrong, has those completed campaigns go on that rest on their word; those at work look
+    /// themselves. Ends with the dispatcher.
+    pub async fn watch_quarantine(self) {
+        let mut quarantined = self.means.dispatch.quarantined();
+        loop {
+            let wrong = quarantined.borrow_and_update().clone();
+            if !wrong.is_empty()
+                && let Err(error) = self.reopen(wrong).await
+            {
+                tracing::error!(%error, "completed campaigns cannot be checked for what a wrong worker did");
+            }
+            if quarantined.changed().await.is_err() {
+                return;
+            }
+        }
+    }
+
+    async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
+        let store = self.means.store.clone();
+        let mut at_work = self.at_work.lock().await;
+        let concerned = blocking(move || {
+            store.quarantine(&wrong)?;
+            let mut concerned = Vec::new();
+            for record in store.campaigns()? {
+                if record.state == CampaignState::Completed && !store.suspects(&record.id)?.is_empty() {
+                    concerned.push(record);
+                }
+            }
+            Ok::<_, StoreError>(concerned)
+        })
+        .await??;
+        for record in concerned {
+            tracing::warn!(campaign = %record.id, "rests on what a wrong worker did: checked again");
+            let run = |store: &Store, id: &CampaignId| store.set_state(id, CampaignState::Running, "");
+            self.decide(&mut at_work, record, run).await?;
+        }
+        Ok(())
+    }
+
     /// Every campaign, oldest first.
     ///
     /// # Errors
@@ -231,6 +270,8 @@ impl Campaigns {
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
         let task = run::run(self.means.clone(), record.id.clone(), live).instrument(span);
         let task = tokio::spawn(task);
+        // Of those that have ended nothing is left to tell, but where the store could not take it.
+        at_work.retain(|_, work| work.is_busy() || work.progress.borrow().failed.is_some());
         at_work.insert(record.id, AtWork { stop, progress, task });
         Ok(())
     }

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     breeding::{self, ProposeError},
     dispatch::EvaluationJob,
-    store::{CampaignRecord, Picture, Store},
+    store::{CampaignRecord, Picture, Provenance, Store},
 };
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
 use std::ops::Range;
@@ -49,7 +49,10 @@ pub(super) async fn collect(
                 "picture {picture} of the dataset was set aside, another controller took its place: {reason}"
             )
         };
-        let notices: Vec<String> = done.set_aside.iter().map(notice).collect();
+        let provenance = Provenance {
+            notices: done.set_aside.iter().map(notice).collect(),
+            unaudited: done.unaudited,
+        };
         let pictures: Vec<Picture> = done
             .tasks
             .into_iter()
@@ -62,7 +65,7 @@ pub(super) async fn collect(
             .collect();
         let count = pictures.len() as u64;
         let (id, place) = (id.clone(), chunk.start * starts);
-        let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &notices);
+        let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
         if means.commit(live, add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     dispatch::EmbeddingJob,
     novelty::{self, Behaviours},
-    store::{CampaignRecord, GenerationRecord, Store, Switch},
+    store::{CampaignRecord, GenerationRecord, Provenance, Store, Switch},
 };
 use murmuration_proto::CampaignSpec;
 
@@ -57,10 +57,14 @@ pub(super) async fn embed(
         else {
             return Ok(Outcome::Stopped);
         };
-        let embeddings = embeddings?;
+        let (embeddings, unaudited): (Vec<_>, Vec<_>) = embeddings?.into_iter().unzip();
+        let provenance = Provenance {
+            unaudited,
+            notices: Vec::new(),
+        };
         let count = embeddings.len() as u64;
         let of = id.clone();
-        let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings);
+        let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings, &provenance);
         if means.commit(live, add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }

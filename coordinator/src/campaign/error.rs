@@ -73,6 +73,19 @@ pub enum CampaignError {
     /// A worker returned features that cannot be compared.
     #[error("a worker returned an impossible evaluation: {0}")]
     Misfit(#[from] Misfit),
+    /// It has gone on from something that a worker got wrong, with the help of people.
+    #[error(
+        "{wrong} of campaign {id}, which was worker {workers}'s, is wrong, and cannot be made anew: labels or another \
+         embedder came after it; submit the campaign again (`murmuration labels {id}` exports what was said)"
+    )]
+    Tainted {
+        /// The campaign.
+        id: CampaignId,
+        /// What is wrong.
+        wrong: String,
+        /// Whose it was.
+        workers: String,
+    },
     /// Its archive comes from another simulator, whose evaluations differ.
     #[error(
         "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \

@@ -1,152 +1,293 @@
-//! When a worker is found wrong, what it did for a campaign before is done again by others; the generations from the first
-//! that differs on are taken back.
+//! When a worker is found wrong, what rests on its word alone is done again by others; what differs is taken back, with
+//! all that came of it.
 //!
-//! Limits: reaches back to where this stage began. What an embedder was trained on, or a person labelled, cannot be taken
-//! back without them.
+//! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be taken back without what
+//! people said. Such a campaign fails aloud.
 
 use super::{
-    CampaignError,
+    CampaignError, CampaignId,
     evaluate::evaluate,
     live::Live,
-    run::{Means, blocking},
+    run::{Means, Outcome, blocking},
 };
 use crate::{
-    dispatch::{Embedder, EvaluationJob, Quarantined},
-    leases::Instance,
-    store::{ArchivedIndividual, CampaignRecord, Store},
+    dispatch::{EmbeddingJob, EvaluationJob},
+    store::{CampaignRecord, Store, StoreError, Suspects},
 };
-use murmuration_proto::{Evaluation, Feedback, same_embedding};
+use murmuration_proto::{Controller, EmbedderSource, Evaluation, same_embedding};
 
-/// Individuals that are evaluated again at a time.
+/// Results that are done again at a time.
 const CHUNK: usize = 1024;
 
-/// What this stage has looked at.
-pub(super) struct Recheck {
-    campaign: CampaignRecord,
-    /// First generation of the stage.
-    first: u32,
-    /// Workers found wrong whose work was looked at.
-    seen: usize,
+/// What was found to be wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wrong {
+    Picture(u64),
+    Individual { index: u64, generation: u32 },
+    Embedding(u64),
 }
 
-impl Recheck {
-    /// Of a campaign that begins, or goes on, to evolve.
-    pub(super) fn of(record: &CampaignRecord) -> Self {
-        let further = record.spec.feedback().map_or(0, Feedback::generations);
-        let stage = match record.rounds_done {
-            0 => record.spec.search().generations(),
-            _ => further,
-        };
-        Self {
-            first: record.generations().saturating_sub(stage),
-            campaign: record.clone(),
-            seen: 0,
+/// What is taken back, and done again by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Remedy {
+    /// All but so many pictures.
+    BeginAgain { pictures: u64 },
+    /// The generations from this one on.
+    TakeBack { generation: u32 },
+    /// The embeddings, and what came after so many individuals were embedded.
+    EmbedAgain { kept: u64 },
+}
+
+/// Does again what rests on the word of workers that were found wrong.
+pub(super) async fn recheck(
+    means: &Means,
+    record: &CampaignRecord,
+    suspects: Suspects,
+    live: &mut Live,
+) -> Result<Outcome, CampaignError> {
+    let names: Vec<_> = suspects
+        .workers
+        .iter()
+        .map(|worker| worker.name.as_str())
+        .collect();
+    let begins = format!(
+        "worker {} returned wrong results and is quarantined; what it alone had done here was done again",
+        names.join(", ")
+    );
+    tracing::warn!(campaign = %record.id, results = suspects.len(), "{begins}");
+    let Some(wrong) = first_wrong(means, record, &suspects, live).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let id = record.id.clone();
+    let Some(wrong) = wrong else {
+        let said = format!("{begins}: all {} results are right", suspects.len());
+        let confirm = move |store: &Store| store.confirm(&id, &suspects.workers, &said);
+        return Ok(Outcome::of(means.commit(live, confirm).await?));
+    };
+    let remedy = remedy(means, record, wrong, names.join(", ")).await?;
+    let said = format!("{begins}: {}", remedy.because_of(wrong));
+    tracing::warn!(campaign = %record.id, "{said}");
+    let apply = move |store: &Store| remedy.apply(store, &id, &said);
+    Ok(Outcome::of(means.commit(live, apply).await?))
+}
+
+/// The first result that others find to be different; `None` outside if the campaign is to stop.
+async fn first_wrong(
+    means: &Means,
+    record: &CampaignRecord,
+    suspects: &Suspects,
+    live: &mut Live,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    for chunk in suspects.pictures.chunks(CHUNK) {
+        match wrong_picture(means, record, chunk, live).await? {
+            Some(None) => {}
+            found => return Ok(found),
         }
     }
-
-    /// Does again what workers did that were found wrong since it last looked; whether generations were taken back.
-    /// `None` if the campaign is to stop.
-    pub(super) async fn look(
-        &mut self,
-        means: &Means,
-        embedder: Option<Embedder>,
-        live: &mut Live,
-    ) -> Result<Option<bool>, CampaignError> {
-        let quarantined = means.dispatch.quarantined();
-        let newly = &quarantined[self.seen..];
-        if newly.is_empty() {
-            return Ok(Some(false));
+    for chunk in suspects.individuals.chunks(CHUNK) {
+        match wrong_individual(means, record, chunk, live).await? {
+            Some(None) => {}
+            found => return Ok(found),
         }
-        let instances: Vec<Instance> = newly.iter().map(|wrong| wrong.instance).collect();
-        let (store, id, first) = (means.store.clone(), self.campaign.id.clone(), self.first);
-        let indices = blocking(move || store.evaluated_by(&id, &instances, first)).await??;
-        let mut differs = None;
-        for chunk in indices.chunks(CHUNK) {
-            let Some(found) = self.first_that_differs(means, embedder, live, chunk).await? else {
-                return Ok(None);
-            };
-            differs = found;
-            if differs.is_some() {
-                break;
+    }
+    for chunk in suspects.embeddings.chunks(CHUNK) {
+        match wrong_embedding(means, record, chunk, live).await? {
+            Some(None) => {}
+            found => return Ok(found),
+        }
+    }
+    Ok(Some(None))
+}
+
+async fn wrong_picture(
+    means: &Means,
+    record: &CampaignRecord,
+    places: &[u64],
+    live: &mut Live,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    let (id, model) = (record.id.clone(), record.spec.model());
+    let pictures = read_all(means, places, move |store, place| {
+        store.picture(&id, model, place)
+    })
+    .await?;
+    let tasks = pictures.iter().map(|old| (old.controller, old.seed)).collect();
+    let job = EvaluationJob::of(record, None, tasks);
+    let Some(again) = evaluated_again(means, job, live).await? else {
+        return Ok(None);
+    };
+    let mut both = places.iter().zip(pictures.iter().zip(&again));
+    let differs = both.find(|(_, (old, new))| old.image != new.image());
+    Ok(Some(differs.map(|(&place, _)| Wrong::Picture(place))))
+}
+
+async fn wrong_individual(
+    means: &Means,
+    record: &CampaignRecord,
+    indices: &[u64],
+    live: &mut Live,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    let (id, model) = (record.id.clone(), record.spec.model());
+    let archived = read_all(means, indices, move |store, index| {
+        store.individual(&id, model, index)
+    })
+    .await?;
+    let embedder = match record.checkpoint {
+        Some(checkpoint) => Some(
+            means
+                .checkpoints
+                .embedder(checkpoint, record.spec.image())
+                .await?,
+        ),
+        None => None,
+    };
+    let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
+    let job = EvaluationJob::of(record, embedder, tasks);
+    let Some(again) = evaluated_again(means, job, live).await? else {
+        return Ok(None);
+    };
+    let mut both = archived.iter().zip(&again);
+    let differs = both.find(|(old, new)| {
+        old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
+            || old.image.as_deref() != Some(new.image())
+            || (embedder.is_some() && !same_embedding(&old.embedding, new.embedding()))
+    });
+    Ok(Some(differs.map(|(old, _)| Wrong::Individual {
+        index: old.index,
+        generation: old.generation,
+    })))
+}
+
+async fn wrong_embedding(
+    means: &Means,
+    record: &CampaignRecord,
+    indices: &[u64],
+    live: &mut Live,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    // Those of a move that has not ended are made anew, whoever made them.
+    let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
+        return Ok(Some(indices.first().map(|&index| Wrong::Embedding(index))));
+    };
+    let (id, model) = (record.id.clone(), record.spec.model());
+    let archived = read_all(means, indices, move |store, index| {
+        store.individual(&id, model, index)
+    })
+    .await?;
+    let job = EmbeddingJob {
+        campaign: record.id.clone(),
+        weight: record.weight,
+        embedder: means
+            .checkpoints
+            .embedder(checkpoint, record.spec.image())
+            .await?,
+        images: archived
+            .iter()
+            .map(|old| old.image.clone().unwrap_or_default())
+            .collect(),
+    };
+    let embed = |headway| means.dispatch.embed(job, headway);
+    let Some(again) = live.until_stopped(embed).await else {
+        return Ok(None);
+    };
+    let again = again?;
+    let mut both = archived.iter().zip(&again);
+    let differs = both.find(|(old, (new, _))| !same_embedding(&old.embedding, new));
+    Ok(Some(differs.map(|(old, _)| Wrong::Embedding(old.index))))
+}
+
+/// Reads what the store has at these places.
+async fn read_all<T: Send + 'static>(
+    means: &Means,
+    places: &[u64],
+    read: impl Fn(&Store, u64) -> Result<T, StoreError> + Send + 'static,
+) -> Result<Vec<T>, CampaignError> {
+    let (store, places) = (means.store.clone(), places.to_vec());
+    let read = move || places.into_iter().map(|place| read(&store, place)).collect();
+    let read: Result<Vec<T>, StoreError> = blocking(read).await?;
+    Ok(read?)
+}
+
+/// The evaluations of a job by workers that nobody mistrusts; `None` if the campaign is to stop.
+async fn evaluated_again(
+    means: &Means,
+    job: EvaluationJob,
+    live: &mut Live,
+) -> Result<Option<Vec<Evaluation>>, CampaignError> {
+    let tasks: Vec<(Controller, u64)> = job.tasks.clone();
+    let same = |place: usize, _| Ok(vec![(place, tasks[place])]);
+    let done = evaluate(&means.dispatch, live, job, same).await?;
+    Ok(done.map(|done| done.evaluations))
+}
+
+/// What is to be taken back because of something wrong.
+async fn remedy(
+    means: &Means,
+    record: &CampaignRecord,
+    wrong: Wrong,
+    workers: String,
+) -> Result<Remedy, CampaignError> {
+    let (store, id) = (means.store.clone(), record.id.clone());
+    let read = move || Ok::<_, StoreError>((store.label_entries(&id)?, store.embedded_when_moved(&id)?));
+    let (labels, moved) = blocking(read).await??;
+    Remedy::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
+        id: record.id.clone(),
+        wrong: wrong.to_string(),
+        workers,
+    })
+}
+
+impl Remedy {
+    /// That of something wrong in a campaign whose log has so many entries, and whose archive had so many individuals when
+    /// it `moved` to its embedder; `None` if there is none.
+    fn of(record: &CampaignRecord, wrong: Wrong, labels: u64, moved: u64) -> Option<Self> {
+        let moves = record.checkpoint.is_some() && record.next_checkpoint.is_some();
+        let starts = match record.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => u64::from(dataset.starts()),
+            Some(EmbedderSource::Published(_)) | None => 1,
+        };
+        match wrong {
+            _ if record.lesson.is_some() => None,
+            Wrong::Picture(place) if labels == 0 && record.rounds_done == 0 && moved == 0 => {
+                let pictures = place - place % starts;
+                Some(Self::BeginAgain { pictures })
             }
-        }
-        let said = self.tell(newly, indices.len(), differs.as_ref());
-        self.seen = quarantined.len();
-        let Some(said) = said else {
-            return Ok(Some(false));
-        };
-        tracing::warn!(campaign = %self.campaign.id, "{said}");
-        let id = self.campaign.id.clone();
-        let taken_back = differs.map(|individual| individual.generation);
-        let change = move |store: &Store| match taken_back {
-            Some(generation) => store.take_back(&id, generation, &said),
-            None => store.notify(&id, &said),
-        };
-        Ok(means.commit(live, change).await?.map(|()| taken_back.is_some()))
-    }
-
-    /// The first of these individuals whose evaluation is not what the archive says; `None` outside if the campaign is
-    /// to stop.
-    async fn first_that_differs(
-        &self,
-        means: &Means,
-        embedder: Option<Embedder>,
-        live: &mut Live,
-        indices: &[u64],
-    ) -> Result<Option<Option<ArchivedIndividual>>, CampaignError> {
-        let (store, id, model) = (
-            means.store.clone(),
-            self.campaign.id.clone(),
-            self.campaign.spec.model(),
-        );
-        let wanted = indices.to_vec();
-        let archived = blocking(move || {
-            let individual = |index| store.individual(&id, model, index);
-            wanted.into_iter().map(individual).collect::<Result<Vec<_>, _>>()
-        })
-        .await??;
-        let tasks: Vec<_> = archived.iter().map(|old| (old.controller, old.seed)).collect();
-        let job = EvaluationJob::of(&self.campaign, embedder, tasks.clone());
-        let again = |place: usize, _| Ok(vec![(place, tasks[place])]);
-        let Some(done) = evaluate(&means.dispatch, live, job, again).await? else {
-            return Ok(None);
-        };
-        let mut both = archived.into_iter().zip(&done.evaluations);
-        Ok(Some(
-            both.find(|(old, new)| !agrees(old, new)).map(|(old, _)| old),
-        ))
-    }
-
-    /// What there is to say, if anything was this campaign's.
-    fn tell(
-        &self,
-        wrong: &[Quarantined],
-        again: usize,
-        differs: Option<&ArchivedIndividual>,
-    ) -> Option<String> {
-        if again == 0 {
-            return None;
-        }
-        let names: Vec<_> = wrong.iter().map(|wrong| wrong.name.as_str()).collect();
-        let begins = format!(
-            "worker {} returned wrong results and is quarantined; what it alone had evaluated here was evaluated again",
-            names.join(", ")
-        );
-        Some(match differs {
-            Some(ArchivedIndividual {
-                index, generation, ..
-            }) => {
-                format!(
-                    "{begins}: individual {index} differs, the generations from {generation} on are evaluated anew"
-                )
+            Wrong::Individual { index, generation } if index >= moved && !moves => {
+                Some(Self::TakeBack { generation })
             }
-            None => format!("{begins}: all {again} evaluations are right"),
-        })
+            Wrong::Embedding(_) => Some(Self::EmbedAgain { kept: moved }),
+            Wrong::Picture(_) | Wrong::Individual { .. } => None,
+        }
+    }
+
+    fn apply(self, store: &Store, id: &CampaignId, why: &str) -> Result<(), StoreError> {
+        match self {
+            Self::BeginAgain { pictures } => store.begin_again(id, pictures, why),
+            Self::TakeBack { generation } => store.take_back(id, generation, why),
+            Self::EmbedAgain { kept } => store.embed_again(id, kept, why),
+        }
+    }
+
+    fn because_of(self, wrong: Wrong) -> String {
+        match self {
+            Self::BeginAgain { .. } => {
+                format!("{wrong} differs, the dataset from there on and the embedder are made anew")
+            }
+            Self::TakeBack { generation } => {
+                format!("{wrong} differs, the generations from {generation} on are evaluated anew")
+            }
+            Self::EmbedAgain { .. } => format!("{wrong} differs, the archive is embedded anew"),
+        }
     }
 }
 
-fn agrees(old: &ArchivedIndividual, new: &Evaluation) -> bool {
-    old.features.map(f64::to_bits) == new.features().map(f64::to_bits)
-        && old.image.as_deref() == Some(new.image())
-        && same_embedding(&old.embedding, new.embedding())
+impl std::fmt::Display for Wrong {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Picture(place) => write!(f, "picture {place} of the dataset"),
+            Self::Individual { index, .. } => write!(f, "individual {index}"),
+            Self::Embedding(index) => write!(f, "the embedding of individual {index}"),
+        }
+    }
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,13 +2,13 @@
 
 use super::{
     CampaignError, CampaignId, CampaignState, Stage, dataset, embed, fine_tune, label, live::Live, pretrain,
-    search,
+    recheck, search,
 };
 use crate::{
     checkpoints::Checkpoints,
     dispatch::{Dispatch, JobError, Trainers},
     metrics::Metrics,
-    store::{CampaignRecord, Store},
+    store::{CampaignRecord, Store, Suspects},
     synthetic::SyntheticAnnotator,
 };
 
@@ -64,27 +64,58 @@ pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
 async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outcome, CampaignError> {
     let mut before = None;
     loop {
+        let Some((suspects, seen)) = suspects(means, id, live).await? else {
+            return Ok(Outcome::Stopped);
+        };
         let record = read(&means.store, id).await?;
+        live.begin();
+        if !suspects.is_empty() {
+            match recheck::recheck(means, &record, suspects, live).await? {
+                Outcome::Stopped => return Ok(Outcome::Stopped),
+                Outcome::Done => before = None,
+            }
+            continue;
+        }
         // A stage that leaves no trace would be begun for ever.
-        if before.replace(record.clone()).as_ref() == Some(&record) {
+        if before.replace((record.clone(), seen)).as_ref() == Some(&(record.clone(), seen)) {
             return Err(CampaignError::Broken);
         }
         let stage = Stage::of(&record);
         tracing::info!(campaign = %id, ?stage, "begins");
-        live.begin();
         let outcome = match stage {
             Stage::Dataset => dataset::collect(means, record, live).await?,
             Stage::Pretrain => pretrain::pretrain(means, record, live).await?,
             Stage::Embed => embed::embed(means, record, live).await?,
             Stage::Label => label::label(means, record, live).await?,
             Stage::FineTune => fine_tune::fine_tune(means, record, live).await?,
-            Stage::Evolve => search::evolve(means, record, live).await?,
+            Stage::Evolve => search::evolve(means, record, seen, live).await?,
             Stage::Taxonomy => return search::complete(means, record, live).await,
         };
         if outcome == Outcome::Stopped {
             return Ok(Outcome::Stopped);
         }
     }
+}
+
+/// What of a campaign rests on the word of workers that were found wrong, and how many those are; on disk too. `None` if
+/// the campaign is to stop.
+async fn suspects(
+    means: &Means,
+    id: &CampaignId,
+    live: &Live,
+) -> Result<Option<(Suspects, usize)>, CampaignError> {
+    let quarantined = means.dispatch.quarantined().borrow().clone();
+    let seen = quarantined.len();
+    if seen == 0 {
+        return Ok(Some((Suspects::default(), seen)));
+    }
+    let remember = move |store: &Store| store.quarantine(&quarantined);
+    if means.commit(live, remember).await?.is_none() {
+        return Ok(None);
+    }
+    let (store, id) = (means.store.clone(), id.clone());
+    let suspects = blocking(move || store.suspects(&id)).await??;
+    Ok(Some((suspects, seen)))
 }
 
 /// A campaign as it is on disk now.

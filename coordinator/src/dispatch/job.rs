@@ -7,8 +7,8 @@ use crate::{
     store::{CampaignRecord, SavedTraining, TrainingPictures},
 };
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World,
-    check_embedding, same_embedding, training::Configuration, v1,
+    CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Evaluation, ImageFormat, Invalid, Replay,
+    World, check_embedding, near_embedding, same_embedding, training::Configuration, v1,
 };
 use std::collections::BTreeSet;
 use tokio::sync::watch;
@@ -180,23 +180,39 @@ pub(super) enum Work {
 /// The result of one task.
 #[derive(Debug)]
 pub(super) enum Output {
-    Evaluation(Evaluation),
+    Evaluation(Evaluation, EmbeddingKind),
     /// What became of an evaluation once nothing can change it any more.
     Evaluated(Evaluated),
     Replay(Replay),
-    Embedding(Vec<f32>),
+    Embedding(Vec<f32>, EmbeddingKind),
+    /// An embedding once nothing can change it any more, and who alone says so.
+    Embedded(Vec<f32>, Option<Instance>),
     Checkpoint(CheckpointDigest),
 }
 
 impl Agree for Output {
     fn agrees_with(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Evaluation(one), Self::Evaluation(other)) => one.same_bits(other),
+            (Self::Evaluation(one, kind), Self::Evaluation(other, others)) => {
+                one.same_simulation(other)
+                    && embeddings_agree((one.embedding(), *kind), (other.embedding(), *others))
+            }
             (Self::Replay(one), Self::Replay(other)) => one == other,
-            (Self::Embedding(one), Self::Embedding(other)) => same_embedding(one, other),
+            (Self::Embedding(one, kind), Self::Embedding(other, others)) => {
+                embeddings_agree((one, *kind), (other, *others))
+            }
             (Self::Checkpoint(one), Self::Checkpoint(other)) => one == other,
             _ => false,
         }
+    }
+}
+
+/// Machines of one kind find the same bits.
+fn embeddings_agree((one, kind): (&[f32], EmbeddingKind), (other, others): (&[f32], EmbeddingKind)) -> bool {
+    if kind == others {
+        same_embedding(one, other)
+    } else {
+        near_embedding(one, other)
     }
 }
 
@@ -204,28 +220,28 @@ impl Output {
     pub(super) fn into_evaluated(self) -> Option<Evaluated> {
         match self {
             Self::Evaluated(evaluated) => Some(evaluated),
-            Self::Evaluation(_) | Self::Replay(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
+            _ => None,
         }
     }
 
     pub(super) fn into_replay(self) -> Option<Replay> {
         match self {
             Self::Replay(replay) => Some(replay),
-            Self::Evaluation(_) | Self::Evaluated(_) | Self::Embedding(_) | Self::Checkpoint(_) => None,
+            _ => None,
         }
     }
 
-    pub(super) fn into_embedding(self) -> Option<Vec<f32>> {
+    pub(super) fn into_embedded(self) -> Option<(Vec<f32>, Option<Instance>)> {
         match self {
-            Self::Embedding(embedding) => Some(embedding),
-            Self::Evaluation(_) | Self::Evaluated(_) | Self::Replay(_) | Self::Checkpoint(_) => None,
+            Self::Embedded(embedding, unaudited) => Some((embedding, unaudited)),
+            _ => None,
         }
     }
 
     pub(super) fn into_checkpoint(self) -> Option<CheckpointDigest> {
         match self {
             Self::Checkpoint(checkpoint) => Some(checkpoint),
-            Self::Evaluation(_) | Self::Evaluated(_) | Self::Replay(_) | Self::Embedding(_) => None,
+            _ => None,
         }
     }
 }
@@ -325,8 +341,12 @@ impl Work {
         }
     }
 
-    /// Takes in what a worker made of a batch.
-    pub(super) fn outputs(&self, outcome: v1::batch_result::Outcome) -> Result<Vec<Output>, Invalid> {
+    /// Takes in what a worker made of a batch, which embeds like others of its kind.
+    pub(super) fn outputs(
+        &self,
+        outcome: v1::batch_result::Outcome,
+        kind: EmbeddingKind,
+    ) -> Result<Vec<Output>, Invalid> {
         use v1::batch_result::Outcome;
         match (self, outcome) {
             (Self::Evaluations(job), Outcome::Evaluations(message)) => {
@@ -334,12 +354,13 @@ impl Work {
                 let take = |evaluation| Evaluation::for_format(evaluation, &job.image, dimensions);
                 let taken = message.evaluations.into_iter().map(take);
                 taken
-                    .map(|evaluation| evaluation.map(Output::Evaluation))
+                    .map(|evaluation| evaluation.map(|evaluation| Output::Evaluation(evaluation, kind)))
                     .collect()
             }
             (Self::Embeddings(job), Outcome::Embeddings(message)) => {
                 let take = |embedding: v1::Embedding| {
-                    check_embedding(embedding.values, job.embedder.dimensions).map(Output::Embedding)
+                    let embedding = check_embedding(embedding.values, job.embedder.dimensions)?;
+                    Ok(Output::Embedding(embedding, kind))
                 };
                 message.embeddings.into_iter().map(take).collect()
             }
@@ -361,5 +382,42 @@ impl Work {
                 "what the lease asked for",
             )),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn machines_of_one_kind_agree_to_the_bit_and_others_nearly() {
+        let (one, other) = (EmbeddingKind::of("one"), EmbeddingKind::of("other"));
+        let agree = |a: f32, kind, b: f32, others| {
+            let embedding = |value, kind| Output::Embedding(vec![value, -20.0], kind);
+            embedding(a, kind).agrees_with(&embedding(b, others))
+        };
+        assert!(agree(1.0, one, 1.0, one));
+        assert!(!agree(1.0, one, 1.0 + f32::EPSILON, one));
+        assert!(agree(1.0, one, 1.01, other));
+        assert!(!agree(1.0, one, 1.03, other), "a thousandth of 20 apart at most");
+        let unknown = EmbeddingKind::UNKNOWN;
+        assert!(!agree(1.0, unknown, 1.0 + f32::EPSILON, unknown));
+    }
+
+    #[test]
+    fn a_job_of_twice_the_weight_pays_half_for_its_tasks() {
+        let effort = |weight: u32| {
+            let job = EmbeddingJob {
+                campaign: CampaignId::from_store("heavy-1".to_owned()),
+                weight: Weight::try_from(weight).unwrap(),
+                embedder: Embedder {
+                    checkpoint: CheckpointDigest::of(b"model"),
+                    dimensions: 5,
+                },
+                images: vec![Vec::new()],
+            };
+            Work::Embeddings(job).terms(|| false).effort
+        };
+        assert_eq!(effort(100), 2 * effort(200));
     }
 }

@@ -11,7 +11,7 @@ use crate::{
     metrics::DispatchMetrics,
 };
 use murmuration_link::trace_parent;
-use murmuration_proto::{Purpose, Stream, v1};
+use murmuration_proto::{EmbeddingKind, Purpose, Stream, v1};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
@@ -63,6 +63,7 @@ struct Job {
 
 struct Worker {
     name: String,
+    kind: EmbeddingKind,
     outbox: Outbox,
 }
 
@@ -78,10 +79,14 @@ impl Service {
         let epoch = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_nanos() as u64);
+        let mut table = LeaseTable::new(options.silence_limit);
+        for worker in wrong.borrow().iter() {
+            table.mistrust(worker.instance);
+        }
         Self {
             options,
             epoch,
-            table: LeaseTable::new(options.silence_limit),
+            table,
             jobs: BTreeMap::new(),
             workers: BTreeMap::new(),
             names: BTreeMap::new(),
@@ -173,6 +178,7 @@ impl Service {
             name,
             instance,
             capacity,
+            kind,
             outbox,
         } = newcomer;
         let instance = instance.unwrap_or_else(|| Instance(self.chance.bits()));
@@ -188,7 +194,7 @@ impl Service {
         });
         tracing::info!(worker = name, capacity, "worker joined");
         self.remember(instance, &name);
-        self.workers.insert(id, Worker { name, outbox });
+        self.workers.insert(id, Worker { name, kind, outbox });
         self.send(id, welcome);
         if reply.send(Ok(id)).is_err() {
             self.lose(id, None);

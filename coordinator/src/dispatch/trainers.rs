@@ -17,7 +17,7 @@ impl Trainers {
     /// Starts it on the current runtime.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
-        Self(Dispatch::start(options, metrics))
+        Self(Dispatch::start(options, metrics, Vec::new()))
     }
 
     /// Has a trainer train an embedder and publish it; `headway` says what holds it up. Dropping the future withdraws the

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, CampaignState},
+    campaign::{CampaignId, CampaignState, Weight},
     labels::{Action, Answer, Change, RequestId},
     medoids::Clustering,
     store::{ArchivedIndividual, GenerationRecord, Provenance},

@@ -107,6 +107,7 @@ impl Labels {
         let supersedes = match &change.action {
             Action::Answer { index, answer } => self.answer(*index, answer, &change)?,
             Action::Undo => Some(self.undo(&change.annotator)?),
+            Action::Withdraw { index } => Some(self.withdraw(*index, &change.annotator)?),
             Action::Create { class } => self.classes.create(class).map(|_| None)?,
             Action::Rename { class, to } => self.classes.rename(class, to).map(|()| None)?,
             Action::Merge { class, into } => self.classes.merge(class, into).map(|()| None)?,
@@ -156,6 +157,18 @@ impl Labels {
             self.standing.remove(&index);
         }
         Ok(undone)
+    }
+
+    fn withdraw(&mut self, index: u64, annotator: &Annotator) -> Result<u64, Refusal> {
+        let about = self.standing.get_mut(&index);
+        let Some(withdrawn) = about.and_then(|about| about.remove(annotator)) else {
+            let annotator = annotator.clone();
+            return Err(Refusal::NothingToWithdraw { annotator, index });
+        };
+        if self.standing.get(&index).is_some_and(BTreeMap::is_empty) {
+            self.standing.remove(&index);
+        }
+        Ok(withdrawn)
     }
 
     /// The answers that stand, by individual, then annotator.

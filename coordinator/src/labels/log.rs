@@ -25,6 +25,12 @@ pub enum Action {
     },
     /// Takes back the newest of the annotator's own answers that stand; what that had superseded stands again.
     Undo,
+    /// Takes back the annotator's answer about an individual that is not in the archive any more; nothing that it
+    /// superseded stands again.
+    Withdraw {
+        /// Index that the individual had.
+        index: u64,
+    },
     /// Adds a class.
     Create {
         /// Its name, which no class has.
@@ -61,7 +67,7 @@ pub struct Entry {
     /// What was said.
     pub change: Change,
     /// The answer that no longer stands because of this one: of an answer, that of the same annotator about the same
-    /// individual if there was one; of an undo, the one that was taken back.
+    /// individual if there was one; of an undo or a withdrawal, the one that was taken back.
     pub supersedes: Option<u64>,
 }
 
@@ -83,4 +89,12 @@ pub enum Refusal {
     /// None of the annotator's answers stands.
     #[error("{0} has no answer that could be undone")]
     NothingToUndo(Annotator),
+    /// The annotator has said nothing about the individual.
+    #[error("{annotator} has no answer about individual {index} that could be withdrawn")]
+    NothingToWithdraw {
+        /// The annotator.
+        annotator: Annotator,
+        /// Index of the individual.
+        index: u64,
+    },
 }

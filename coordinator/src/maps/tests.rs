@@ -1,7 +1,7 @@
 //! Maps of archives that people look at.
 
 use super::*;
-use crate::{novelty::Behaviours, store::DataDirectory};
+use crate::{campaign::Weight, novelty::Behaviours, store::DataDirectory};
 use murmuration_proto::{CampaignSpec, Purpose, Stream};
 
 /// Two clumps of behaviours far from each other, half of `count` in each.

@@ -141,6 +141,7 @@ impl From<CampaignError> for Status {
             | CampaignError::NoEmbedder(_)
             | CampaignError::TooFewClasses { .. }
             | CampaignError::Untrainable { .. }
+            | CampaignError::Tainted { .. }
             | CampaignError::Propose(_) => Self::failed_precondition(error.to_string()),
             CampaignError::Misfit(_) | CampaignError::Broken => Self::internal(error.to_string()),
         }

@@ -54,6 +54,7 @@ pub(super) async fn serve(
     let newcomer = Newcomer {
         name: hello.name,
         instance: (hello.instance != 0).then_some(Instance(hello.instance)),
+        kind: hello.embedding_kind.into(),
         capacity: hello.capacity as usize,
         outbox: outbox.clone(),
     };

@@ -1,6 +1,10 @@
 //! Rows of the archive: individuals, their images, generations, taxonomies.
 
-use super::{Provenance, Store, StoreError, campaigns::number_of, provenance::add_notices};
+use super::{
+    Provenance, Store, StoreError,
+    campaigns::number_of,
+    provenance::{Work, add_provenance},
+};
 use crate::{
     campaign::{CampaignId, CampaignState},
     medoids::Clustering,
@@ -93,18 +97,18 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
-                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered, evaluators)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered)
+                 VALUES (?1, ?2, ?3, ?4, ?5)",
                 params![
                     number,
                     record.generation,
                     record.best_novelty,
                     record.mean_novelty,
                     record.filtered as i64,
-                    provenance.evaluators(),
                 ],
             )?;
-            add_notices(transaction, number, &provenance.notices)?;
+            let first = individuals.first().map_or(0, |individual| individual.index);
+            add_provenance(transaction, number, (Work::Evaluation, first), provenance)?;
             let mut individual = transaction.prepare(
                 "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty)
                  VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
@@ -249,7 +253,7 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
-                "INSERT INTO taxonomies (campaign, medoids, clusters, loss) VALUES (?1, ?2, ?3, ?4)",
+                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss) VALUES (?1, ?2, ?3, ?4)",
                 params![number, medoids, clusters, taxonomy.loss],
             )?;
             transaction.execute(
@@ -319,7 +323,7 @@ pub(super) fn floats_to_blob(values: &[f64]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-fn blob_to_floats(blob: &[u8]) -> Vec<f64> {
+pub(super) fn blob_to_floats(blob: &[u8]) -> Vec<f64> {
     blob.as_chunks()
         .0
         .iter()

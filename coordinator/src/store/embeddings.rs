@@ -1,10 +1,11 @@
 //! Rows of embeddings, and the switch of an archive from one checkpoint to another.
 
 use super::{
-    GenerationRecord, Store, StoreError,
+    GenerationRecord, Provenance, Store, StoreError,
     archive::{clamped, numbers_to_blob},
     campaigns::number_of,
     checkpoints::checkpoint_number,
+    provenance::{Work, add_provenance},
 };
 use crate::campaign::{CampaignId, CampaignState};
 use murmuration_proto::CheckpointDigest;
@@ -32,7 +33,8 @@ impl Store {
         })
     }
 
-    /// Adds embeddings by the next checkpoint, the first that of individual `place`, in one transaction.
+    /// Adds embeddings by the next checkpoint, the first that of individual `place`, and where they come from, in one
+    /// transaction.
     ///
     /// # Errors
     /// If they cannot be written; then none of them was.
@@ -41,6 +43,7 @@ impl Store {
         campaign: &CampaignId,
         place: u64,
         embeddings: &[Vec<f32>],
+        provenance: &Provenance,
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -51,7 +54,7 @@ impl Store {
             for (place, embedding) in (place..).zip(embeddings) {
                 statement.execute(params![number, clamped(place), numbers_to_blob(embedding)])?;
             }
-            Ok(())
+            add_provenance(transaction, number, (Work::Embedding, place), provenance)
         })
     }
 

@@ -22,6 +22,9 @@ pub enum LabelError {
     OtherRequest(RequestId),
 }
 
+/// The request of entries that nobody asked for; no request has this id.
+pub(super) const BY_ITSELF: &str = "";
+
 const SELECT: &str = "
     SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels WHERE campaign = ?1";
 
@@ -135,7 +138,7 @@ pub(super) fn add(
         .into_iter()
         .map(|change| labels.record(change))
         .collect::<Result<Vec<Entry>, Refusal>>()?;
-    insert(transaction, number, request, &added)?;
+    insert(transaction, number, request.as_str(), &added)?;
     Ok(added)
 }
 
@@ -175,10 +178,10 @@ fn check_individuals(
     Ok(())
 }
 
-fn insert(
+pub(super) fn insert(
     transaction: &Transaction<'_>,
     number: i64,
-    request: &RequestId,
+    request: &str,
     added: &[Entry],
 ) -> Result<(), StoreError> {
     let mut statement = transaction.prepare(
@@ -191,7 +194,7 @@ fn insert(
         statement.execute(params![
             number,
             clamped(entry.number),
-            request.as_str(),
+            request,
             entry.change.annotator.as_str(),
             clamped(entry.change.time_ms),
             columns.action,
@@ -209,7 +212,7 @@ fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, St
     entries(connection, "AND entry >= ?2", params![number, clamped(from)])
 }
 
-fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<Labels, StoreError> {
+pub(super) fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<Labels, StoreError> {
     let new = log(connection, number, labels.entries())?;
     let broken = |error: BrokenLog| StoreError::damaged(error.to_string());
     labels.follow(new).map_err(broken)?;
@@ -277,6 +280,11 @@ impl Columns {
                 action: "undo".to_owned(),
                 ..Self::default()
             },
+            Action::Withdraw { index } => Self {
+                action: "withdraw".to_owned(),
+                place: Some(clamped(*index)),
+                ..Self::default()
+            },
             Action::Create { class } => named("create", class, None),
             Action::Rename { class, to } => named("rename", class, Some(to.to_string())),
             Action::Merge { class, into } => named("merge", class, Some(into.to_string())),
@@ -293,6 +301,9 @@ impl Columns {
                 answer: class.parse()?,
             },
             ("undo", None) => Action::Undo,
+            ("withdraw", Some(place)) => Action::Withdraw {
+                index: place.unsigned_abs(),
+            },
             ("create", None) => Action::Create {
                 class: class.parse()?,
             },

@@ -17,6 +17,7 @@ mod provenance;
 mod rounds;
 mod salvage;
 mod schema;
+mod taken_back;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
 pub use campaigns::CampaignRecord;
@@ -26,7 +27,7 @@ pub use embeddings::Switch;
 pub use error::StoreError;
 pub use labels::LabelError;
 pub use pictures::{Picture, SavedTraining};
-pub use provenance::{Notice, Provenance};
+pub use provenance::{Notice, Provenance, Suspects};
 pub use rounds::TrainingPictures;
 pub use salvage::Remains;
 

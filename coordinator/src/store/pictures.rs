@@ -1,13 +1,13 @@
 //! Rows of datasets and trainings: what an embedder is trained on, and how far that has come.
 
 use super::{
-    Store, StoreError,
-    archive::{clamped, floats_to_blob},
+    Provenance, Store, StoreError,
+    archive::{blob_to_floats, clamped, floats_to_blob},
     campaigns::number_of,
-    provenance::add_notices,
+    provenance::{Work, add_provenance},
 };
 use crate::campaign::CampaignId;
-use murmuration_proto::Controller;
+use murmuration_proto::{CapabilityModel, Controller};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
 
@@ -32,8 +32,7 @@ pub struct SavedTraining {
 }
 
 impl Store {
-    /// Adds pictures to a campaign's dataset, the first at `place`, and what somebody should know of them, in one
-    /// transaction.
+    /// Adds pictures to a campaign's dataset, the first at `place`, and where they come from, in one transaction.
     ///
     /// # Errors
     /// If they cannot be written; then none of them was.
@@ -42,7 +41,7 @@ impl Store {
         campaign: &CampaignId,
         place: u64,
         pictures: &[Picture],
-        notices: &[String],
+        provenance: &Provenance,
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
@@ -58,7 +57,34 @@ impl Store {
                     picture.image,
                 ])?;
             }
-            add_notices(transaction, number, notices)
+            add_provenance(transaction, number, (Work::Picture, place), provenance)
+        })
+    }
+
+    /// The picture of a dataset at `place`.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn picture(
+        &self,
+        campaign: &CampaignId,
+        model: CapabilityModel,
+        place: u64,
+    ) -> Result<Picture, StoreError> {
+        self.read(|connection| {
+            let (genes, seed, image) = connection.query_row(
+                "SELECT controller, seed, image FROM pictures WHERE campaign = ?1 AND place = ?2",
+                params![number_of(connection, campaign)?, clamped(place)],
+                |row| Ok((row.get::<_, Vec<u8>>(0)?, row.get::<_, i64>(1)?, row.get(2)?)),
+            )?;
+            let controller = Controller::new(model, &blob_to_floats(&genes))
+                .map_err(|error| StoreError::damaged(format!("picture {place} of {campaign}: {error}")))?;
+            let seed = seed.cast_unsigned();
+            Ok(Picture {
+                controller,
+                seed,
+                image,
+            })
         })
     }
 

@@ -1,22 +1,23 @@
-//! Where results come from, and what befell a campaign: who evaluated what, notices, and the way back when a worker that
-//! contributed is found wrong.
+//! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
 
-use super::{Store, StoreError, campaigns::number_of};
-use crate::{campaign::CampaignId, leases::Instance};
-use rusqlite::{Transaction, params};
-use std::time::{SystemTime, UNIX_EPOCH};
+use super::{Store, StoreError, archive::clamped, campaigns::number_of};
+use crate::{campaign::CampaignId, dispatch::Quarantined, leases::Instance};
+use rusqlite::{Connection, Transaction, params};
+use std::{
+    collections::BTreeMap,
+    time::{SystemTime, UNIX_EPOCH},
+};
 
 /// Notices of a campaign that are told; older ones stay in the store.
 const MOST_NOTICES: u32 = 50;
 
-/// In the place of who alone evaluated something, where two found the same.
+/// In the place of who alone did something, where two found the same.
 const NOBODY: u64 = 0;
 
-/// Where a generation comes from.
+/// Where some results come from.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Provenance {
-    /// For each individual, who alone says what came of it; `None` where two workers found the same. Empty if nobody
-    /// knows.
+    /// For each, who alone says what came of it; `None` where two workers found the same. Empty if nobody knows.
     pub unaudited: Vec<Option<Instance>>,
     /// What somebody should know of it, in sentences.
     pub notices: Vec<String>,
@@ -31,80 +32,155 @@ pub struct Notice {
     pub text: String,
 }
 
-impl Provenance {
-    pub(super) fn evaluators(&self) -> Vec<u8> {
-        let number = |by: &Option<Instance>| by.map_or(NOBODY, |Instance(number)| number).to_le_bytes();
-        self.unaudited.iter().flat_map(number).collect()
+/// Work whose results are kept with who did it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Work {
+    /// Pictures of a dataset.
+    Picture,
+    /// Individuals of an archive.
+    Evaluation,
+    /// Embeddings of an archive by the checkpoint that it moved to.
+    Embedding,
+}
+
+impl Work {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Picture => "picture",
+            Self::Evaluation => "evaluation",
+            Self::Embedding => "embedding",
+        }
+    }
+}
+
+/// What of a campaign rests on the word of workers that were found wrong: places, in order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Suspects {
+    /// Of its dataset's pictures.
+    pub pictures: Vec<u64>,
+    /// Of its individuals, as they were evaluated.
+    pub individuals: Vec<u64>,
+    /// Of its individuals, as they were embedded with the checkpoint that the archive moved to.
+    pub embeddings: Vec<u64>,
+    /// Whose word it is.
+    pub workers: Vec<Quarantined>,
+}
+
+impl Suspects {
+    /// Whether nothing does.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How much does.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.pictures.len() + self.individuals.len() + self.embeddings.len()
+    }
+
+    fn of(&mut self, work: &str) -> Option<&mut Vec<u64>> {
+        [
+            (Work::Picture, &mut self.pictures),
+            (Work::Evaluation, &mut self.individuals),
+            (Work::Embedding, &mut self.embeddings),
+        ]
+        .into_iter()
+        .find_map(|(known, places)| (known.name() == work).then_some(places))
     }
 }
 
 impl Store {
-    /// Archive indices that one of `instances` alone evaluated, in generations from `generation` on, in order.
+    /// Remembers workers that were found wrong; those that it knows already stay as they are.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn quarantine(&self, workers: &[Quarantined]) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let mut statement = transaction.prepare_cached(
+                "INSERT OR IGNORE INTO quarantined (instance, name, time_ms) VALUES (?1, ?2, ?3)",
+            )?;
+            for Quarantined { instance, name } in workers {
+                statement.execute(params![instance.0.cast_signed(), name, now_ms()])?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Workers that were found wrong, oldest first.
     ///
     /// # Errors
     /// If they cannot be read.
-    pub fn evaluated_by(
-        &self,
-        campaign: &CampaignId,
-        instances: &[Instance],
-        generation: u32,
-    ) -> Result<Vec<u64>, StoreError> {
+    pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
+        self.read(quarantined)
+    }
+
+    /// What of a campaign rests on the word of workers that were found wrong.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn suspects(&self, campaign: &CampaignId) -> Result<Suspects, StoreError> {
         self.read(|connection| {
+            let wrong: BTreeMap<u64, Quarantined> = quarantined(connection)?
+                .into_iter()
+                .map(|wrong| (wrong.instance.0, wrong))
+                .collect();
+            let mut suspects = Suspects::default();
+            let mut whose = BTreeMap::new();
+            if wrong.is_empty() {
+                return Ok(suspects);
+            }
             let number = number_of(connection, campaign)?;
-            let mut statement = connection.prepare_cached(
-                "SELECT (SELECT min(place) FROM individuals i WHERE i.campaign = g.campaign
-                         AND i.generation = g.generation), evaluators
-                 FROM generations g WHERE campaign = ?1 AND generation >= ?2 ORDER BY generation",
-            )?;
-            let rows = statement.query_map(params![number, generation], |row| {
-                Ok((row.get::<_, Option<i64>>(0)?, row.get::<_, Vec<u8>>(1)?))
-            })?;
-            let mut indices = Vec::new();
-            for row in rows {
-                let (first, evaluators) = row?;
-                let first = first.unwrap_or_default().unsigned_abs();
-                for (index, by) in (first..).zip(evaluators.as_chunks::<8>().0) {
-                    let by = u64::from_le_bytes(*by);
-                    if by != NOBODY && instances.contains(&Instance(by)) {
-                        indices.push(index);
+            for (work, first, workers) in provenance(connection, number)? {
+                let Some(places) = suspects.of(&work) else {
+                    continue;
+                };
+                for (place, by) in (first..).zip(workers) {
+                    if let Some(worker) = wrong.get(&by).filter(|_| by != NOBODY) {
+                        places.push(place);
+                        whose.insert(by, worker.clone());
                     }
                 }
             }
-            Ok(indices)
+            // A salvaged campaign may lack what its provenance tells of.
+            let held = |table| {
+                let count = format!("SELECT coalesce(max(place) + 1, 0) FROM {table} WHERE campaign = ?1");
+                connection.query_row(&count, [number], |row| row.get::<_, i64>(0))
+            };
+            let (pictures, individuals) = (held("pictures")?, held("individuals")?);
+            suspects.pictures.retain(|&place| clamped(place) < pictures);
+            suspects.individuals.retain(|&place| clamped(place) < individuals);
+            suspects.embeddings.retain(|&place| clamped(place) < individuals);
+            suspects.workers = whose.into_values().collect();
+            Ok(suspects)
         })
     }
 
-    /// Takes back the generations from `generation` on, with everything that they brought, and says why; in one
-    /// transaction. Labels stay in their log.
-    ///
-    /// # Errors
-    /// If it cannot be written; then nothing was taken back.
-    pub fn take_back(&self, campaign: &CampaignId, generation: u32, why: &str) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            let number = number_of(transaction, campaign)?;
-            for table in ["images", "embeddings"] {
-                let of_place = format!(
-                    "DELETE FROM {table} WHERE campaign = ?1 AND place IN
-                         (SELECT place FROM individuals WHERE campaign = ?1 AND generation >= ?2)"
-                );
-                transaction.execute(&of_place, params![number, generation])?;
-            }
-            for table in ["individuals", "generations"] {
-                let of_generation = format!("DELETE FROM {table} WHERE campaign = ?1 AND generation >= ?2");
-                transaction.execute(&of_generation, params![number, generation])?;
-            }
-            add_notices(transaction, number, &[why.to_owned()])
-        })
-    }
-
-    /// Adds a notice.
+    /// What these workers said was found by another as well: nothing rests on their word any more. With a notice, in one
+    /// transaction.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn notify(&self, campaign: &CampaignId, text: &str) -> Result<(), StoreError> {
+    pub fn confirm(
+        &self,
+        campaign: &CampaignId,
+        workers: &[Quarantined],
+        notice: &str,
+    ) -> Result<(), StoreError> {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
-            add_notices(transaction, number, &[text.to_owned()])
+            let confirmed = |by: &u64| workers.iter().any(|worker| worker.instance.0 == *by);
+            for (work, first, workers) in provenance(transaction, number)? {
+                let left: Vec<u8> = workers
+                    .iter()
+                    .flat_map(|by| if confirmed(by) { NOBODY } else { *by }.to_le_bytes())
+                    .collect();
+                transaction.execute(
+                    "UPDATE provenance SET workers = ?4 WHERE campaign = ?1 AND work = ?2 AND place = ?3",
+                    params![number, work, clamped(first), left],
+                )?;
+            }
+            add_notices(transaction, number, &[notice.to_owned()])
         })
     }
 
@@ -131,94 +207,73 @@ impl Store {
     }
 }
 
+/// Who did each of a run of results: the work, the first place, and a number for each worker.
+type Run = (String, u64, Vec<u64>);
+
+fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreError> {
+    let mut statement = connection.prepare_cached(
+        "SELECT work, place, workers FROM provenance WHERE campaign = ?1 ORDER BY work, place",
+    )?;
+    let rows = statement.query_map([campaign], |row| {
+        let workers: Vec<u8> = row.get(2)?;
+        let workers = workers.as_chunks().0.iter().map(|by| u64::from_le_bytes(*by));
+        Ok((
+            row.get(0)?,
+            row.get::<_, i64>(1)?.unsigned_abs(),
+            workers.collect(),
+        ))
+    })?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}
+
+fn quarantined(connection: &Connection) -> Result<Vec<Quarantined>, StoreError> {
+    let mut statement =
+        connection.prepare_cached("SELECT instance, name FROM quarantined ORDER BY time_ms, instance")?;
+    let rows = statement.query_map([], |row| {
+        Ok(Quarantined {
+            instance: Instance(row.get::<_, i64>(0)?.cast_unsigned()),
+            name: row.get(1)?,
+        })
+    })?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}
+
+/// Notes where results come from, the first of them at a place of this kind of work.
+pub(super) fn add_provenance(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    (work, first): (Work, u64),
+    Provenance { unaudited, notices }: &Provenance,
+) -> Result<(), StoreError> {
+    let number = |by: &Option<Instance>| by.map_or(NOBODY, |Instance(number)| number).to_le_bytes();
+    let workers: Vec<u8> = unaudited.iter().flat_map(number).collect();
+    if !workers.is_empty() {
+        transaction.execute(
+            "INSERT OR REPLACE INTO provenance (campaign, work, place, workers) VALUES (?1, ?2, ?3, ?4)",
+            params![campaign, work.name(), clamped(first), workers],
+        )?;
+    }
+    add_notices(transaction, campaign, notices)
+}
+
 pub(super) fn add_notices(
     transaction: &Transaction<'_>,
     campaign: i64,
     notices: &[String],
 ) -> Result<(), StoreError> {
-    let now = SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |age| age.as_millis() as i64);
     let mut statement =
         transaction.prepare_cached("INSERT INTO notices (campaign, time_ms, text) VALUES (?1, ?2, ?3)")?;
     for text in notices {
-        statement.execute(params![campaign, now, text])?;
+        statement.execute(params![campaign, now_ms(), text])?;
     }
     Ok(())
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::{ArchivedIndividual, DataDirectory, GenerationRecord};
-    use murmuration_proto::{CampaignSpec, CapabilityModel};
-
-    /// A campaign of three generations of two; of each, worker 7 did the first and two workers the second.
-    fn open() -> (tempfile::TempDir, Store, CampaignId) {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-        let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
-        let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
-        for generation in 0..3 {
-            let first = 2 * u64::from(generation);
-            let individuals = [first, first + 1].map(|index| ArchivedIndividual {
-                image: Some(vec![index as u8; 4]),
-                ..ArchivedIndividual::still(index, generation)
-            });
-            let provenance = Provenance {
-                unaudited: vec![Some(Instance(7)), None],
-                notices: vec![format!("generation {generation}")],
-            };
-            let record = GenerationRecord::of(generation, &[0.0], 0);
-            store
-                .commit_generation(&id, &record, &individuals, &provenance)
-                .unwrap();
-        }
-        (folder, store, id)
-    }
-
-    fn texts(store: &Store, id: &CampaignId) -> Vec<String> {
-        let notices = store.notices(id).unwrap();
-        notices.into_iter().map(|notice| notice.text).collect()
-    }
-
-    #[test]
-    fn it_is_known_who_alone_evaluated_what() {
-        let (_folder, store, id) = open();
-        let by = |instance, from| store.evaluated_by(&id, &[Instance(instance)], from).unwrap();
-        assert_eq!(by(7, 0), [0, 2, 4]);
-        assert_eq!(by(7, 2), [4]);
-        assert!(by(8, 0).is_empty());
-        assert!(by(0, 0).is_empty(), "nobody is not somebody");
-    }
-
-    #[test]
-    fn what_is_taken_back_is_gone_and_can_be_done_again() {
-        let (_folder, store, id) = open();
-        store.take_back(&id, 1, "a worker was wrong").unwrap();
-        assert_eq!(store.campaign(id.as_str()).unwrap().generations_done, 1);
-        let left = store
-            .individuals(&id, CapabilityModel::SingleSensor, 0..9, true)
-            .unwrap();
-        assert_eq!(left.len(), 2);
-        assert_eq!(texts(&store, &id).last().unwrap(), "a worker was wrong");
-        let again = GenerationRecord::of(1, &[0.0], 0);
-        let individuals = [2, 3].map(|index| ArchivedIndividual {
-            image: Some(vec![0; 4]),
-            ..ArchivedIndividual::still(index, 1)
-        });
-        store
-            .commit_generation(&id, &again, &individuals, &Provenance::default())
-            .unwrap();
-    }
-
-    #[test]
-    fn the_latest_notices_are_told_oldest_first() {
-        let (_folder, store, id) = open();
-        for number in 0..60 {
-            store.notify(&id, &number.to_string()).unwrap();
-        }
-        let expected: Vec<String> = (10..60).map(|number| number.to_string()).collect();
-        assert_eq!(texts(&store, &id), expected);
-    }
+pub(super) fn now_ms() -> i64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |age| age.as_millis() as i64)
 }
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -20,12 +20,18 @@ pub struct Remains {
 }
 
 impl Store {
-    /// Takes over the descriptions of all checkpoints of another store, as far as they can be read; how many.
+    /// Takes over the descriptions of all checkpoints of another store, as far as they can be read, and the workers that
+    /// it mistrusts; how many checkpoints.
     ///
     /// # Errors
     /// If they cannot be written.
     pub fn take_checkpoints(&self, from: &Self) -> Result<u64, StoreError> {
-        from.read(|source| self.write(|target| copy(source, target, "checkpoints", "ORDER BY number", [])))
+        from.read(|source| {
+            self.write(|target| {
+                copy(source, target, "quarantined", "ORDER BY instance", [])?;
+                copy(source, target, "checkpoints", "ORDER BY number", [])
+            })
+        })
     }
 
     /// Takes over what remains of a campaign of another store, in one transaction. One that is `cut` off somewhere has
@@ -75,6 +81,7 @@ impl Store {
                 }
                 copy(source, target, "trainings", "WHERE campaign = ?1", [number])?;
                 copy(source, target, "notices", "WHERE campaign = ?1", [number])?;
+                copy(source, target, "provenance", "WHERE campaign = ?1", [number])?;
                 if let Some(why) = cut {
                     target.execute(
                         "UPDATE campaigns SET state = ?2, error = ?3 WHERE number = ?1",

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 7] = [
+const MIGRATIONS: [&str; 8] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -121,6 +121,25 @@ const MIGRATIONS: [&str; 7] = [
 ",
     "
     ALTER TABLE campaigns ADD COLUMN weight INTEGER NOT NULL DEFAULT 100;
+",
+    "
+    CREATE TABLE quarantined (
+        instance INTEGER PRIMARY KEY,
+        name TEXT NOT NULL,
+        time_ms INTEGER NOT NULL
+    ) STRICT;
+    CREATE TABLE provenance (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        work TEXT NOT NULL,
+        place INTEGER NOT NULL,
+        workers BLOB NOT NULL,
+        PRIMARY KEY (campaign, work, place)
+    ) STRICT, WITHOUT ROWID;
+    INSERT INTO provenance
+        SELECT g.campaign, 'evaluation', min(i.place), g.evaluators FROM generations g
+        JOIN individuals i ON i.campaign = g.campaign AND i.generation = g.generation
+        WHERE length(g.evaluators) > 0 GROUP BY g.campaign, g.generation;
+    ALTER TABLE generations DROP COLUMN evaluators;
 ",
 ];
 

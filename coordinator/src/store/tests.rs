@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, CampaignState},
+    campaign::{CampaignId, CampaignState, Weight},
     medoids::Clustering,
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Lineage};
@@ -247,7 +247,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     store.complete(&id, &clustering).unwrap();
 
     store.move_to(&id, second).unwrap();
-    store.add_embeddings(&id, 0, &[vec![7.0]]).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!(
         (record.checkpoint, record.next_checkpoint),
@@ -258,7 +260,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
     assert!(store.taxonomy(&id).unwrap().is_some());
 
-    store.add_embeddings(&id, 1, &[vec![8.0]]).unwrap();
+    store
+        .add_embeddings(&id, 1, &[vec![8.0]], &Provenance::default())
+        .unwrap();
     assert_eq!(store.next_embeddings(&id).unwrap(), [[7.0], [8.0]]);
     let switch = Switch {
         novelty: vec![3.0, 5.0],
@@ -277,7 +281,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
 fn a_move_that_is_given_up_leaves_nothing_behind() {
     let (_folder, store, id, [first, second]) = embedded();
     store.move_to(&id, second).unwrap();
-    store.add_embeddings(&id, 0, &[vec![7.0]]).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
     store.move_to(&id, first).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!((record.next_checkpoint, record.embedded), (Some(first), 2));
@@ -314,10 +320,16 @@ fn a_dataset_and_its_training_read_back() {
         image: vec![index as u8; 4],
     };
     store
-        .add_pictures(&id, 0, &[picture(0), picture(1)], &[])
+        .add_pictures(&id, 0, &[picture(0), picture(1)], &Provenance::default())
         .unwrap();
-    store.add_pictures(&id, 2, &[picture(2)], &[]).unwrap();
-    assert!(store.add_pictures(&id, 2, &[picture(3)], &[]).is_err());
+    store
+        .add_pictures(&id, 2, &[picture(2)], &Provenance::default())
+        .unwrap();
+    assert!(
+        store
+            .add_pictures(&id, 2, &[picture(3)], &Provenance::default())
+            .is_err()
+    );
     assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
     assert_eq!(store.dataset_images(&id, 1..9).unwrap(), [1, 1, 1, 1, 2, 2, 2, 2]);
 

@@ -1,8 +1,10 @@
-/* Loaded before the C library (LD_PRELOAD): disks that do not say that what was written has arrived, and clocks that jump.
+/* Loaded before the C library (LD_PRELOAD): disks that do not say that what was written has arrived, or that cannot be
+ * written any more, and clocks that jump.
  *
  * The file named by MURMURATION_FAULTS is read at every call, so that a test can change its mind: lines of a name and a
- * number. "sync" makes fsync and fdatasync fail with that errno (5 is EIO); "clock" is added to the time of day, in
- * seconds. Limits: CLOCK_MONOTONIC, on which time-outs rest, is never touched; nor is a clock that is read without the
+ * number. "sync" makes fsync and fdatasync fail with that errno (5 is EIO), "write" writes at a place of a file and changes
+ * of its length (30 is EROFS); "clock" is added to the time of day, in seconds. Limits: what is written at the end of a
+ * file, as logs are, arrives; CLOCK_MONOTONIC, on which time-outs rest, is never touched; nor is a clock that is read without the
  * C library. */
 
 #define _GNU_SOURCE
@@ -49,6 +51,28 @@ int fdatasync(int file) {
     if (!refused) return (int)syscall(SYS_fdatasync, file);
     errno = (int)refused;
     return -1;
+}
+
+ssize_t pwrite64(int file, const void *bytes, size_t count, off64_t offset) {
+    long refused = fault("write");
+    if (!refused) return syscall(SYS_pwrite64, file, bytes, count, offset);
+    errno = (int)refused;
+    return -1;
+}
+
+ssize_t pwrite(int file, const void *bytes, size_t count, off_t offset) {
+    return pwrite64(file, bytes, count, offset);
+}
+
+int ftruncate64(int file, off64_t length) {
+    long refused = fault("write");
+    if (!refused) return (int)syscall(SYS_ftruncate, file, length);
+    errno = (int)refused;
+    return -1;
+}
+
+int ftruncate(int file, off_t length) {
+    return ftruncate64(file, length);
 }
 
 int clock_gettime(clockid_t clock, struct timespec *now) {

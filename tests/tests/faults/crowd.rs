@@ -7,8 +7,18 @@ use super::{
     soak::memory_mib,
     table::Row,
 };
-use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient};
-use std::net::TcpStream;
+use murmuration_coordinator::limits::{
+    HANDSHAKE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_WORKER_MESSAGE,
+};
+use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient, worker_message::Message};
+use murmuration_tests::Impostor;
+use std::{
+    io::{ErrorKind, Read as _},
+    net::{Ipv4Addr, TcpStream},
+    time::Instant,
+};
+use tokio::net::TcpSocket;
+use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(60, 1000);
@@ -60,4 +70,87 @@ fn watch_unread(cluster: &Cluster, id: &str) -> usize {
         });
         count
     })
+}
+
+/// Addresses of this machine that connections come from.
+const PEERS: u8 = 5;
+
+/// More connections than are allowed in all, and from one address; and a larger message.
+pub fn limits(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let per_peer = MAX_CONNECTIONS_PER_PEER + 50;
+    let wanted = per_peer * usize::from(PEERS);
+    assert!(wanted > MAX_CONNECTIONS + 500);
+    // Both ends are processes of this machine, with the same limit.
+    let files = rlimit::increase_nofile_limit(u64::MAX).unwrap() as usize;
+    if files < wanted + 500 {
+        return Row {
+            done: format!(
+                "skipped: {wanted} connections need more than the {files} open files that are allowed here"
+            ),
+            found: "nothing".to_owned(),
+        };
+    }
+    let spec = campaign(60, 1000);
+    let mut cluster = Cluster::start(2);
+    let id = cluster.submit(&spec);
+    cluster.wait_until(&id, |status| status.generations_done > 0);
+    let kept = kept_open(&cluster, per_peer);
+    let url = cluster.url();
+    let refused = cluster.runtime().block_on(too_large(&url));
+    assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    let digest = cluster.finish(&id);
+    Row {
+        done: format!(
+            "{wanted} connections from {PEERS} addresses, and a worker's message of {} MiB and some bytes",
+            MAX_WORKER_MESSAGE >> 20
+        ),
+        found: format!(
+            "{kept} stayed open, the others were closed at once; the message was refused; {}",
+            undisturbed.check(&spec, &digest)
+        ),
+    }
+}
+
+/// Opens so many connections from each address; how many the coordinator keeps.
+fn kept_open(cluster: &Cluster, per_peer: usize) -> usize {
+    let mut open = Vec::new();
+    for peer in 0..PEERS {
+        for _ in 0..per_peer {
+            let from = Ipv4Addr::new(127, 0, 0, 2 + peer);
+            open.push(cluster.runtime().block_on(connect(from, cluster.address())));
+        }
+    }
+    let begun = Instant::now();
+    // Its workers, and this test's client, have some of the places.
+    while open.len() > MAX_CONNECTIONS && begun.elapsed() < HANDSHAKE_LIMIT / 2 {
+        open.retain_mut(is_open);
+    }
+    let kept = open.len();
+    assert!(
+        (MAX_CONNECTIONS - 16..=MAX_CONNECTIONS).contains(&kept),
+        "{kept} connections are open"
+    );
+    kept
+}
+
+async fn connect(from: Ipv4Addr, to: &str) -> TcpStream {
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.bind((from, 0).into()).unwrap();
+    let stream = socket.connect(to.parse().unwrap()).await.unwrap();
+    stream.into_std().unwrap()
+}
+
+/// Whether the other end has not closed it.
+fn is_open(stream: &mut TcpStream) -> bool {
+    let silent = |error: std::io::Error| error.kind() == ErrorKind::WouldBlock;
+    stream.read(&mut [0]).is_err_and(silent)
+}
+
+/// What a worker hears that says more at once than it may.
+async fn too_large(url: &str) -> Status {
+    let hello = v1::Hello {
+        name: "a".repeat(MAX_WORKER_MESSAGE),
+        ..v1::Hello::default()
+    };
+    Impostor::say_hello(url, Message::Hello(hello)).await.unwrap_err()
 }

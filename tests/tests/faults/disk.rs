@@ -1,4 +1,4 @@
-//! A disk that is full for a while.
+//! A disk that is full, read-only or failing for a while.
 
 use super::{
     Scale,
@@ -6,7 +6,8 @@ use super::{
     processes::Cluster,
     table::Row,
 };
-use murmuration_proto::v1;
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::FaultyLibc;
 use std::{
     fs::{self, File},
     io::Write as _,
@@ -56,21 +57,7 @@ pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let mut file = File::create(&ballast).unwrap();
     while file.write_all(&[0; 4096]).is_ok() {}
     drop(file);
-    // The database may have a little room in its own files yet.
-    let mut before = cluster.try_status(&id).unwrap().generations_done;
-    loop {
-        thread::sleep(Duration::from_secs(2));
-        let now = cluster.try_status(&id).unwrap();
-        assert_eq!(now.state(), v1::CampaignState::Running, "{}", now.error);
-        if now.generations_done == before {
-            break;
-        }
-        before = now.generations_done;
-    }
-    assert!(
-        before < spec.search().generations(),
-        "it was over before the disk was full"
-    );
+    let before = waits(&mut cluster, &id, &spec);
     fs::remove_file(&ballast).unwrap();
     let digest = cluster.finish(&id);
     drop(cluster);
@@ -81,4 +68,55 @@ pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
             undisturbed.check(&spec, &digest)
         ),
     }
+}
+
+pub fn failing(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let fails = "syncs that fail (EIO)";
+    refused(undisturbed, fails, |faults, refuse| faults.fail_syncs(refuse))
+}
+
+pub fn read_only(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let fails = "a disk that became read-only (EROFS)";
+    refused(undisturbed, fails, |faults, refuse| faults.read_only(refuse))
+}
+
+/// A disk that refuses what the coordinator writes for a while, in the middle of a campaign.
+fn refused(undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool)) -> Row {
+    let folder = tempfile::tempdir().unwrap();
+    let faults = FaultyLibc::new(folder.path());
+    let spec = campaign(60, 1000);
+    let mut cluster = Cluster::start_in(folder, 2, faults.environment().into());
+    let id = cluster.submit(&spec);
+    cluster.wait_until(&id, |status| status.generations_done >= 5);
+    set(&faults, true);
+    let before = waits(&mut cluster, &id, &spec);
+    set(&faults, false);
+    let digest = cluster.finish(&id);
+    Row {
+        done: format!("{what} after {before} generations, sound again later"),
+        found: format!(
+            "waited, and went on by itself; {}",
+            undisturbed.check(&spec, &digest)
+        ),
+    }
+}
+
+/// Waits until the campaign waits for its disk; its generations.
+fn waits(cluster: &mut Cluster, id: &str, spec: &CampaignSpec) -> u32 {
+    // The database may have a little room in its own files yet.
+    let mut before = cluster.try_status(id).unwrap().generations_done;
+    loop {
+        thread::sleep(Duration::from_secs(2));
+        let now = cluster.try_status(id).unwrap();
+        assert_eq!(now.state(), v1::CampaignState::Running, "{}", now.error);
+        if now.generations_done == before && !now.waiting.is_empty() {
+            break;
+        }
+        before = now.generations_done;
+    }
+    assert!(
+        before < spec.search().generations(),
+        "it was over before the disk refused anything"
+    );
+    before
 }

@@ -61,7 +61,7 @@ impl Scale {
 
 type Scenario = fn(&Scale, &Undisturbed) -> Row;
 
-const SCENARIOS: [(&str, Scenario); 15] = [
+const SCENARIOS: [(&str, Scenario); 18] = [
     ("workers killed", kills::workers),
     ("coordinator killed", kills::coordinator),
     ("trainer killed", kills::trainer),
@@ -74,8 +74,11 @@ const SCENARIOS: [(&str, Scenario); 15] = [
     ("impossible results", workers::impossible),
     ("foreign leases", workers::foreign_leases),
     ("full disk", disk::full),
+    ("failing disk", disk::failing),
+    ("read-only disk", disk::read_only),
     ("clock jumps", clock::jumps),
     ("connections", crowd::connections),
+    ("limits", crowd::limits),
     ("soak", soak::soak),
 ];
 

@@ -252,6 +252,24 @@ impl Cluster {
         self.digest(campaign)
     }
 
+    /// Waits until no task waits for a worker and none is with one.
+    pub fn wait_for_idleness(&self) {
+        let begun = Instant::now();
+        loop {
+            let page = ureq::get(format!("{}/metrics", self.url())).call().unwrap();
+            let page = page.into_body().read_to_string().unwrap();
+            let idle = |gauge| page.contains(&format!("{gauge}{{party=\"worker\"}} 0\n"));
+            if idle("murmuration_leases") && idle("murmuration_tasks_pending") {
+                return;
+            }
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "leases or tasks of nobody are left:\n{page}"
+            );
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
     pub fn digest(&mut self, campaign: &str) -> String {
         let request = v1::GetDigestRequest {
             campaign: campaign.to_owned(),

@@ -59,6 +59,7 @@ pub fn soak(scale: &Scale, undisturbed: &Undisturbed) -> Row {
             warm = Some((Held::by(cluster.coordinator().id()), worker, Held::by(worker)));
         }
     }
+    cluster.wait_for_idleness();
     let (first, worker, worker_first) = warm.unwrap();
     let last = Held::by(cluster.coordinator().id());
     let grown = last.memory_mib - first.memory_mib;
@@ -89,7 +90,7 @@ pub fn soak(scale: &Scale, undisturbed: &Undisturbed) -> Row {
             begun.elapsed().as_secs()
         ),
         found: format!(
-            "coordinator {:.0} to {:.0} MiB and {} to {} files{of_worker}; digests as undisturbed",
+            "coordinator {:.0} to {:.0} MiB and {} to {} files{of_worker}; no lease left; digests as undisturbed",
             first.memory_mib, last.memory_mib, first.files, last.files
         ),
     }

@@ -8,6 +8,7 @@
 mod cache;
 mod embedder;
 mod embedders;
+mod kind;
 mod runtime;
 
 pub use cache::{Cache, CacheError, FetchError, checkpoint_folder};

@@ -23,13 +23,13 @@ pub use credentials::{
 };
 pub use health::{Health, READY};
 pub use link::{Broken, Link};
-pub use process::until_terminated;
+pub use process::{PartyArguments, Post, run_party};
 pub use stop::{stopped, termination};
 pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
-use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION, v1};
+use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, v1};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},
@@ -47,6 +47,8 @@ pub enum Role {
     Worker {
         /// How many.
         capacity: u32,
+        /// How it embeds.
+        kind: EmbeddingKind,
     },
     /// A trainer, which has one training at a time.
     Trainer,
@@ -56,12 +58,13 @@ impl Role {
     fn hello(self, name: &str, instance: u64) -> v1::Hello {
         let name = name.to_owned();
         match self {
-            Self::Worker { capacity } => v1::Hello {
+            Self::Worker { capacity, kind } => v1::Hello {
                 name,
                 capacity,
                 simulator_version: SIMULATOR_VERSION.to_owned(),
                 trainer_version: String::new(),
                 instance,
+                embedding_kind: kind.number(),
             },
             Self::Trainer => v1::Hello {
                 name,
@@ -69,6 +72,7 @@ impl Role {
                 simulator_version: String::new(),
                 trainer_version: TRAINER_VERSION.to_owned(),
                 instance,
+                embedding_kind: 0,
             },
         }
     }

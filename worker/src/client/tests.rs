@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_link::{Address, Credentials, Role};
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, ImageFormat, World,
+    CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, ImageFormat, World,
     v1::{
         self,
         checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
@@ -93,7 +93,10 @@ impl Worker {
         let asked = fake.asked.clone();
         let server = Server::builder().add_service(CheckpointServiceServer::new(fake));
         tokio::spawn(server.serve_with_incoming(TcpListenerStream::new(listener)));
-        let role = Role::Worker { capacity: 1 };
+        let role = Role::Worker {
+            capacity: 1,
+            kind: EmbeddingKind::UNKNOWN,
+        };
         let address = Address::new(&url, &Credentials::default(), role, "tested").unwrap();
         let folder = tempfile::tempdir().unwrap();
         Self {

@@ -8,7 +8,10 @@ use crate::{
     },
     leases::{Instance, JobId, LeaseNumber, News, Refused, Settled, WorkerId},
 };
-use murmuration_proto::v1::{FailureClass, batch_result::Outcome};
+use murmuration_proto::{
+    EmbeddingKind,
+    v1::{FailureClass, batch_result::Outcome},
+};
 use std::time::Instant;
 use tonic::Status;
 use tracing::Span;
@@ -42,7 +45,7 @@ impl Service {
                 }
                 self.table.give_back(worker, lease, Instant::now());
             }
-            outcome => match job.work.outputs(outcome) {
+            outcome => match job.work.outputs(outcome, self.kind(worker)) {
                 Ok(outputs) => {
                     if let Some(Given { at, .. }) = given {
                         self.metrics
@@ -54,6 +57,11 @@ impl Service {
                 Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
             },
         }
+    }
+
+    fn kind(&self, worker: WorkerId) -> EmbeddingKind {
+        let worker = self.workers.get(&worker);
+        worker.map_or(EmbeddingKind::UNKNOWN, |worker| worker.kind)
     }
 
     fn keep(&mut self, worker: WorkerId, lease: LeaseNumber, outputs: Vec<Output>) {
@@ -123,7 +131,7 @@ impl Service {
             .is_some_and(|job| matches!(job.work, Work::Evaluations(_)));
         let settle = |settled| match settled {
             Settled::Result {
-                value: Output::Evaluation(evaluation),
+                value: Output::Evaluation(evaluation, _),
                 by,
                 audited,
             } => {
@@ -135,6 +143,11 @@ impl Service {
                     unaudited: (!audited).then_some(by),
                 }))
             }
+            Settled::Result {
+                value: Output::Embedding(embedding, _),
+                by,
+                audited,
+            } => Ok(Output::Embedded(embedding, (!audited).then_some(by))),
             Settled::Result { value, .. } => Ok(value),
             Settled::SetAside { lost } => {
                 let set_aside = SetAside {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{
+    campaign::Weight,
     labels::{Action, Change},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };

@@ -111,6 +111,7 @@ impl From<Entry> for v1::LabelEntry {
                 annotator: annotator.clone(),
             }),
             Action::Undo => Said::Undo(v1::Undo {}),
+            Action::Withdraw { index } => Said::Withdraw(v1::Withdraw { index }),
             Action::Create { class } => Said::Create(v1::CreateClass {
                 class: class.to_string(),
             }),
@@ -208,7 +209,9 @@ impl From<LabelError> for Status {
             LabelError::Refused(Refusal::NoClass(_)) => Self::not_found(said),
             LabelError::Refused(Refusal::IntoItself(_)) => Self::invalid_argument(said),
             LabelError::Refused(Refusal::TooManyClasses(_)) => Self::resource_exhausted(said),
-            LabelError::Refused(Refusal::NothingToUndo(_)) => Self::failed_precondition(said),
+            LabelError::Refused(Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. }) => {
+                Self::failed_precondition(said)
+            }
         }
     }
 }

@@ -1,8 +1,11 @@
 //! The label log on disk.
 
 use super::*;
-use crate::labels::ClassName;
-use crate::store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance};
+use crate::{
+    campaign::Weight,
+    labels::ClassName,
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
+};
 use murmuration_proto::CampaignSpec;
 use std::path::Path;
 

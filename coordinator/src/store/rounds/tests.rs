@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{
+    campaign::Weight,
     labels::Action,
     store::{
         ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance, SavedTraining,

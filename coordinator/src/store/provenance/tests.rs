@@ -1,0 +1,99 @@
+use super::*;
+use crate::{
+    campaign::Weight,
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture},
+};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+
+/// A campaign of four pictures and three generations of two: of each, worker 7 did the first and two workers the second.
+pub(in crate::store) fn open() -> (tempfile::TempDir, Store, CampaignId) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
+    let by_7 = |notices: Vec<String>| Provenance {
+        unaudited: vec![Some(Instance(7)), None],
+        notices,
+    };
+    let picture = |seed| Picture {
+        controller: Controller::new(CapabilityModel::SingleSensor, &[0.5; 4]).unwrap(),
+        seed,
+        image: vec![seed as u8; 4],
+    };
+    for place in [0, 2] {
+        let pictures = [picture(place), picture(place + 1)];
+        store
+            .add_pictures(&id, place, &pictures, &by_7(Vec::new()))
+            .unwrap();
+    }
+    for generation in 0..3 {
+        let first = 2 * u64::from(generation);
+        let individuals = [first, first + 1].map(|index| ArchivedIndividual {
+            image: Some(vec![index as u8; 4]),
+            ..ArchivedIndividual::still(index, generation)
+        });
+        let record = GenerationRecord::of(generation, &[0.0], 0);
+        let provenance = by_7(vec![format!("generation {generation}")]);
+        store
+            .commit_generation(&id, &record, &individuals, &provenance)
+            .unwrap();
+    }
+    (folder, store, id)
+}
+
+pub(in crate::store) fn wrong(instance: u64) -> Quarantined {
+    Quarantined {
+        instance: Instance(instance),
+        name: format!("worker {instance}"),
+    }
+}
+
+#[test]
+fn it_is_known_what_rests_on_the_word_of_whom() {
+    let (_folder, store, id) = open();
+    assert!(store.suspects(&id).unwrap().is_empty());
+    store.quarantine(&[wrong(8), wrong(0)]).unwrap();
+    assert!(store.suspects(&id).unwrap().is_empty(), "nobody is not somebody");
+    store.quarantine(&[wrong(7)]).unwrap();
+    let suspects = store.suspects(&id).unwrap();
+    assert_eq!(suspects.pictures, [0, 2]);
+    assert_eq!(suspects.individuals, [0, 2, 4]);
+    assert_eq!(suspects.workers, [wrong(7)]);
+    assert_eq!(suspects.len(), 5);
+}
+
+#[test]
+fn what_another_found_too_rests_on_nobodys_word() {
+    let (_folder, store, id) = open();
+    store.quarantine(&[wrong(7)]).unwrap();
+    store.confirm(&id, &[wrong(7)], "all right").unwrap();
+    assert!(store.suspects(&id).unwrap().is_empty());
+    assert_eq!(texts(&store, &id).last().unwrap(), "all right");
+}
+
+#[test]
+fn who_was_found_wrong_is_remembered_once() {
+    let (folder, store, _) = open();
+    store.quarantine(&[wrong(u64::MAX)]).unwrap();
+    store.quarantine(&[wrong(7), wrong(u64::MAX)]).unwrap();
+    drop(store);
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    let mut known = store.quarantined().unwrap();
+    known.sort_by_key(|wrong| wrong.instance);
+    assert_eq!(known, [wrong(7), wrong(u64::MAX)]);
+}
+
+#[test]
+fn the_latest_notices_are_told_oldest_first() {
+    let (_folder, store, id) = open();
+    for number in 0..60 {
+        store.confirm(&id, &[], &number.to_string()).unwrap();
+    }
+    let expected: Vec<String> = (10..60).map(|number| number.to_string()).collect();
+    assert_eq!(texts(&store, &id), expected);
+}
+
+fn texts(store: &Store, id: &CampaignId) -> Vec<String> {
+    let notices = store.notices(id).unwrap();
+    notices.into_iter().map(|notice| notice.text).collect()
+}

@@ -1,0 +1,59 @@
+//! Which machines embed alike.
+
+use crate::Runtime;
+use murmuration_proto::EmbeddingKind;
+use std::env::consts::ARCH;
+
+impl Runtime {
+    /// The kind of embeddings that this machine makes. ONNX Runtime chooses its kernels by what the processor has, and
+    /// builds of it differ; where both are the same, so are the bits.
+    #[must_use]
+    pub fn kind(&self) -> EmbeddingKind {
+        EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
+    }
+}
+
+/// Sets of instructions that kernels are written for.
+#[cfg(target_arch = "x86_64")]
+fn instructions() -> Vec<&'static str> {
+    macro_rules! detected {
+        ($($name:tt)*) => {
+            [$(($name, std::arch::is_x86_feature_detected!($name))),*]
+        };
+    }
+    let all = detected!(
+        "sse4.1" "avx" "fma" "f16c" "avx2" "avxvnni" "avx512f" "avx512bw" "avx512dq" "avx512vl" "avx512vnni"
+        "avx512bf16" "avx512fp16"
+    );
+    let detected = all.into_iter().filter(|(_, detected)| *detected);
+    detected.map(|(name, _)| name).collect()
+}
+
+#[cfg(target_arch = "aarch64")]
+fn instructions() -> Vec<&'static str> {
+    macro_rules! detected {
+        ($($name:tt)*) => {
+            [$(($name, std::arch::is_aarch64_feature_detected!($name))),*]
+        };
+    }
+    let all = detected!("neon" "fp16" "dotprod" "i8mm" "bf16" "sve" "sve2");
+    let detected = all.into_iter().filter(|(_, detected)| *detected);
+    detected.map(|(name, _)| name).collect()
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+fn instructions() -> Vec<&'static str> {
+    Vec::new()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_machine_is_of_one_kind() {
+        let runtime = Runtime::load().unwrap();
+        assert_eq!(runtime.kind(), runtime.kind());
+        assert_ne!(runtime.kind(), EmbeddingKind::UNKNOWN);
+    }
+}
