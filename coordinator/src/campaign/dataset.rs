@@ -36,10 +36,10 @@ pub(super) async fn collect(
     let mut next = *pictures_done / starts;
     while next < u64::from(dataset.controllers()) {
         let chunk = next..u64::from(dataset.controllers()).min(next + CHUNK);
-        let tasks = tasks(&spec, &dataset, chunk.clone())?;
+        let tasks = tasks(spec, &dataset, chunk.clone())?;
         let job = EvaluationJob::of(&record, None, tasks);
         let substitute =
-            |place: usize, attempt| substitutes(&spec, &dataset, chunk.start, place as u64, attempt);
+            |place: usize, attempt| substitutes(spec, &dataset, chunk.start, place as u64, attempt);
         let Some(done) = evaluate(&means.dispatch, live, job, substitute).await? else {
             return Ok(Outcome::Stopped);
         };
