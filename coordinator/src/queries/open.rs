@@ -76,8 +76,6 @@ type Kind = (Strategy, bool);
 struct Open {
     rankings: BTreeMap<Strategy, Ranked>,
     leases: QueryLeases<Kind>,
-    /// As they stood when somebody asked last.
-    labels: Labels,
 }
 
 /// A ranking, and what it was made of.
@@ -109,11 +107,7 @@ impl Queries {
             Arc::clone(campaigns.entry(record.id.clone()).or_default())
         };
         let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
-        let Open {
-            rankings,
-            leases,
-            labels,
-        } = &mut *open;
+        let Open { rankings, leases } = &mut *open;
         let individuals = record.individuals();
         if !rankings
             .get(&wish.strategy)
@@ -122,10 +116,10 @@ impl Queries {
             rankings.insert(wish.strategy, self.rank(&record, wish.strategy)?);
         }
         let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
-        *labels = self.store.catch_up(&record.id, std::mem::take(labels))?;
+        let labels = self.store.labels(&record.id)?;
         let kind = (wish.strategy, wish.agreement);
         for &index in wish.again.iter().rev() {
-            if (index as u64) < individuals && is_open(labels, index as u64, wish) {
+            if (index as u64) < individuals && is_open(&labels, index as u64, wish) {
                 let query = Query {
                     index,
                     reason: Reason::Again,
@@ -138,7 +132,7 @@ impl Queries {
             kind,
             wish.count,
             ranking.unwrap_or_default(),
-            |index| is_open(labels, index as u64, wish),
+            |index| is_open(&labels, index as u64, wish),
             now,
         );
         Ok(Asked {

@@ -51,7 +51,7 @@ impl LabelApi {
         .await
     }
 
-    async fn labels(&self, campaign: String) -> Result<Labels> {
+    async fn labels(&self, campaign: String) -> Result<Arc<Labels>> {
         self.with(move |store| -> std::result::Result<_, StoreError> {
             store.labels(&store.campaign(&campaign)?.id)
         })

@@ -1,12 +1,17 @@
-//! Rows of the label log: added, never changed.
+//! The label log: added to, never changed.
+
+mod followed;
+mod rows;
+
+pub(super) use followed::Followed;
+pub(super) use rows::entries;
 
 use super::{Store, StoreError, archive::clamped, campaigns::number_of};
 use crate::{
     campaign::CampaignId,
-    labels::{Action, Annotator, BrokenLog, Change, Entry, Labels, Refusal, RequestId},
+    labels::{Action, Change, Entry, Labels, Refusal, RequestId},
 };
-use murmuration_proto::Invalid;
-use rusqlite::{Connection, Row, Transaction, params};
+use rusqlite::{Connection, Transaction, params};
 
 /// Why nothing was added to a log.
 #[derive(Debug, thiserror::Error)]
@@ -21,9 +26,6 @@ pub enum LabelError {
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
 }
-
-const SELECT: &str = "
-    SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels WHERE campaign = ?1";
 
 impl Store {
     /// The whole log of a campaign, in order.
@@ -61,22 +63,6 @@ impl Store {
         })
     }
 
-    /// What the log of a campaign comes to.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub fn labels(&self, campaign: &CampaignId) -> Result<Labels, StoreError> {
-        self.catch_up(campaign, Labels::default())
-    }
-
-    /// As [`Store::labels`], where the beginning of the log was read before: only what is new is read.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub fn catch_up(&self, campaign: &CampaignId, labels: Labels) -> Result<Labels, StoreError> {
-        self.read(|connection| follow(connection, number_of(connection, campaign)?, labels))
-    }
-
     /// What a request added to a campaign's log; nothing if it was not made.
     ///
     /// # Errors
@@ -101,21 +87,20 @@ impl Store {
         request: &RequestId,
         changes: Vec<Change>,
     ) -> Result<Vec<Entry>, LabelError> {
-        // What is refused was refused before a row was written, so that committing changes nothing.
-        self.write(|transaction| match add(transaction, campaign, request, changes) {
-            Err(LabelError::Store(error)) => Err(error),
-            other => Ok(other),
-        })?
+        self.add_to_log(campaign, |transaction, number, labels| {
+            add(transaction, (campaign, number), request, changes, labels)
+        })
     }
 }
 
+/// What was refused has written nothing.
 pub(super) fn add(
     transaction: &Transaction<'_>,
-    campaign: &CampaignId,
+    (campaign, number): (&CampaignId, i64),
     request: &RequestId,
     changes: Vec<Change>,
+    labels: &mut Labels,
 ) -> Result<Vec<Entry>, LabelError> {
-    let number = number_of(transaction, campaign)?;
     let before = made(transaction, number, request)?;
     if !before.is_empty() {
         let same = before.len() == changes.len()
@@ -130,12 +115,11 @@ pub(super) fn add(
         };
     }
     check_individuals(transaction, campaign, number, &changes)?;
-    let mut labels = follow(transaction, number, Labels::default())?;
     let added = changes
         .into_iter()
         .map(|change| labels.record(change))
         .collect::<Result<Vec<Entry>, Refusal>>()?;
-    insert(transaction, number, request, &added)?;
+    rows::insert(transaction, number, request, &added)?;
     Ok(added)
 }
 
@@ -175,142 +159,9 @@ fn check_individuals(
     Ok(())
 }
 
-fn insert(
-    transaction: &Transaction<'_>,
-    number: i64,
-    request: &RequestId,
-    added: &[Entry],
-) -> Result<(), StoreError> {
-    let mut statement = transaction.prepare(
-        "INSERT INTO labels
-            (campaign, entry, request, annotator, time_ms, action, place, class, value, supersedes)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
-    )?;
-    for entry in added {
-        let columns = Columns::of(&entry.change.action);
-        statement.execute(params![
-            number,
-            clamped(entry.number),
-            request.as_str(),
-            entry.change.annotator.as_str(),
-            clamped(entry.change.time_ms),
-            columns.action,
-            columns.place,
-            columns.class,
-            columns.value,
-            entry.supersedes.map(clamped),
-        ])?;
-    }
-    Ok(())
-}
-
 /// The log from entry `from` on.
 fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, StoreError> {
     entries(connection, "AND entry >= ?2", params![number, clamped(from)])
-}
-
-fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<Labels, StoreError> {
-    let new = log(connection, number, labels.entries())?;
-    let broken = |error: BrokenLog| StoreError::damaged(error.to_string());
-    labels.follow(new).map_err(broken)?;
-    Ok(labels)
-}
-
-pub(super) fn entries(
-    connection: &Connection,
-    which: &str,
-    parameters: impl rusqlite::Params,
-) -> Result<Vec<Entry>, StoreError> {
-    let mut statement = connection.prepare_cached(&format!("{SELECT} {which} ORDER BY entry"))?;
-    let mut rows = statement.query(parameters)?;
-    let mut entries = Vec::new();
-    while let Some(row) = rows.next()? {
-        entries.push(entry(row)?);
-    }
-    Ok(entries)
-}
-
-fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
-    let number = row.get::<_, i64>(0)?.unsigned_abs();
-    let damaged = |error: Invalid| StoreError::damaged(format!("entry {number} of the label log: {error}"));
-    let annotator: Annotator = row.get::<_, String>(1)?.parse().map_err(damaged)?;
-    let columns = Columns {
-        action: row.get(3)?,
-        place: row.get(4)?,
-        class: row.get(5)?,
-        value: row.get(6)?,
-    };
-    Ok(Entry {
-        number,
-        change: Change {
-            annotator,
-            time_ms: row.get::<_, i64>(2)?.unsigned_abs(),
-            action: columns.read().map_err(damaged)?,
-        },
-        supersedes: row.get::<_, Option<i64>>(7)?.map(i64::unsigned_abs),
-    })
-}
-
-/// An action in columns.
-#[derive(Debug, Default)]
-struct Columns {
-    action: String,
-    place: Option<i64>,
-    class: Option<String>,
-    value: Option<String>,
-}
-
-impl Columns {
-    fn of(action: &Action) -> Self {
-        let named = |action: &str, class: &dyn ToString, value: Option<String>| Self {
-            action: action.to_owned(),
-            class: Some(class.to_string()),
-            value,
-            place: None,
-        };
-        match action {
-            Action::Answer { index, answer } => Self {
-                place: Some(clamped(*index)),
-                ..named("answer", answer, None)
-            },
-            Action::Undo => Self {
-                action: "undo".to_owned(),
-                ..Self::default()
-            },
-            Action::Create { class } => named("create", class, None),
-            Action::Rename { class, to } => named("rename", class, Some(to.to_string())),
-            Action::Merge { class, into } => named("merge", class, Some(into.to_string())),
-            Action::Colour { class, colour } => named("colour", class, Some(colour.to_string())),
-        }
-    }
-
-    fn read(self) -> Result<Action, Invalid> {
-        let class = self.class.unwrap_or_default();
-        let value = self.value.unwrap_or_default();
-        Ok(match (self.action.as_str(), self.place) {
-            ("answer", Some(place)) => Action::Answer {
-                index: place.unsigned_abs(),
-                answer: class.parse()?,
-            },
-            ("undo", None) => Action::Undo,
-            ("create", None) => Action::Create {
-                class: class.parse()?,
-            },
-            ("rename", None) => Action::Rename {
-                class: class.parse()?,
-                to: value.parse()?,
-            },
-            ("merge", None) => Action::Merge {
-                class: class.parse()?,
-                into: value.parse()?,
-            },
-            ("colour", None) => Action::Colour {
-                class: class.parse()?,
-                colour: value.parse()?,
-            },
-            (other, _) => return Err(Invalid::new("action", other, "one that this version writes")),
-        })
-    }
 }
 
 #[cfg(test)]

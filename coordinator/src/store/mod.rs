@@ -48,6 +48,8 @@ pub struct Store {
     /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
     /// has the connection.
     in_doubt: Arc<AtomicBool>,
+    /// What the label logs come to.
+    followed: Arc<labels::Followed>,
 }
 
 impl Store {
@@ -87,6 +89,7 @@ impl Store {
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             in_doubt: Arc::default(),
+            followed: Arc::default(),
         }
     }
 

@@ -24,14 +24,14 @@ use maud::{Markup, html};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
 
 /// The page.
 pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let (store, campaign, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
-    let read = move || -> Result<(Option<Taxonomy>, Labels), StoreError> {
+    let read = move || -> Result<(Option<Taxonomy>, Arc<Labels>), StoreError> {
         let taxonomy = Taxonomy::read(&store, &campaign, &spec)?;
         Ok((taxonomy, store.labels(&campaign)?))
     };

@@ -17,7 +17,7 @@ use murmuration_proto::{
 };
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 use tonic::Request;
 
 type Told = Result<Json<Value>, Refused>;
@@ -175,7 +175,7 @@ async fn classes(web: &Web, campaign: String) -> Told {
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
     let labels =
-        blocking(move || -> Result<Labels, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
+        blocking(move || -> Result<Arc<Labels>, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
             .await??;
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();

@@ -7,7 +7,7 @@ use murmuration_proto::CampaignSpec;
 use std::path::Path;
 
 /// A store with a campaign of three individuals.
-fn open(folder: &Path) -> (Store, CampaignId) {
+pub(super) fn open(folder: &Path) -> (Store, CampaignId) {
     let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
     let id = store.create_campaign(&spec, 7).unwrap();
@@ -23,7 +23,7 @@ fn open(folder: &Path) -> (Store, CampaignId) {
     (store, id)
 }
 
-fn change(time_ms: u64, action: Action) -> Change {
+pub(super) fn change(time_ms: u64, action: Action) -> Change {
     Change {
         annotator: "ana".parse().unwrap(),
         time_ms,
@@ -31,12 +31,12 @@ fn change(time_ms: u64, action: Action) -> Change {
     }
 }
 
-fn answer(index: u64, answer: &str) -> Change {
+pub(super) fn answer(index: u64, answer: &str) -> Change {
     let answer = answer.parse().unwrap();
     change(7, Action::Answer { index, answer })
 }
 
-fn request(id: &str) -> RequestId {
+pub(super) fn request(id: &str) -> RequestId {
     id.parse().unwrap()
 }
 
