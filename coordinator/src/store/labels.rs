@@ -9,7 +9,7 @@ pub(super) use rows::entries;
 use super::{Store, StoreError, archive::clamped, campaigns::number_of};
 use crate::{
     campaign::CampaignId,
-    labels::{Action, Change, Entry, Labels, Refusal, RequestId},
+    labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
 };
 use rusqlite::{Connection, Transaction, params};
 
@@ -25,6 +25,15 @@ pub enum LabelError {
     /// A former request of the same id said something else.
     #[error("request \"{0}\" was made before, and said something else")]
     OtherRequest(RequestId),
+}
+
+/// An answer that was taken back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Undone {
+    /// The entry that takes it back.
+    pub entry: Entry,
+    /// The answer.
+    pub answer: Label,
 }
 
 impl Store {
@@ -91,6 +100,68 @@ impl Store {
             add(transaction, (campaign, number), request, changes, labels)
         })
     }
+
+    /// Takes back what an annotator said last: of the request that their newest standing answer came with, all of their
+    /// answers that still stand, in one transaction; these, the newest first. A request that was made before takes nothing
+    /// back: the answers are those that it took back then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
+    ///
+    /// # Errors
+    /// [`LabelError`]; [`Refusal::NothingToUndo`] where none of their answers stands. Nothing has changed then.
+    pub fn undo_labels(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        annotator: &Annotator,
+        time_ms: u64,
+    ) -> Result<Vec<Undone>, LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            let undo = Change {
+                annotator: annotator.clone(),
+                time_ms,
+                action: Action::Undo,
+            };
+            let mut entries = made(transaction, number, request)?;
+            if entries.is_empty() {
+                entries = undo_newest(transaction, number, labels, &undo)?;
+                rows::insert(transaction, number, request, &entries)?;
+            } else if !entries.iter().all(|entry| says_the_same(&entry.change, &undo)) {
+                return Err(LabelError::OtherRequest(request.clone()));
+            }
+            let undone = |entry: Entry| {
+                let answer = labels.given(entry.supersedes?)?;
+                Some(Undone { entry, answer })
+            };
+            Ok(entries.into_iter().filter_map(undone).collect())
+        })
+    }
+}
+
+/// As many entries that take back as the last act of their annotator has answers that stand.
+fn undo_newest(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    undo: &Change,
+) -> Result<Vec<Entry>, LabelError> {
+    let annotator = &undo.annotator;
+    let nothing = || Refusal::NothingToUndo(annotator.clone());
+    let newest = labels.newest(annotator).ok_or_else(nothing)?;
+    let first: i64 = transaction
+        .query_row(
+            "SELECT min(entry) FROM labels WHERE campaign = ?1
+             AND request = (SELECT request FROM labels WHERE campaign = ?1 AND entry = ?2)",
+            params![number, clamped(newest)],
+            |row| row.get(0),
+        )
+        .map_err(StoreError::from)?;
+    let mut entries = Vec::new();
+    while labels
+        .newest(annotator)
+        .is_some_and(|newest| newest >= first.unsigned_abs())
+    {
+        entries.push(labels.record(undo.clone())?);
+    }
+    Ok(entries)
 }
 
 /// What was refused has written nothing.

@@ -24,7 +24,7 @@ pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
 pub use embeddings::Switch;
 pub use error::StoreError;
-pub use labels::LabelError;
+pub use labels::{LabelError, Undone};
 pub use pictures::{Picture, SavedTraining};
 pub use provenance::{Notice, Provenance};
 pub use rounds::TrainingPictures;

@@ -66,6 +66,14 @@ async fn ten_are_lassoed_on_the_map_and_named() {
             "document.getElementById('legend').textContent.includes('edge · {count}')"
         ))
         .await;
+    // One key takes all of it back.
+    window.press("u").await;
+    saved(&window).await;
+    window
+        .until("document.getElementById('legend').textContent.includes('edge · 0')")
+        .await;
+    assert_eq!(scene.labels.standing().await.len(), 0);
+    assert_eq!(scene.labels.entries().await, 2 * count);
     // t-SNE comes when it is ready.
     window
         .until("!document.querySelector('#projection [value=neighbours]').disabled")

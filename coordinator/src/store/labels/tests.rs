@@ -108,6 +108,53 @@ fn a_request_made_again_adds_nothing() {
 }
 
 #[test]
+fn an_act_is_taken_back_at_once_whatever_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+    let bens = Change {
+        annotator: "ben".parse().unwrap(),
+        ..answer(0, "c")
+    };
+    // One of them twice.
+    let sheet = vec![
+        answer(0, "b"),
+        bens,
+        answer(1, "b"),
+        answer(2, "b"),
+        answer(1, "c"),
+    ];
+    store.add_labels(&id, &request("2"), sheet).unwrap();
+    let undo = |name: &str| -> Result<Vec<u64>, LabelError> {
+        let undone = store.undo_labels(&id, &request(name), &"ana".parse().unwrap(), 9)?;
+        Ok(undone.iter().map(|undone| undone.answer.index).collect())
+    };
+    for _ in 0..2 {
+        assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    }
+    let stands = |store: &Store| -> Vec<(u64, String, String)> {
+        let labels = store.labels(&id).unwrap();
+        labels
+            .standing()
+            .map(|label| (label.index, label.annotator.to_string(), label.answer.to_string()))
+            .collect()
+    };
+    let said = |index, who: &str, class: &str| (index, who.to_owned(), class.to_owned());
+    assert_eq!(stands(&store), [said(0, "ana", "a"), said(0, "ben", "c")]);
+    assert!(matches!(undo("2"), Err(LabelError::OtherRequest(_))));
+    assert_eq!(undo("4").unwrap(), [0]);
+    assert!(matches!(
+        undo("5"),
+        Err(LabelError::Refused(Refusal::NothingToUndo(_)))
+    ));
+    assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    assert_eq!(store.label_log(&id).unwrap().len(), 11);
+    assert_eq!(stands(&store), [said(0, "ben", "c")]);
+}
+
+#[test]
 fn what_is_refused_leaves_nothing_of_its_request() {
     let folder = tempfile::tempdir().unwrap();
     let (store, id) = open(folder.path());

@@ -18,24 +18,18 @@ let clusters = [];
 let labelled = new Set();
 // Those that were put off: they come again once there is nothing else.
 let later = new Set();
-let undoing = false;
-// How many answers each undo takes back.
-const batches = [];
 
 await introduced();
 const outbox = new Outbox(await session(), {
-  told: (_, reply) => palette.show(reply.classes),
+  async told(item, reply) {
+    palette.show(reply.classes);
+    if (item.path === "undo") await load();
+  },
   async refused(_, error) {
     complain(status, error);
     await load();
   },
-  async changed(outbox) {
-    outbox.tell(status);
-    if (outbox.items.length === 0 && undoing) {
-      undoing = false;
-      await load();
-    }
-  },
+  changed: (outbox) => outbox.tell(status),
 });
 const palette = new Palette({ answer, undo });
 beforeLearning(outbox);
@@ -46,14 +40,12 @@ function answer(text) {
   const answers = rest.map((card) => ({ index: Number(card.dataset.index), answer: text }));
   for (const { index } of answers) labelled.add(index);
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
-  batches.push(answers.length);
   outbox.add("labels", { annotator: annotator(), answers });
   lay();
 }
 
 function undo() {
-  undoing = true;
-  for (let i = batches.pop() ?? 1; i > 0; i--) outbox.add("undo", { annotator: annotator() });
+  outbox.add("undo", { annotator: annotator() });
 }
 
 const cards = () => [...sheet.children];

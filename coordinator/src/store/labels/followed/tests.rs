@@ -17,6 +17,8 @@ fn replayed(store: &Store, id: &CampaignId) -> Labels {
 enum Step {
     /// A request of this id says so much; some are refused, some were made before.
     Say(u8, Vec<Change>),
+    /// A request of this id takes back.
+    Undo(u8),
     /// The disk fails after this was taken in.
     Fail(Change),
     /// Somebody looks, and keeps what they saw.
@@ -39,6 +41,7 @@ fn anything() -> impl Strategy<Value = Change> {
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         6 => (0u8..20, prop::collection::vec(anything(), 1..4)).prop_map(|(id, said)| Step::Say(id, said)),
+        2 => (0u8..20).prop_map(Step::Undo),
         1 => anything().prop_map(Step::Fail),
         2 => Just(Step::Look),
     ]
@@ -56,6 +59,10 @@ proptest! {
             match step {
                 // What is refused is part of it.
                 Step::Say(name, said) => drop(store.add_labels(&id, &request(&name.to_string()), said)),
+                Step::Undo(name) => {
+                    let ana = "ana".parse().unwrap();
+                    drop(store.undo_labels(&id, &request(&name.to_string()), &ana, 9));
+                }
                 Step::Fail(said) => {
                     let failed = store.add_to_log(&id, |_, _, labels| {
                         let _ = labels.record(said);
