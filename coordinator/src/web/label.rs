@@ -80,8 +80,8 @@ pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Res
         }
         (parts::who())
         p.lead {
-            "One cluster, as the embedding sees it. Click those that differ, or draw around them; then name the rest. "
-            "What differs stays for the next look."
+            "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
+            "rest. What differs stays for the next look. " span #so-far {}
         }
         div.desk.sheet-desk {
             section.sheet aria-label="Members of the cluster" {
