@@ -84,6 +84,24 @@ impl fmt::Display for LabelDigest {
     }
 }
 
+/// The class of each individual that has one in the answers that stand: where annotators differ, what was said last.
+pub fn newest_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, ClassName> {
+    let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
+    for label in standing {
+        if let Answer::Class(class) = label.answer
+            && newest
+                .get(&label.index)
+                .is_none_or(|(entry, _)| *entry < label.entry)
+        {
+            newest.insert(label.index, (label.entry, class));
+        }
+    }
+    newest
+        .into_iter()
+        .map(|(index, (_, class))| (index, class))
+        .collect()
+}
+
 impl Labels {
     /// Number of entries of the log that they come from.
     #[must_use]
@@ -263,20 +281,7 @@ impl Labels {
     /// The class of each individual that has one: where annotators differ, what was said last.
     #[must_use]
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
-        let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
-        for label in self.standing() {
-            if let Answer::Class(class) = label.answer
-                && newest
-                    .get(&label.index)
-                    .is_none_or(|(entry, _)| *entry < label.entry)
-            {
-                newest.insert(label.index, (label.entry, class));
-            }
-        }
-        newest
-            .into_iter()
-            .map(|(index, (_, class))| (index, class))
-            .collect()
+        newest_classes(self.standing())
     }
 
     /// What an embedder can learn from: each individual that has a class, with the number of its class, from 0 by name.

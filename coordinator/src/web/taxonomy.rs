@@ -11,6 +11,7 @@ use crate::{
     campaign::blocking,
     gather,
     labels::{ClassName, Labels},
+    limits::MAX_LABEL_MESSAGE,
     report,
     store::{CampaignRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
@@ -23,6 +24,7 @@ use axum::{
 use maud::{Markup, html};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+    label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
 };
 use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
@@ -114,14 +116,18 @@ pub(super) async fn export(
 ) -> Result<impl IntoResponse, Refused> {
     let id = web.campaigns.status(&id).await?.record.id;
     // The service of this process, without a network between.
-    let mut service = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels))
+        .max_decoding_message_size(MAX_LABEL_MESSAGE);
     let failed = |error: String| Status::internal(error);
-    let gathered = gather::report(&mut service, id.as_str())
-        .await
-        .map_err(|error| match error {
-            gather::GatherError::Service(status) => status,
-            other => failed(other.to_string()),
-        })?;
+    let gathered = async {
+        let names = gather::names(&mut labels, id.as_str()).await?;
+        gather::report(&mut archive, id.as_str(), names).await
+    };
+    let gathered = gathered.await.map_err(|error| match error {
+        gather::GatherError::Service(status) => status,
+        other => failed(other.to_string()),
+    })?;
     let page = blocking(move || report::page(&gathered)).await?;
     let page = page.map_err(|error| failed(error.to_string()))?;
     let name = format!("attachment; filename=\"{id}.html\"");

@@ -192,11 +192,13 @@ async fn medoids_are_named_and_the_report_is_taken_away() {
         );
         answer.body_mut().read_to_string().unwrap()
     });
-    assert!(
-        report
-            .await
-            .unwrap()
-            .contains("these 4 behaviours stand for them all")
-    );
+    let report = report.await.unwrap();
+    for said in [
+        "these 4 behaviours stand for them all",
+        ">milling</span>",
+        "milling · 1",
+    ] {
+        assert!(report.contains(said), "{said}");
+    }
     scene.cluster.stop().await;
 }
