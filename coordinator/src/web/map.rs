@@ -5,6 +5,7 @@ use super::{
     pages::{self, Part},
     parts,
     refused::Refused,
+    visitor::Visitor,
     wrong::Wrong,
 };
 use crate::{
@@ -25,7 +26,11 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 /// The page.
-pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {
@@ -68,7 +73,13 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
             }
         }
     };
-    Ok(pages::campaign_page(&record, Part::Map, "map.js", content))
+    Ok(pages::campaign_page(
+        &record,
+        Part::Map,
+        &visitor,
+        "map.js",
+        content,
+    ))
 }
 
 /// What is known of each point besides its place; clusters of the first individuals alone while the archive grows.

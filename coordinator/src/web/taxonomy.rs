@@ -5,6 +5,7 @@ use super::{
     pages::{self, Part},
     parts,
     refused::Refused,
+    visitor::Visitor,
     wrong::Wrong,
 };
 use crate::{
@@ -30,7 +31,11 @@ use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
 
 /// The page.
-pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let (store, campaign, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
     let read = move || -> Result<(Option<Taxonomy>, Arc<Labels>), StoreError> {
@@ -67,6 +72,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
     Ok(pages::campaign_page(
         &record,
         Part::Taxonomy,
+        &visitor,
         "taxonomy.js",
         content,
     ))
