@@ -1,15 +1,16 @@
-//! Gathers what a report shows, through the campaign service: of this process or of another.
+//! Gathers what a report shows, through the campaign and label services: of this process or of another.
 
 use crate::{
+    labels::{Class, Label, newest_classes},
     novelty::{Behaviours, Misfit},
     picture::columns,
     projection,
-    report::{Entry, GenerationSummary, Map, MedoidEntry, Report},
+    report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report},
 };
 use bytes::Bytes;
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, Controller, Features, Invalid, Method, Replay, SIMULATOR_VERSION, World,
-    v1::{self, campaign_service_client::CampaignServiceClient},
+    v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use tonic::{
     Status,
@@ -38,11 +39,60 @@ pub(crate) fn stride(world: &World) -> u32 {
     world.horizon().div_ceil(columns::MOST_FRAMES as u32).max(1)
 }
 
-/// The report of a completed campaign.
+/// What people called the behaviours of a campaign.
 ///
 /// # Errors
 /// See [`GatherError`].
-pub async fn report<C>(client: &mut CampaignServiceClient<C>, campaign: &str) -> Result<Report, GatherError>
+pub async fn names<C>(client: &mut LabelServiceClient<C>, campaign: &str) -> Result<Names, GatherError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let request = v1::ListLabelsRequest {
+        campaign: campaign.to_owned(),
+    };
+    let labels = client.list_labels(request).await?.into_inner().labels;
+    let labels = labels.into_iter().map(label).collect::<Result<Vec<_>, _>>()?;
+    let request = v1::ListClassesRequest {
+        campaign: campaign.to_owned(),
+    };
+    let classes = client.list_classes(request).await?.into_inner().classes;
+    Ok(Names {
+        classes: classes.iter().map(class).collect::<Result<_, _>>()?,
+        by_individual: newest_classes(labels.into_iter()),
+    })
+}
+
+fn label(label: v1::Label) -> Result<Label, Invalid> {
+    let answer = label.answer.unwrap_or_default();
+    Ok(Label {
+        entry: label.entry,
+        index: answer.index,
+        annotator: answer.annotator.parse()?,
+        answer: answer.answer.parse()?,
+        time_ms: answer.time_ms,
+    })
+}
+
+fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
+    Ok(Class {
+        name: class.name.parse()?,
+        colour: class.colour.parse()?,
+        labels: class.labels,
+    })
+}
+
+/// The report of a completed campaign, with what people called its behaviours.
+///
+/// # Errors
+/// See [`GatherError`].
+pub async fn report<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    names: Names,
+) -> Result<Report, GatherError>
 where
     C: GrpcService<Body> + Send,
     C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
@@ -98,6 +148,7 @@ where
         medoids,
         clusters: taxonomy.clusters,
         loss: taxonomy.loss,
+        names,
         spec,
     })
 }

@@ -1,6 +1,6 @@
 //! The real binaries, in real processes.
 
-use crate::FaultyLibc;
+use crate::{FaultyLibc, small_spec};
 use serde_json::Value;
 use std::{
     ffi::OsString,
@@ -84,6 +84,27 @@ impl Murmuration {
             data: data.to_owned(),
             environment: Vec::new(),
         }
+    }
+
+    /// Commands over a data directory in `folder` with a completed campaign, `small-1`, of 100 individuals.
+    #[must_use]
+    #[track_caller]
+    pub fn with_campaign(folder: &Path) -> Self {
+        let spec = folder.join("small.toml");
+        std::fs::write(&spec, small_spec("").to_toml()).unwrap();
+        let murmuration = Self::over(&folder.join("data"));
+        let run = murmuration.run(&["run", &spec.display().to_string()]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        murmuration
+    }
+
+    /// Starts a coordinator at `listen`, an address whose port may be 0, with further arguments of `serve`; its URL.
+    #[must_use]
+    pub fn serve(&self, listen: &str, more: &[&str]) -> (Running, String) {
+        let mut coordinator = self.start(&[&["serve", "--listen", listen], more].concat());
+        let said = coordinator.wait_for("serving");
+        let url = said.rsplit(' ').next().unwrap().to_owned();
+        (coordinator, url)
     }
 
     /// The same commands, subject to faults.

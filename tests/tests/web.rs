@@ -172,8 +172,8 @@ async fn what_scripts_say_is_checked_and_said_once() {
         .tell("undo", r#"{"request_id":"2","annotator":"ana"}"#, StatusCode::OK)
         .await;
     assert_eq!(
-        (&undone["index"], &undone["classes"][0]["labels"]),
-        (&3.into(), &0.into())
+        (&undone["individuals"], &undone["classes"][0]["labels"]),
+        (&serde_json::json!([3]), &0.into())
     );
     let asked = browser
         .tell("questions", &ask("medoids", "3"), StatusCode::OK)

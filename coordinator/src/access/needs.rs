@@ -83,7 +83,7 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
         &[
             ("AppendLabels", Person(Annotator)),
             ("AppendSyntheticLabels", Person(Annotator)),
-            ("UndoLabel", Person(Annotator)),
+            ("UndoLabels", Person(Annotator)),
             ("ListLabels", Person(Viewer)),
             ("ListLabelEntries", Person(Viewer)),
             ("ListClasses", Person(Viewer)),

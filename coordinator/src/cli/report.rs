@@ -1,10 +1,6 @@
 //! `report`: has what the report shows gathered from the coordinator, and written.
 
-use super::{
-    CliError, Global,
-    connection::{Client, Connection},
-    error::report_folder,
-};
+use super::{CliError, Global, connection::Connection, error::report_folder};
 use crate::{gather, local::Crew, report};
 use murmuration_proto::v1;
 use std::path::{Path, PathBuf};
@@ -29,7 +25,7 @@ impl ReportCommand {
             },
         )
         .await?;
-        let written = self.write(&mut connection.client, global).await;
+        let written = self.write(&mut connection, global).await;
         connection.close().await?;
         let page = written?.display().to_string();
         if global.json {
@@ -40,26 +36,27 @@ impl ReportCommand {
         Ok(())
     }
 
-    async fn write(&self, client: &mut Client, global: &Global) -> Result<PathBuf, CliError> {
+    async fn write(&self, connection: &mut Connection, global: &Global) -> Result<PathBuf, CliError> {
         let request = v1::GetCampaignRequest {
             campaign: self.campaign.clone(),
         };
-        let id = client.get_campaign(request).await?.into_inner().id;
+        let id = connection.client.get_campaign(request).await?.into_inner().id;
         let folder = self
             .out
             .clone()
             .unwrap_or_else(|| report_folder(&global.data, &id));
-        write_report(client, &id, &folder).await
+        write_report(connection, &id, &folder).await
     }
 }
 
 /// Writes the report of a completed campaign into `folder`; the path of its page.
 pub(super) async fn write_report(
-    client: &mut Client,
+    connection: &mut Connection,
     campaign: &str,
     folder: &Path,
 ) -> Result<PathBuf, CliError> {
-    let report = gather::report(client, campaign).await?;
+    let names = gather::names(&mut connection.labels, campaign).await?;
+    let report = gather::report(&mut connection.client, campaign, names).await?;
     let folder = folder.to_owned();
     let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
     match written {

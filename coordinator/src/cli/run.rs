@@ -192,7 +192,7 @@ async fn finish(
         }
     }
     let folder = super::error::report_folder(&global.data, &last.id);
-    let report = write_report(&mut connection.client, &last.id, &folder).await?;
+    let report = write_report(connection, &last.id, &folder).await?;
     let request = v1::GetDigestRequest { campaign: last.id };
     Ok((connection.client.get_digest(request).await?.into_inner(), report))
 }

@@ -21,10 +21,16 @@ pub struct Labels {
     given: BTreeMap<u64, Given>,
     /// By individual and annotator, the entry of the answer that stands; no individual without one.
     standing: BTreeMap<u64, BTreeMap<Annotator, u64>>,
+    /// The entries of the answers that stand, by annotator.
+    own: BTreeMap<Annotator, BTreeSet<u64>>,
+    /// How many standing answers named a class, by what it was when they were given.
+    named: BTreeMap<ClassNumber, u64>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 struct Given {
+    index: u64,
+    annotator: Annotator,
     verdict: Verdict,
     time_ms: u64,
     supersedes: Option<u64>,
@@ -37,7 +43,7 @@ enum Verdict {
     Skip,
 }
 
-/// An answer that stands.
+/// An answer, as the log of today has it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
     /// Its entry in the log.
@@ -78,6 +84,24 @@ impl fmt::Display for LabelDigest {
     }
 }
 
+/// The class of each individual that has one in the answers that stand: where annotators differ, what was said last.
+pub fn newest_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, ClassName> {
+    let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
+    for label in standing {
+        if let Answer::Class(class) = label.answer
+            && newest
+                .get(&label.index)
+                .is_none_or(|(entry, _)| *entry < label.entry)
+        {
+            newest.insert(label.index, (label.entry, class));
+        }
+    }
+    newest
+        .into_iter()
+        .map(|(index, (_, class))| (index, class))
+        .collect()
+}
+
 impl Labels {
     /// Number of entries of the log that they come from.
     #[must_use]
@@ -88,7 +112,7 @@ impl Labels {
     /// Takes in the entries of the log from [`Labels::entries`] on, in order.
     ///
     /// # Errors
-    /// [`BrokenLog`] at the first entry that could not follow those before it; those were taken in.
+    /// [`BrokenLog`] at the first entry that could not follow those before it; these labels are of no use then.
     pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
         for entry in log {
             match self.record(entry.change) {
@@ -128,58 +152,94 @@ impl Labels {
             Answer::NotSure => Verdict::NotSure,
             Answer::Skip => Verdict::Skip,
         };
-        let about = self.standing.entry(index).or_default();
-        let supersedes = about.insert(change.annotator.clone(), self.entries);
+        let about = self.standing.get(&index);
+        let supersedes = about.and_then(|about| about.get(&change.annotator)).copied();
+        if let Some(former) = supersedes {
+            self.fall(former);
+        }
         let given = Given {
+            index,
+            annotator: change.annotator.clone(),
             verdict,
             time_ms: change.time_ms,
             supersedes,
         };
         self.given.insert(self.entries, given);
+        self.stand(self.entries);
         Ok(supersedes)
     }
 
     fn undo(&mut self, annotator: &Annotator) -> Result<u64, Refusal> {
-        let own = self
-            .standing
-            .iter()
-            .filter_map(|(index, about)| Some((*about.get(annotator)?, *index)));
-        let (undone, index) = own
-            .max()
+        let undone = self
+            .newest(annotator)
             .ok_or_else(|| Refusal::NothingToUndo(annotator.clone()))?;
-        let before = self.given.get(&undone).and_then(|given| given.supersedes);
-        let about = self.standing.entry(index).or_default();
-        match before {
-            Some(before) => about.insert(annotator.clone(), before),
-            None => about.remove(annotator),
-        };
-        if about.is_empty() {
-            self.standing.remove(&index);
+        self.fall(undone);
+        if let Some(before) = self.given.get(&undone).and_then(|given| given.supersedes) {
+            self.stand(before);
         }
         Ok(undone)
     }
 
     fn withdraw(&mut self, index: u64, annotator: &Annotator) -> Result<u64, Refusal> {
-        let about = self.standing.get_mut(&index);
-        let Some(withdrawn) = about.and_then(|about| about.remove(annotator)) else {
-            let annotator = annotator.clone();
-            return Err(Refusal::NothingToWithdraw { annotator, index });
-        };
-        if self.standing.get(&index).is_some_and(BTreeMap::is_empty) {
-            self.standing.remove(&index);
-        }
+        let about = self.standing.get(&index);
+        let withdrawn = about.and_then(|about| about.get(annotator)).copied();
+        let withdrawn = withdrawn.ok_or_else(|| Refusal::NothingToWithdraw {
+            annotator: annotator.clone(),
+            index,
+        })?;
+        self.fall(withdrawn);
         Ok(withdrawn)
+    }
+
+    /// The answer of this entry stands.
+    fn stand(&mut self, entry: u64) {
+        let Some(given) = self.given.get(&entry) else {
+            return;
+        };
+        let about = self.standing.entry(given.index).or_default();
+        about.insert(given.annotator.clone(), entry);
+        self.own.entry(given.annotator.clone()).or_default().insert(entry);
+        if let Verdict::Class(class) = given.verdict {
+            *self.named.entry(class).or_default() += 1;
+        }
+    }
+
+    /// The answer of this entry no longer stands.
+    fn fall(&mut self, entry: u64) {
+        let Some(given) = self.given.get(&entry) else {
+            return;
+        };
+        if let Some(about) = self.standing.get_mut(&given.index) {
+            about.remove(&given.annotator);
+            if about.is_empty() {
+                self.standing.remove(&given.index);
+            }
+        }
+        if let Some(own) = self.own.get_mut(&given.annotator) {
+            own.remove(&entry);
+        }
+        if let Verdict::Class(class) = given.verdict
+            && let Some(named) = self.named.get_mut(&class)
+        {
+            *named = named.saturating_sub(1);
+        }
+    }
+
+    /// The entry of an annotator's newest answer that stands.
+    #[must_use]
+    pub fn newest(&self, annotator: &Annotator) -> Option<u64> {
+        self.own.get(annotator)?.last().copied()
     }
 
     /// The answers that stand, by individual, then annotator.
     pub fn standing(&self) -> impl Iterator<Item = Label> {
-        self.standing.iter().flat_map(move |(index, about)| {
-            let label = |(annotator, entry): (_, &u64)| self.label(*index, annotator, *entry);
-            about.iter().filter_map(label)
-        })
+        let entries = self.standing.values().flat_map(BTreeMap::values);
+        entries.filter_map(|entry| self.given(*entry))
     }
 
-    fn label(&self, index: u64, annotator: &Annotator, entry: u64) -> Option<Label> {
+    /// The answer of an entry of the log, whether it stands or not; `None` if the entry is none.
+    #[must_use]
+    pub fn given(&self, entry: u64) -> Option<Label> {
         let given = self.given.get(&entry)?;
         let answer = match given.verdict {
             Verdict::Class(class) => Answer::Class(self.classes.name(class).clone()),
@@ -188,8 +248,8 @@ impl Labels {
         };
         Some(Label {
             entry,
-            index,
-            annotator: annotator.clone(),
+            index: given.index,
+            annotator: given.annotator.clone(),
             answer,
             time_ms: given.time_ms,
         })
@@ -217,11 +277,8 @@ impl Labels {
     #[must_use]
     pub fn classes(&self) -> Vec<Class> {
         let mut labels: BTreeMap<ClassNumber, u64> = BTreeMap::new();
-        let entries = self.standing.values().flat_map(BTreeMap::values);
-        for given in entries.filter_map(|entry| self.given.get(entry)) {
-            if let Verdict::Class(class) = given.verdict {
-                *labels.entry(self.classes.today(class)).or_default() += 1;
-            }
+        for (class, named) in &self.named {
+            *labels.entry(self.classes.today(*class)).or_default() += named;
         }
         self.classes
             .iter()
@@ -236,20 +293,7 @@ impl Labels {
     /// The class of each individual that has one: where annotators differ, what was said last.
     #[must_use]
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
-        let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
-        for label in self.standing() {
-            if let Answer::Class(class) = label.answer
-                && newest
-                    .get(&label.index)
-                    .is_none_or(|(entry, _)| *entry < label.entry)
-            {
-                newest.insert(label.index, (label.entry, class));
-            }
-        }
-        newest
-            .into_iter()
-            .map(|(index, (_, class))| (index, class))
-            .collect()
+        newest_classes(self.standing())
     }
 
     /// What an embedder can learn from: each individual that has a class, with the number of its class, from 0 by name.

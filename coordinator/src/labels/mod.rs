@@ -14,7 +14,7 @@ mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
 pub use confusion_matrix::ConfusionMatrix;
-pub use current::{BrokenLog, Class, Label, LabelDigest, Labels};
+pub use current::{BrokenLog, Class, Label, LabelDigest, Labels, newest_classes};
 pub use log::{Action, Change, Entry, Refusal};
 pub use names::{Annotator, Answer, ClassName, Colour, RequestId};
 pub use table::{Table, TableError, to_csv};

@@ -87,6 +87,12 @@ impl RequestId {
     pub fn of_round(round: u32) -> Self {
         Self(format!("synthetic-round-{round}"))
     }
+
+    /// What answers are withdrawn by that are about individuals which are not there any more: nobody asked for it.
+    #[must_use]
+    pub fn of_withdrawal() -> Self {
+        Self("withdrawal".to_owned())
+    }
 }
 
 impl From<Class> for ClassName {

@@ -2,14 +2,17 @@
 //!
 //! A *ranking* is an order of all behaviours of an archive, each with the reason for its place; it does not depend on who
 //! asks, nor on what was asked. [`QueryLeases`] gives the first of a ranking that are open to whoever asks, so that nobody
-//! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator.
+//! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator, and the clusters
+//! that contact sheets show.
 
+mod clusters;
 mod committee;
 mod doubt;
 mod leases;
 mod open;
 mod ranking;
 
+pub use clusters::Clustered;
 pub use committee::{Committee, NoCommittee};
 pub use leases::{Holder, PATIENCE, QueryLeases};
 pub use murmuration_proto::Strategy;

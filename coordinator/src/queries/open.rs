@@ -2,14 +2,13 @@
 
 use super::{
     Holder, Query, QueryLeases, Reason,
+    clusters::{self, Clustered, Clusters},
     committee::{Committee, NoCommittee},
     ranking,
 };
 use crate::{
-    campaign::{CampaignId, CampaignState},
+    campaign::CampaignId,
     labels::{Annotator, Labels},
-    medoids::{self, Clustering},
-    novelty::Behaviours,
     space::{Space, SpaceError},
     store::{CampaignRecord, Store, StoreError},
 };
@@ -67,6 +66,7 @@ pub struct Queries {
     store: Store,
     /// One lock a campaign: its labels are read and its queries leased under it, so that no two are given the same.
     campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Mutex<Open>>>>>,
+    clusters: Clusters,
 }
 
 /// Of a strategy, whether for agreement.
@@ -76,8 +76,6 @@ type Kind = (Strategy, bool);
 struct Open {
     rankings: BTreeMap<Strategy, Ranked>,
     leases: QueryLeases<Kind>,
-    /// As they stood when somebody asked last.
-    labels: Labels,
 }
 
 /// A ranking, and what it was made of.
@@ -94,6 +92,7 @@ impl Queries {
         Self {
             store,
             campaigns: Arc::default(),
+            clusters: Clusters::default(),
         }
     }
 
@@ -109,23 +108,20 @@ impl Queries {
             Arc::clone(campaigns.entry(record.id.clone()).or_default())
         };
         let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
-        let Open {
-            rankings,
-            leases,
-            labels,
-        } = &mut *open;
+        let Open { rankings, leases } = &mut *open;
         let individuals = record.individuals();
         if !rankings
             .get(&wish.strategy)
             .is_some_and(|ranked| ranked.still_fits(&record))
         {
-            rankings.insert(wish.strategy, self.rank(&record, wish.strategy)?);
+            let ranked = self.rank(&record, wish.strategy, || self.clusters(&record))?;
+            rankings.insert(wish.strategy, ranked);
         }
         let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
-        *labels = self.store.catch_up(&record.id, std::mem::take(labels))?;
+        let labels = self.store.labels(&record.id)?;
         let kind = (wish.strategy, wish.agreement);
         for &index in wish.again.iter().rev() {
-            if (index as u64) < individuals && is_open(labels, index as u64, wish) {
+            if (index as u64) < individuals && is_open(&labels, index as u64, wish) {
                 let query = Query {
                     index,
                     reason: Reason::Again,
@@ -138,7 +134,7 @@ impl Queries {
             kind,
             wish.count,
             ranking.unwrap_or_default(),
-            |index| is_open(labels, index as u64, wish),
+            |index| is_open(&labels, index as u64, wish),
             now,
         );
         Ok(Asked {
@@ -160,27 +156,42 @@ impl Queries {
         count: usize,
     ) -> Result<Vec<usize>, QueryError> {
         let labels = self.store.labels(&record.id)?;
-        let order = self.rank(record, strategy)?.order;
+        let now = || Ok(Arc::new(Clustered::read(&self.store, record)?));
+        let order = self.rank(record, strategy, now)?.order;
         let indices = order.into_iter().map(|query| query.index);
         let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
         Ok(open.take(count).collect())
     }
 
-    fn rank(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Ranked, QueryError> {
-        let stream = |purpose| Stream::derive(record.spec.seed(), purpose, 0);
+    /// The clusters of an archive: those of its taxonomy, or what they would be if the search ended now. While it runs they
+    /// may be of the archive as it was when it was a fifth smaller. Blocks while the archive is clustered.
+    ///
+    /// # Errors
+    /// See [`SpaceError`].
+    pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
+        self.clusters.lately(&self.store, record)
+    }
+
+    /// `clustered` is told what by medoids is ranked by.
+    fn rank(
+        &self,
+        record: &CampaignRecord,
+        strategy: Strategy,
+        clustered: impl FnOnce() -> Result<Arc<Clustered>, SpaceError>,
+    ) -> Result<Ranked, QueryError> {
+        let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
         let (order, checkpoint) = match strategy {
             Strategy::Random => {
                 let count = record.individuals() as usize;
-                let order = ranking::by_lot(count, &mut stream(Purpose::Query));
-                (order, record.checkpoint)
+                (ranking::by_lot(count, &mut stream), record.checkpoint)
             }
             Strategy::Medoids => {
+                let clustered = clustered()?;
                 let Space {
                     behaviours,
                     checkpoint,
-                } = Space::read(&self.store, record)?;
-                let clustering = self.clustering(record, &behaviours)?;
-                (ranking::by_doubt(&behaviours, &clustering), checkpoint)
+                } = &clustered.space;
+                (ranking::by_doubt(behaviours, &clustered.clustering), *checkpoint)
             }
             Strategy::Committee => {
                 let Space {
@@ -189,36 +200,17 @@ impl Queries {
                 } = Space::read(&self.store, record)?;
                 let members = [behaviours];
                 let committee = Committee::new(&members)?;
-                let order = ranking::by_committee(&committee, &mut stream(Purpose::Query));
-                (order, checkpoint)
+                (ranking::by_committee(&committee, &mut stream), checkpoint)
             }
         };
         Ok(Ranked { order, checkpoint })
     }
-
-    /// The clusters of the taxonomy, or what they would be if the search ended here.
-    fn clustering(&self, record: &CampaignRecord, behaviours: &Behaviours) -> Result<Clustering, QueryError> {
-        match self.store.taxonomy(&record.id)? {
-            Some(stored) if stored.clusters.len() == behaviours.len() => Ok(stored.into()),
-            _ => {
-                let count = record.spec.medoids() as usize;
-                let mut stream = Stream::derive(record.spec.seed(), Purpose::Medoids, 0);
-                Ok(medoids::cluster(behaviours, count, &mut stream))
-            }
-        }
-    }
 }
 
 impl Ranked {
-    /// Whether it can still be asked from. While a campaign searches, a ranking serves until the archive is a quarter
-    /// larger: clustering it after every generation would help nobody.
+    /// Whether it can still be asked from.
     fn still_fits(&self, record: &CampaignRecord) -> bool {
-        let (ranked, len) = (self.order.len() as u64, record.individuals());
-        let slack = match record.state {
-            CampaignState::Running => ranked / 4,
-            _ => 0,
-        };
-        self.checkpoint == record.checkpoint && len <= ranked + slack
+        clusters::serves(self.order.len() as u64, self.checkpoint, record)
     }
 }
 

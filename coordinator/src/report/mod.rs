@@ -5,6 +5,7 @@
 
 mod commands;
 mod files;
+mod names;
 mod numbers;
 mod page;
 mod plots;
@@ -12,6 +13,8 @@ mod tables;
 
 #[cfg(test)]
 mod sample;
+
+pub use names::Names;
 
 use crate::picture::{self, Paper, PictureError};
 use files::Folder;
@@ -49,6 +52,8 @@ pub struct Report {
     pub map: Map,
     /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
     pub loss: f64,
+    /// What people called the behaviours.
+    pub names: Names,
 }
 
 impl Report {
@@ -156,7 +161,7 @@ pub enum ReportError {
 /// Writes a report into `folder`, which is made if it does not exist.
 ///
 /// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
-/// `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
+/// `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
 /// in the taxonomy, from 01). Every file is complete or absent; the page is written last.
 ///
 /// # Errors
@@ -172,6 +177,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     files.text("spec.toml", &report.spec.to_toml())?;
     files.write("archive.csv", |file| tables::archive(report, file))?;
     files.write("taxonomy.csv", |file| tables::taxonomy(report, file))?;
+    files.write("classes.csv", |file| tables::classes(report, file))?;
     files.write("generations.csv", |file| tables::generations(report, file))?;
     files.text("novelty.svg", &novelty)?;
     files.text("map.svg", &map)?;

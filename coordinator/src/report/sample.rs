@@ -2,7 +2,8 @@
 //!
 //! Its swarms obey the robots' kinematics and sensors but not the simulator's exact rules: the report does not care.
 
-use super::{Entry, GenerationSummary, Map, MedoidEntry, Report};
+use super::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report};
+use crate::labels::Class;
 use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, Replay, Stream, World};
 
 /// What the sample should look like; the fields are those of a campaign.
@@ -113,7 +114,22 @@ pub(super) fn report(sample: &Sample) -> Report {
         medoids,
         clusters,
         loss: 123.4,
+        names: names(),
         spec,
+    }
+}
+
+/// Two classes, the first medoid and two others of the first of them.
+fn names() -> Names {
+    let class = |name: &str, colour: &str, labels| Class {
+        name: name.parse().unwrap(),
+        colour: colour.parse().unwrap(),
+        labels,
+    };
+    let ring = "ring, or \"mill\"";
+    Names {
+        classes: vec![class(ring, "#1d96e6", 4), class("wall", "#e6861d", 0)],
+        by_individual: [0, 5, 7].map(|index| (index, ring.parse().unwrap())).into(),
     }
 }
 

@@ -1,4 +1,4 @@
-//! The archive, the taxonomy and the generations as CSV: a header, then numbers that read back exactly.
+//! The archive, the taxonomy, the classes and the generations as CSV: a header, then numbers that read back exactly.
 
 use super::{Entry, Report};
 use murmuration_proto::FEATURE_NAMES;
@@ -6,7 +6,7 @@ use std::io::{self, Write};
 
 /// One row an individual, by index. Clusters count from 1, as the cards do.
 pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
-    writeln!(file, "index,cluster,map_x,map_y,{}", entry_columns(report))?;
+    writeln!(file, "index,cluster,map_x,map_y,{},class", entry_columns(report))?;
     let rows = report
         .individuals
         .iter()
@@ -15,6 +15,7 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     for (index, ((entry, cluster), [x, y])) in rows.enumerate() {
         write!(file, "{index},{},{x},{y},", cluster + 1)?;
         write_entry(entry, file)?;
+        write_class(report, index as u64, file)?;
     }
     Ok(())
 }
@@ -23,7 +24,7 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     writeln!(
         file,
-        "behaviour,index,cluster_size,mean_distance,{}",
+        "behaviour,index,cluster_size,mean_distance,{},class",
         entry_columns(report)
     )?;
     for (place, medoid) in report.medoids.iter().enumerate() {
@@ -36,6 +37,17 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
             medoid.mean_distance
         )?;
         write_entry(&report.individuals[medoid.index as usize], file)?;
+        write_class(report, medoid.index, file)?;
+    }
+    Ok(())
+}
+
+/// One row a class, in the order in which they were created: how many individuals are of it, and how many answers say so.
+pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    writeln!(file, "class,colour,individuals,labels")?;
+    for class in &report.names.classes {
+        let (name, individuals) = (quoted(class.name.as_str()), report.names.individuals(class));
+        writeln!(file, "{name},{},{individuals},{}", class.colour, class.labels)?;
     }
     Ok(())
 }
@@ -73,5 +85,23 @@ fn write_entry(entry: &Entry, file: &mut dyn Write) -> io::Result<()> {
     for value in &entry.embedding {
         write!(file, ",{value}")?;
     }
-    writeln!(file)
+    Ok(())
+}
+
+/// The last cell of a row: what people called the individual, if anything.
+fn write_class(report: &Report, index: u64, file: &mut dyn Write) -> io::Result<()> {
+    let named = report.names.of(index);
+    writeln!(
+        file,
+        ",{}",
+        named.map_or(String::new(), |(_, class)| quoted(class.name.as_str()))
+    )
+}
+
+/// A name as a cell; names have no ends of line.
+fn quoted(name: &str) -> String {
+    match name.contains([',', '"']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")),
+        false => name.to_owned(),
+    }
 }

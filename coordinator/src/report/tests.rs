@@ -35,6 +35,7 @@ fn every_file_is_there_and_can_be_read() {
             "spec.toml",
             "archive.csv",
             "taxonomy.csv",
+            "classes.csv",
             "generations.csv",
             "novelty.svg",
             "map.svg",
@@ -51,7 +52,7 @@ fn every_file_is_there_and_can_be_read() {
     assert_eq!(decode_png(&read("medoids/03-trajectory.png")).0, 1000);
     let spec = String::from_utf8(read("spec.toml")).unwrap();
     assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), report.spec);
-    assert_eq!(fs::read_dir(folder).unwrap().count(), 8, "nothing else is left");
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 9, "nothing else is left");
     write(&report, folder).unwrap();
 }
 
@@ -70,6 +71,9 @@ fn what_comes_from_data_is_escaped() {
     let hostile = "</script><script>alert(1)</script>\"'&<img src=x>";
     let mut report = sample::report(&SMALL);
     report.campaign = hostile.into();
+    let name: crate::labels::ClassName = hostile.parse().unwrap();
+    report.names.classes[0].name = name.clone();
+    report.names.by_individual.insert(1, name);
     report.digest = hostile.into();
     report.simulator_version = hostile.into();
     report.map.axis_titles = [hostile.into(), hostile.into()];
@@ -91,18 +95,35 @@ fn what_comes_from_data_is_escaped() {
 }
 
 #[test]
+fn the_page_bears_the_names_that_people_gave_and_their_colours() {
+    let mut report = sample::report(&SMALL);
+    let named = page(&report);
+    assert!(
+        named.contains("<span class=\"class\" style=\"--class:#1d96e6\">ring, or &quot;mill&quot;</span>")
+    );
+    assert!(named.contains("wall · 0") && named.contains("Behaviour 2") && !named.contains(">Behaviour 1<"));
+    report.names = Names::default();
+    let nameless = page(&report);
+    assert!(nameless.contains("Behaviour 1") && !nameless.contains("What people called them"));
+}
+
+#[test]
 fn tables_hold_every_number_exactly() {
     let report = sample::report(&SMALL);
     let (_place, files) = written(&report);
     let table = |name: &str| -> Vec<Vec<String>> {
         let text = fs::read_to_string(files.page.with_file_name(name)).unwrap();
-        text.lines()
-            .map(|line| line.split(',').map(str::to_owned).collect())
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .from_reader(text.as_bytes());
+        reader
+            .records()
+            .map(|record| record.unwrap().iter().map(str::to_owned).collect())
             .collect()
     };
     let archive = table("archive.csv");
     assert_eq!(archive.len(), 1 + report.individuals.len());
-    assert_eq!(archive[0][12..].join(","), "vl0,vr0,vl1,vr1");
+    assert_eq!(archive[0][12..].join(","), "vl0,vr0,vl1,vr1,class");
     for (index, (row, entry)) in archive[1..].iter().zip(&report.individuals).enumerate() {
         let expected = [index as f64, f64::from(report.clusters[index] + 1)]
             .into_iter()
@@ -111,9 +132,14 @@ fn tables_hold_every_number_exactly() {
             .chain(entry.features)
             .chain(entry.controller.genes().iter().copied());
         assert_eq!(
-            row.iter().map(|cell| cell.parse().unwrap()).collect::<Vec<f64>>(),
+            row[..row.len() - 1]
+                .iter()
+                .map(|cell| cell.parse().unwrap())
+                .collect::<Vec<f64>>(),
             expected.collect::<Vec<_>>()
         );
+        let named = [0, 5, 7].contains(&index);
+        assert_eq!(row.last().unwrap(), if named { "ring, or \"mill\"" } else { "" });
     }
     let taxonomy = table("taxonomy.csv");
     assert_eq!(taxonomy.len(), 4);
@@ -122,6 +148,14 @@ fn tables_hold_every_number_exactly() {
         report.medoids[1].mean_distance
     );
     assert_eq!(taxonomy[2][5].parse::<u64>().unwrap(), report.individuals[1].seed);
+    assert_eq!(taxonomy[1].last().unwrap(), "ring, or \"mill\"");
+    assert_eq!(
+        table("classes.csv")[1..],
+        [
+            ["ring, or \"mill\"", "#1d96e6", "3", "4"],
+            ["wall", "#e6861d", "0", "0"]
+        ]
+    );
     let generations = table("generations.csv");
     assert_eq!(generations.len(), 21);
     assert_eq!(

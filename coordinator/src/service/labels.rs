@@ -4,7 +4,7 @@ mod messages;
 
 use crate::{
     campaign::blocking,
-    labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
+    labels::{Agreement, Annotator, Change, Entry, Labels, RequestId},
     queries::{Queries, Wish},
     store::{LabelError, Store, StoreError},
     synthetic::SyntheticAnnotator,
@@ -51,7 +51,7 @@ impl LabelApi {
         .await
     }
 
-    async fn labels(&self, campaign: String) -> Result<Labels> {
+    async fn labels(&self, campaign: String) -> Result<Arc<Labels>> {
         self.with(move |store| -> std::result::Result<_, StoreError> {
             store.labels(&store.campaign(&campaign)?.id)
         })
@@ -126,22 +126,20 @@ impl v1::label_service_server::LabelService for LabelApi {
         }))
     }
 
-    async fn undo_label(&self, request: Request<v1::UndoLabelRequest>) -> Answered<v1::LabelEntry> {
-        let v1::UndoLabelRequest {
+    async fn undo_labels(&self, request: Request<v1::UndoLabelsRequest>) -> Answered<v1::UndoLabelsResponse> {
+        let v1::UndoLabelsRequest {
             campaign,
             request_id,
             annotator,
         } = request.into_inner();
-        let undo = Change {
-            annotator: annotator.parse()?,
-            time_ms: now_ms(),
-            action: Action::Undo,
-        };
-        let mut entries = self.add(campaign, request_id.parse()?, vec![undo]).await?;
-        let entry = entries
-            .pop()
-            .ok_or_else(|| Status::internal("an undo left no entry (this is a bug)"))?;
-        Ok(Response::new(entry.into()))
+        let (request, annotator) = (request_id.parse()?, annotator.parse()?);
+        let undone = self
+            .with(move |store| -> std::result::Result<_, LabelError> {
+                let id = store.campaign(&campaign)?.id;
+                store.undo_labels(&id, &request, &annotator, now_ms())
+            })
+            .await?;
+        Ok(Response::new(messages::undone(undone)))
     }
 
     async fn list_labels(&self, request: Request<v1::ListLabelsRequest>) -> Answered<v1::ListLabelsResponse> {

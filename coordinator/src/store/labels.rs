@@ -1,12 +1,17 @@
-//! Rows of the label log: added, never changed.
+//! The label log: added to, never changed.
+
+mod followed;
+mod rows;
+
+pub(super) use followed::Followed;
+pub(super) use rows::{entries, insert};
 
 use super::{Store, StoreError, archive::clamped, campaigns::number_of};
 use crate::{
     campaign::CampaignId,
-    labels::{Action, Annotator, BrokenLog, Change, Entry, Labels, Refusal, RequestId},
+    labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
 };
-use murmuration_proto::Invalid;
-use rusqlite::{Connection, Row, Transaction, params};
+use rusqlite::{Connection, Transaction, params};
 
 /// Why nothing was added to a log.
 #[derive(Debug, thiserror::Error)]
@@ -22,11 +27,14 @@ pub enum LabelError {
     OtherRequest(RequestId),
 }
 
-/// The request of entries that nobody asked for; no request has this id.
-pub(super) const BY_ITSELF: &str = "";
-
-const SELECT: &str = "
-    SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels WHERE campaign = ?1";
+/// An answer that was taken back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Undone {
+    /// The entry that takes it back.
+    pub entry: Entry,
+    /// The answer.
+    pub answer: Label,
+}
 
 impl Store {
     /// The whole log of a campaign, in order.
@@ -64,22 +72,6 @@ impl Store {
         })
     }
 
-    /// What the log of a campaign comes to.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub fn labels(&self, campaign: &CampaignId) -> Result<Labels, StoreError> {
-        self.catch_up(campaign, Labels::default())
-    }
-
-    /// As [`Store::labels`], where the beginning of the log was read before: only what is new is read.
-    ///
-    /// # Errors
-    /// If it cannot be read.
-    pub fn catch_up(&self, campaign: &CampaignId, labels: Labels) -> Result<Labels, StoreError> {
-        self.read(|connection| follow(connection, number_of(connection, campaign)?, labels))
-    }
-
     /// What a request added to a campaign's log; nothing if it was not made.
     ///
     /// # Errors
@@ -104,21 +96,82 @@ impl Store {
         request: &RequestId,
         changes: Vec<Change>,
     ) -> Result<Vec<Entry>, LabelError> {
-        // What is refused was refused before a row was written, so that committing changes nothing.
-        self.write(|transaction| match add(transaction, campaign, request, changes) {
-            Err(LabelError::Store(error)) => Err(error),
-            other => Ok(other),
-        })?
+        self.add_to_log(campaign, |transaction, number, labels| {
+            add(transaction, (campaign, number), request, changes, labels)
+        })
+    }
+
+    /// Takes back what an annotator said last: of the request that their newest standing answer came with, all of their
+    /// answers that still stand, in one transaction; these, the newest first. A request that was made before takes nothing
+    /// back: the answers are those that it took back then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
+    ///
+    /// # Errors
+    /// [`LabelError`]; [`Refusal::NothingToUndo`] where none of their answers stands. Nothing has changed then.
+    pub fn undo_labels(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        annotator: &Annotator,
+        time_ms: u64,
+    ) -> Result<Vec<Undone>, LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            let undo = Change {
+                annotator: annotator.clone(),
+                time_ms,
+                action: Action::Undo,
+            };
+            let mut entries = made(transaction, number, request)?;
+            if entries.is_empty() {
+                entries = undo_newest(transaction, number, labels, &undo)?;
+                insert(transaction, number, request, &entries)?;
+            } else if !entries.iter().all(|entry| says_the_same(&entry.change, &undo)) {
+                return Err(LabelError::OtherRequest(request.clone()));
+            }
+            let undone = |entry: Entry| {
+                let answer = labels.given(entry.supersedes?)?;
+                Some(Undone { entry, answer })
+            };
+            Ok(entries.into_iter().filter_map(undone).collect())
+        })
     }
 }
 
+/// As many entries that take back as the last act of their annotator has answers that stand.
+fn undo_newest(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    undo: &Change,
+) -> Result<Vec<Entry>, LabelError> {
+    let annotator = &undo.annotator;
+    let nothing = || Refusal::NothingToUndo(annotator.clone());
+    let newest = labels.newest(annotator).ok_or_else(nothing)?;
+    let first: i64 = transaction
+        .query_row(
+            "SELECT min(entry) FROM labels WHERE campaign = ?1
+             AND request = (SELECT request FROM labels WHERE campaign = ?1 AND entry = ?2)",
+            params![number, clamped(newest)],
+            |row| row.get(0),
+        )
+        .map_err(StoreError::from)?;
+    let mut entries = Vec::new();
+    while labels
+        .newest(annotator)
+        .is_some_and(|newest| newest >= first.unsigned_abs())
+    {
+        entries.push(labels.record(undo.clone())?);
+    }
+    Ok(entries)
+}
+
+/// What was refused has written nothing.
 pub(super) fn add(
     transaction: &Transaction<'_>,
-    campaign: &CampaignId,
+    (campaign, number): (&CampaignId, i64),
     request: &RequestId,
     changes: Vec<Change>,
+    labels: &mut Labels,
 ) -> Result<Vec<Entry>, LabelError> {
-    let number = number_of(transaction, campaign)?;
     let before = made(transaction, number, request)?;
     if !before.is_empty() {
         let same = before.len() == changes.len()
@@ -133,12 +186,11 @@ pub(super) fn add(
         };
     }
     check_individuals(transaction, campaign, number, &changes)?;
-    let mut labels = follow(transaction, number, Labels::default())?;
     let added = changes
         .into_iter()
         .map(|change| labels.record(change))
         .collect::<Result<Vec<Entry>, Refusal>>()?;
-    insert(transaction, number, request.as_str(), &added)?;
+    insert(transaction, number, request, &added)?;
     Ok(added)
 }
 
@@ -178,150 +230,9 @@ fn check_individuals(
     Ok(())
 }
 
-pub(super) fn insert(
-    transaction: &Transaction<'_>,
-    number: i64,
-    request: &str,
-    added: &[Entry],
-) -> Result<(), StoreError> {
-    let mut statement = transaction.prepare(
-        "INSERT INTO labels
-            (campaign, entry, request, annotator, time_ms, action, place, class, value, supersedes)
-         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10)",
-    )?;
-    for entry in added {
-        let columns = Columns::of(&entry.change.action);
-        statement.execute(params![
-            number,
-            clamped(entry.number),
-            request,
-            entry.change.annotator.as_str(),
-            clamped(entry.change.time_ms),
-            columns.action,
-            columns.place,
-            columns.class,
-            columns.value,
-            entry.supersedes.map(clamped),
-        ])?;
-    }
-    Ok(())
-}
-
 /// The log from entry `from` on.
 fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, StoreError> {
     entries(connection, "AND entry >= ?2", params![number, clamped(from)])
-}
-
-pub(super) fn follow(connection: &Connection, number: i64, mut labels: Labels) -> Result<Labels, StoreError> {
-    let new = log(connection, number, labels.entries())?;
-    let broken = |error: BrokenLog| StoreError::damaged(error.to_string());
-    labels.follow(new).map_err(broken)?;
-    Ok(labels)
-}
-
-pub(super) fn entries(
-    connection: &Connection,
-    which: &str,
-    parameters: impl rusqlite::Params,
-) -> Result<Vec<Entry>, StoreError> {
-    let mut statement = connection.prepare_cached(&format!("{SELECT} {which} ORDER BY entry"))?;
-    let mut rows = statement.query(parameters)?;
-    let mut entries = Vec::new();
-    while let Some(row) = rows.next()? {
-        entries.push(entry(row)?);
-    }
-    Ok(entries)
-}
-
-fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
-    let number = row.get::<_, i64>(0)?.unsigned_abs();
-    let damaged = |error: Invalid| StoreError::damaged(format!("entry {number} of the label log: {error}"));
-    let annotator: Annotator = row.get::<_, String>(1)?.parse().map_err(damaged)?;
-    let columns = Columns {
-        action: row.get(3)?,
-        place: row.get(4)?,
-        class: row.get(5)?,
-        value: row.get(6)?,
-    };
-    Ok(Entry {
-        number,
-        change: Change {
-            annotator,
-            time_ms: row.get::<_, i64>(2)?.unsigned_abs(),
-            action: columns.read().map_err(damaged)?,
-        },
-        supersedes: row.get::<_, Option<i64>>(7)?.map(i64::unsigned_abs),
-    })
-}
-
-/// An action in columns.
-#[derive(Debug, Default)]
-struct Columns {
-    action: String,
-    place: Option<i64>,
-    class: Option<String>,
-    value: Option<String>,
-}
-
-impl Columns {
-    fn of(action: &Action) -> Self {
-        let named = |action: &str, class: &dyn ToString, value: Option<String>| Self {
-            action: action.to_owned(),
-            class: Some(class.to_string()),
-            value,
-            place: None,
-        };
-        match action {
-            Action::Answer { index, answer } => Self {
-                place: Some(clamped(*index)),
-                ..named("answer", answer, None)
-            },
-            Action::Undo => Self {
-                action: "undo".to_owned(),
-                ..Self::default()
-            },
-            Action::Withdraw { index } => Self {
-                action: "withdraw".to_owned(),
-                place: Some(clamped(*index)),
-                ..Self::default()
-            },
-            Action::Create { class } => named("create", class, None),
-            Action::Rename { class, to } => named("rename", class, Some(to.to_string())),
-            Action::Merge { class, into } => named("merge", class, Some(into.to_string())),
-            Action::Colour { class, colour } => named("colour", class, Some(colour.to_string())),
-        }
-    }
-
-    fn read(self) -> Result<Action, Invalid> {
-        let class = self.class.unwrap_or_default();
-        let value = self.value.unwrap_or_default();
-        Ok(match (self.action.as_str(), self.place) {
-            ("answer", Some(place)) => Action::Answer {
-                index: place.unsigned_abs(),
-                answer: class.parse()?,
-            },
-            ("undo", None) => Action::Undo,
-            ("withdraw", Some(place)) => Action::Withdraw {
-                index: place.unsigned_abs(),
-            },
-            ("create", None) => Action::Create {
-                class: class.parse()?,
-            },
-            ("rename", None) => Action::Rename {
-                class: class.parse()?,
-                to: value.parse()?,
-            },
-            ("merge", None) => Action::Merge {
-                class: class.parse()?,
-                into: value.parse()?,
-            },
-            ("colour", None) => Action::Colour {
-                class: class.parse()?,
-                colour: value.parse()?,
-            },
-            (other, _) => return Err(Invalid::new("action", other, "one that this version writes")),
-        })
-    }
 }
 
 #[cfg(test)]

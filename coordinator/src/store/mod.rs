@@ -25,7 +25,7 @@ pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
 pub use embeddings::Switch;
 pub use error::StoreError;
-pub use labels::LabelError;
+pub use labels::{LabelError, Undone};
 pub use pictures::{Picture, SavedTraining};
 pub use provenance::{Notice, Provenance, Suspects};
 pub use rounds::TrainingPictures;
@@ -49,6 +49,8 @@ pub struct Store {
     /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
     /// has the connection.
     in_doubt: Arc<AtomicBool>,
+    /// What the label logs come to.
+    followed: Arc<labels::Followed>,
 }
 
 impl Store {
@@ -88,6 +90,7 @@ impl Store {
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             in_doubt: Arc::default(),
+            followed: Arc::default(),
         }
     }
 

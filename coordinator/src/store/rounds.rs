@@ -74,20 +74,10 @@ impl Store {
         request: &RequestId,
         changes: Vec<Change>,
     ) -> Result<(), LabelError> {
-        self.write(|transaction| {
-            match labels::add(transaction, campaign, request, changes) {
-                Err(LabelError::Store(error)) => return Err(error),
-                Err(refused) => return Ok(Err(refused)),
-                Ok(_) => {}
-            }
-            let number = number_of(transaction, campaign)?;
-            let entries: i64 = transaction.query_row(
-                "SELECT count(*) FROM labels WHERE campaign = ?1",
-                [number],
-                |row| row.get(0),
-            )?;
-            begin(transaction, number, entries.unsigned_abs()).map(Ok)
-        })?
+        self.add_to_log(campaign, |transaction, number, labels| {
+            labels::add(transaction, (campaign, number), request, changes, labels)?;
+            begin(transaction, number, labels.entries()).map_err(LabelError::Store)
+        })
     }
 
     /// The labels that a round learns from.

@@ -2,15 +2,15 @@
 //! why. Datasets, archives and embeddings go; the label log stays, and says whose answers were about what is gone.
 
 use super::{
-    Store, StoreError,
+    LabelError, Store, StoreError,
     archive::clamped,
     campaigns::number_of,
-    labels,
+    labels::insert,
     provenance::{Work, add_notices, now_ms},
 };
 use crate::{
     campaign::CampaignId,
-    labels::{Action, Change, Labels},
+    labels::{Action, Change, Labels, RequestId},
 };
 use rusqlite::{Transaction, params};
 
@@ -20,9 +20,8 @@ impl Store {
     /// # Errors
     /// If it cannot be written; then nothing was taken back.
     pub fn take_back(&self, campaign: &CampaignId, generation: u32, why: &str) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            let number = number_of(transaction, campaign)?;
-            take_generations(transaction, number, generation)?;
+        self.take(campaign, |transaction, number, labels| {
+            take_generations(transaction, number, labels, generation)?;
             add_notices(transaction, number, &[why.to_owned()])
         })
     }
@@ -33,15 +32,14 @@ impl Store {
     /// # Errors
     /// If it cannot be written; then nothing was taken back.
     pub fn embed_again(&self, campaign: &CampaignId, kept: u64, why: &str) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            let number = number_of(transaction, campaign)?;
+        self.take(campaign, |transaction, number, labels| {
             let first: Option<u32> = transaction.query_row(
                 "SELECT min(generation) FROM individuals WHERE campaign = ?1 AND place >= ?2",
                 params![number, clamped(kept)],
                 |row| row.get(0),
             )?;
             if let Some(generation) = first {
-                take_generations(transaction, number, generation)?;
+                take_generations(transaction, number, labels, generation)?;
             }
             transaction.execute("DELETE FROM embeddings WHERE campaign = ?1", [number])?;
             forget(transaction, number, Work::Embedding, 0)?;
@@ -59,9 +57,8 @@ impl Store {
     /// # Errors
     /// If it cannot be written; then nothing was taken back.
     pub fn begin_again(&self, campaign: &CampaignId, pictures: u64, why: &str) -> Result<(), StoreError> {
-        self.write(|transaction| {
-            let number = number_of(transaction, campaign)?;
-            take_generations(transaction, number, 0)?;
+        self.take(campaign, |transaction, number, labels| {
+            take_generations(transaction, number, labels, 0)?;
             for table in ["embeddings", "trainings"] {
                 transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
             }
@@ -76,6 +73,21 @@ impl Store {
                 [number],
             )?;
             add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Runs a change that takes back, in one transaction.
+    fn take(
+        &self,
+        campaign: &CampaignId,
+        change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let taken = self.add_to_log(campaign, |transaction, number, labels| {
+            change(transaction, number, labels).map_err(LabelError::Store)
+        });
+        taken.map_err(|error| match error {
+            LabelError::Store(error) => error,
+            refused => StoreError::damaged(refused.to_string()),
         })
     }
 
@@ -98,14 +110,19 @@ impl Store {
 }
 
 /// Takes generations from an archive, and answers about their individuals.
-fn take_generations(transaction: &Transaction<'_>, number: i64, generation: u32) -> Result<(), StoreError> {
+fn take_generations(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    generation: u32,
+) -> Result<(), StoreError> {
     let first: Option<i64> = transaction.query_row(
         "SELECT min(place) FROM individuals WHERE campaign = ?1 AND generation >= ?2",
         params![number, generation],
         |row| row.get(0),
     )?;
     if let Some(first) = first {
-        withdraw_answers(transaction, number, first.unsigned_abs())?;
+        withdraw_answers(transaction, number, labels, first.unsigned_abs())?;
         forget(transaction, number, Work::Evaluation, first.unsigned_abs())?;
         for table in ["images", "embeddings"] {
             let of_place = format!("DELETE FROM {table} WHERE campaign = ?1 AND place >= ?2");
@@ -121,8 +138,12 @@ fn take_generations(transaction: &Transaction<'_>, number: i64, generation: u32)
 }
 
 /// The individuals from `first` on will be others: nobody has said anything about them.
-fn withdraw_answers(transaction: &Transaction<'_>, number: i64, first: u64) -> Result<(), StoreError> {
-    let mut labels = labels::follow(transaction, number, Labels::default())?;
+fn withdraw_answers(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    first: u64,
+) -> Result<(), StoreError> {
     let about: Vec<_> = labels.standing().filter(|label| label.index >= first).collect();
     let withdrawn = about.into_iter().map(|label| {
         labels.record(Change {
@@ -134,7 +155,7 @@ fn withdraw_answers(transaction: &Transaction<'_>, number: i64, first: u64) -> R
     let withdrawn: Vec<_> = withdrawn
         .collect::<Result<_, _>>()
         .map_err(|refusal| StoreError::damaged(refusal.to_string()))?;
-    labels::insert(transaction, number, labels::BY_ITSELF, &withdrawn)
+    insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
 }
 
 /// Forgets who did the results from `first` on. Runs of them end where what is taken back begins.

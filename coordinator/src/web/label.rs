@@ -4,13 +4,18 @@ use super::{
     Web,
     pages::{self, Part},
     parts,
+    visitor::Visitor,
     wrong::Wrong,
 };
 use axum::extract::{Path, State};
 use maud::{Markup, html};
 
 /// One behaviour at a time.
-pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn one(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {
@@ -51,7 +56,13 @@ pub(super) async fn one(State(web): State<Web>, Path(id): Path<String>) -> Resul
             }
         }
     };
-    Ok(pages::campaign_page(&record, Part::Label, "label.js", content))
+    Ok(pages::campaign_page(
+        &record,
+        Part::Label,
+        &visitor,
+        "label.js",
+        content,
+    ))
 }
 
 const KEYS: [(&str, &str); 9] = [
@@ -67,7 +78,11 @@ const KEYS: [(&str, &str); 9] = [
 ];
 
 /// A cluster at once.
-pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn sheet(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {
@@ -80,8 +95,8 @@ pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Res
         }
         (parts::who())
         p.lead {
-            "One cluster, as the embedding sees it. Click those that differ, or draw around them; then name the rest. "
-            "What differs stays for the next look."
+            "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
+            "rest. What differs stays for the next look. " span #so-far {}
         }
         div.desk.sheet-desk {
             section.sheet aria-label="Members of the cluster" {
@@ -98,5 +113,11 @@ pub(super) async fn sheet(State(web): State<Web>, Path(id): Path<String>) -> Res
             }
         }
     };
-    Ok(pages::campaign_page(&record, Part::Sheet, "sheet.js", content))
+    Ok(pages::campaign_page(
+        &record,
+        Part::Sheet,
+        &visitor,
+        "sheet.js",
+        content,
+    ))
 }

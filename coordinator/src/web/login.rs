@@ -1,6 +1,6 @@
 //! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
 
-use super::{pages::layout, wrong::Wrong};
+use super::{pages::layout, visitor::Visitor, wrong::Wrong};
 use crate::access::{COOKIE, Door, LIFETIME, Refusal};
 use axum::{
     Extension, Form,
@@ -39,14 +39,21 @@ pub(super) async fn page(Extension(door): Extension<Arc<Door>>, headers: HeaderM
         },
         None => form(""),
     };
-    ([(CACHE_CONTROL, "no-store")], layout("Log in", content))
+    (
+        [(CACHE_CONTROL, "no-store")],
+        layout("Log in", &Visitor::ANYBODY, content),
+    )
 }
 
 /// Takes a token, if it is somebody's.
 pub(super) async fn log_in(Extension(door): Extension<Arc<Door>>, Form(given): Form<Given>) -> Response {
     let token = TokenDigest::of(given.token.trim());
     if door.access.whose(token).is_none() {
-        let page = layout("Log in", form("The coordinator does not know this token."));
+        let page = layout(
+            "Log in",
+            &Visitor::ANYBODY,
+            form("The coordinator does not know this token."),
+        );
         return (StatusCode::UNAUTHORIZED, page).into_response();
     }
     let session = door.sessions.open(token, SystemTime::now());

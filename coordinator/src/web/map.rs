@@ -5,10 +5,12 @@ use super::{
     pages::{self, Part},
     parts,
     refused::Refused,
+    visitor::Visitor,
     wrong::Wrong,
 };
 use crate::{
     campaign::blocking,
+    medoids::Clustering,
     picture::{
         colours,
         columns::{column, spread},
@@ -24,7 +26,11 @@ use maud::{Markup, html};
 use serde_json::{Value, json};
 
 /// The page.
-pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {
@@ -67,19 +73,30 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
             }
         }
     };
-    Ok(pages::campaign_page(&record, Part::Map, "map.js", content))
+    Ok(pages::campaign_page(
+        &record,
+        Part::Map,
+        &visitor,
+        "map.js",
+        content,
+    ))
 }
 
-/// What is known of each point besides its place.
+/// What is known of each point besides its place; clusters of the first individuals alone while the archive grows.
 pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
-    let status = web.campaigns.status(&id).await?;
-    let record = status.record;
-    let (store, campaign) = (web.store.clone(), record.id.clone());
-    let taxonomy = blocking(move || store.taxonomy(&campaign)).await??;
-    let (medoids, clusters) = taxonomy.map_or_else(Default::default, |found| (found.medoids, found.clusters));
+    let record = web.campaigns.status(&id).await?.record;
+    let (individuals, population) = (record.individuals(), record.spec.search().population());
+    let queries = web.labels.queries;
+    let clustered = blocking(move || queries.clusters(&record)).await?;
+    let clustered = clustered.map_err(Refused::space)?;
+    let Clustering {
+        medoids, clusters, ..
+    } = &clustered.clustering;
     Ok(Json(json!({
-        "count": record.individuals(),
-        "population": record.spec.search().population(),
+        "count": individuals,
+        "population": population,
+        "final": clustered.is_taxonomy,
+        "checkpoint": clustered.space.checkpoint.map(|checkpoint| checkpoint.to_string()),
         "medoids": medoids,
         "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
         "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),

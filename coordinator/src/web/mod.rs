@@ -18,6 +18,7 @@ mod parts;
 mod refused;
 mod taxonomy;
 mod teach;
+mod visitor;
 mod wrong;
 
 use crate::{

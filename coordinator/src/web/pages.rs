@@ -4,6 +4,7 @@ use super::{
     Web,
     actions::EXAMPLES,
     archived::{self, Created},
+    visitor::Visitor,
     wrong::Wrong,
 };
 use crate::{
@@ -44,17 +45,23 @@ impl Part {
 }
 
 /// A whole page around `content`.
-pub(super) fn layout(title: &str, content: Markup) -> Markup {
+pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup {
     document(
         title,
-        html! {},
+        visitor.account(),
         &["live.js"],
         html! { main #content { (content) } },
     )
 }
 
 /// A page about a part of a campaign, followed by a script.
-pub(super) fn campaign_page(record: &CampaignRecord, part: Part, script: &str, content: Markup) -> Markup {
+pub(super) fn campaign_page(
+    record: &CampaignRecord,
+    part: Part,
+    visitor: &Visitor,
+    script: &str,
+    content: Markup,
+) -> Markup {
     let id = record.id.as_str();
     let name = Part::ALL
         .iter()
@@ -68,6 +75,7 @@ pub(super) fn campaign_page(record: &CampaignRecord, part: Part, script: &str, c
                 a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
             }
         }
+        (visitor.account())
     };
     let main = html! { main #content data-campaign=(id) data-created=(record.created_ms) { (content) } };
     document(&title, links, &[script], main)
@@ -98,10 +106,11 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
 }
 
 /// Every campaign, and how to start another.
-pub(super) async fn campaigns(State(web): State<Web>) -> Result<Markup, Wrong> {
+pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Result<Markup, Wrong> {
     let listed = web.campaigns.list().await?;
     Ok(layout(
         "Campaigns",
+        &visitor,
         html! {
             h1 { "Campaigns" }
             p.lead { "Which collective behaviours can a swarm of such robots show? Each campaign is a search for them." }
@@ -145,12 +154,17 @@ pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
 }
 
 /// One campaign: how it stands, what can be done with it, what it was asked.
-pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn campaign(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let status = web.campaigns.status(&id).await?;
     let id = status.record.id.as_str();
     Ok(campaign_page(
         &status.record,
         Part::Progress,
+        &visitor,
         "live.js",
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }

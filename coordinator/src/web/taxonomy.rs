@@ -5,12 +5,14 @@ use super::{
     pages::{self, Part},
     parts,
     refused::Refused,
+    visitor::Visitor,
     wrong::Wrong,
 };
 use crate::{
     campaign::blocking,
     gather,
     labels::{ClassName, Labels},
+    limits::MAX_LABEL_MESSAGE,
     report,
     store::{CampaignRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
@@ -23,15 +25,20 @@ use axum::{
 use maud::{Markup, html};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+    label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
 };
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
 
 /// The page.
-pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Result<Markup, Wrong> {
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
     let (store, campaign, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
-    let read = move || -> Result<(Option<Taxonomy>, Labels), StoreError> {
+    let read = move || -> Result<(Option<Taxonomy>, Arc<Labels>), StoreError> {
         let taxonomy = Taxonomy::read(&store, &campaign, &spec)?;
         Ok((taxonomy, store.labels(&campaign)?))
     };
@@ -65,6 +72,7 @@ pub(super) async fn page(State(web): State<Web>, Path(id): Path<String>) -> Resu
     Ok(pages::campaign_page(
         &record,
         Part::Taxonomy,
+        &visitor,
         "taxonomy.js",
         content,
     ))
@@ -114,14 +122,18 @@ pub(super) async fn export(
 ) -> Result<impl IntoResponse, Refused> {
     let id = web.campaigns.status(&id).await?.record.id;
     // The service of this process, without a network between.
-    let mut service = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels))
+        .max_decoding_message_size(MAX_LABEL_MESSAGE);
     let failed = |error: String| Status::internal(error);
-    let gathered = gather::report(&mut service, id.as_str())
-        .await
-        .map_err(|error| match error {
-            gather::GatherError::Service(status) => status,
-            other => failed(other.to_string()),
-        })?;
+    let gathered = async {
+        let names = gather::names(&mut labels, id.as_str()).await?;
+        gather::report(&mut archive, id.as_str(), names).await
+    };
+    let gathered = gathered.await.map_err(|error| match error {
+        gather::GatherError::Service(status) => status,
+        other => failed(other.to_string()),
+    })?;
     let page = blocking(move || report::page(&gathered)).await?;
     let page = page.map_err(|error| failed(error.to_string()))?;
     let name = format!("attachment; filename=\"{id}.html\"");

@@ -17,7 +17,7 @@ use murmuration_proto::{
 };
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, sync::Arc};
 use tonic::Request;
 
 type Told = Result<Json<Value>, Refused>;
@@ -90,7 +90,7 @@ pub(super) async fn answer(
     classes(&web, campaign).await
 }
 
-/// Whose newest answer to take back.
+/// Whose last act to take back.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Undo {
@@ -98,36 +98,22 @@ pub(super) struct Undo {
     annotator: String,
 }
 
-/// Tells which individual the answer was about that no longer stands.
+/// Tells which individuals the answers were about that no longer stand, the newest first.
 pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
     Json(said): Json<Undo>,
 ) -> Told {
-    let request = v1::UndoLabelRequest {
+    let request = v1::UndoLabelsRequest {
         campaign: campaign.clone(),
         request_id: said.request_id,
         annotator: said.annotator,
     };
-    let undone = web.labels.undo_label(Request::new(request)).await?.into_inner();
-    let request = v1::ListLabelEntriesRequest {
-        campaign: campaign.clone(),
-    };
-    let log = web
-        .labels
-        .list_label_entries(Request::new(request))
-        .await?
-        .into_inner();
-    let entry = log
-        .entries
-        .into_iter()
-        .find(|entry| Some(entry.number) == undone.supersedes);
-    let index = match entry.and_then(|entry| entry.action) {
-        Some(v1::label_entry::Action::Answer(answer)) => Some(answer.index),
-        _ => None,
-    };
+    let undone = web.labels.undo_labels(Request::new(request)).await?.into_inner();
+    let answers = undone.undone.into_iter().filter_map(|label| label.answer);
+    let individuals: Vec<u64> = answers.map(|answer| answer.index).collect();
     let Json(mut told) = classes(&web, campaign).await?;
-    told["index"] = json!(index);
+    told["individuals"] = json!(individuals);
     Ok(Json(told))
 }
 
@@ -175,7 +161,7 @@ async fn classes(web: &Web, campaign: String) -> Told {
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
     let labels =
-        blocking(move || -> Result<Labels, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
+        blocking(move || -> Result<Arc<Labels>, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
             .await??;
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();

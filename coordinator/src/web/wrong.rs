@@ -1,6 +1,6 @@
 //! Why a page cannot be shown, as a page.
 
-use super::pages::layout;
+use super::{pages::layout, visitor::Visitor};
 use crate::{campaign::CampaignError, picture::PictureError, store::StoreError};
 use axum::{
     http::StatusCode,
@@ -71,6 +71,7 @@ impl IntoResponse for Wrong {
     fn into_response(self) -> Response {
         let page = layout(
             "Not that way",
+            &Visitor::ANYBODY,
             html! {
                 h1 { "Not that way" }
                 p.lead { (self.to_string()) }

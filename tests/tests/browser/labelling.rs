@@ -4,8 +4,8 @@ use crate::{
     driver::Driver,
     scene::{Labels, Scene, answer, asked, introduce, name, saved},
 };
-use murmuration_tests::{Murmuration, small_spec};
-use std::{collections::BTreeSet, fs, net::TcpListener};
+use murmuration_tests::Murmuration;
+use std::collections::BTreeSet;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn thirty_are_labelled_two_taken_back_and_a_refresh_loses_nothing() {
@@ -82,21 +82,10 @@ async fn two_who_label_at_once_are_never_asked_the_same() {
 async fn a_killed_coordinator_loses_no_answer() {
     let Some(driver) = Driver::start() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let spec = folder.path().join("small.toml");
-    fs::write(&spec, small_spec("").to_toml()).unwrap();
-    let murmuration = Murmuration::over(&folder.path().join("data"));
-    let run = murmuration.run(&["run", &spec.display().to_string()]);
-    assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let listen = free_address();
-    let serve = || {
-        let mut process = murmuration.start(&["serve", "--listen", &listen, "--workers", "1"]);
-        process.wait_for("serving");
-        process
-    };
-    let coordinator = serve();
-    let window = driver
-        .open(&format!("http://{listen}/campaigns/small-1/label"))
-        .await;
+    let murmuration = Murmuration::with_campaign(folder.path());
+    let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1"]);
+    let (coordinator, url) = serve("127.0.0.1:0");
+    let window = driver.open(&format!("{url}/campaigns/small-1/label")).await;
     introduce(&window, "Ana").await;
     let mut seen = vec![name(&window, "milling").await];
     for _ in 0..4 {
@@ -111,11 +100,13 @@ async fn a_killed_coordinator_loses_no_answer() {
     window
         .until("document.getElementById('status').textContent.includes('2 answers kept here')")
         .await;
-    let coordinator = serve();
+    // It must be found where it was.
+    let (coordinator, again) = serve(url.trim_start_matches("http://"));
+    assert_eq!(again, url);
     saved(&window).await;
     seen.push(answer(&window, "1").await);
     saved(&window).await;
-    let standing = Labels::at(&format!("http://{listen}")).await.standing().await;
+    let standing = Labels::at(&url).await.standing().await;
     assert_eq!(
         standing.into_keys().collect::<BTreeSet<_>>(),
         seen.into_iter().collect()
@@ -123,10 +114,4 @@ async fn a_killed_coordinator_loses_no_answer() {
     asked(&window).await;
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));
-}
-
-/// Where nobody listens; a coordinator that is started again must be found where it was.
-fn free_address() -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    listener.local_addr().unwrap().to_string()
 }

@@ -6,6 +6,7 @@
 mod driver;
 mod labelling;
 mod learning;
+mod leaving;
 mod looks;
 mod scene;
 mod selecting;

@@ -26,9 +26,17 @@ impl Scene {
     }
 
     pub async fn of(spec: &CampaignSpec) -> Self {
+        let mut scene = Self::begun(spec).await;
+        let last = scene.cluster.finish("latest").await;
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        scene
+    }
+
+    /// A campaign that has only begun.
+    pub async fn begun(spec: &CampaignSpec) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut cluster = Cluster::start(folder.path(), 2).await;
-        cluster.run(spec).await;
+        cluster.create(spec).await;
         let labels = Labels(LabelServiceClient::new(cluster.channel().await));
         Self {
             _folder: folder,

@@ -4,6 +4,8 @@ use crate::{
     driver::{Driver, Window},
     scene::{Scene, saved},
 };
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::small_spec;
 
 /// Across the canvas, where the points lie; what the script makes of the columns that it is sent.
 const ACROSS: &str = "(async () => { \
@@ -66,6 +68,14 @@ async fn ten_are_lassoed_on_the_map_and_named() {
             "document.getElementById('legend').textContent.includes('edge · {count}')"
         ))
         .await;
+    // One key takes all of it back.
+    window.press("u").await;
+    saved(&window).await;
+    window
+        .until("document.getElementById('legend').textContent.includes('edge · 0')")
+        .await;
+    assert_eq!(scene.labels.standing().await.len(), 0);
+    assert_eq!(scene.labels.entries().await, 2 * count);
     // t-SNE comes when it is ready.
     window
         .until("!document.querySelector('#projection [value=neighbours]').disabled")
@@ -110,6 +120,48 @@ async fn a_cluster_is_named_but_for_those_that_differ() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn clusters_are_looked_at_while_the_archive_grows() {
+    let Some(driver) = Driver::start() else { return };
+    // Far more than is waited for.
+    let text = small_spec("")
+        .to_toml()
+        .replace("generations = 5", "generations = 100000");
+    let mut scene = Scene::begun(&CampaignSpec::from_toml(&text).unwrap()).await;
+    let window = scene.visit(&driver, "/sheet", "Ana").await;
+    window
+        .until("document.querySelectorAll('.card').length > 3")
+        .await;
+    let first = window.text("#so-far").await;
+    window.picture("sheet-running").await;
+    // What is marked stays as it is until it was answered about, whatever comes.
+    window.click(".card:nth-child(2)").await;
+    let marked = window
+        .value("document.querySelector('.card:nth-child(2)').dataset.index")
+        .await;
+    window
+        .until(&format!(
+            "!document.getElementById('so-far').textContent.includes({first:?})"
+        ))
+        .await;
+    let still = window
+        .value("document.querySelector('.card[aria-pressed=true]').dataset.index")
+        .await;
+    assert_eq!(still, marked);
+    let alike = window
+        .value("document.querySelectorAll('.card[aria-pressed=false]').length")
+        .await;
+    window.press("n").await;
+    window.press("same").await;
+    window.press("\u{e007}").await;
+    saved(&window).await;
+    assert_eq!(Some(scene.labels.standing().await.len() as u64), alike.as_u64());
+    let running = scene.cluster.status("latest").await;
+    assert_eq!(running.state(), v1::CampaignState::Running, "it ended too early");
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn medoids_are_named_and_the_report_is_taken_away() {
     let Some(driver) = Driver::start() else { return };
     let mut scene = Scene::set().await;
@@ -140,11 +192,13 @@ async fn medoids_are_named_and_the_report_is_taken_away() {
         );
         answer.body_mut().read_to_string().unwrap()
     });
-    assert!(
-        report
-            .await
-            .unwrap()
-            .contains("these 4 behaviours stand for them all")
-    );
+    let report = report.await.unwrap();
+    for said in [
+        "these 4 behaviours stand for them all",
+        ">milling</span>",
+        "milling · 1",
+    ] {
+        assert!(report.contains(said), "{said}");
+    }
     scene.cluster.stop().await;
 }

@@ -25,6 +25,7 @@ fn a_run_ends_with_one_object_and_a_report() {
     for beside in [
         "archive.csv",
         "taxonomy.csv",
+        "classes.csv",
         "map.svg",
         "novelty.svg",
         "spec.toml",

@@ -38,13 +38,17 @@ impl Annotator {
         Ok(added.entries.iter().map(|entry| entry.number).collect())
     }
 
-    pub(crate) async fn undo(&mut self, request_id: &str) -> Result<v1::LabelEntry, Status> {
-        let request = v1::UndoLabelRequest {
+    pub(crate) async fn undo(&mut self, request_id: &str) -> Result<Vec<v1::LabelEntry>, Status> {
+        let request = v1::UndoLabelsRequest {
             campaign: "latest".to_owned(),
             request_id: request_id.to_owned(),
             annotator: self.name.to_owned(),
         };
-        Ok(self.client.undo_label(request).await?.into_inner())
+        let undone = self.client.undo_labels(request).await?.into_inner();
+        let taken_back: Vec<_> = undone.undone.iter().map(|label| Some(label.entry)).collect();
+        let superseded: Vec<_> = undone.entries.iter().map(|entry| entry.supersedes).collect();
+        assert_eq!(taken_back, superseded);
+        Ok(undone.entries)
     }
 
     /// What stands: individual, annotator, class.

@@ -8,10 +8,7 @@ use murmuration_tests::{Murmuration, Running};
 use tonic::transport::Channel;
 
 fn serve(murmuration: &Murmuration) -> (Running, String) {
-    let mut coordinator = murmuration.start(&["serve", "--workers", "0", "--listen", "127.0.0.1:0"]);
-    let said = coordinator.wait_for("serving");
-    let url = said.rsplit(' ').next().unwrap().to_owned();
-    (coordinator, url)
+    murmuration.serve("127.0.0.1:0", &["--workers", "0"])
 }
 
 #[tokio::test(flavor = "multi_thread")]

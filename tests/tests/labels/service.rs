@@ -16,6 +16,10 @@ async fn labelled(folder: &TempDir) -> (Cluster, Annotator, Annotator) {
     (cluster, ana, ben)
 }
 
+fn taken_back(undone: Vec<v1::LabelEntry>) -> Vec<u64> {
+    undone.into_iter().filter_map(|entry| entry.supersedes).collect()
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superseded() {
     let folder = tempfile::tempdir().unwrap();
@@ -28,7 +32,7 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     assert_eq!(ana.standing().await, stands(&both));
 
     for _ in 0..2 {
-        assert_eq!(ana.undo("4").await.unwrap().supersedes, Some(2));
+        assert_eq!(taken_back(ana.undo("4").await.unwrap()), [2]);
     }
     let restored = [(7, "ana", "ring"), (7, "ben", "wall"), (8, "ana", "skip")];
     assert_eq!(ana.standing().await, stands(&restored));
@@ -37,6 +41,17 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     let other = ana.say("1", &[(7, "clump")]).await.unwrap_err();
     assert_eq!(other.code(), Code::AlreadyExists, "{other}");
     assert_eq!(ana.standing().await, stands(&restored));
+
+    // What was said with one request is taken back with one.
+    let sheet: Vec<(u64, &str)> = (0..30).map(|index| (index, "wall")).collect();
+    ana.say("5", &sheet).await.unwrap();
+    for _ in 0..2 {
+        let undone = taken_back(ana.undo("6").await.unwrap());
+        assert_eq!(undone, (5..35).rev().collect::<Vec<_>>());
+    }
+    assert_eq!(ana.standing().await, stands(&restored));
+    let taken = ben.say("6", &[(7, "clump")]).await.unwrap_err();
+    assert_eq!(taken.code(), Code::AlreadyExists, "{taken}");
     cluster.stop().await;
 
     // The log is the campaign's: another coordinator over the same directory knows it.

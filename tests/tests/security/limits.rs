@@ -35,7 +35,7 @@ async fn messages_and_headers() {
         }),
         weight: None,
     };
-    let undo = |campaign| v1::UndoLabelRequest {
+    let undo = |campaign| v1::UndoLabelsRequest {
         campaign,
         ..Default::default()
     };
@@ -48,7 +48,7 @@ async fn messages_and_headers() {
         let refused = campaigns.create_campaign(message).await.unwrap_err();
         assert_eq!(refused.code(), expected, "{refused}");
         let message = of_size(MAX_LABEL_MESSAGE + over, undo);
-        let refused = labels.undo_label(message).await.unwrap_err();
+        let refused = labels.undo_labels(message).await.unwrap_err();
         assert_eq!(refused.code() == Code::OutOfRange, over == 1, "{refused}");
     }
     for (bytes, allowed) in [(MAX_HEADER_BYTES - 2048, true), (MAX_HEADER_BYTES, false)] {
@@ -101,14 +101,14 @@ async fn a_stranger_sends_nothing_large() {
     let cluster = desk.cluster(0).await;
     let credentials = desk.credentials(None, None);
     let channel = crate::people::channel(&cluster, &credentials).await;
-    let undo = |campaign| v1::UndoLabelRequest {
+    let undo = |campaign| v1::UndoLabelsRequest {
         campaign,
         ..Default::default()
     };
     // Turned away for who it is, not for what it sends: nobody reads that.
     let message = of_size(MAX_LABEL_MESSAGE + 1, undo);
     let refused = LabelServiceClient::new(channel)
-        .undo_label(message)
+        .undo_labels(message)
         .await
         .unwrap_err();
     assert_eq!(refused.code(), Code::Unauthenticated, "{refused}");

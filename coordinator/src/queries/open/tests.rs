@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::{
-    campaign::Weight,
+    campaign::{CampaignState, Weight},
     labels::{Action, Change},
+    medoids::Clustering,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::CampaignSpec;
@@ -94,6 +95,42 @@ fn an_archive_is_ranked_anew_once_it_is_a_quarter_larger_or_the_search_has_stopp
     for strategy in [Strategy::Random, Strategy::Medoids] {
         assert_eq!(campaign.ask("ana", strategy, false).len(), 120);
     }
+}
+
+#[test]
+fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the_end() {
+    let campaign = Campaign::new(0);
+    let clusters = || {
+        let record = campaign.store.campaign("latest").unwrap();
+        campaign.queries.clusters(&record).unwrap()
+    };
+    assert!(clusters().clustering.medoids.is_empty());
+    (0..8).for_each(|generation| campaign.grow(generation));
+    let first = clusters();
+    assert_eq!((first.clustering.clusters.len(), first.is_taxonomy), (80, false));
+    (8..10).for_each(|generation| campaign.grow(generation));
+    assert!(Arc::ptr_eq(&clusters(), &first));
+    // Questions by medoids begin with those that the sheet shows.
+    let medoids: BTreeSet<usize> = first.clustering.medoids.iter().copied().collect();
+    assert!(
+        campaign
+            .ask("ana", Strategy::Medoids, false)
+            .is_superset(&medoids)
+    );
+    campaign.grow(10);
+    let second = clusters();
+    assert_eq!(
+        (second.clustering.clusters.len(), second.is_taxonomy),
+        (110, false)
+    );
+    let taxonomy = Clustering {
+        medoids: vec![7],
+        clusters: vec![0; 110],
+        loss: 3.0,
+    };
+    campaign.store.complete(&campaign.id, &taxonomy).unwrap();
+    let last = clusters();
+    assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
 }
 
 #[test]

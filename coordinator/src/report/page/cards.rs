@@ -96,7 +96,13 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
     let width = 100.0 * medoid.cluster_size as f64 / whole.max(1) as f64;
     html! {
         div.name {
-            h3 id={ "name-" (number) } { span.swatch aria-hidden="true" { (number) } "Behaviour " (number) }
+            h3 id={ "name-" (number) } {
+                span.swatch aria-hidden="true" { (number) }
+                @match report.names.of(medoid.index) {
+                    Some((_, class)) => { span.class style={ "--class:" (class.colour) } { (class.name) } },
+                    None => { "Behaviour " (number) },
+                }
+            }
             p { strong { (part) } " · " (grouped(medoid.cluster_size)) " alike" }
         }
         div.bar aria-hidden="true" { span style={ "width:" (format!("{width:.2}")) "%" } {} }

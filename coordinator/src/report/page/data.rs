@@ -44,12 +44,16 @@ fn content(report: &Report) -> Value {
         "world": columns::world(world),
         "agentColours": colours::AGENTS.map(colours::hex),
         "clusterColours": (0..report.medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
+        "classes": report.names.classes.iter().map(|class| class.name.as_str()).collect::<Vec<_>>(),
         "runs": runs,
         "archive": archive(report),
     })
 }
 
-/// The individuals on the map: place, cluster, index, generation, novelty and genes in ten-thousandths.
+/// In place of a class, for an individual without a name.
+const NAMELESS: u16 = u16::MAX;
+
+/// The individuals on the map: place, cluster, index, class, generation, novelty and genes in ten-thousandths.
 fn archive(report: &Report) -> Value {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
@@ -60,6 +64,9 @@ fn archive(report: &Report) -> Value {
         "y": axis(1),
         "cluster": column(shown.iter().map(|&index| (report.clusters[index] as u16).to_le_bytes())),
         "index": column(shown.iter().map(|&index| (index as u32).to_le_bytes())),
+        "class": column(shown.iter().map(|&index| {
+            report.names.of(index as u64).map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
+        })),
         "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
         "novelty": column(entries().map(|entry| (entry.novelty as f32).to_le_bytes())),
         "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| ((gene * 1e4).round() as i16).to_le_bytes())),

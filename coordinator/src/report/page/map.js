@@ -1,5 +1,5 @@
 // Draws the behaviour space, and brings one cluster out: on the map, the small maps, the cards and the legend.
-const { archive, clusterColours, fit, dotOf, stamp } = window.murmuration;
+const { archive, classes, clusterColours, fit, dotOf, stamp } = window.murmuration;
 const canvas = document.getElementById("space");
 const pen = canvas.getContext("2d");
 const pins = document.getElementById("pins");
@@ -237,10 +237,16 @@ function nearest(x, y) {
   return best;
 }
 
+// What people called a behaviour, if anything.
+function named(i) {
+  const name = classes[archive.class[i]];
+  return name === undefined ? "" : ` · ${name}`;
+}
+
 function describe(i) {
   const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) => gene / 10000);
   const lines = [
-    `Individual ${archive.index[i].toLocaleString("en")} · behaviour ${archive.cluster[i] + 1}`,
+    `Individual ${archive.index[i].toLocaleString("en")} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
     `[${values.join(", ")}]`,
     `novelty ${archive.novelty[i].toPrecision(4)} · generation ${archive.generation[i]}`,
   ];

@@ -47,6 +47,7 @@ pub(super) fn render(report: &Report, pictures: &[MedoidPictures]) -> Result<Str
                 (header(report))
                 main {
                     (cards::behaviours(report, pictures))
+                    (sections::names(report))
                     (sections::map(report))
                     (sections::novelty(report)?)
                     (sections::filtered(report)?)

@@ -47,8 +47,35 @@ pub(super) fn map(report: &Report) -> Markup {
                 @for place in 0..report.medoids.len() {
                     li { a href={ "#behaviour-" (place + 1) } data-place=(place)
                         style={ "--cluster:" (colours::hex(colours::cluster(place))) } {
-                        span.swatch { (place + 1) } (percent(report.medoids[place].cluster_size, count as u64))
+                        span.swatch { (place + 1) }
+                        @if let Some((_, class)) = report.names.of(report.medoids[place].index) { (class.name) " · " }
+                        (percent(report.medoids[place].cluster_size, count as u64))
                     } }
+                }
+            }
+        }
+    }
+}
+
+/// What people called the behaviours; nothing where nobody has said anything.
+pub(super) fn names(report: &Report) -> Markup {
+    let names = &report.names;
+    html! {
+        @if !names.classes.is_empty() {
+            section #names aria-labelledby="names-title" {
+                h2 #names-title { "What people called them" }
+                p.lead {
+                    "People have named " (grouped(names.by_individual.len() as u64)) " of "
+                    (grouped(report.individuals.len() as u64)) " behaviours. A card bears the name of its own behaviour; "
+                    "others of its cluster may have been given another. classes.csv beside this page has these colours, and "
+                    "archive.csv every name."
+                }
+                ul.legend aria-label="Classes" {
+                    @for class in &names.classes {
+                        li { span.class style={ "--class:" (class.colour) } {
+                            (class.name) " · " (grouped(names.individuals(class) as u64))
+                        } }
+                    }
                 }
             }
         }

@@ -6,7 +6,7 @@ use crate::{
     },
     queries::{Asked, Holder, Query, QueryError, Wish},
     space::SpaceError,
-    store::LabelError,
+    store::{LabelError, Undone},
 };
 use murmuration_proto::{Invalid, v1};
 use tonic::Status;
@@ -31,6 +31,13 @@ pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid
             answer: message.answer.parse()?,
         },
     })
+}
+
+/// What was taken back, by what.
+pub(super) fn undone(undone: Vec<Undone>) -> v1::UndoLabelsResponse {
+    let pair = |Undone { entry, answer }: Undone| (v1::LabelEntry::from(entry), v1::Label::from(answer));
+    let (entries, undone) = undone.into_iter().map(pair).unzip();
+    v1::UndoLabelsResponse { entries, undone }
 }
 
 impl TryFrom<v1::change_class_request::Change> for Action {

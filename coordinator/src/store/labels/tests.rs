@@ -10,7 +10,7 @@ use murmuration_proto::CampaignSpec;
 use std::path::Path;
 
 /// A store with a campaign of three individuals.
-fn open(folder: &Path) -> (Store, CampaignId) {
+pub(super) fn open(folder: &Path) -> (Store, CampaignId) {
     let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
     let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
@@ -26,7 +26,7 @@ fn open(folder: &Path) -> (Store, CampaignId) {
     (store, id)
 }
 
-fn change(time_ms: u64, action: Action) -> Change {
+pub(super) fn change(time_ms: u64, action: Action) -> Change {
     Change {
         annotator: "ana".parse().unwrap(),
         time_ms,
@@ -34,12 +34,12 @@ fn change(time_ms: u64, action: Action) -> Change {
     }
 }
 
-fn answer(index: u64, answer: &str) -> Change {
+pub(super) fn answer(index: u64, answer: &str) -> Change {
     let answer = answer.parse().unwrap();
     change(7, Action::Answer { index, answer })
 }
 
-fn request(id: &str) -> RequestId {
+pub(super) fn request(id: &str) -> RequestId {
     id.parse().unwrap()
 }
 
@@ -108,6 +108,53 @@ fn a_request_made_again_adds_nothing() {
     let again = store.add_labels(&id, &request("3"), vec![change(9, Action::Undo)]);
     assert_eq!(undone.unwrap(), again.unwrap());
     assert_eq!(store.labels(&id).unwrap().by_individual()[&0].as_str(), "a");
+}
+
+#[test]
+fn an_act_is_taken_back_at_once_whatever_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+    let bens = Change {
+        annotator: "ben".parse().unwrap(),
+        ..answer(0, "c")
+    };
+    // One of them twice.
+    let sheet = vec![
+        answer(0, "b"),
+        bens,
+        answer(1, "b"),
+        answer(2, "b"),
+        answer(1, "c"),
+    ];
+    store.add_labels(&id, &request("2"), sheet).unwrap();
+    let undo = |name: &str| -> Result<Vec<u64>, LabelError> {
+        let undone = store.undo_labels(&id, &request(name), &"ana".parse().unwrap(), 9)?;
+        Ok(undone.iter().map(|undone| undone.answer.index).collect())
+    };
+    for _ in 0..2 {
+        assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    }
+    let stands = |store: &Store| -> Vec<(u64, String, String)> {
+        let labels = store.labels(&id).unwrap();
+        labels
+            .standing()
+            .map(|label| (label.index, label.annotator.to_string(), label.answer.to_string()))
+            .collect()
+    };
+    let said = |index, who: &str, class: &str| (index, who.to_owned(), class.to_owned());
+    assert_eq!(stands(&store), [said(0, "ana", "a"), said(0, "ben", "c")]);
+    assert!(matches!(undo("2"), Err(LabelError::OtherRequest(_))));
+    assert_eq!(undo("4").unwrap(), [0]);
+    assert!(matches!(
+        undo("5"),
+        Err(LabelError::Refused(Refusal::NothingToUndo(_)))
+    ));
+    assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    assert_eq!(store.label_log(&id).unwrap().len(), 11);
+    assert_eq!(stands(&store), [said(0, "ben", "c")]);
 }
 
 #[test]

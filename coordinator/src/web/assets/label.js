@@ -21,9 +21,8 @@ const queue = new Queue(await session(), show);
 const outbox = new Outbox(queue.session, {
   told(item, reply) {
     palette.show(reply.classes);
-    if (item.path === "undo") {
-      if (reply.index !== null) queue.giveBack(reply.index);
-    } else queue.top();
+    if (item.path === "undo") queue.giveBack(reply.individuals);
+    else queue.top();
   },
   refused(item, error) {
     complain(status, error);

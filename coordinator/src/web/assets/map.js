@@ -21,7 +21,6 @@ let points = null;
 let selected = new Set();
 let hovered = -1;
 let line = null;
-const batches = [];
 
 const outbox = new Outbox(await session(), {
   told: (_, reply) => palette.show(reply.classes),
@@ -35,13 +34,12 @@ async function answer(text) {
   if (selected.size === 0) return complain(status, new Error("Draw around behaviours first: they are what is named."));
   await introduced();
   const answers = [...selected].map((index) => ({ index, answer: text }));
-  batches.push(answers.length);
   outbox.add("labels", { annotator: annotator(), answers });
   select([]);
 }
 
 function undo() {
-  for (let i = batches.pop() ?? 1; i > 0; i--) outbox.add("undo", { annotator: annotator() });
+  outbox.add("undo", { annotator: annotator() });
 }
 
 const number = (colour) => parseInt(colour.slice(1), 16);

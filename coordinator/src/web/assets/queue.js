@@ -5,6 +5,8 @@ import { motionOf } from "./player.js";
 
 // The one that is looked at, and the next three.
 const HELD = 4;
+// As many as the coordinator lets a window wish for.
+const AGAIN = 100;
 // Before others are given what this window holds.
 const RENEW_MS = 60_000;
 
@@ -38,10 +40,10 @@ export class Queue {
     this.changed();
   }
 
-  // An answer was taken back: that question comes first again.
-  giveBack(index) {
-    this.said.delete(index);
-    this.again = [index, ...this.again];
+  // Answers were taken back, the newest first: those questions come first again.
+  giveBack(indices) {
+    for (const index of indices) this.said.delete(index);
+    this.again = [...indices, ...this.again].slice(0, AGAIN);
     this.top();
   }
 

@@ -15,27 +15,27 @@ const sheet = at("sheet");
 const over = at("over");
 const player = new Player(document.querySelector(".player"));
 let clusters = [];
+// What the clusters are of: how many individuals, in which space, and whether they are the last.
+let made = { of: 0, checkpoint: null, final: false };
+// Others that wait until what is marked was answered about.
+let coming = null;
 let labelled = new Set();
+// What was answered here, whether the coordinator knows it yet or not.
+const said = new Set();
 // Those that were put off: they come again once there is nothing else.
 let later = new Set();
-let undoing = false;
-// How many answers each undo takes back.
-const batches = [];
 
 await introduced();
 const outbox = new Outbox(await session(), {
-  told: (_, reply) => palette.show(reply.classes),
-  async refused(_, error) {
+  async told(item, reply) {
+    palette.show(reply.classes);
+    if (item.path === "undo") await forget(reply.individuals);
+  },
+  async refused(item, error) {
     complain(status, error);
-    await load();
+    await forget((item.body.answers ?? []).map(({ index }) => index));
   },
-  async changed(outbox) {
-    outbox.tell(status);
-    if (outbox.items.length === 0 && undoing) {
-      undoing = false;
-      await load();
-    }
-  },
+  changed: (outbox) => outbox.tell(status),
 });
 const palette = new Palette({ answer, undo });
 beforeLearning(outbox);
@@ -44,16 +44,25 @@ function answer(text) {
   const rest = cards().filter((card) => card.getAttribute("aria-pressed") === "false");
   if (rest.length === 0) return;
   const answers = rest.map((card) => ({ index: Number(card.dataset.index), answer: text }));
-  for (const { index } of answers) labelled.add(index);
+  for (const { index } of answers) {
+    said.add(index);
+    labelled.add(index);
+  }
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
-  batches.push(answers.length);
   outbox.add("labels", { annotator: annotator(), answers });
-  lay();
+  if (coming) show(coming);
+  else lay();
 }
 
 function undo() {
-  undoing = true;
-  for (let i = batches.pop() ?? 1; i > 0; i--) outbox.add("undo", { annotator: annotator() });
+  outbox.add("undo", { annotator: annotator() });
+}
+
+// These were not answered after all: they are looked at again.
+async function forget(indices) {
+  for (const index of indices) said.delete(index);
+  await load();
+  if (coming) show(coming);
 }
 
 const cards = () => [...sheet.children];
@@ -72,7 +81,7 @@ function lay() {
   empty.hidden = shown.length > 0;
   empty.textContent = clusters.length
     ? "Every behaviour of this cluster has a name."
-    : "There are no clusters yet: they are made when the search has ended.";
+    : "There is nothing to look at yet: the first generation is still to come.";
   tell(open.length);
 }
 
@@ -162,29 +171,61 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "ArrowRight") go(1);
 });
 
+const isMarked = () => cards().some((card) => card.getAttribute("aria-pressed") === "true");
+
+// Reads the clusters as they are now; what somebody is at is left as it is until they have answered.
 async function load() {
   const [points, labels] = await Promise.all([insist(() => get("points")), insist(() => get("labels"))]);
+  labelled = new Set([...column(labels.individual, Uint32Array), ...said]);
+  palette.show(labels.classes);
   const of = column(points.cluster, Uint16Array);
-  clusters = points.medoids.map((medoid) => [medoid]);
+  made = { of: of.length, checkpoint: points.checkpoint, final: points.final };
+  const fresh = points.medoids.map((medoid) => [medoid]);
   of.forEach((cluster, index) => {
-    if (index !== points.medoids[cluster]) clusters[cluster].push(index);
+    if (index !== points.medoids[cluster]) fresh[cluster].push(index);
   });
-  labelled = new Set(column(labels.individual, Uint32Array));
-  const chosen = at("cluster").value;
+  if (isMarked()) {
+    coming = fresh;
+    at("so-far").textContent = "There are other clusters by now; they come once you have named these.";
+  } else show(fresh);
+}
+
+// Shows other clusters, of them that which holds what was looked at last.
+function show(fresh) {
+  const first = clusters[Number(at("cluster").value)]?.[0];
+  const chosen = fresh.findIndex((members) => members.includes(first));
+  clusters = fresh;
+  coming = null;
   at("cluster").replaceChildren(
     ...clusters.map((members, place) => new Option(`${place + 1} (${members.length})`, place)),
   );
-  if (chosen && chosen < clusters.length) at("cluster").value = chosen;
-  palette.show(labels.classes);
+  if (chosen >= 0) at("cluster").value = chosen;
+  at("so-far").textContent =
+    made.final || made.of === 0 ? "" : `These are the clusters of the first ${made.of}: the search may go on.`;
   lay();
 }
-await load();
 
-let stands = null;
+// Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.
+function isOutgrown(seen) {
+  const grown = seen.individuals > made.of + Math.floor(made.of / 4);
+  return grown || seen.checkpoint !== made.checkpoint || (seen.completed && !made.final);
+}
+
+let latest = null;
+let busy = false;
+async function keepUp(seen) {
+  latest = seen;
+  if (busy) return;
+  busy = true;
+  for (let looked = null; looked !== latest; ) {
+    looked = latest;
+    if (isOutgrown(looked)) await load().catch((error) => complain(status, error));
+  }
+  busy = false;
+}
+
+await load();
 follow((seen) => {
   tellDoing(seen);
-  const now = `${seen.checkpoint} ${seen.completed}`;
-  // Other clusters.
-  if (stands !== null && stands !== now) load();
-  stands = now;
+  keepUp(seen);
 });

@@ -1,0 +1,114 @@
+//! An answer and a question with 10,000 labels on disk, beside reading the whole log, which neither does.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use murmuration_coordinator::{
+    campaign::{CampaignId, Weight},
+    labels::{Action, Change, Labels},
+    queries::{Holder, Queries, Wish},
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
+};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
+use std::{
+    error::Error,
+    time::{Duration, Instant},
+};
+
+const LABELS: u64 = 10_000;
+const POPULATION: u64 = 500;
+/// Individuals: some are left to be asked about.
+const ARCHIVE: u64 = LABELS + 4 * POPULATION;
+
+type Done<T> = Result<T, Box<dyn Error>>;
+
+/// A campaign most of whose archive was answered about.
+fn labelled(store: &Store) -> Done<CampaignId> {
+    let text =
+        format!("model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = {POPULATION}");
+    let id = store.create_campaign(&CampaignSpec::from_toml(&text)?, Weight::default(), 7)?;
+    let mut stream = Stream::derive(1, Purpose::Start, 0);
+    for generation in 0..ARCHIVE / POPULATION {
+        let mut individuals = Vec::new();
+        for index in generation * POPULATION..(generation + 1) * POPULATION {
+            individuals.push(ArchivedIndividual {
+                index,
+                generation: generation as u32,
+                controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4])?,
+                seed: 0,
+                features: std::array::from_fn(|_| stream.unit()),
+                embedding: Vec::new(),
+                novelty: 0.0,
+                image: None,
+            });
+        }
+        let record = GenerationRecord::of(generation as u32, &[0.0], 0);
+        store.commit_generation(&id, &record, &individuals, &Provenance::default())?;
+    }
+    let said = (0..LABELS).map(answer).collect::<Done<Vec<Change>>>()?;
+    store.add_labels(&id, &"import".parse()?, said)?;
+    Ok(id)
+}
+
+fn answer(index: u64) -> Done<Change> {
+    let answer = ["ring", "clump", "wall", "not sure"][index as usize % 4].parse()?;
+    Ok(Change {
+        annotator: ["ana", "ben"][index as usize % 2].parse()?,
+        time_ms: 7,
+        action: Action::Answer { index, answer },
+    })
+}
+
+fn question() -> Done<Wish> {
+    Ok(Wish {
+        holder: Holder {
+            annotator: "ana".parse()?,
+            session: String::new(),
+        },
+        strategy: Strategy::Medoids,
+        agreement: false,
+        count: 4,
+        again: Vec::new(),
+    })
+}
+
+#[expect(clippy::expect_used, reason = "what cannot be measured has no figure")]
+fn labels(c: &mut Criterion) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let directory = DataDirectory::hold(folder.path()).expect("it is nobody's");
+    let store = Store::open(&directory).expect("a store");
+    let id = labelled(&store).expect("a labelled campaign");
+    let queries = Queries::new(store.clone());
+    let wish = question().expect("a wish");
+    let mut group = c.benchmark_group("10000 labels");
+    group
+        .sample_size(20)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_secs(2));
+    let mut said = 0;
+    group.bench_function("answer", |b| {
+        b.iter(|| {
+            said += 1;
+            let change = answer(said % ARCHIVE).expect("an answer");
+            let request = format!("answer-{said}").parse().expect("a name");
+            store.add_labels(&id, &request, vec![change]).expect("it is kept")
+        });
+    });
+    group.bench_function("question", |b| {
+        b.iter(|| {
+            queries
+                .next(id.as_str(), &wish, Instant::now())
+                .expect("a question")
+        });
+    });
+    group.bench_function("replay of the log", |b| {
+        b.iter(|| {
+            let mut labels = Labels::default();
+            labels
+                .follow(store.label_log(&id).expect("a log"))
+                .expect("it is whole");
+            labels
+        });
+    });
+}
+
+criterion_group!(benches, labels);
+criterion_main!(benches);

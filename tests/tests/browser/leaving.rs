@@ -1,0 +1,83 @@
+//! Who may come in, and how one leaves.
+
+use crate::{
+    driver::{Driver, Window},
+    scene::{asked, introduce, name, saved},
+};
+use murmuration_tests::Murmuration;
+use std::fs;
+
+const LABEL: &str = "/campaigns/small-1/label";
+
+/// Waits until the page is that of this address.
+async fn arrived(window: &Window, path: &str) {
+    window
+        .until(&format!(
+            "document.readyState === 'complete' && location.pathname === '{path}'"
+        ))
+        .await;
+}
+
+async fn log_in(window: &Window, token: &str) {
+    arrived(window, "/login").await;
+    window.click("input[name=token]").await;
+    window.press(token).await;
+    window.press("\u{e007}").await;
+    arrived(window, "/").await;
+}
+
+/// Individuals with an answer.
+fn labelled(murmuration: &Murmuration) -> Vec<u64> {
+    let labels = murmuration.run(&["labels", "latest", "--json"]).lines();
+    labels
+        .iter()
+        .map(|label| label["index"].as_u64().unwrap())
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_logs_in_labels_and_who_logs_out_is_out() {
+    let Some(driver) = Driver::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::with_campaign(folder.path());
+    let made = murmuration.run(&["token", "ana", "--role", "annotator"]);
+    let tokens = folder.path().join("tokens.toml");
+    fs::write(&tokens, &made.stdout).unwrap();
+    let token = made
+        .stderr
+        .split_whitespace()
+        .find(|word| word.starts_with("mur_"));
+    let token = token.expect("the token is shown once");
+    let tokens = tokens.display().to_string();
+    let (coordinator, url) = murmuration.serve("127.0.0.1:0", &["--workers", "1", "--tokens", &tokens]);
+
+    let page = format!("{url}{LABEL}");
+    let window = driver.open(&page).await;
+    log_in(&window, token).await;
+    window.driver.goto(&page).await.unwrap();
+    introduce(&window, "Ana").await;
+    let mut seen = vec![name(&window, "milling").await];
+    window.picture("label-logged-in").await;
+
+    // The session ends while somebody answers: the page goes to the log-in by itself, so that nothing of it can be waited
+    // for any more, and the answer is kept.
+    seen.push(asked(&window).await);
+    window.driver.delete_all_cookies().await.unwrap();
+    window.press("1").await;
+    log_in(&window, token).await;
+    window.driver.goto(&page).await.unwrap();
+    saved(&window).await;
+    seen.sort_unstable();
+    assert_eq!(labelled(&murmuration), seen);
+
+    for path in ["/", LABEL, "/campaigns/small-1", "/campaigns/small-1/map"] {
+        window.driver.goto(format!("{url}{path}")).await.unwrap();
+        assert_eq!(window.text(".account button").await, "Log out", "{path}");
+    }
+    window.click(".account button").await;
+    arrived(&window, "/login").await;
+    window.driver.goto(&page).await.unwrap();
+    arrived(&window, "/login").await;
+    window.close().await;
+    assert_eq!(coordinator.terminate(), Some(0));
+}
