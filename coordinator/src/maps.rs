@@ -1,7 +1,7 @@
 //! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
 //! been computed.
 //!
-//! Maps are kept for as long as they are true: until the archive grows or moves to another checkpoint. No result rests on
+//! Maps are kept for as long as they are true: until the archive grows or another edition of it begins. No result rests on
 //! them. Knows nothing of pages.
 
 mod neighbours;
@@ -10,9 +10,8 @@ use crate::{
     campaign::{CampaignId, CampaignState},
     projection::{self, Projection},
     space::{Space, SpaceError},
-    store::{CampaignRecord, Store},
+    store::{CampaignRecord, Edition, Store},
 };
-use murmuration_proto::CheckpointDigest;
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -38,7 +37,7 @@ struct Known {
 }
 
 /// What a map is a map of.
-type Version = (Option<CheckpointDigest>, u64);
+type Version = (Edition, u64);
 
 /// How far the t-SNE of an archive has come.
 #[derive(Debug, Clone)]
@@ -107,7 +106,7 @@ impl Maps {
         let space = Arc::new(Space::read(&self.store, record)?);
         let axes = Arc::new(projection::principal_axes(&space.behaviours));
         // A switch after the record was read is another version, which nobody will ask this for.
-        let of = (space.checkpoint, of.1);
+        let of = (space.edition, of.1);
         let known = Known {
             of,
             space: Arc::clone(&space),
@@ -124,7 +123,7 @@ impl Maps {
 }
 
 fn version(record: &CampaignRecord) -> Version {
-    (record.checkpoint, record.individuals())
+    (record.edition(), record.individuals())
 }
 
 #[cfg(test)]

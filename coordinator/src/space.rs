@@ -2,9 +2,8 @@
 
 use crate::{
     novelty::{Behaviours, Misfit},
-    store::{CampaignRecord, Store, StoreError},
+    store::{CampaignRecord, Edition, Store, StoreError},
 };
-use murmuration_proto::CheckpointDigest;
 
 /// Individuals read from the store at a time.
 const CHUNK: u64 = 4096;
@@ -14,8 +13,8 @@ const CHUNK: u64 = 4096;
 pub struct Space {
     /// One an individual, by index.
     pub behaviours: Behaviours,
-    /// The checkpoint whose embeddings they are.
-    pub checkpoint: Option<CheckpointDigest>,
+    /// What they are of.
+    pub edition: Edition,
 }
 
 /// Why there is no space to measure in.
@@ -30,22 +29,22 @@ pub enum SpaceError {
 }
 
 impl Space {
-    /// Reads the archive as far as `record` says that it goes. One that switches to another checkpoint meanwhile is read
-    /// again.
+    /// Reads the archive as far as `record` says that it goes. One of which another edition begins meanwhile is
+    /// read again.
     ///
     /// # Errors
     /// See [`SpaceError`].
     pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
-        let checkpoint = || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.checkpoint) };
-        let mut before = checkpoint()?;
+        let edition = || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.edition()) };
+        let mut before = edition()?;
         loop {
             let read = behaviours(store, record);
-            let after = checkpoint()?;
-            // An archive that switched meanwhile was read in two spaces.
+            let after = edition()?;
+            // Two editions are no space.
             if before == after {
                 return Ok(Self {
                     behaviours: read?,
-                    checkpoint: after,
+                    edition: after,
                 });
             }
             before = after;

@@ -15,6 +15,9 @@ use std::{
 pub fn binary(name: &str) -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {
+        if let Some(folder) = std::env::var_os("MURMURATION_BINARIES") {
+            return folder.into();
+        }
         // target/PROFILE/deps/TEST -> target/PROFILE
         let test = std::env::current_exe().unwrap();
         let folder = test.ancestors().nth(2).unwrap().to_owned();

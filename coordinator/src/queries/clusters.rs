@@ -4,9 +4,9 @@ use crate::{
     campaign::{CampaignId, CampaignState},
     medoids::{self, Clustering},
     space::{Space, SpaceError},
-    store::{CampaignRecord, Store},
+    store::{CampaignRecord, Edition, Store},
 };
-use murmuration_proto::{CheckpointDigest, Purpose, Stream};
+use murmuration_proto::{Purpose, Stream};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, PoisonError},
@@ -61,22 +61,18 @@ impl Clustered {
     fn serves(&self, record: &CampaignRecord) -> bool {
         let individuals = self.space.behaviours.len() as u64;
         let ends = record.state == CampaignState::Completed && !self.is_taxonomy;
-        serves(individuals, self.space.checkpoint, record) && !ends
+        serves(individuals, self.space.edition, record) && !ends
     }
 }
 
-/// Whether what was made of so many individuals, in the space of that checkpoint, still serves. While a campaign searches
+/// Whether what was made of so many individuals, of that edition, still serves. While a campaign searches
 /// it does until the archive is a quarter larger: clustering it after every generation would help nobody.
-pub(super) fn serves(
-    individuals: u64,
-    checkpoint: Option<CheckpointDigest>,
-    record: &CampaignRecord,
-) -> bool {
+pub(super) fn serves(individuals: u64, edition: Edition, record: &CampaignRecord) -> bool {
     let slack = match record.state {
         CampaignState::Running => individuals / 4,
         _ => 0,
     };
-    checkpoint == record.checkpoint && record.individuals() <= individuals + slack
+    edition == record.edition() && record.individuals() <= individuals + slack
 }
 
 impl Clusters {

@@ -10,9 +10,9 @@ use crate::{
     campaign::CampaignId,
     labels::{Annotator, Labels},
     space::{Space, SpaceError},
-    store::{CampaignRecord, Store, StoreError},
+    store::{CampaignRecord, Edition, Store, StoreError},
 };
-use murmuration_proto::{CheckpointDigest, Purpose, Strategy, Stream};
+use murmuration_proto::{Purpose, Strategy, Stream};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, PoisonError},
@@ -82,7 +82,7 @@ struct Open {
 #[derive(Debug)]
 struct Ranked {
     order: Vec<Query>,
-    checkpoint: Option<CheckpointDigest>,
+    edition: Edition,
 }
 
 impl Queries {
@@ -180,37 +180,31 @@ impl Queries {
         clustered: impl FnOnce() -> Result<Arc<Clustered>, SpaceError>,
     ) -> Result<Ranked, QueryError> {
         let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-        let (order, checkpoint) = match strategy {
+        let (order, edition) = match strategy {
             Strategy::Random => {
                 let count = record.individuals() as usize;
-                (ranking::by_lot(count, &mut stream), record.checkpoint)
+                (ranking::by_lot(count, &mut stream), record.edition())
             }
             Strategy::Medoids => {
                 let clustered = clustered()?;
-                let Space {
-                    behaviours,
-                    checkpoint,
-                } = &clustered.space;
-                (ranking::by_doubt(behaviours, &clustered.clustering), *checkpoint)
+                let Space { behaviours, edition } = &clustered.space;
+                (ranking::by_doubt(behaviours, &clustered.clustering), *edition)
             }
             Strategy::Committee => {
-                let Space {
-                    behaviours,
-                    checkpoint,
-                } = Space::read(&self.store, record)?;
+                let Space { behaviours, edition } = Space::read(&self.store, record)?;
                 let members = [behaviours];
                 let committee = Committee::new(&members)?;
-                (ranking::by_committee(&committee, &mut stream), checkpoint)
+                (ranking::by_committee(&committee, &mut stream), edition)
             }
         };
-        Ok(Ranked { order, checkpoint })
+        Ok(Ranked { order, edition })
     }
 }
 
 impl Ranked {
     /// Whether it can still be asked from.
     fn still_fits(&self, record: &CampaignRecord) -> bool {
-        clusters::serves(self.order.len() as u64, self.checkpoint, record)
+        clusters::serves(self.order.len() as u64, self.edition, record)
     }
 }
 

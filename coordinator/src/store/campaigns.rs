@@ -22,6 +22,8 @@ pub struct CampaignRecord {
     pub error: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
+    /// When something of it was last taken back, milliseconds since 1970-01-01 UTC; 0 if never.
+    pub taken_back_ms: u64,
     /// Version of the simulator that its evaluations come from.
     pub simulator_version: String,
     /// Complete generations on disk.
@@ -42,7 +44,25 @@ pub struct CampaignRecord {
     pub lesson: Option<u64>,
 }
 
+/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Edition {
+    /// When the campaign was created, or something of it was last taken back, milliseconds since 1970-01-01 UTC.
+    pub since_ms: u64,
+    /// The checkpoint whose embeddings it holds.
+    pub checkpoint: Option<CheckpointDigest>,
+}
+
 impl CampaignRecord {
+    /// The edition that its archive is of.
+    #[must_use]
+    pub fn edition(&self) -> Edition {
+        Edition {
+            since_ms: self.created_ms.max(self.taken_back_ms),
+            checkpoint: self.checkpoint,
+        }
+    }
+
     /// Generations that there are to be, those after the rounds so far included.
     #[must_use]
     pub fn generations(&self) -> u32 {
@@ -66,7 +86,7 @@ const SELECT: &str = "
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
             WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
-           c.rounds, c.lesson, c.weight
+           c.rounds, c.lesson, c.weight, c.taken_back_ms
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -187,6 +207,7 @@ struct Columns {
     rounds_done: u32,
     lesson: Option<i64>,
     weight: u32,
+    taken_back_ms: i64,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -207,6 +228,7 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         rounds_done: row.get(13)?,
         lesson: row.get(14)?,
         weight: row.get(15)?,
+        taken_back_ms: row.get(16)?,
     })
 }
 
@@ -228,6 +250,7 @@ impl TryFrom<Columns> for CampaignRecord {
             state,
             error: columns.error,
             created_ms: columns.created_ms.unsigned_abs(),
+            taken_back_ms: columns.taken_back_ms.unsigned_abs(),
             simulator_version: columns.simulator_version,
             generations_done: columns.generations_done,
             last_novelty: columns.best_novelty.zip(columns.mean_novelty),

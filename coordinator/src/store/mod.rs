@@ -20,7 +20,7 @@ mod schema;
 mod taken_back;
 
 pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
-pub use campaigns::CampaignRecord;
+pub use campaigns::{CampaignRecord, Edition};
 pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
 pub use embeddings::Switch;

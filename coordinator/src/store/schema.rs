@@ -140,6 +140,7 @@ const MIGRATIONS: [&str; 8] = [
         JOIN individuals i ON i.campaign = g.campaign AND i.generation = g.generation
         WHERE length(g.evaluators) > 0 GROUP BY g.campaign, g.generation;
     ALTER TABLE generations DROP COLUMN evaluators;
+    ALTER TABLE campaigns ADD COLUMN taken_back_ms INTEGER NOT NULL DEFAULT 0;
 ",
 ];
 

@@ -83,7 +83,12 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
         let taken = self.add_to_log(campaign, |transaction, number, labels| {
-            change(transaction, number, labels).map_err(LabelError::Store)
+            change(transaction, number, labels)?;
+            let edition = "UPDATE campaigns SET taken_back_ms = ?2 WHERE number = ?1";
+            transaction
+                .execute(edition, params![number, now_ms()])
+                .map_err(StoreError::from)?;
+            Ok(())
         });
         taken.map_err(|error| match error {
             LabelError::Store(error) => error,

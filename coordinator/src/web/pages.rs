@@ -77,7 +77,8 @@ pub(super) fn campaign_page(
         }
         (visitor.account())
     };
-    let main = html! { main #content data-campaign=(id) data-created=(record.created_ms) { (content) } };
+    let main =
+        html! { main #content data-campaign=(id) data-created=(record.edition().since_ms) { (content) } };
     document(&title, links, &[script], main)
 }
 

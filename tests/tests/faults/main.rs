@@ -2,7 +2,8 @@
 //!
 //! One after the other, with a table of what was done and what was found. `MURMURATION_SEED` decides when and whom they
 //! strike; `MURMURATION_SCALE=long` has more of everything (`make faults`), and writes the table to
-//! `docs/reliability.md`.
+//! `docs/reliability.md`. `MURMURATION_BINARIES` names a folder of built binaries: an hour is long enough for somebody to
+//! build others.
 
 mod campaign;
 mod clock;
