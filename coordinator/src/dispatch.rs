@@ -7,6 +7,7 @@ mod headway;
 mod job;
 mod service;
 mod trainers;
+mod work;
 
 pub use headway::Headway;
 pub use job::{
@@ -19,12 +20,12 @@ use crate::{
     metrics::DispatchMetrics,
     store::SavedTraining,
 };
-use job::{Output, Work};
 use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
 use service::Service;
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
+use work::{Output, Work};
 
 /// How the dispatcher treats its workers.
 #[derive(Debug, Clone, Copy)]

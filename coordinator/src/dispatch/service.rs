@@ -4,7 +4,7 @@ mod results;
 
 use super::{
     Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, WorkerReport,
-    job::{Output, Work},
+    work::{Output, Work},
 };
 use crate::{
     leases::{Grant, Instance, JobId, LeaseNumber, LeaseTable, WorkerId},

@@ -2,7 +2,7 @@
 
 use super::{
     Dispatch, Headway, JobError, Options, TrainingJob,
-    job::{Output, Work},
+    work::{Output, Work},
 };
 use crate::metrics::DispatchMetrics;
 use murmuration_proto::CheckpointDigest;

@@ -4,7 +4,7 @@ use super::{Given, Job, Service};
 use crate::{
     dispatch::{
         Evaluated, JobError, NotWelcome, Quarantined, SetAside, TrainingJob,
-        job::{Output, Work},
+        work::{Output, Work},
     },
     leases::{Instance, JobId, LeaseNumber, News, Refused, Settled, WorkerId},
 };
