@@ -42,12 +42,12 @@ fn check(set: &str, agreed: u64, of: u64) {
 
 #[test]
 fn it_agrees_with_people_on_one_sensor() {
-    check("single_sensor", 183, 200);
+    check("single_sensor", 186, 200);
 }
 
 #[test]
 fn it_agrees_with_people_on_two_sensors() {
-    check("two_sensor", 177, 200);
+    check("two_sensor", 178, 200);
 }
 
 #[test]
@@ -56,14 +56,36 @@ fn it_agrees_with_people_on_rare_classes() {
 }
 
 #[test]
-fn the_command_says_the_same() {
+fn the_command_says_the_same_and_counts_patterns() {
     let murmuration = Murmuration::over(&std::env::temp_dir());
-    let labels = file("rare", "validation.csv").display().to_string();
-    let finished = murmuration.run(&["judge", "--labels", &labels, "--json"]);
+    let labels =
+        ["single_sensor", "two_sensor", "rare"].map(|set| file(set, "validation.csv").display().to_string());
+    let [single, two, rare] = labels.each_ref().map(String::as_str);
+    let finished = murmuration.run(&[
+        "judge", "--labels", single, "--labels", two, "--labels", rare, "--json",
+    ]);
     assert_eq!(finished.code, Some(0), "{}", finished.stderr);
     let said: Value = serde_json::from_str(&finished.stdout).unwrap();
-    assert_eq!(said["behaviours"], 41);
-    assert!(said["agreed"].as_u64().unwrap() >= 34, "{said}");
+    assert_eq!(said["behaviours"], 441);
+    assert!(said["agreed"].as_u64().unwrap() >= 398, "{said}");
+    for (pattern, agreed, given) in [
+        ("small_clusters", 17, 27),
+        ("chain", 1, 5),
+        ("moving_clumps", 0, 1),
+    ] {
+        let counts = &said["patterns"][pattern];
+        assert_eq!(counts["given"], given, "{pattern}");
+        assert!(
+            counts["agreed"].as_u64().unwrap() >= agreed,
+            "{pattern}: {counts}"
+        );
+    }
+}
+
+#[test]
+fn the_command_names_a_file_of_starts_that_is_not_there() {
+    let murmuration = Murmuration::over(&std::env::temp_dir());
+    let labels = file("rare", "validation.csv").display().to_string();
     let missing = murmuration.run(&["judge", "--labels", &labels, "--starts", "nowhere.csv"]);
     assert!(
         missing.code == Some(2) && missing.stderr.contains("nowhere.csv"),

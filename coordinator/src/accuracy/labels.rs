@@ -125,6 +125,16 @@ impl Labels {
         self.rows.iter().map(|row| row.class.as_str())
     }
 
+    /// The patterns that people saw in each behaviour, in the file's order (column `pattern`, several joined by `|`);
+    /// empty where they saw none, and where the file does not have the column.
+    pub fn patterns(&self) -> impl Iterator<Item = &str> {
+        let column = self.column("pattern").ok();
+        self.rows.iter().map(move |row| {
+            let pattern = column.and_then(|column| row.values.get(column));
+            pattern.unwrap_or_default()
+        })
+    }
+
     /// The five hand-crafted features of each behaviour, their absolute values, as the authors compare them: which way
     /// round a swarm turns does not matter.
     ///

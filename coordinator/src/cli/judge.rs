@@ -3,7 +3,7 @@
 use super::{CliError, Global, json};
 use crate::{
     accuracy::Labels,
-    judge::{Verdict, judge},
+    judge::{Pattern, Verdict, judge},
     labels::ConfusionMatrix,
 };
 use murmuration_proto::{Controller, World};
@@ -35,6 +35,7 @@ pub(super) struct JudgeCommand {
 impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
         let mut answers = Vec::new();
+        let mut patterns = Pattern::ALL.map(PatternCounts::of);
         for (file, starts) in self.labels.iter().zip(self.start_files()?) {
             let labels = Labels::read(file)?;
             let verdicts = labels
@@ -42,15 +43,19 @@ impl JudgeCommand {
                 .par_iter()
                 .map(|(controller, start)| verdict(controller, start))
                 .collect::<Result<Vec<_>, _>>()?;
+            for (seen, verdict) in labels.patterns().zip(&verdicts) {
+                patterns.iter_mut().for_each(|counts| counts.count(seen, verdict));
+            }
             let classes = labels.classes().map(str::to_owned);
             answers.extend(classes.zip(verdicts.iter().map(|verdict| verdict.class.name())));
         }
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(&self.to_json(&matrix));
+            json::print(&self.to_json(&matrix, &patterns));
         } else {
             print_table(&matrix);
+            print_patterns(&patterns);
         }
         Ok(())
     }
@@ -70,7 +75,7 @@ impl JudgeCommand {
         Ok(self.starts.clone())
     }
 
-    fn to_json(&self, matrix: &ConfusionMatrix<&str>) -> Value {
+    fn to_json(&self, matrix: &ConfusionMatrix<&str>, patterns: &[PatternCounts]) -> Value {
         let said = matrix.answers();
         let row = |class: &str| -> Map<String, Value> {
             let counts = said.iter().map(|&judge| (judge, matrix.count(class, judge)));
@@ -83,6 +88,10 @@ impl JudgeCommand {
             .iter()
             .map(|&class| (class.to_owned(), row(class).into()))
             .collect();
+        let patterns: Map<String, Value> = patterns
+            .iter()
+            .map(|counts| (counts.pattern.name().to_owned(), counts.to_json()))
+            .collect();
         json!({
             "schema": json::SCHEMA,
             "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
@@ -90,7 +99,44 @@ impl JudgeCommand {
             "agreed": matrix.same(),
             "kappa": matrix.kappa(),
             "judged_by_class": by_class,
+            "patterns": patterns,
         })
+    }
+}
+
+/// How often a pattern was seen.
+#[derive(Debug)]
+struct PatternCounts {
+    pattern: Pattern,
+    /// By people.
+    given: u64,
+    /// By people and the judge.
+    agreed: u64,
+    /// By the judge.
+    judged: u64,
+}
+
+impl PatternCounts {
+    const fn of(pattern: Pattern) -> Self {
+        Self {
+            pattern,
+            given: 0,
+            agreed: 0,
+            judged: 0,
+        }
+    }
+
+    /// Counts a behaviour in which people saw the patterns `seen`, joined by `|`.
+    fn count(&mut self, seen: &str, verdict: &Verdict) {
+        let seen = seen.split('|').any(|name| name == self.pattern.name());
+        let judged = verdict.pattern == Some(self.pattern);
+        self.given += u64::from(seen);
+        self.agreed += u64::from(seen && judged);
+        self.judged += u64::from(judged);
+    }
+
+    fn to_json(&self) -> Value {
+        json!({"given": self.given, "agreed": self.agreed, "judged": self.judged})
     }
 }
 
@@ -121,6 +167,24 @@ fn print_table(matrix: &ConfusionMatrix<&str>) {
         .kappa()
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
     println!("Cohen's kappa {kappa}");
+}
+
+/// The patterns among what belongs to no class, where people named them.
+fn print_patterns(patterns: &[PatternCounts]) {
+    println!(
+        "\n{:<16}{:>8}{:>8}{:>10}{:>16}",
+        "PATTERN", "GIVEN", "AGREED", "SHARE", "JUDGED"
+    );
+    for PatternCounts {
+        pattern,
+        given,
+        agreed,
+        judged,
+    } in patterns
+    {
+        let share = percent(*agreed, *given);
+        println!("{pattern:<16}{given:>8}{agreed:>8}{share:>10}{judged:>16}");
+    }
 }
 
 fn percent(part: u64, whole: u64) -> String {

@@ -9,8 +9,6 @@ use super::{
 
 /// Agents whose nearest mate is nearer than this are crowded; in spacings. Of agents strewn at random nearly half are.
 const CROWDED: f64 = 0.43;
-/// The same for the centres of their paths: private circles may come closer to each other than agents.
-const CROWDED_HOMES: f64 = 0.32;
 /// Bodies whose centres are nearer than this are in contact; in radii (bodies touch at 2).
 const CONTACT: f64 = 3.0;
 /// Agents nearer than this to one of a cluster belong to it; in radii: room for two bodies between.
@@ -25,8 +23,9 @@ pub struct Arrangement {
     pub packing: f64,
     /// Share of agents whose nearest mate is closer than 0.43 spacings at the end.
     pub crowded: f64,
-    /// Share of agents whose path has its centre closer than 0.32 spacings to another's.
-    pub crowded_homes: f64,
+    /// Mean distance from the centre of an agent's path to the nearest other such centre; in spacings, so about 0.5 if
+    /// they are strewn at random and 1 on a square grid.
+    pub homes: f64,
     /// Share of all times and agents with a mate's centre within three radii.
     pub contact: f64,
     /// Sizes of the clusters at the end, largest first: agents are linked over up to six radii.
@@ -38,20 +37,17 @@ impl Arrangement {
         let end = window.end();
         let homes = window.homes();
         let nearest = |points: &[Point]| neighbours(points, 1);
-        let crowded = |points, spacings: f64| {
-            share(
-                nearest(points)
-                    .iter()
-                    .map(|&distance| distance < spacings * scale.spacing),
-            )
-        };
+        let crowded = nearest(&end)
+            .into_iter()
+            .map(|distance| distance < CROWDED * scale.spacing);
+        let homes = nearest(&homes);
         let middle = [0, 1].map(|axis| quantile(end.iter().map(|point| point[axis]), 0.5));
         let contact = (0..window.times()).flat_map(|time| nearest(&window.at(time).collect::<Vec<_>>()));
         Self {
             spread: quantile(end.iter().map(|&point| length(minus(point, middle))), 0.5) / scale.packed,
             packing: quantile(neighbours(&end, 3).into_iter(), 0.5) / scale.radius,
-            crowded: crowded(&end, CROWDED),
-            crowded_homes: crowded(&homes, CROWDED_HOMES),
+            crowded: share(crowded),
+            homes: homes.iter().sum::<f64>() / homes.len() as f64 / scale.spacing,
             contact: share(contact.map(|distance| distance < CONTACT * scale.radius)),
             clusters: clusters(&end, CLUSTER_LINK * scale.radius)
                 .iter()

@@ -34,6 +34,8 @@ pub struct Body {
     pub gap: f64,
     /// Mean angle that an agent goes round the centre, radians, without its sign.
     pub round: f64,
+    /// Angle that three agents in four go round the centre at least, radians, the way that the swarm does.
+    pub round_by_most: f64,
     /// 1 if every agent goes round the same way, 0 if as many go the other.
     pub one_way: f64,
     /// Share of motion that is around the centre rather than to or from it.
@@ -57,6 +59,7 @@ impl Body {
         let from_centre = from_centre.map(|&point| length(minus(point, centre)) / outline.radius());
         let turns: Vec<f64> = paths.iter().map(|path| around(path, centre)).collect();
         let agents = turns.len() as f64;
+        let way = turns.iter().sum::<f64>().signum();
         let senses = turns
             .iter()
             .map(|&turn| if turn == 0.0 { 0.0 } else { turn.signum() });
@@ -68,6 +71,7 @@ impl Body {
             gap: widest_gap(&end, centre),
             one_way: senses.sum::<f64>().abs() / agents,
             round: turns.iter().sum::<f64>().abs() / agents,
+            round_by_most: quantile(turns.iter().map(|turn| turn * way), 0.25).max(0.0),
             tangential: tangential(&paths, centre),
         }
     }
@@ -81,6 +85,7 @@ impl Body {
             hollow: 0.0,
             gap: TAU,
             round: 0.0,
+            round_by_most: 0.0,
             one_way: 0.0,
             tangential: 0.0,
         }
