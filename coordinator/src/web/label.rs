@@ -96,7 +96,8 @@ pub(super) async fn sheet(
         (parts::who())
         p.lead {
             "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
-            "rest. What differs stays for the next look. " span #so-far {}
+            "rest. What differs stays for the next look. " span #so-far role="status" {} " "
+            button.plain #fresh type="button" hidden { "Show them" }
         }
         div.desk.sheet-desk {
             section.sheet aria-label="Members of the cluster" {

@@ -2,7 +2,7 @@
 
 use crate::{
     driver::{Driver, Window},
-    scene::{asked, introduce, name, saved},
+    scene::{answer, introduce, name, saved},
 };
 use murmuration_tests::Murmuration;
 use std::fs;
@@ -49,7 +49,8 @@ async fn who_logs_in_labels_and_who_logs_out_is_out() {
         .find(|word| word.starts_with("mur_"));
     let token = token.expect("the token is shown once");
     let tokens = tokens.display().to_string();
-    let (coordinator, url) = murmuration.serve("127.0.0.1:0", &["--workers", "1", "--tokens", &tokens]);
+    let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1", "--tokens", &tokens]);
+    let (coordinator, url) = serve("127.0.0.1:0");
 
     let page = format!("{url}{LABEL}");
     let window = driver.open(&page).await;
@@ -59,11 +60,12 @@ async fn who_logs_in_labels_and_who_logs_out_is_out() {
     let mut seen = vec![name(&window, "milling").await];
     window.picture("label-logged-in").await;
 
-    // The session ends while somebody answers: the page goes to the log-in by itself, so that nothing of it can be waited
-    // for any more, and the answer is kept.
-    seen.push(asked(&window).await);
+    // The session ends while somebody answers: what was said is kept, and with its first request the page goes to the
+    // log-in by itself.
+    coordinator.kill();
+    seen.push(answer(&window, "1").await);
     window.driver.delete_all_cookies().await.unwrap();
-    window.press("1").await;
+    let (coordinator, _) = serve(url.trim_start_matches("http://"));
     log_in(&window, token).await;
     window.driver.goto(&page).await.unwrap();
     saved(&window).await;

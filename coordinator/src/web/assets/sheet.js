@@ -17,7 +17,7 @@ const player = new Player(document.querySelector(".player"));
 let clusters = [];
 // What the clusters are of: how many individuals, in which space, and whether they are the last.
 let made = { of: 0, checkpoint: null, final: false };
-// Others that wait until what is marked was answered about.
+// Others that wait for the next look: nothing changes under somebody's hands.
 let coming = null;
 let labelled = new Set();
 // What was answered here, whether the coordinator knows it yet or not.
@@ -50,8 +50,7 @@ function answer(text) {
   }
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
   outbox.add("labels", { annotator: annotator(), answers });
-  if (coming) show(coming);
-  else lay();
+  look();
 }
 
 function undo() {
@@ -122,7 +121,13 @@ function go(by) {
   const next = cluster.selectedIndex + by;
   if (next < 0 || next >= cluster.length) return;
   cluster.selectedIndex = next;
-  lay();
+  look();
+}
+
+// Shows the cluster that was chosen, of those that there are by now.
+function look() {
+  if (coming) show(coming);
+  else lay();
 }
 
 lasso(over, sheet, {
@@ -154,15 +159,16 @@ sheet.addEventListener("click", (event) => {
 });
 // A pointer that only passes wants no motion.
 let looking = 0;
-const look = (event) => {
+const watch = (event) => {
   const card = event.target.closest(".card");
   clearTimeout(looking);
   if (!card || Number(card.dataset.index) === player.index) return;
   looking = setTimeout(() => player.show(Number(card.dataset.index)).catch((error) => complain(status, error)), 150);
 };
-sheet.addEventListener("pointerover", look);
-sheet.addEventListener("focusin", look);
-at("cluster").addEventListener("change", lay);
+sheet.addEventListener("pointerover", watch);
+sheet.addEventListener("focusin", watch);
+at("cluster").addEventListener("change", look);
+at("fresh").addEventListener("click", look);
 at("before").addEventListener("click", () => go(-1));
 at("after").addEventListener("click", () => go(1));
 document.addEventListener("keydown", (event) => {
@@ -171,9 +177,7 @@ document.addEventListener("keydown", (event) => {
   else if (event.key === "ArrowRight") go(1);
 });
 
-const isMarked = () => cards().some((card) => card.getAttribute("aria-pressed") === "true");
-
-// Reads the clusters as they are now; what somebody is at is left as it is until they have answered.
+// Reads the clusters as they are now; what somebody looks at is left as it is until they look at something else.
 async function load() {
   const [points, labels] = await Promise.all([insist(() => get("points")), insist(() => get("labels"))]);
   labelled = new Set([...column(labels.individual, Uint32Array), ...said]);
@@ -184,10 +188,9 @@ async function load() {
   of.forEach((cluster, index) => {
     if (index !== points.medoids[cluster]) fresh[cluster].push(index);
   });
-  if (isMarked()) {
-    coming = fresh;
-    at("so-far").textContent = "There are other clusters by now; they come once you have named these.";
-  } else show(fresh);
+  if (cards().length === 0) return show(fresh);
+  coming = fresh;
+  tellHowFar();
 }
 
 // Shows other clusters, of them that which holds what was looked at last.
@@ -200,9 +203,16 @@ function show(fresh) {
     ...clusters.map((members, place) => new Option(`${place + 1} (${members.length})`, place)),
   );
   if (chosen >= 0) at("cluster").value = chosen;
-  at("so-far").textContent =
-    made.final || made.of === 0 ? "" : `These are the clusters of the first ${made.of}: the search may go on.`;
+  tellHowFar();
   lay();
+}
+
+// What the clusters are of, and whether there are others.
+function tellHowFar() {
+  at("fresh").hidden = coming === null;
+  if (coming) at("so-far").textContent = "The archive has other clusters by now; they come with your next look.";
+  else if (made.final || made.of === 0) at("so-far").textContent = "";
+  else at("so-far").textContent = `These are clusters of the first ${made.of} behaviours: the search may go on.`;
 }
 
 // Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.
