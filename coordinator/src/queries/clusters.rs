@@ -27,11 +27,11 @@ pub struct Clustered {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Clusters {
     /// One lock a campaign, so that an archive is clustered once, whoever asks meanwhile.
-    campaigns: Arc<Mutex<BTreeMap<CampaignId, Kept>>>,
+    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Mutex<Kept>>>>>,
 }
 
-/// What was clustered of one campaign, if anything was.
-type Kept = Arc<Mutex<Option<Arc<Clustered>>>>;
+/// What there is of a campaign.
+type Kept = Option<Arc<Clustered>>;
 
 impl Clustered {
     /// The archive as far as `record` says that it goes.
