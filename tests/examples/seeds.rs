@@ -1,4 +1,4 @@
-//! Writes the inputs that fuzzing begins with: `seeds FOLDER` makes a folder for each target there.
+//! Writes the inputs that fuzzing begins with (scripts/fuzz): `seeds FOLDER` makes a folder for each target there.
 
 use std::{env, fs, path::PathBuf};
 
