@@ -8,9 +8,9 @@ use crate::{
 use serde::{Deserialize, Serialize};
 
 /// The numbers of the labelled recipe. A step has as many pictures of every class, all triplets of which count that
-/// are violated; and beside them triplets of unlabelled behaviours as in [`InBatch`](super::InBatch), so that what
-/// nobody has named yet stays apart. The weights after the last epoch are published: nothing is held out of the
-/// labels, which may be few.
+/// are violated: by how many labels the negative's class has, times the root of how many the anchor's has. Beside them
+/// are triplets of unlabelled behaviours as in [`InBatch`](super::InBatch), so that what nobody has named yet stays
+/// apart. The weights after the last epoch are published: nothing is held out of the labels, which may be few.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Labelled {

@@ -1,62 +1,103 @@
 //! Labelled in-batch triplets: of any anchor, every other picture of its class is a positive and every picture of
-//! another class a negative. The mean is over violated triplets only.
+//! another class a negative. The mean is over violated triplets only; how much each counts, its classes say.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
-/// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is over 0 (0 if none is).
+/// How much a triplet counts, by the classes of its anchor and of its negative.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Weights {
+    classes: usize,
+    /// `classes` x `classes`: anchors by negatives.
+    values: Vec<f64>,
+}
+
+impl Weights {
+    /// For classes of so many labelled pictures. A negative counts as often as it occurs: a step that has as many
+    /// pictures of every class shows the rare ones too often, and most of what a behaviour is confused with is of the
+    /// common ones. An anchor counts by the root of the size, between each class alike and each picture alike.
+    pub(crate) fn by_size(sizes: &[usize]) -> Self {
+        let classes = sizes.len();
+        let all: usize = sizes.iter().sum();
+        let mut values = vec![0.0; classes * classes];
+        for (place, value) in values.iter_mut().enumerate() {
+            let (anchor, negative) = (place / classes, place % classes);
+            if anchor != negative {
+                let [own, other] = [anchor, negative].map(|class| sizes[class] as f64);
+                *value = own.sqrt() * other / (all as f64 - own);
+            }
+        }
+        Self { classes, values }
+    }
+
+    fn of(&self, anchor: usize, negative: usize) -> f64 {
+        self.values[anchor * self.classes + negative]
+    }
+}
+
+/// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is over 0 (0 if
+/// none is).
 ///
-/// `embeddings` are those of one class after the other, `per_class` of each, `dimensions` numbers each; `gradient`
-/// becomes the gradient by them.
+/// `embeddings` are those of one class after the other, in the order of `weights` and as many of each, `dimensions`
+/// numbers each; `gradient` becomes the gradient by them.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,
-    per_class: usize,
+    weights: &Weights,
     margin: f64,
     gradient: &mut [T],
 ) -> f64 {
     let pictures: Vec<&[T]> = embeddings.chunks_exact(dimensions).collect();
     let count = pictures.len();
+    let per_class = count / weights.classes;
     let mut total = 0.0;
-    let mut violated = 0_u64;
-    // By how many triplets each distance, from anchor to other, should shrink; less than none if it should grow.
-    let mut pulls = vec![0_i64; count * count];
+    let mut violated = 0.0;
+    // What the triplets weigh that want a distance, from anchor to other, to shrink, less those that want it to grow.
+    let mut pulls = vec![0.0; count * count];
     let mut distances = vec![0.0; count * count];
     for (anchor, pulls) in pulls.chunks_exact_mut(count).enumerate() {
         let row = &mut distances[anchor * count..][..count];
         for (to, other) in row.iter_mut().zip(&pictures) {
             *to = distance(pictures[anchor], other);
         }
-        let first = anchor / per_class * per_class;
+        let class = anchor / per_class;
+        let first = class * per_class;
         let own = first..first + per_class;
         for positive in own.clone().filter(|&positive| positive != anchor) {
             for negative in (0..first).chain(own.end..count) {
                 let violation = row[positive] - row[negative] + margin;
                 if is_violated(violation) {
-                    total += violation;
-                    violated += 1;
-                    pulls[positive] += 1;
-                    pulls[negative] -= 1;
+                    let weight = weights.of(class, negative / per_class);
+                    total += weight * violation;
+                    violated += weight;
+                    pulls[positive] += weight;
+                    pulls[negative] -= weight;
                 }
             }
         }
     }
-    let weight = 1.0 / violated.max(1) as f64;
+    let share = if violated > 0.0 { 1.0 / violated } else { 0.0 };
     let mut slopes = vec![0.0; embeddings.len()];
-    for (place, pull) in pulls.into_iter().enumerate().filter(|(_, pull)| *pull != 0) {
+    for (place, pull) in pulls.into_iter().enumerate().filter(|(_, pull)| *pull != 0.0) {
         let (anchor, other) = (place / count, place % count);
         let by_anchor = anchor * dimensions..(anchor + 1) * dimensions;
         let by_other = other * dimensions..(other + 1) * dimensions;
-        let weight = pull as f64 * weight;
         if let Ok([d_anchor, d_other]) = slopes.get_disjoint_mut([by_anchor, by_other]) {
             let far = distances[place];
-            push(pictures[anchor], pictures[other], far, weight, d_anchor, d_other);
+            push(
+                pictures[anchor],
+                pictures[other],
+                far,
+                pull * share,
+                d_anchor,
+                d_other,
+            );
         }
     }
     for (gradient, slope) in gradient.iter_mut().zip(slopes) {
         *gradient = T::of(slope);
     }
-    total * weight
+    total * share
 }
 
 #[cfg(test)]
@@ -68,7 +109,7 @@ mod tests {
     fn only_violated_triplets_count() {
         // From 0 the own one is at 1 and the others at 3 and 9; from 3 the own one is at 6, the others at 3 and 2.
         let embeddings = [0.0, 1.0, 3.0, 9.0];
-        let loss = loss(&embeddings, 1, 2, 2.5, &mut [0.0; 4]);
+        let loss = loss(&embeddings, 1, &Weights::by_size(&[2, 2]), 2.5, &mut [0.0; 4]);
         let violations = [1.0 - 3.0 + 2.5, 1.0 - 2.0 + 2.5, 6.0 - 3.0 + 2.5, 6.0 - 2.0 + 2.5];
         // From 9 the own one is at 6, the others at 9 and 8: one violation of half.
         let mean = (violations.iter().sum::<f64>() + 0.5) / 5.0;
@@ -78,8 +119,35 @@ mod tests {
     #[test]
     fn classes_that_are_apart_have_no_loss_and_no_gradient() {
         let mut gradient = [7.0; 4];
-        assert_eq!(loss(&[0.0, 0.1, 5.0, 5.1], 1, 2, 1.0, &mut gradient), 0.0);
+        let weights = Weights::by_size(&[3, 9]);
+        assert_eq!(loss(&[0.0, 0.1, 5.0, 5.1], 1, &weights, 1.0, &mut gradient), 0.0);
         assert_eq!(gradient, [0.0; 4]);
+    }
+
+    #[test]
+    fn negatives_count_by_the_size_of_their_class_and_anchors_by_its_root() {
+        let weights = Weights::by_size(&[4, 9, 27]);
+        assert_eq!(weights.of(0, 2), 3.0 * weights.of(0, 1));
+        assert_eq!(weights.of(0, 1) + weights.of(0, 2), 2.0);
+        assert_eq!(weights.of(1, 0) + weights.of(1, 2), 3.0);
+        let embeddings = [0.0, 0.0, 0.5, 0.5, -0.25, -0.25];
+        let mean = loss(&embeddings, 1, &weights, 0.3, &mut [0.0; 6]);
+        // From the first the third is 0.05 too near, from the third the first; the second is far enough.
+        assert!((mean - 0.05).abs() < 1e-5, "{mean}");
+        let wide = loss(&embeddings, 1, &weights, 0.6, &mut [0.0; 6]);
+        let [first, second, third] = [[0.1, 0.35], [0.1, 0.0], [0.35, 0.0]];
+        let sums = [
+            weights.of(0, 1) * first[0] + weights.of(0, 2) * first[1],
+            weights.of(1, 0) * second[0],
+            weights.of(2, 0) * third[0],
+        ];
+        let masses = [
+            weights.of(0, 1) + weights.of(0, 2),
+            weights.of(1, 0),
+            weights.of(2, 0),
+        ];
+        let expected = sums.iter().sum::<f64>() / masses.iter().sum::<f64>();
+        assert!((wide - expected).abs() < 1e-5, "{wide}, not {expected}");
     }
 
     #[test]
@@ -88,7 +156,8 @@ mod tests {
         let mut stream = Stream::derive(1, Purpose::Train, 0);
         let mut embeddings: Vec<f64> = (0..3 * 4 * 2).map(|_| stream.between(-1.0, 1.0)).collect();
         let mut gradient = vec![0.0; embeddings.len()];
-        let of = |embeddings: &[f64], gradient: &mut [f64]| loss(embeddings, 2, 4, 0.3, gradient);
+        let weights = Weights::by_size(&[5, 40, 12]);
+        let of = |embeddings: &[f64], gradient: &mut [f64]| loss(embeddings, 2, &weights, 0.3, gradient);
         of(&embeddings, &mut gradient);
         for i in 0..embeddings.len() {
             let value = embeddings[i];

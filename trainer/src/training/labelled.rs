@@ -9,7 +9,7 @@ use super::{
 use crate::{
     augment::{Augmentation, Symmetries},
     labelled_pictures::LabelledPictures,
-    loss,
+    loss::{self, labelled::Weights},
 };
 use murmuration_proto::{Purpose, Stream, training::Labelled};
 use rayon::prelude::*;
@@ -34,11 +34,15 @@ pub(super) fn epoch(
         let done = training.state.epoch as f64 + step as f64 / recipe.steps as f64;
         let rate = recipe.learning_rate * (1.0 - done / recipe.epochs as f64);
         training.state.schedule.set_learning_rate(rate);
-        let dealt = deck.deal(recipe, stream);
+        let Dealt {
+            pictures: dealt,
+            sizes,
+        } = deck.deal(recipe, stream);
+        let weights = Weights::by_size(&sizes);
         let behaviours: Vec<usize> = left.by_ref().take(pairs).collect();
         let mut images = augmented(labelled, &dealt, recipe, stream);
         images.extend(in_batch::augmented(training, &behaviours, stream));
-        sum.mean += self::step(training, recipe, dealt.len(), &images) / recipe.steps as f64;
+        sum.mean += self::step(training, recipe, dealt.len(), &weights, &images) / recipe.steps as f64;
         let triplets = dealt.len() * (recipe.per_class - 1) * (dealt.len() - recipe.per_class);
         sum.triplets += (triplets + pairs * (pairs - 1)) as u64;
     }
@@ -46,7 +50,13 @@ pub(super) fn epoch(
 }
 
 /// One step of the optimiser on `images`, the first `labelled` of which are; returns its loss.
-fn step(training: &mut Training, recipe: &Labelled, labelled: usize, images: &[f32]) -> f64 {
+fn step(
+    training: &mut Training,
+    recipe: &Labelled,
+    labelled: usize,
+    weights: &Weights,
+    images: &[f32],
+) -> f64 {
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
     let loss = training.lanes.gradient_at_once(
@@ -57,13 +67,7 @@ fn step(training: &mut Training, recipe: &Labelled, labelled: usize, images: &[f
             let ours = labelled * dimensions;
             let (by_labelled, by_unlabelled) = gradient.split_at_mut(ours);
             let margin = recipe.margin;
-            let named = loss::labelled::loss(
-                &embeddings[..ours],
-                dimensions,
-                recipe.per_class,
-                margin,
-                by_labelled,
-            );
+            let named = loss::labelled::loss(&embeddings[..ours], dimensions, weights, margin, by_labelled);
             let unnamed = loss::in_batch::loss(&embeddings[ours..], dimensions, margin, by_unlabelled);
             for slope in by_unlabelled {
                 *slope *= recipe.unlabelled_weight as f32;
@@ -87,6 +91,14 @@ struct Class {
     next: usize,
 }
 
+/// What a step learns from.
+struct Dealt {
+    /// Class after class, as many of each.
+    pictures: Vec<usize>,
+    /// Labelled pictures that each of these classes has.
+    sizes: Vec<usize>,
+}
+
 impl Deck {
     fn new(labelled: &LabelledPictures, stream: &mut Stream) -> Self {
         let class = |range: &Range<usize>| {
@@ -99,20 +111,24 @@ impl Deck {
         }
     }
 
-    /// The pictures of a step, class after class.
-    fn deal(&mut self, recipe: &Labelled, stream: &mut Stream) -> Vec<usize> {
+    /// What the next step learns from.
+    fn deal(&mut self, recipe: &Labelled, stream: &mut Stream) -> Dealt {
         if self.classes.len() > recipe.classes {
             shuffle(&mut self.classes, stream);
         }
-        let drawn = self.classes.iter_mut().take(recipe.classes);
-        drawn
-            .flat_map(|class| {
-                let first = class.next;
-                class.next = (first + recipe.per_class) % class.pictures.len();
-                let pictures = class.pictures.iter().cycle().skip(first);
-                pictures.take(recipe.per_class).copied().collect::<Vec<_>>()
-            })
-            .collect()
+        let most = recipe.classes.min(self.classes.len());
+        let drawn = &mut self.classes[..most];
+        let sizes = drawn.iter().map(|class| class.pictures.len()).collect();
+        let pictures = drawn.iter_mut().flat_map(|class| {
+            let first = class.next;
+            class.next = (first + recipe.per_class) % class.pictures.len();
+            let pictures = class.pictures.iter().cycle().skip(first);
+            pictures.take(recipe.per_class).copied().collect::<Vec<_>>()
+        });
+        Dealt {
+            pictures: pictures.collect(),
+            sizes,
+        }
     }
 }
 
@@ -157,10 +173,13 @@ mod tests {
             let mut deck = Deck::new(&labelled, &mut stream);
             let mut dealt = vec![0_usize; classes.len()];
             for _ in 0..5 {
-                let pictures = deck.deal(&recipe, &mut stream);
+                let Dealt { pictures, sizes } = deck.deal(&recipe, &mut stream);
                 prop_assert_eq!(pictures.len(), per_class * most.min(labelled.ranges().len()));
-                for class in pictures.chunks_exact(per_class) {
-                    prop_assert!(class.iter().all(|&picture| classes[picture] == classes[class[0]]));
+                prop_assert_eq!(sizes.len() * per_class, pictures.len());
+                for (class, size) in pictures.chunks_exact(per_class).zip(sizes) {
+                    let own = classes[class[0]];
+                    prop_assert!(class.iter().all(|&picture| classes[picture] == own));
+                    prop_assert_eq!(classes.iter().filter(|&&class| class == own).count(), size);
                 }
                 for picture in pictures {
                     dealt[picture] += 1;
