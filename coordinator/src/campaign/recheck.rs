@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     dispatch::{EmbeddingJob, EvaluationJob},
-    store::{CampaignRecord, Store, StoreError, Suspects},
+    store::{ArchivedIndividual, CampaignRecord, Store, StoreError, Suspects},
 };
 use murmuration_proto::{Controller, EmbedderSource, Evaluation, same_embedding};
 
@@ -126,20 +126,8 @@ async fn wrong_individual(
     indices: &[u64],
     live: &mut Live,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
-    let (id, model) = (record.id.clone(), record.spec.model());
-    let archived = read_all(means, indices, move |store, index| {
-        store.individual(&id, model, index)
-    })
-    .await?;
-    let embedder = match record.checkpoint {
-        Some(checkpoint) => Some(
-            means
-                .checkpoints
-                .embedder(checkpoint, record.spec.image())
-                .await?,
-        ),
-        None => None,
-    };
+    let archived = archived(means, record, indices).await?;
+    let embedder = means.embedder(record).await?;
     let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
     let job = EvaluationJob::of(record, embedder, tasks);
     let Some(again) = evaluated_again(means, job, live).await? else {
@@ -167,11 +155,7 @@ async fn wrong_embedding(
     let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
         return Ok(Some(indices.first().map(|&index| Wrong::Embedding(index))));
     };
-    let (id, model) = (record.id.clone(), record.spec.model());
-    let archived = read_all(means, indices, move |store, index| {
-        store.individual(&id, model, index)
-    })
-    .await?;
+    let archived = archived(means, record, indices).await?;
     let job = EmbeddingJob {
         campaign: record.id.clone(),
         weight: record.weight,
@@ -192,6 +176,18 @@ async fn wrong_embedding(
     let mut both = archived.iter().zip(&again);
     let differs = both.find(|(old, (new, _))| !same_embedding(&old.embedding, new));
     Ok(Some(differs.map(|(old, _)| Wrong::Embedding(old.index))))
+}
+
+async fn archived(
+    means: &Means,
+    record: &CampaignRecord,
+    indices: &[u64],
+) -> Result<Vec<ArchivedIndividual>, CampaignError> {
+    let (id, model) = (record.id.clone(), record.spec.model());
+    read_all(means, indices, move |store, index| {
+        store.individual(&id, model, index)
+    })
+    .await
 }
 
 /// Reads what the store has at these places.

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     checkpoints::Checkpoints,
-    dispatch::{Dispatch, JobError, Trainers},
+    dispatch::{Dispatch, Embedder, JobError, Trainers},
     metrics::Metrics,
     store::{CampaignRecord, Store, Suspects},
     synthetic::SyntheticAnnotator,
@@ -21,6 +21,16 @@ pub(super) struct Means {
     pub(super) checkpoints: Checkpoints,
     pub(super) annotator: SyntheticAnnotator,
     pub(super) metrics: Metrics,
+}
+
+impl Means {
+    /// What embeds a campaign's individuals, if anything.
+    pub(super) async fn embedder(&self, record: &CampaignRecord) -> Result<Option<Embedder>, CampaignError> {
+        Ok(match record.checkpoint {
+            Some(checkpoint) => Some(self.checkpoints.embedder(checkpoint, record.spec.image()).await?),
+            None => None,
+        })
+    }
 }
 
 /// How a stage ended.

@@ -119,15 +119,7 @@ pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usiz
 
 /// The search as the store left it.
 async fn restore(means: &Means, record: CampaignRecord) -> Result<Search, CampaignError> {
-    let embedder = match record.checkpoint {
-        Some(checkpoint) => Some(
-            means
-                .checkpoints
-                .embedder(checkpoint, record.spec.image())
-                .await?,
-        ),
-        None => None,
-    };
+    let embedder = means.embedder(&record).await?;
     let (store, metrics) = (means.store.clone(), means.metrics.clone());
     blocking(move || Search::restore(store, metrics, record, embedder)).await?
 }
