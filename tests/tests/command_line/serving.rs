@@ -81,6 +81,7 @@ fn workers_of_their_own_processes_come_and_go() {
     let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
     let leaves = Running::worker(&url);
     desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
+    desk.murmuration.latest_when(|latest| latest["workers"] == 1);
     assert_eq!(leaves.terminate(), Some(0));
     let killed = Running::worker(&url);
     killed.kill();

@@ -62,6 +62,8 @@ pub async fn run_party<E: Display + From<LinkError>>(
 
 impl PartyArguments {
     async fn post(self, leaving: &'static str) -> Result<Post, LinkError> {
+        // First of all: who is told to leave while it begins must leave as it should.
+        let terminated = termination();
         let credentials = Credentials::read(&self.trust, &self.identity)?;
         let health = Health::new();
         if let Some(listen) = self.health {
@@ -69,7 +71,7 @@ impl PartyArguments {
         }
         let (stop, stopped) = watch::channel(false);
         tokio::spawn(async move {
-            let signal = termination().await;
+            let signal = terminated.await;
             tracing::info!("{signal}, {leaving}");
             stop.send_replace(true);
         });
