@@ -9,10 +9,10 @@ use compose::{Cluster, base_images};
 use murmuration_tests::Murmuration;
 use std::fs;
 
-/// A campaign whose every stage takes long enough to be met in it.
+/// A campaign whose every stage takes long enough to be met in it, also on a machine that has nothing else to do.
 const SPEC: &str = "name = \"contained\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
     [dataset]\ncontrollers = 4000\n[training.recipe.in-batch]\nepochs = 6\npatience = 6\n\
-    [world]\nhorizon = 400\n[search]\npopulation = 300\ngenerations = 12\n[taxonomy]\nmedoids = 8\n";
+    [world]\nhorizon = 400\n[search]\npopulation = 100\ngenerations = 200\n[taxonomy]\nmedoids = 8\n";
 
 #[test]
 fn killed_containers_change_nothing() {
@@ -37,7 +37,7 @@ fn killed_containers_change_nothing() {
         status["stage"] == "pretrain" && status["training"]["epoch"].as_u64() > Some(0)
     });
     cluster.kill_one("trainer");
-    for generations in [2, 5, 8] {
+    for generations in [2, 60, 120] {
         cluster.wait_for("further generations", |status| {
             status["stage"] == "evolve" && status["generations_done"].as_u64() >= Some(generations)
         });
@@ -50,5 +50,5 @@ fn killed_containers_change_nothing() {
     let alone = Murmuration::over(&folder.path().join("alone"));
     let expected = alone.run(&["run", spec, "--json"]).last_line();
     assert_eq!(digest["digest"], expected["digest"]);
-    assert_eq!(digest["evaluations"], 3600);
+    assert_eq!(digest["evaluations"], 20_000);
 }
