@@ -84,14 +84,15 @@ async fn first_wrong(
             found => return Ok(found),
         }
     }
-    for chunk in suspects.individuals.chunks(CHUNK) {
-        match wrong_individual(means, record, chunk, live).await? {
+    // Before individuals, which are not to blame for what was made of them later.
+    for chunk in suspects.embeddings.chunks(CHUNK) {
+        match wrong_embedding(means, record, chunk, live).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
-    for chunk in suspects.embeddings.chunks(CHUNK) {
-        match wrong_embedding(means, record, chunk, live).await? {
+    for chunk in suspects.individuals.chunks(CHUNK) {
+        match wrong_individual(means, record, chunk, live).await? {
             Some(None) => {}
             found => return Ok(found),
         }

@@ -3,6 +3,8 @@
 use super::*;
 use crate::{
     campaign::{CampaignId, CampaignState, Weight},
+    dispatch::Quarantined,
+    leases::Instance,
     medoids::Clustering,
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Lineage};
@@ -275,6 +277,50 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
     assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
     assert_eq!(store.taxonomy(&id).unwrap(), None);
+}
+
+#[test]
+fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_after() {
+    let (_folder, store, id, [_, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    let by_7 = Provenance {
+        unaudited: vec![Some(Instance(7)); 2],
+        notices: Vec::new(),
+    };
+    let wrong = [vec![7.0], vec![8.0]];
+    store.add_embeddings(&id, 0, &wrong, &by_7).unwrap();
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: Vec::new(),
+    };
+    store.switch(&id, &switch).unwrap();
+    let later = ArchivedIndividual {
+        image: Some(vec![0; 4]),
+        ..ArchivedIndividual::still(2, 1)
+    };
+    let generation = GenerationRecord::of(1, &[0.0], 0);
+    store
+        .commit_generation(&id, &generation, &[later], &Provenance::default())
+        .unwrap();
+    let worker = Quarantined {
+        instance: Instance(7),
+        name: "wrong".to_owned(),
+    };
+    store.quarantine(&[worker]).unwrap();
+    assert_eq!(store.suspects(&id).unwrap().embeddings, [0, 1]);
+    assert_eq!(store.embedded_when_moved(&id).unwrap(), 2);
+
+    store.embed_again(&id, 2, "a worker was wrong").unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (None, Some(second)));
+    assert_eq!((record.generations_done, record.embedded), (1, 0));
+    assert!(store.suspects(&id).unwrap().is_empty());
+    let right = [vec![1.0], vec![2.0]];
+    store
+        .add_embeddings(&id, 0, &right, &Provenance::default())
+        .unwrap();
+    store.switch(&id, &switch).unwrap();
+    assert_eq!(embeddings(&store, &id), right);
 }
 
 #[test]
