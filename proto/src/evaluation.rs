@@ -127,9 +127,9 @@ impl EmbeddingKind {
     #[must_use]
     pub fn of(description: &str) -> Self {
         let hash = blake3::hash(description.as_bytes());
-        let (first, _) = hash.as_bytes().split_first_chunk().unwrap_or((&[0; 8], &[]));
+        let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
         // 0 is nobody's.
-        Self(u64::from_le_bytes(*first) | 1)
+        Self(u64::from_le_bytes(first) | 1)
     }
 
     /// As it travels.

@@ -55,19 +55,32 @@ async fn tell_lies(liar: &mut Impostor, count: usize) {
     }
 }
 
-/// A worker that keeps to the rules, until it is told to stop.
-fn honest(cluster: &Cluster, cache: &Path) -> (watch::Sender<bool>, JoinHandle<()>) {
-    let options = murmuration_worker::client::Options {
-        coordinator: cluster.url(),
-        credentials: Credentials::default(),
-        name: "honest".to_owned(),
-        threads: NonZeroUsize::MIN,
-        cache: cache.to_owned(),
-        health: murmuration_link::Health::default(),
-    };
-    let (stop, stopped) = watch::channel(false);
-    let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };
-    (stop, tokio::spawn(work))
+/// A worker that keeps to the rules.
+struct Honest {
+    stop: watch::Sender<bool>,
+    work: JoinHandle<()>,
+}
+
+impl Honest {
+    fn join(cluster: &Cluster, cache: &Path) -> Self {
+        let options = murmuration_worker::client::Options {
+            coordinator: cluster.url(),
+            credentials: Credentials::default(),
+            name: "honest".to_owned(),
+            threads: NonZeroUsize::MIN,
+            cache: cache.to_owned(),
+            health: murmuration_link::Health::default(),
+        };
+        let (stop, stopped) = watch::channel(false);
+        let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };
+        let work = tokio::spawn(work);
+        Self { stop, work }
+    }
+
+    async fn leave(self) {
+        self.stop.send_replace(true);
+        self.work.await.unwrap();
+    }
 }
 
 /// A campaign of forty generations.
@@ -105,7 +118,7 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
     let (lease, batch) = liar.lease(5).await;
     // While it is the only one, nobody could contradict it.
-    let workers = [(); 2].map(|()| honest(&cluster, folder.path()));
+    let workers = [(); 2].map(|()| Honest::join(&cluster, folder.path()));
     while cluster.status(&campaign).await.workers < 3 {
         tokio::task::yield_now().await;
     }
@@ -118,9 +131,8 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
-    for (stop, worker) in workers {
-        stop.send_replace(true);
-        worker.await.unwrap();
+    for worker in workers {
+        worker.leave().await;
     }
     cluster.stop().await;
 }
@@ -137,7 +149,7 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     assert_eq!(cluster.status(&campaign).await.generations_done, 1);
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let (stop, worker) = honest(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path());
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let said = notices(&last);
@@ -149,8 +161,7 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
         cluster.digest(&campaign).await,
         undisturbed(&small_spec("")).await
     );
-    stop.send_replace(true);
-    worker.await.unwrap();
+    worker.leave().await;
     cluster.stop().await;
 }
 
@@ -165,12 +176,11 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     // A further lease shows that the lies are in the archive.
     liar.lease(20).await;
     drop(liar);
-    let (stop, worker) = honest(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path());
     cluster.finish(&campaign).await;
     let expected = undisturbed(&spec).await;
     assert_ne!(cluster.digest(&campaign).await, expected);
-    stop.send_replace(true);
-    worker.await.unwrap();
+    worker.leave().await;
     cluster.stop().await;
 
     // Another coordinator knows who did what, and finds out over another campaign.
@@ -180,7 +190,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     let (lease, batch) = liar.lease(1).await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let (stop, worker) = honest(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path());
     cluster.finish(&other).await;
     let said = loop {
         let status = cluster.finish(&campaign).await;
@@ -193,8 +203,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
         "{said}"
     );
     assert_eq!(cluster.digest(&campaign).await, expected);
-    stop.send_replace(true);
-    worker.await.unwrap();
+    worker.leave().await;
     cluster.stop().await;
 
     // And a third does not let it in.
@@ -221,14 +230,13 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let (lease, batch) = liar.lease(1).await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let (stop, worker) = honest(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path());
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let said = notices(&last);
     assert!(said.contains("picture 0 of the dataset differs"), "{said}");
     assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
-    stop.send_replace(true);
-    worker.await.unwrap();
+    worker.leave().await;
     cluster.stop().await;
 }
 
@@ -274,15 +282,14 @@ async fn what_takes_three_workers_is_set_aside_and_the_campaign_goes_on() {
                 tokio::task::yield_now().await;
             }
         }
-        let (stop, worker) = honest(&cluster, folder.path());
+        let worker = Honest::join(&cluster, folder.path());
         let last = cluster.finish(&campaign).await;
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
         let said = notices(&last);
         assert!(said.contains("individual 0 was set aside"), "{said}");
         assert!(said.contains("impostor, impostor, impostor"), "{said}");
         digests.push(cluster.digest(&campaign).await);
-        stop.send_replace(true);
-        worker.await.unwrap();
+        worker.leave().await;
         cluster.stop().await;
     }
     assert_eq!(digests[0], digests[1], "what takes its place is always the same");

@@ -198,6 +198,43 @@ async fn a_draining_worker_gets_no_more_leases() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_says_why_its_work_was_given_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&small_spec("")).into()),
+        weight: Some(250),
+    };
+    let created = cluster
+        .client
+        .create_campaign(request)
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(created.weight, 250);
+    let mut unable = Impostor::connect(&cluster.url()).await;
+    let (lease, _) = unable.lease(5).await;
+    unable
+        .send(Message::Result(v1::BatchResult {
+            lease: Some(lease),
+            outcome: Some(v1::batch_result::Outcome::Failure(v1::Failure {
+                class: v1::FailureClass::Retryable as i32,
+                message: "the cache is full".to_owned(),
+            })),
+        }))
+        .await;
+    // It stays connected, and in its pause.
+    let held_up = |status: &v1::Campaign| !status.waiting.is_empty();
+    let status = cluster.watch_until(&created.id, held_up).await;
+    assert_eq!(
+        status.waiting,
+        "impostor gave work back, which is tried again: the cache is full"
+    );
+    assert_eq!(status.state(), v1::CampaignState::Running);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn clients_are_told_which_field_is_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;

@@ -45,15 +45,3 @@ fn instructions() -> Vec<&'static str> {
 fn instructions() -> Vec<&'static str> {
     Vec::new()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn one_machine_is_of_one_kind() {
-        let runtime = Runtime::load().unwrap();
-        assert_eq!(runtime.kind(), runtime.kind());
-        assert_ne!(runtime.kind(), EmbeddingKind::UNKNOWN);
-    }
-}
