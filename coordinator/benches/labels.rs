@@ -3,13 +3,17 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_coordinator::{
     campaign::{CampaignId, Weight},
+    checkpoints::Checkpoints,
+    dispatch::{Dispatch, Options},
     labels::{Action, Change, Labels},
-    queries::{Holder, Queries, Wish},
+    metrics::{Metrics, Party},
+    queries::{Holder, Queries, Viewers, Wish},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
 use std::{
     error::Error,
+    path::Path,
     time::{Duration, Instant},
 };
 
@@ -70,18 +74,34 @@ fn question() -> Done<Wish> {
     })
 }
 
+/// Questions about what is stored, without workers.
+fn queries(store: &Store, folder: &Path) -> Done<Queries> {
+    let workers = Metrics::new().dispatch(Party::Worker);
+    Ok(Queries::new(Viewers {
+        checkpoints: Checkpoints::open(store.clone(), folder, None)?,
+        dispatch: Dispatch::start(Options::default(), workers, Vec::new()),
+        store: store.clone(),
+    }))
+}
+
 #[expect(clippy::expect_used, reason = "what cannot be measured has no figure")]
 fn labels(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a folder");
     let directory = DataDirectory::hold(folder.path()).expect("it is nobody's");
     let store = Store::open(&directory).expect("a store");
     let id = labelled(&store).expect("a labelled campaign");
-    let queries = Queries::new(store.clone());
+    let runtime = tokio::runtime::Runtime::new().expect("threads");
+    let queries = {
+        let _entered = runtime.enter();
+        queries(&store, folder.path()).expect("a shelf")
+    };
     let wish = question().expect("a wish");
+    let ask = || {
+        let asked = queries.next(id.as_str(), wish.clone(), Instant::now());
+        runtime.block_on(asked).expect("a question")
+    };
     // The archive is clustered with the first question; that has a benchmark of its own.
-    queries
-        .next(id.as_str(), &wish, Instant::now())
-        .expect("a question");
+    ask();
     let mut group = c.benchmark_group("10000 labels");
     group
         .sample_size(20)
@@ -97,11 +117,7 @@ fn labels(c: &mut Criterion) {
         });
     });
     group.bench_function("question", |b| {
-        b.iter(|| {
-            queries
-                .next(id.as_str(), &wish, Instant::now())
-                .expect("a question")
-        });
+        b.iter(ask);
     });
     group.bench_function("replay of the log", |b| {
         b.iter(|| {

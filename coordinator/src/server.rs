@@ -14,7 +14,7 @@ use crate::{
     maps::Maps,
     metrics::{Metrics, Party},
     probes::{Probes, Readiness},
-    queries::Queries,
+    queries::{Queries, Viewers},
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
     store::{DataDirectory, Store, StoreError},
     synthetic::SyntheticAnnotator,
@@ -113,7 +113,11 @@ impl Coordinator {
             store.quarantined()?,
         );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
-        let queries = Queries::new(store.clone());
+        let queries = Queries::new(Viewers {
+            store: store.clone(),
+            checkpoints: checkpoints.clone(),
+            dispatch: dispatch.clone(),
+        });
         let annotator = SyntheticAnnotator {
             store: store.clone(),
             queries: queries.clone(),

@@ -46,10 +46,7 @@ impl SyntheticAnnotator {
         count: usize,
         headway: Arc<Headway>,
     ) -> Result<Vec<Change>, CampaignError> {
-        let asked = {
-            let (queries, record) = (self.queries.clone(), record.clone());
-            blocking(move || queries.unanswered(&record, strategy, count)).await??
-        };
+        let asked = self.queries.unanswered(record, strategy, count).await?;
         let mut answers = Vec::new();
         for part in asked.chunks(AT_ONCE) {
             let mut answering = JoinSet::new();

@@ -1,6 +1,6 @@
 //! How people, or the rule-based judge in their place, teach a campaign.
 
-use crate::{Invalid, invalid, training::Recipe, v1};
+use crate::{Invalid, Purpose, Stream, invalid, training::Recipe, v1};
 use std::fmt;
 
 /// How it is chosen what to ask next.
@@ -23,6 +23,7 @@ pub struct Feedback {
     strategy: Strategy,
     generations: u32,
     recipe: Recipe,
+    committee: u32,
 }
 
 impl Feedback {
@@ -55,20 +56,49 @@ impl Feedback {
     pub const fn recipe(&self) -> &Recipe {
         &self.recipe
     }
+
+    /// Embedders whose differences may be asked about, the campaign's own among them: 1 (none but that) to 16. Every
+    /// further one is trained on the same pictures and labels with [a seed of its own](Feedback::member_seed).
+    #[must_use]
+    pub const fn committee(&self) -> u32 {
+        self.committee
+    }
+
+    /// Seed of the training of a further member of the committee, the first of which is 1, where that of the campaign's own
+    /// embedder is `own`.
+    #[must_use]
+    pub fn member_seed(own: u64, member: u32) -> u64 {
+        // A specification's seeds are signed where they are written down.
+        Stream::derive(own, Purpose::Committee, member.into()).bits() >> 1
+    }
 }
 
 impl TryFrom<v1::Feedback> for Feedback {
     type Error = Invalid;
 
     fn try_from(message: v1::Feedback) -> Result<Self, Invalid> {
-        let strategy = message.strategy.as_deref().unwrap_or("medoids");
+        let strategy = message.strategy.as_deref().unwrap_or("medoids").parse()?;
         Ok(Self {
+            committee: committee(message.committee, strategy)?,
             rounds: invalid::whole("rounds", message.rounds.unwrap_or(0), 0..=1_000)?,
             labels: invalid::whole("labels", message.labels.unwrap_or(100), 2..=50_000)?,
-            strategy: strategy.parse()?,
+            strategy,
             generations: invalid::whole("generations", message.generations.unwrap_or(20), 0..=100_000)?,
             recipe: recipe(message.recipe.as_deref())?,
         })
+    }
+}
+
+/// Three embedders, as the paper's authors had, where their differences are asked about and nothing is said.
+fn committee(members: Option<u32>, strategy: Strategy) -> Result<u32, Invalid> {
+    match (members, strategy) {
+        (Some(1), Strategy::Committee) => Err(Invalid::new(
+            "committee",
+            1,
+            "2 or more: the strategy is \"committee\"",
+        )),
+        (None, Strategy::Committee) => Ok(3),
+        (members, _) => invalid::whole("committee", members.unwrap_or(1), 1..=16),
     }
 }
 
@@ -102,6 +132,7 @@ impl From<&Feedback> for v1::Feedback {
             strategy: Some(feedback.strategy.to_string()),
             generations: Some(feedback.generations),
             recipe: Some(toml::to_string(&feedback.recipe).unwrap_or_default()),
+            committee: Some(feedback.committee),
         }
     }
 }
@@ -168,7 +199,7 @@ impl From<Strategy> for v1::QueryStrategy {
 
 #[cfg(test)]
 mod tests {
-    use crate::CampaignSpec;
+    use crate::{CampaignSpec, Feedback};
 
     fn spec(text: &str) -> Result<CampaignSpec, String> {
         let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\n{text}");
@@ -207,6 +238,28 @@ mod tests {
             (feedback.recipe().name(), feedback.recipe().epochs()),
             ("paper-labelled", 7)
         );
+    }
+
+    #[test]
+    fn a_committee_is_there_where_it_is_asked_for() {
+        let committee = |text: &str| spec(text).unwrap().feedback().unwrap().committee();
+        assert_eq!(committee(""), 1);
+        assert_eq!(committee("[feedback]\nstrategy = \"committee\""), 3);
+        assert_eq!(committee("[feedback]\ncommittee = 2"), 2);
+        let seeds = [7, 8].map(|own| [1, 2].map(|member| Feedback::member_seed(own, member)));
+        let mut seeds = seeds.concat();
+        assert!(seeds.iter().all(|&seed| i64::try_from(seed).is_ok()));
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), 4);
+        check_refused("[feedback]\ncommittee = 17", "feedback.committee = 17");
+        check_refused(
+            "[feedback]\ncommittee = 1\nstrategy = \"committee\"",
+            "feedback.committee = 1: must be 2 or more",
+        );
+        let digest = crate::CheckpointDigest::of(b"model");
+        let text = format!("checkpoint = \"{digest}\"\n[feedback]\ncommittee = 2");
+        check_refused(&text, "feedback.committee = 2: must be 1");
     }
 
     #[test]

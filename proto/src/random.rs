@@ -35,6 +35,9 @@ pub enum Purpose {
     DatasetSubstitute,
     /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result rests on it.
     Audit,
+    /// Seed of the training of a member of a committee; the seed is that of the campaign's own embedder, the index the
+    /// member's.
+    Committee,
 }
 
 impl Purpose {
@@ -54,6 +57,7 @@ impl Purpose {
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
+            Self::Committee => "committee",
         }
     }
 }

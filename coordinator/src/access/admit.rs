@@ -41,7 +41,7 @@ pub(crate) async fn admit(State(door): State<Arc<Door>>, request: Request, next:
     match allowed {
         Ok(()) => next.run(request).await,
         Err(refusal) if method.is_some() => Status::from(refusal).into_http(),
-        Err(refusal) => web::turn_away(&refusal, request.headers()),
+        Err(refusal) => web::turn_away(&refusal, request.uri(), request.headers()),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::{
     checkpoints::CheckpointError,
     dispatch::JobError,
     novelty::Misfit,
-    queries::QueryError,
+    queries::{QueryError, UnviewedError},
     store::{LabelError, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
@@ -63,7 +63,7 @@ pub enum CampaignError {
     },
     /// Nobody could be asked about its individuals.
     #[error("{0}")]
-    Query(#[from] QueryError),
+    Query(QueryError),
     /// Labels could not be stored.
     #[error("{0}")]
     Label(#[from] LabelError),
@@ -103,6 +103,15 @@ pub enum CampaignError {
         "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
     )]
     Broken,
+}
+
+impl From<QueryError> for CampaignError {
+    fn from(error: QueryError) -> Self {
+        match error {
+            QueryError::Committee(UnviewedError::Job(error)) => Self::Job(error),
+            error => Self::Query(error),
+        }
+    }
 }
 
 impl CampaignError {

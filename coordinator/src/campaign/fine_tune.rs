@@ -2,7 +2,7 @@
 //! of it.
 
 use super::{
-    CampaignError,
+    CampaignError, CampaignId,
     live::Live,
     run::{Means, Outcome, blocking},
     train::train,
@@ -27,18 +27,28 @@ pub(super) async fn fine_tune(
     else {
         return Ok(Outcome::Done);
     };
-    let (store, id) = (means.store.clone(), record.id.clone());
+    let training = on_labels(means, &record.id, feedback, (parent, entries)).await?;
+    let Some(checkpoint) = train(means, &record, training, live).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
+    Ok(Outcome::of(means.commit(live, finish).await?))
+}
+
+/// The training that goes on from `parent`, on the first `entries` of the label log.
+pub(super) async fn on_labels(
+    means: &Means,
+    campaign: &CampaignId,
+    feedback: &Feedback,
+    (parent, entries): (CheckpointDigest, u64),
+) -> Result<(Configuration, Option<Lesson>), CampaignError> {
+    let (store, id) = (means.store.clone(), campaign.clone());
     let labels = blocking(move || store.lesson(&id, entries)).await??;
     let lesson = Lesson {
         parent,
         labelled: labels.lesson().len() as u32,
     };
-    let configuration = configuration(means, parent, feedback).await?;
-    let Some(checkpoint) = train(means, &record, (configuration, Some(lesson)), live).await? else {
-        return Ok(Outcome::Stopped);
-    };
-    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
-    Ok(Outcome::of(means.commit(live, finish).await?))
+    Ok((configuration(means, parent, feedback).await?, Some(lesson)))
 }
 
 /// That of the checkpoint to go on from, with the recipe for labels.

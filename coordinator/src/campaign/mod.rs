@@ -2,6 +2,7 @@
 
 mod campaigns;
 mod commit;
+mod committee;
 mod dataset;
 mod decisions;
 mod embed;

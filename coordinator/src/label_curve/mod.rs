@@ -94,9 +94,9 @@ pub struct Curves<'a> {
 impl Curves<'_> {
     /// The curve of a strategy from the embedder at `which`, at ascending numbers of labels; `told` hears of every point.
     ///
-    /// As in a campaign, what to ask next is chosen with the embedder that has learned from the labels so far (the
-    /// committee stays as it is); unlike there, each number's embedder is fine-tuned from the pretrained one, so that it
-    /// does not depend on the numbers before it.
+    /// As in a campaign, what to ask next is chosen with the embedders that have learned from the labels so far; unlike
+    /// there, each number's embedders are fine-tuned from the pretrained ones, so that they do not depend on the numbers
+    /// before it.
     ///
     /// # Errors
     /// See [`CurveError`].
@@ -107,25 +107,32 @@ impl Curves<'_> {
         counts: &[usize],
         mut told: impl FnMut(Point),
     ) -> Result<(), CurveError> {
-        let pretrained = &self.pretrained[which];
-        let mut embedder = pretrained.network.clone();
+        let seed = self.pretrained[which].seed;
+        // The campaign's own embedder, and who it is compared with.
+        let mut members = vec![&self.pretrained[which]];
+        if strategy == Strategy::Committee {
+            let others = (0..self.pretrained.len()).filter(|&other| other != which);
+            members.extend(others.map(|other| &self.pretrained[other]));
+        }
+        let mut embedders: Vec<Network> = members.iter().map(|member| member.network.clone()).collect();
         let mut asked: Vec<usize> = Vec::new();
         for &count in counts {
             let begun = Instant::now();
-            for index in self.ranking(strategy, &embedder, pretrained.seed)? {
+            for index in self.ranking(strategy, &embedders, seed)? {
                 if asked.len() < count && !asked.contains(&index) {
                     asked.push(index);
                 }
             }
             if !asked.is_empty() {
-                embedder = self.fine_tuned(pretrained, &asked)?;
+                let taught = members.iter().map(|member| self.fine_tuned(member, &asked));
+                embedders = taught.collect::<Result<_, _>>()?;
             }
             let took = begun.elapsed();
-            let accuracy = self.accuracy(&embedder);
+            let accuracy = self.accuracy(&embedders[0]);
             told(Point {
                 strategy,
                 labels: asked.len(),
-                seed: pretrained.seed,
+                seed,
                 not_random: accuracy.anchor_not_random().percent(),
                 every: accuracy.every_anchor().percent(),
                 took,
@@ -135,20 +142,25 @@ impl Curves<'_> {
     }
 
     /// All behaviours of the set that is labelled, the first to ask about first.
-    fn ranking(&self, strategy: Strategy, embedder: &Network, seed: u64) -> Result<Vec<usize>, CurveError> {
+    fn ranking(
+        &self,
+        strategy: Strategy,
+        embedders: &[Network],
+        seed: u64,
+    ) -> Result<Vec<usize>, CurveError> {
         let train = self.sets.train();
         let queries = match strategy {
             Strategy::Random => by_lot(train.count(), &mut Stream::derive(seed, Purpose::Query, 0)),
             Strategy::Medoids => {
-                let points = points(embedder, train)?;
+                let points = points(&embedders[0], train)?;
                 let mut stream = Stream::derive(seed, Purpose::Medoids, 0);
                 let clustering = medoids::cluster(&points, self.medoids, &mut stream);
                 by_doubt(&points, &clustering)
             }
             Strategy::Committee => {
-                let members = self.pretrained.iter().map(|one| points(&one.network, train));
+                let members = embedders.iter().map(|embedder| points(embedder, train));
                 let members = members.collect::<Result<Vec<_>, _>>()?;
-                let committee = Committee::new(&members)?;
+                let committee = Committee::new(members)?;
                 by_committee(&committee, &mut Stream::derive(seed, Purpose::Query, 0))
             }
         };

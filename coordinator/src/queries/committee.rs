@@ -9,8 +9,8 @@ const PAIRS: usize = 256;
 
 /// Embeddings of the same individuals, in one order, by different embedders.
 #[derive(Debug, Clone)]
-pub struct Committee<'a> {
-    members: &'a [Behaviours],
+pub struct Committee {
+    members: Vec<Behaviours>,
     individuals: usize,
 }
 
@@ -42,12 +42,12 @@ impl Dispute {
     }
 }
 
-impl<'a> Committee<'a> {
+impl Committee {
     /// A committee of these embeddings.
     ///
     /// # Errors
     /// [`NoCommittee`] where they are fewer than two, or of different numbers of individuals.
-    pub fn new(members: &'a [Behaviours]) -> Result<Self, NoCommittee> {
+    pub fn new(members: Vec<Behaviours>) -> Result<Self, NoCommittee> {
         let (Some(first), 2..) = (members.first(), members.len()) else {
             return Err(NoCommittee::TooFew(members.len()));
         };

@@ -3,11 +3,11 @@
 use super::{
     Holder, Query, QueryLeases, Reason,
     clusters::{self, Clustered, Clusters},
-    committee::{Committee, NoCommittee},
     ranking,
+    viewers::{UnviewedError, Viewed, Viewers},
 };
 use crate::{
-    campaign::CampaignId,
+    campaign::{self, CampaignId},
     labels::{Annotator, Labels},
     space::{Space, SpaceError},
     store::{CampaignRecord, Edition, Store, StoreError},
@@ -15,7 +15,7 @@ use crate::{
 use murmuration_proto::{Purpose, Strategy, Stream};
 use std::{
     collections::BTreeMap,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 
@@ -55,30 +55,44 @@ pub enum QueryError {
     /// The archive cannot be read as behaviours.
     #[error("{0}")]
     Space(#[from] SpaceError),
-    /// The campaign has no embeddings that could differ.
+    /// There is no committee that could differ.
     #[error("strategy \"committee\": {0}")]
-    Committee(#[from] NoCommittee),
+    Committee(#[from] UnviewedError),
+    /// A bug: an order of questions could not be made.
+    #[error(
+        "what to ask could not be found out; the log says where it broke off (this is a bug, no label is lost)"
+    )]
+    Broken,
 }
 
 /// Which queries are with whom, campaign by campaign; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Queries {
-    store: Store,
-    /// One lock a campaign: its labels are read and its queries leased under it, so that no two are given the same.
-    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Mutex<Open>>>>>,
+    viewers: Viewers,
+    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Open>>>>,
     clusters: Clusters,
 }
 
 /// Of a strategy, whether for agreement.
 type Kind = (Strategy, bool);
 
+/// What there is to ask about one campaign.
 #[derive(Debug, Default)]
 struct Open {
-    rankings: BTreeMap<Strategy, Ranked>,
-    leases: QueryLeases<Kind>,
+    rankings: Mutex<BTreeMap<Strategy, Arc<Ranking>>>,
+    /// Labels are read and queries leased under this lock, so that no two are given the same.
+    leases: Mutex<QueryLeases<Kind>>,
 }
 
-/// A ranking, and what it was made of.
+/// The order of a strategy.
+#[derive(Debug, Default)]
+struct Ranking {
+    newest: Mutex<Option<Arc<Ranked>>>,
+    /// Held by who makes a newer one.
+    making: Arc<tokio::sync::Mutex<()>>,
+}
+
+/// An order, and what it was made of.
 #[derive(Debug)]
 struct Ranked {
     order: Vec<Query>,
@@ -86,78 +100,45 @@ struct Ranked {
 }
 
 impl Queries {
-    /// Nobody has been asked anything yet.
+    /// Nobody has been asked anything yet; committees ask where what `viewers` see differs.
     #[must_use]
-    pub fn new(store: Store) -> Self {
+    pub fn new(viewers: Viewers) -> Self {
         Self {
-            store,
+            viewers,
             campaigns: Arc::default(),
             clusters: Clusters::default(),
         }
     }
 
-    /// What to ask now; `campaign` may be `latest`. Blocks while the archive is clustered, once for a strategy and
-    /// checkpoint, and again when the archive has grown.
+    /// What to ask now; `campaign` may be `latest`. Whoever asks first by a strategy waits until its order is made. When the
+    /// archive has grown, or lies in another space, it is made anew meanwhile, and the former serves until then.
     ///
     /// # Errors
     /// See [`QueryError`].
-    pub fn next(&self, campaign: &str, wish: &Wish, now: Instant) -> Result<Asked, QueryError> {
-        let record = self.store.campaign(campaign)?;
-        let open = {
-            let mut campaigns = self.campaigns.lock().unwrap_or_else(PoisonError::into_inner);
-            Arc::clone(campaigns.entry(record.id.clone()).or_default())
-        };
-        let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
-        let Open { rankings, leases } = &mut *open;
-        let individuals = record.individuals();
-        if !rankings
-            .get(&wish.strategy)
-            .is_some_and(|ranked| ranked.still_fits(&record))
-        {
-            let ranked = self.rank(&record, wish.strategy, || self.clusters(&record))?;
-            rankings.insert(wish.strategy, ranked);
-        }
-        let ranking = rankings.get(&wish.strategy).map(|ranked| ranked.order.as_slice());
-        let labels = self.store.labels(&record.id)?;
-        let kind = (wish.strategy, wish.agreement);
-        for &index in wish.again.iter().rev() {
-            if (index as u64) < individuals && is_open(&labels, index as u64, wish) {
-                let query = Query {
-                    index,
-                    reason: Reason::Again,
-                };
-                leases.give_first(&wish.holder, kind, query, now);
-            }
-        }
-        let queries = leases.top_up(
-            &wish.holder,
-            kind,
-            wish.count,
-            ranking.unwrap_or_default(),
-            |index| is_open(&labels, index as u64, wish),
-            now,
-        );
-        Ok(Asked {
-            queries,
-            answered: labels.individuals() as u64,
-            individuals,
-        })
+    pub async fn next(&self, campaign: &str, wish: Wish, now: Instant) -> Result<Asked, QueryError> {
+        let (store, campaign) = (self.viewers.store.clone(), campaign.to_owned());
+        let record = blocking(move || store.campaign(&campaign)).await??;
+        let open = Arc::clone(lock(&self.campaigns).entry(record.id.clone()).or_default());
+        let ranked = self.ranked(&record, &open, wish.strategy).await?;
+        let store = self.viewers.store.clone();
+        blocking(move || Ok(open.lease(&store, &record, &ranked, &wish, now)?)).await?
     }
 
     /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
-    /// so many: a function of archive and log alone, whoever is being asked meanwhile.
+    /// so many: a function of archive, committee and log alone, whoever is being asked meanwhile.
     ///
     /// # Errors
     /// See [`QueryError`].
-    pub fn unanswered(
+    pub async fn unanswered(
         &self,
         record: &CampaignRecord,
         strategy: Strategy,
         count: usize,
     ) -> Result<Vec<usize>, QueryError> {
-        let labels = self.store.labels(&record.id)?;
-        let now = || Ok(Arc::new(Clustered::read(&self.store, record)?));
-        let order = self.rank(record, strategy, now)?.order;
+        let (store, id) = (self.viewers.store.clone(), record.id.clone());
+        let labels = blocking(move || store.labels(&id)).await??;
+        let now = |store: &Store, record: &CampaignRecord| Ok(Arc::new(Clustered::read(store, record)?));
+        let order = self.rank(record.clone(), strategy, now).await?.order;
         let indices = order.into_iter().map(|query| query.index);
         let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
         Ok(open.take(count).collect())
@@ -169,36 +150,133 @@ impl Queries {
     /// # Errors
     /// See [`SpaceError`].
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
-        self.clusters.lately(&self.store, record)
+        self.clusters.lately(&self.viewers.store, record)
+    }
+
+    /// The order of a strategy, perhaps that of a while ago.
+    async fn ranked(
+        &self,
+        record: &CampaignRecord,
+        open: &Open,
+        strategy: Strategy,
+    ) -> Result<Arc<Ranked>, QueryError> {
+        let ranking = Arc::clone(lock(&open.rankings).entry(strategy).or_default());
+        let newest = ranking.newest();
+        if let Some(ranked) = newest.as_ref().filter(|ranked| ranked.still_fits(record)) {
+            return Ok(Arc::clone(ranked));
+        }
+        // To draw lots takes no time.
+        let (Some(former), true) = (newest, strategy != Strategy::Random) else {
+            let _making = ranking.making.lock().await;
+            if let Some(ranked) = ranking.newest().filter(|ranked| ranked.still_fits(record)) {
+                return Ok(ranked);
+            }
+            return self.renew(&ranking, record.clone(), strategy).await;
+        };
+        if let Ok(making) = Arc::clone(&ranking.making).try_lock_owned() {
+            let (queries, record) = (self.clone(), record.clone());
+            tokio::spawn(async move {
+                if let Err(error) = queries.renew(&ranking, record, strategy).await {
+                    tracing::warn!(%error, %strategy, "questions go on in the former order");
+                }
+                drop(making);
+            });
+        }
+        Ok(former)
+    }
+
+    async fn renew(
+        &self,
+        ranking: &Ranking,
+        record: CampaignRecord,
+        strategy: Strategy,
+    ) -> Result<Arc<Ranked>, QueryError> {
+        let clusters = self.clusters.clone();
+        let lately = move |store: &Store, record: &CampaignRecord| clusters.lately(store, record);
+        let ranked = Arc::new(self.rank(record, strategy, lately).await?);
+        *lock(&ranking.newest) = Some(Arc::clone(&ranked));
+        Ok(ranked)
     }
 
     /// `clustered` is told what by medoids is ranked by.
-    fn rank(
+    async fn rank(
         &self,
-        record: &CampaignRecord,
+        record: CampaignRecord,
         strategy: Strategy,
-        clustered: impl FnOnce() -> Result<Arc<Clustered>, SpaceError>,
+        clustered: impl FnOnce(&Store, &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
     ) -> Result<Ranked, QueryError> {
-        let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-        let (order, edition) = match strategy {
-            Strategy::Random => {
-                let count = record.individuals() as usize;
-                (ranking::by_lot(count, &mut stream), record.edition())
-            }
-            Strategy::Medoids => {
-                let clustered = clustered()?;
-                let Space { behaviours, edition } = &clustered.space;
-                (ranking::by_doubt(behaviours, &clustered.clustering), *edition)
-            }
-            Strategy::Committee => {
-                let Space { behaviours, edition } = Space::read(&self.store, record)?;
-                let members = [behaviours];
-                let committee = Committee::new(&members)?;
-                (ranking::by_committee(&committee, &mut stream), edition)
-            }
+        let viewed = match strategy {
+            Strategy::Committee => Some(self.viewers.view(&record).await?),
+            Strategy::Random | Strategy::Medoids => None,
         };
-        Ok(Ranked { order, edition })
+        let store = self.viewers.store.clone();
+        blocking(move || {
+            let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
+            let (order, edition) = match (strategy, viewed) {
+                (Strategy::Committee, Some(Viewed { committee, edition })) => {
+                    (ranking::by_committee(&committee, &mut stream), edition)
+                }
+                (Strategy::Medoids, _) => {
+                    let clustered = clustered(&store, &record)?;
+                    let Space { behaviours, edition } = &clustered.space;
+                    (ranking::by_doubt(behaviours, &clustered.clustering), *edition)
+                }
+                (Strategy::Random | Strategy::Committee, _) => {
+                    let count = record.individuals() as usize;
+                    (ranking::by_lot(count, &mut stream), record.edition())
+                }
+            };
+            Ok(Ranked { order, edition })
+        })
+        .await?
     }
+}
+
+impl Open {
+    /// Has the holder be asked what is theirs, and then what comes next in the order.
+    fn lease(
+        &self,
+        store: &Store,
+        record: &CampaignRecord,
+        ranked: &Ranked,
+        wish: &Wish,
+        now: Instant,
+    ) -> Result<Asked, StoreError> {
+        let mut leases = lock(&self.leases);
+        let labels = store.labels(&record.id)?;
+        let kind = (wish.strategy, wish.agreement);
+        let individuals = record.individuals();
+        // An order of a while ago may be of more than there is now.
+        let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, wish);
+        for &index in wish.again.iter().rev().filter(|&&index| is_open(index)) {
+            let query = Query {
+                index,
+                reason: Reason::Again,
+            };
+            leases.give_first(&wish.holder, kind, query, now);
+        }
+        let queries = leases.top_up(&wish.holder, kind, wish.count, &ranked.order, is_open, now);
+        Ok(Asked {
+            queries,
+            answered: labels.individuals() as u64,
+            individuals,
+        })
+    }
+}
+
+impl Ranking {
+    fn newest(&self) -> Option<Arc<Ranked>> {
+        lock(&self.newest).clone()
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
+async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, QueryError> {
+    campaign::blocking(work).await.map_err(|_| QueryError::Broken)
 }
 
 impl Ranked {

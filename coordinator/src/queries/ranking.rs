@@ -113,7 +113,7 @@ fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
 /// All behaviours, those first about which the committee is least of one mind; equal ones by index. The stream draws the
 /// comparisons.
 #[must_use]
-pub fn by_committee(committee: &Committee<'_>, stream: &mut Stream) -> Vec<Query> {
+pub fn by_committee(committee: &Committee, stream: &mut Stream) -> Vec<Query> {
     let disputed = committee.disputed(stream);
     let mut order: Vec<usize> = (0..disputed.len()).collect();
     order.sort_by_key(|&index| Reverse(disputed[index].minority));

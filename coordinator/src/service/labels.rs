@@ -5,7 +5,7 @@ mod messages;
 use crate::{
     campaign::blocking,
     labels::{Agreement, Annotator, Change, Entry, Labels, RequestId},
-    queries::{Queries, Wish},
+    queries::Queries,
     store::{LabelError, Store, StoreError},
     synthetic::SyntheticAnnotator,
 };
@@ -199,8 +199,10 @@ impl v1::label_service_server::LabelService for LabelApi {
     ) -> Answered<v1::NextQueriesResponse> {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
-        let (queries, wish) = (self.queries.clone(), Wish::try_from(message)?);
-        let asked = blocking(move || queries.next(&campaign, &wish, Instant::now())).await??;
+        let asked = self
+            .queries
+            .next(&campaign, message.try_into()?, Instant::now())
+            .await?;
         Ok(Response::new(asked.into()))
     }
 

@@ -82,7 +82,7 @@ fn send(
             return Ok(());
         }
     }
-    let lesson = match record.lesson {
+    let lesson = match record.lesson_of_stage() {
         Some(entries) => store.lesson(&record.id, entries)?.lesson(),
         None => Vec::new(),
     };

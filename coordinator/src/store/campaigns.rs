@@ -1,7 +1,7 @@
 //! Rows of campaigns.
 
 use super::{Store, StoreError, checkpoints::checkpoint_number};
-use crate::campaign::{CampaignId, CampaignState, Weight};
+use crate::campaign::{CampaignId, CampaignState, Stage, Weight};
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION,
 };
@@ -42,6 +42,12 @@ pub struct CampaignRecord {
     pub rounds_done: u32,
     /// While a round is fine-tuned: the number of entries, from the first, of the label log that it learns from.
     pub lesson: Option<u64>,
+    /// How many entries the last round that is done learned from.
+    pub learned: Option<u64>,
+    /// Further members of its committee that there are.
+    pub members: u32,
+    /// How many of those, the first ones, have learned in every round that is done.
+    pub members_ready: u32,
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
@@ -60,6 +66,26 @@ impl CampaignRecord {
         Edition {
             since_ms: self.created_ms.max(self.taken_back_ms),
             checkpoint: self.checkpoint,
+        }
+    }
+
+    /// Further members that its committee is to have.
+    #[must_use]
+    pub fn members_wanted(&self) -> u32 {
+        self.spec
+            .feedback()
+            .map_or(0, |feedback| feedback.committee() - 1)
+    }
+
+    /// The labels that the training of its stage learns from, as a number of entries of the log; `None` where that learns
+    /// without labels, or nothing is trained.
+    #[must_use]
+    pub fn lesson_of_stage(&self) -> Option<u64> {
+        match Stage::of(self) {
+            Stage::FineTune => self.lesson,
+            // Who is there has been trained without labels.
+            Stage::Committee if self.members_ready < self.members => self.learned,
+            _ => None,
         }
     }
 
@@ -86,7 +112,9 @@ const SELECT: &str = "
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
             WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
-           c.rounds, c.lesson, c.weight, c.taken_back_ms
+           c.rounds, c.lesson, c.weight, c.taken_back_ms, c.learned,
+           (SELECT count(*) FROM committee m WHERE m.campaign = c.number),
+           (SELECT count(*) FROM committee m WHERE m.campaign = c.number AND m.rounds = c.rounds)
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -208,6 +236,9 @@ struct Columns {
     lesson: Option<i64>,
     weight: u32,
     taken_back_ms: i64,
+    learned: Option<i64>,
+    members: u32,
+    members_ready: u32,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -229,6 +260,9 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         lesson: row.get(14)?,
         weight: row.get(15)?,
         taken_back_ms: row.get(16)?,
+        learned: row.get(17)?,
+        members: row.get(18)?,
+        members_ready: row.get(19)?,
     })
 }
 
@@ -260,6 +294,9 @@ impl TryFrom<Columns> for CampaignRecord {
             embedded: columns.embedded.unsigned_abs(),
             rounds_done: columns.rounds_done,
             lesson: columns.lesson.map(i64::unsigned_abs),
+            learned: columns.learned.map(i64::unsigned_abs),
+            members: columns.members,
+            members_ready: columns.members_ready,
         })
     }
 }

@@ -106,7 +106,7 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
-                "UPDATE campaigns SET rounds = rounds + 1, lesson = NULL WHERE number = ?1",
+                "UPDATE campaigns SET rounds = rounds + 1, learned = lesson, lesson = NULL WHERE number = ?1",
                 [number],
             )?;
             begin_move(transaction, number, checkpoint)

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 8] = [
+const MIGRATIONS: [&str; 9] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -141,6 +141,16 @@ const MIGRATIONS: [&str; 8] = [
         WHERE length(g.evaluators) > 0 GROUP BY g.campaign, g.generation;
     ALTER TABLE generations DROP COLUMN evaluators;
     ALTER TABLE campaigns ADD COLUMN taken_back_ms INTEGER NOT NULL DEFAULT 0;
+",
+    "
+    ALTER TABLE campaigns ADD COLUMN learned INTEGER;
+    CREATE TABLE committee (
+        campaign INTEGER NOT NULL REFERENCES campaigns (number),
+        member INTEGER NOT NULL,
+        rounds INTEGER NOT NULL,
+        checkpoint INTEGER NOT NULL REFERENCES checkpoints (number),
+        PRIMARY KEY (campaign, member)
+    ) STRICT, WITHOUT ROWID;
 ",
 ];
 

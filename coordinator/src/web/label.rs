@@ -7,8 +7,10 @@ use super::{
     visitor::Visitor,
     wrong::Wrong,
 };
+use crate::store::CampaignRecord;
 use axum::extract::{Path, State};
 use maud::{Markup, html};
+use murmuration_proto::{Feedback, Strategy};
 
 /// One behaviour at a time.
 pub(super) async fn one(
@@ -17,6 +19,10 @@ pub(super) async fn one(
     visitor: Visitor,
 ) -> Result<Markup, Wrong> {
     let record = web.campaigns.status(&id).await?.record;
+    let usual = record
+        .spec
+        .feedback()
+        .map_or(Strategy::Medoids, Feedback::strategy);
     let content = html! {
         div.wide-bar {
             h1 { "What does this swarm do?" }
@@ -39,8 +45,9 @@ pub(super) async fn one(
             summary { "Settings and keys" }
             div.choices {
                 label { "Ask " select #strategy {
-                    option value="medoids" selected { "medoids, then doubtful ones" }
-                    option value="random" { "at random" }
+                    @for (strategy, said) in strategies(&record) {
+                        option value=(strategy) selected[strategy == usual] { (said) }
+                    }
                 } }
                 label { "Until " select #goal {
                     @for goal in ["50", "100", "200", "500"] {
@@ -63,6 +70,16 @@ pub(super) async fn one(
         "label.js",
         content,
     ))
+}
+
+/// How it may be chosen what to ask about a campaign.
+fn strategies(record: &CampaignRecord) -> impl Iterator<Item = (Strategy, &'static str)> {
+    let committee = (record.members_wanted() > 0).then_some((Strategy::Committee, "where embedders differ"));
+    let always = [
+        (Strategy::Medoids, "medoids, then doubtful ones"),
+        (Strategy::Random, "at random"),
+    ];
+    always.into_iter().chain(committee)
 }
 
 const KEYS: [(&str, &str); 9] = [

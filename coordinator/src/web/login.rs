@@ -4,8 +4,9 @@ use super::{pages::layout, visitor::Visitor, wrong::Wrong};
 use crate::access::{COOKIE, Door, LIFETIME, Refusal};
 use axum::{
     Extension, Form,
+    extract::Query,
     http::{
-        HeaderMap, HeaderValue, StatusCode,
+        HeaderMap, HeaderValue, StatusCode, Uri,
         header::{ACCEPT, CACHE_CONTROL, SET_COOKIE},
     },
     response::{IntoResponse, Redirect, Response},
@@ -19,10 +20,45 @@ use std::{sync::Arc, time::SystemTime};
 #[derive(Deserialize)]
 pub(super) struct Given {
     token: String,
+    #[serde(default)]
+    to: Destination,
+}
+
+/// Where somebody was going.
+#[derive(Deserialize)]
+pub(super) struct Going {
+    #[serde(default)]
+    to: Destination,
+}
+
+/// A page of ours, by its path.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(from = "String")]
+struct Destination(String);
+
+impl Default for Destination {
+    fn default() -> Self {
+        Self("/".to_owned())
+    }
+}
+
+impl From<String> for Destination {
+    /// Whatever is not plainly a path of this host leads to the front page.
+    fn from(path: String) -> Self {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
+        match path.starts_with('/') && !path.starts_with("//") && path.chars().all(plain) {
+            true => Self(path),
+            false => Self::default(),
+        }
+    }
 }
 
 /// Who is logged in, or where to log in.
-pub(super) async fn page(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> impl IntoResponse {
+pub(super) async fn page(
+    Extension(door): Extension<Arc<Door>>,
+    Query(Going { to }): Query<Going>,
+    headers: HeaderMap,
+) -> impl IntoResponse {
     let token = door.logged_in(&headers);
     let whose = token.and_then(|token| door.access.whose(token));
     let content = match whose {
@@ -37,7 +73,7 @@ pub(super) async fn page(Extension(door): Extension<Arc<Door>>, headers: HeaderM
             p.lead { "This coordinator asks nobody for a token." }
             p { a href="/" { "All campaigns" } }
         },
-        None => form(""),
+        None => form(&to, ""),
     };
     (
         [(CACHE_CONTROL, "no-store")],
@@ -52,37 +88,38 @@ pub(super) async fn log_in(Extension(door): Extension<Arc<Door>>, Form(given): F
         let page = layout(
             "Log in",
             &Visitor::ANYBODY,
-            form("The coordinator does not know this token."),
+            form(&given.to, "The coordinator does not know this token."),
         );
         return (StatusCode::UNAUTHORIZED, page).into_response();
     }
     let session = door.sessions.open(token, SystemTime::now());
-    set(&door, &session, LIFETIME.as_secs())
+    set(&door, &session, LIFETIME.as_secs(), &given.to)
 }
 
 /// Has the browser forget.
 pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>) -> Response {
-    set(&door, "", 0)
+    set(&door, "", 0, &Destination::default())
 }
 
-fn set(door: &Door, session: &str, seconds: u64) -> Response {
+fn set(door: &Door, session: &str, seconds: u64, to: &Destination) -> Response {
     let secure = if door.is_encrypted { "; Secure" } else { "" };
     let cookie = format!("{COOKIE}={session}; Max-Age={seconds}; Path=/; HttpOnly; SameSite=Strict{secure}");
     match HeaderValue::try_from(cookie) {
         Ok(mut cookie) => {
             cookie.set_sensitive(true);
-            ([(SET_COOKIE, cookie)], Redirect::to("/")).into_response()
+            ([(SET_COOKIE, cookie)], Redirect::to(&to.0)).into_response()
         }
         // Not with what a session is made of.
         Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
     }
 }
 
-fn form(wrong: &str) -> Markup {
+fn form(to: &Destination, wrong: &str) -> Markup {
     html! {
         h1 { "Log in" }
         p.lead { "With a token, which whoever runs this coordinator has given to you." }
         form.who method="post" action="/login" {
+            input type="hidden" name="to" value=(to.0);
             label { "Token "
                 input name="token" type="password" required autofocus autocomplete="current-password";
             }
@@ -93,7 +130,7 @@ fn form(wrong: &str) -> Markup {
 }
 
 /// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
-pub(super) fn turned_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
+pub(super) fn turned_away(refusal: &Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
     let status = match refusal {
         Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
         Refusal::Role { .. } | Refusal::WrongCertificate(_) => StatusCode::FORBIDDEN,
@@ -101,8 +138,34 @@ pub(super) fn turned_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
     };
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
     match (accepts.is_some_and(|kinds| kinds.contains("text/html")), status) {
-        (true, StatusCode::UNAUTHORIZED) => Redirect::to("/login").into_response(),
+        (true, StatusCode::UNAUTHORIZED) => {
+            let Destination(path) = uri.path().to_owned().into();
+            Redirect::to(&format!("/login?to={path}")).into_response()
+        }
         (true, _) => Wrong::Refused(status, refusal.to_string()).into_response(),
         (false, _) => (status, refusal.to_string()).into_response(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_in_leads_to_pages_of_ours_alone() {
+        let leads = |path: &str| Destination::from(path.to_owned()).0;
+        for path in ["/", "/campaigns/two-sensor-1/label"] {
+            assert_eq!(leads(path), path);
+        }
+        for path in [
+            "",
+            "//evil.example",
+            "https://evil.example",
+            "/\\evil.example",
+            "/a?b",
+            "campaigns",
+        ] {
+            assert_eq!(leads(path), "/", "{path}");
+        }
     }
 }

@@ -33,7 +33,7 @@ use crate::{
 use axum::{
     Extension, Router,
     extract::DefaultBodyLimit,
-    http::{HeaderMap, HeaderValue, header::CONTENT_TYPE},
+    http::{HeaderMap, HeaderValue, Uri, header::CONTENT_TYPE},
     middleware,
     response::{IntoResponse as _, Response},
     routing::{get, post},
@@ -66,8 +66,8 @@ pub(crate) fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>
 }
 
 /// The answer to who may not come in, where a page was asked for.
-pub(crate) fn turn_away(refusal: &Refusal, headers: &HeaderMap) -> Response {
-    guard::protected(login::turned_away(refusal, headers))
+pub(crate) fn turn_away(refusal: &Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+    guard::protected(login::turned_away(refusal, uri, headers))
 }
 
 /// Every page, and what they are made of.

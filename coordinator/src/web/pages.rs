@@ -254,6 +254,7 @@ const fn stage(stage: Stage) -> &'static str {
         Stage::Evolve => "searching",
         Stage::Label => "labelling",
         Stage::FineTune => "learning from labels",
+        Stage::Committee => "training the committee",
         Stage::Taxonomy => "clustering",
     }
 }
@@ -271,7 +272,7 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
             dataset.pictures(),
             "pictures",
         ),
-        (Stage::Pretrain | Stage::FineTune, _) => {
+        (Stage::Pretrain | Stage::FineTune | Stage::Committee, _) => {
             let training = status.training.unwrap_or_default();
             (training.epoch, training.epochs, "epochs")
         }

@@ -18,12 +18,13 @@ async fn arrived(window: &Window, path: &str) {
         .await;
 }
 
+/// Logs in, and is led to the page that was asked for.
 async fn log_in(window: &Window, token: &str) {
     arrived(window, "/login").await;
     window.click("input[name=token]").await;
     window.press(token).await;
     window.press("\u{e007}").await;
-    arrived(window, "/").await;
+    arrived(window, LABEL).await;
 }
 
 /// Individuals with an answer.
@@ -55,7 +56,6 @@ async fn who_logs_in_labels_and_who_logs_out_is_out() {
     let page = format!("{url}{LABEL}");
     let window = driver.open(&page).await;
     log_in(&window, token).await;
-    window.driver.goto(&page).await.unwrap();
     introduce(&window, "Ana").await;
     let mut seen = vec![name(&window, "milling").await];
     window.picture("label-logged-in").await;
@@ -67,7 +67,6 @@ async fn who_logs_in_labels_and_who_logs_out_is_out() {
     window.driver.delete_all_cookies().await.unwrap();
     let (coordinator, _) = serve(url.trim_start_matches("http://"));
     log_in(&window, token).await;
-    window.driver.goto(&page).await.unwrap();
     saved(&window).await;
     seen.sort_unstable();
     assert_eq!(labelled(&murmuration), seen);

@@ -86,7 +86,10 @@ async fn without_a_log_in_there_is_the_log_in() {
         let answer = browser.get(path).send().await.unwrap();
         assert_eq!(
             (answer.status(), &answer.headers()[LOCATION]),
-            (StatusCode::SEE_OTHER, &"/login".parse().unwrap())
+            (
+                StatusCode::SEE_OTHER,
+                &format!("/login?to={path}").parse().unwrap()
+            )
         );
         assert_eq!(answer.version(), Version::HTTP_2);
         assert!(policy(&answer).contains("default-src 'none'"));

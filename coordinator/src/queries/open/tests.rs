@@ -3,8 +3,11 @@
 use super::*;
 use crate::{
     campaign::{CampaignState, Weight},
+    checkpoints::Checkpoints,
+    dispatch::{Dispatch, Options},
     labels::{Action, Change},
     medoids::Clustering,
+    metrics::{Metrics, Party},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::CampaignSpec;
@@ -22,12 +25,21 @@ impl Campaign {
     fn new(generations: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+        let viewers = Viewers {
+            checkpoints: Checkpoints::open(store.clone(), folder.path(), None).unwrap(),
+            dispatch: Dispatch::start(
+                Options::default(),
+                Metrics::new().dispatch(Party::Worker),
+                Vec::new(),
+            ),
+            store: store.clone(),
+        };
         let text = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = 10";
         let spec = CampaignSpec::from_toml(text).unwrap();
         let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
         let campaign = Self {
             _folder: folder,
-            queries: Queries::new(store.clone()),
+            queries: Queries::new(viewers),
             store,
             id,
         };
@@ -60,7 +72,7 @@ impl Campaign {
         self.store.add_labels(&self.id, &request, vec![change]).unwrap();
     }
 
-    fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
+    async fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
         let wish = Wish {
             holder: Holder {
                 annotator: annotator.parse().unwrap(),
@@ -71,34 +83,69 @@ impl Campaign {
             count: 1000,
             again: Vec::new(),
         };
-        let asked = self.queries.next("latest", &wish, Instant::now()).unwrap();
+        let asked = self.queries.next("latest", wish, Instant::now()).await.unwrap();
         asked.queries.iter().map(|query| query.index).collect()
+    }
+
+    /// What is asked once the order that is made meanwhile is there.
+    async fn ask_later(&self, strategy: Strategy) -> BTreeSet<usize> {
+        self.ask("ana", strategy, false).await;
+        let open = Arc::clone(&lock(&self.queries.campaigns)[&self.id]);
+        let ranking = Arc::clone(&lock(&open.rankings)[&strategy]);
+        drop(ranking.making.lock().await);
+        self.ask("ana", strategy, false).await
     }
 }
 
-#[test]
-fn an_archive_is_ranked_anew_once_it_is_a_quarter_larger_or_the_search_has_stopped() {
+#[tokio::test]
+async fn an_archive_is_ranked_anew_once_it_is_a_quarter_larger_or_the_search_has_stopped() {
     let campaign = Campaign::new(8);
+    let ask = async |strategy| campaign.ask("ana", strategy, false).await.len();
     for strategy in [Strategy::Random, Strategy::Medoids] {
-        assert_eq!(campaign.ask("ana", strategy, false).len(), 80);
+        assert_eq!(ask(strategy).await, 80);
     }
     campaign.grow(8);
-    assert_eq!(campaign.ask("ana", Strategy::Random, false).len(), 80);
+    assert_eq!(ask(Strategy::Random).await, 80);
+    assert_eq!(campaign.ask_later(Strategy::Medoids).await.len(), 80);
     campaign.grow(9);
     campaign.grow(10);
-    assert_eq!(campaign.ask("ana", Strategy::Random, false).len(), 110);
+    assert_eq!(ask(Strategy::Random).await, 110);
+    // Nobody waits while the archive is clustered again.
+    assert_eq!(ask(Strategy::Medoids).await, 80);
+    assert_eq!(campaign.ask_later(Strategy::Medoids).await.len(), 110);
     campaign.grow(11);
     campaign
         .store
         .set_state(&campaign.id, CampaignState::Paused, "")
         .unwrap();
-    for strategy in [Strategy::Random, Strategy::Medoids] {
-        assert_eq!(campaign.ask("ana", strategy, false).len(), 120);
-    }
+    assert_eq!(ask(Strategy::Random).await, 120);
+    assert_eq!(campaign.ask_later(Strategy::Medoids).await.len(), 120);
 }
 
-#[test]
-fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the_end() {
+#[tokio::test]
+async fn what_was_taken_back_is_not_asked_about() {
+    let campaign = Campaign::new(8);
+    assert_eq!(campaign.ask("ana", Strategy::Medoids, false).await.len(), 80);
+    campaign
+        .store
+        .take_back(&campaign.id, 5, "generation 5 was wrong")
+        .unwrap();
+    let left: BTreeSet<usize> = (0..50).collect();
+    assert_eq!(campaign.ask("ana", Strategy::Medoids, false).await, left);
+    assert_eq!(campaign.ask_later(Strategy::Medoids).await, left);
+}
+
+#[tokio::test]
+async fn who_searches_without_an_embedder_has_no_committee() {
+    let campaign = Campaign::new(1);
+    let record = campaign.store.campaign("latest").unwrap();
+    let asked = campaign.queries.unanswered(&record, Strategy::Committee, 2);
+    let refused = asked.await.unwrap_err().to_string();
+    assert!(refused.contains("has a single embedder"), "{refused}");
+}
+
+#[tokio::test]
+async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the_end() {
     let campaign = Campaign::new(0);
     let clusters = || {
         let record = campaign.store.campaign("latest").unwrap();
@@ -115,6 +162,7 @@ fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the_end()
     assert!(
         campaign
             .ask("ana", Strategy::Medoids, false)
+            .await
             .is_superset(&medoids)
     );
     campaign.grow(10);
@@ -133,28 +181,28 @@ fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the_end()
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
 }
 
-#[test]
-fn answers_of_any_kind_close_a_question_and_classes_open_it_for_agreement() {
+#[tokio::test]
+async fn answers_of_any_kind_close_a_question_and_classes_open_it_for_agreement() {
     let campaign = Campaign::new(1);
     campaign.answer("ana", 3, "ring");
     campaign.answer("ana", 4, "skip");
     campaign.answer("ben", 5, "ring");
-    let open = campaign.ask("ana", Strategy::Medoids, false);
-    assert_eq!(open, [0, 1, 2, 6, 7, 8, 9].into());
-    assert_eq!(campaign.ask("ana", Strategy::Medoids, true), [5].into());
-    assert_eq!(campaign.ask("eva", Strategy::Medoids, true), [3].into());
+    let ask = async |who, agreement| campaign.ask(who, Strategy::Medoids, agreement).await;
+    assert_eq!(ask("ana", false).await, [0, 1, 2, 6, 7, 8, 9].into());
+    assert_eq!(ask("ana", true).await, [5].into());
+    assert_eq!(ask("eva", true).await, [3].into());
 }
 
-#[test]
-fn before_the_first_generation_there_is_nothing_to_ask() {
+#[tokio::test]
+async fn before_the_first_generation_there_is_nothing_to_ask() {
     let campaign = Campaign::new(0);
     for strategy in [Strategy::Random, Strategy::Medoids] {
-        assert!(campaign.ask("ana", strategy, false).is_empty());
+        assert!(campaign.ask("ana", strategy, false).await.is_empty());
     }
 }
 
-#[test]
-fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
+#[tokio::test]
+async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
     let campaign = Campaign::new(1);
     let taxonomy = Clustering {
         medoids: vec![7, 2],
@@ -166,6 +214,7 @@ fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
     let asked = campaign
         .queries
         .unanswered(&record, Strategy::Medoids, 2)
+        .await
         .unwrap();
     assert_eq!(asked, [7, 2]);
 }

@@ -62,11 +62,11 @@ fn a_committee_asks_where_it_differs() {
     let mut other = one.map(|x| 10.0 * x);
     other[2] = 225.0;
     let members = [line(&one), line(&other)];
-    let committee = Committee::new(&members).unwrap();
+    let committee = Committee::new(members.into()).unwrap();
     let ranking = by_committee(&committee, &mut stream());
     assert_eq!(ranking[0].index, 2);
     let of_one_mind = [line(&one), line(&one.map(|x| 10.0 * x))];
-    let ranking = by_committee(&Committee::new(&of_one_mind).unwrap(), &mut stream());
+    let ranking = by_committee(&Committee::new(of_one_mind.into()).unwrap(), &mut stream());
     assert_eq!(indices(&ranking), (0..10).collect::<Vec<_>>());
     assert_eq!(ranking[0].reason, Reason::Disputed { share: 0.0 });
 }
@@ -74,15 +74,10 @@ fn a_committee_asks_where_it_differs() {
 #[test]
 fn a_committee_has_two_members_of_the_same_individuals() {
     let [three, two] = [line(&[0.0, 1.0, 2.0]), line(&[0.0, 1.0])];
-    assert_eq!(Committee::new(&[]).unwrap_err(), NoCommittee::TooFew(0));
-    assert_eq!(
-        Committee::new(std::slice::from_ref(&two)).unwrap_err(),
-        NoCommittee::TooFew(1)
-    );
-    assert_eq!(
-        Committee::new(&[three, two]).unwrap_err(),
-        NoCommittee::OtherIndividuals(3, 2)
-    );
+    let refused = |members: &[Behaviours]| Committee::new(members.to_vec()).unwrap_err();
+    assert_eq!(refused(&[]), NoCommittee::TooFew(0));
+    assert_eq!(refused(std::slice::from_ref(&two)), NoCommittee::TooFew(1));
+    assert_eq!(refused(&[three, two]), NoCommittee::OtherIndividuals(3, 2));
 }
 
 /// If these change, so does what people are asked.
@@ -103,7 +98,7 @@ proptest! {
         let behaviours = behaviours(&points);
         let turned: Vec<_> = points.iter().map(|[x, y]| [*y, -x * x]).collect();
         let members = [behaviours.clone(), self::behaviours(&turned)];
-        let committee = Committee::new(&members).unwrap();
+        let committee = Committee::new(members.into()).unwrap();
         let clustering = medoids::cluster(&behaviours, k, &mut stream());
         let rank = || [
             by_lot(points.len(), &mut stream()),

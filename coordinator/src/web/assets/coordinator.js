@@ -13,7 +13,7 @@ async function answer(request) {
     throw new Unavailable("the coordinator does not answer");
   }
   // The session is over: what was said is kept here until somebody has logged in again.
-  if (response.status === 401) location.assign("/login");
+  if (response.status === 401) location.assign(`/login?to=${location.pathname}`);
   if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(await response.text());
   if (!response.ok) throw new Refused(await response.text());
   return response.status === 202 ? null : response.json();

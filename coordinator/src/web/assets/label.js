@@ -111,7 +111,7 @@ at("annotator").addEventListener("change", () => {
   queue.top();
 });
 const [strategy, goal] = JSON.parse(localStorage.getItem(`${keptAs}.settings`) ?? "[]");
-if (strategy) at("strategy").value = strategy;
+if ([...at("strategy").options].some((option) => option.value === strategy)) at("strategy").value = strategy;
 if (goal) at("goal").value = goal;
 for (const id of ["strategy", "agreement"]) at(id).addEventListener("change", settings);
 at("goal").addEventListener("change", () => {
