@@ -24,6 +24,7 @@ pub struct Feedback {
     generations: u32,
     recipe: Recipe,
     committee: u32,
+    starts: u32,
 }
 
 impl Feedback {
@@ -64,6 +65,20 @@ impl Feedback {
         self.committee
     }
 
+    /// Simulations of each labelled controller that are learned from, 1 to 16: that which was labelled, and others from
+    /// random starts.
+    #[must_use]
+    pub const fn starts(&self) -> u32 {
+        self.starts
+    }
+
+    /// Seeds of the further starts of a labelled individual, under the seed of its campaign.
+    pub fn further_starts(&self, seed: u64, index: u64) -> impl Iterator<Item = u64> + use<> {
+        let first = index * 16;
+        let places = first + 1..first + u64::from(self.starts);
+        places.map(move |place| Stream::derive(seed, Purpose::LessonStart, place).bits())
+    }
+
     /// Seed of the training of a further member of the committee, the first of which is 1, where that of the campaign's own
     /// embedder is `own`.
     #[must_use]
@@ -80,6 +95,7 @@ impl TryFrom<v1::Feedback> for Feedback {
         let strategy = message.strategy.as_deref().unwrap_or("medoids").parse()?;
         Ok(Self {
             committee: committee(message.committee, strategy)?,
+            starts: invalid::whole("starts", message.starts.unwrap_or(4), 1..=16)?,
             rounds: invalid::whole("rounds", message.rounds.unwrap_or(0), 0..=1_000)?,
             labels: invalid::whole("labels", message.labels.unwrap_or(100), 2..=50_000)?,
             strategy,
@@ -133,6 +149,7 @@ impl From<&Feedback> for v1::Feedback {
             generations: Some(feedback.generations),
             recipe: Some(toml::to_string(&feedback.recipe).unwrap_or_default()),
             committee: Some(feedback.committee),
+            starts: Some(feedback.starts),
         }
     }
 }
@@ -260,6 +277,19 @@ mod tests {
         let digest = crate::CheckpointDigest::of(b"model");
         let text = format!("checkpoint = \"{digest}\"\n[feedback]\ncommittee = 2");
         check_refused(&text, "feedback.committee = 2: must be 1");
+    }
+
+    #[test]
+    fn every_labelled_individual_has_further_starts_of_its_own() {
+        let spec = spec("[feedback]\nstarts = 16").unwrap();
+        let feedback = spec.feedback().unwrap();
+        let seeds = |seed| (0..9).flat_map(move |index| feedback.further_starts(seed, index));
+        let all: std::collections::BTreeSet<u64> = seeds(1).chain(seeds(2)).collect();
+        assert_eq!(all.len(), 2 * 9 * 15);
+        check_refused(
+            "[feedback]\nstarts = 0",
+            "feedback.starts = 0: must be a whole number from 1",
+        );
     }
 
     #[test]

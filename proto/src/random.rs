@@ -38,6 +38,8 @@ pub enum Purpose {
     /// Seed of the training of a member of a committee; the seed is that of the campaign's own embedder, the index the
     /// member's.
     Committee,
+    /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's, and the start's.
+    LessonStart,
 }
 
 impl Purpose {
@@ -58,6 +60,7 @@ impl Purpose {
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
             Self::Committee => "committee",
+            Self::LessonStart => "lesson start",
         }
     }
 }

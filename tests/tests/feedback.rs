@@ -83,6 +83,8 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
         let first = checkpoint(&cluster, &second.parent).await;
         let pretrained = checkpoint(&cluster, &first.parent).await;
         assert_eq!((second.metrics["labels"], first.metrics["labels"]), (80.0, 40.0));
+        // Each labelled controller is learned from as it went from four starts.
+        assert_eq!(second.metrics["labelled_pictures"], 320.0);
         assert!(pretrained.parent.is_empty() && pretrained.label_digest.is_empty());
         assert_ne!(first.label_digest, second.label_digest);
         outcomes.push((last.checkpoint, labels.digest, cluster.digest(&id).await));

@@ -13,7 +13,7 @@ fn spec() -> CampaignSpec {
     let text = "name = \"stages\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
                 [dataset]\ncontrollers = 6000\n[training.recipe.in-batch]\nepochs = 5\npatience = 5\n\
                 [world]\nhorizon = 200\n[search]\npopulation = 2000\ngenerations = 6\n[taxonomy]\nmedoids = 600\n\
-                [feedback]\nrounds = 1\nlabels = 1500\nstrategy = \"random\"\ncommittee = 2\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 4\n";
+                [feedback]\nrounds = 1\nlabels = 1500\nstrategy = \"random\"\ncommittee = 2\nstarts = 2\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 4\n";
     CampaignSpec::from_toml(text).unwrap()
 }
 

@@ -15,6 +15,7 @@ pub struct LabelledPictures {
     by_class: Vec<usize>,
     /// Where in that list each class is that has a picture.
     ranges: Vec<Range<usize>>,
+    labels: usize,
 }
 
 /// Why pictures and classes are nothing to learn from.
@@ -68,7 +69,20 @@ impl LabelledPictures {
             classes,
             by_class,
             ranges,
+            labels,
         })
+    }
+
+    /// The same, come from so many labels: fewer than pictures, where one is of several of them.
+    #[must_use]
+    pub fn of_labels(self, labels: usize) -> Self {
+        Self { labels, ..self }
+    }
+
+    /// Number of labels that they come from.
+    #[must_use]
+    pub const fn labels(&self) -> usize {
+        self.labels
     }
 
     /// Pixels along a side.

@@ -107,7 +107,8 @@ impl Publication {
             lineage.parent = Some(*parent);
             lineage.label_digest = labelled.digest();
             lineage.labelled = labelled.seen();
-            metrics.insert("labels".to_owned(), labelled.count() as f64);
+            metrics.insert("labels".to_owned(), labelled.labels() as f64);
+            metrics.insert("labelled_pictures".to_owned(), labelled.count() as f64);
             metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
         }
         Ok(Self {

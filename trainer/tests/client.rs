@@ -47,6 +47,7 @@ fn task(configuration: &str) -> v1::TrainingTask {
         behaviours: BEHAVIOURS as u32,
         parent: String::new(),
         labelled: 0,
+        labels: 0,
     }
 }
 

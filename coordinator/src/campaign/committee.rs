@@ -28,7 +28,7 @@ pub(super) async fn train_member(
     let member = record.members_ready + 1;
     let (training, rounds) = match seated.zip(record.learned) {
         Some(lesson) => {
-            let training = on_labels(means, &record.id, feedback, lesson).await?;
+            let training = on_labels(means, &record, feedback, lesson).await?;
             (training, record.rounds_done)
         }
         None => ((without_labels(training, member)?, None), 0),

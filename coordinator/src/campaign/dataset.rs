@@ -9,7 +9,7 @@ use super::{
 use crate::{
     breeding::{self, ProposeError},
     dispatch::EvaluationJob,
-    store::{CampaignRecord, Picture, Provenance, Store},
+    store::{CampaignRecord, Store},
 };
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
 use std::ops::Range;
@@ -43,26 +43,12 @@ pub(super) async fn collect(
         let Some(done) = evaluate(&means.dispatch, live, job, substitute).await? else {
             return Ok(Outcome::Stopped);
         };
-        let notice = |(place, reason): &(usize, _)| {
-            let picture = chunk.start * starts + *place as u64;
+        let (pictures, provenance) = done.into_pictures(|place, reason| {
+            let picture = chunk.start * starts + place as u64;
             format!(
                 "picture {picture} of the dataset was set aside, another controller took its place: {reason}"
             )
-        };
-        let provenance = Provenance {
-            notices: done.set_aside.iter().map(notice).collect(),
-            unaudited: done.unaudited,
-        };
-        let pictures: Vec<Picture> = done
-            .tasks
-            .into_iter()
-            .zip(done.evaluations)
-            .map(|((controller, seed), evaluation)| Picture {
-                controller,
-                seed,
-                image: evaluation.into_image(),
-            })
-            .collect();
+        });
         let count = pictures.len() as u64;
         let (id, place) = (id.clone(), chunk.start * starts);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);

@@ -5,6 +5,7 @@ use crate::{
     breeding::ProposeError,
     dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside},
     leases::Instance,
+    store::{Picture, Provenance},
 };
 use murmuration_proto::{Controller, Evaluation};
 use std::collections::BTreeMap;
@@ -23,6 +24,31 @@ pub(super) struct Done {
     pub(super) unaudited: Vec<Option<Instance>>,
     /// The places that were set aside, and why.
     pub(super) set_aside: Vec<(usize, SetAside)>,
+}
+
+impl Done {
+    /// Every evaluation's picture, and where they come from; `notice` says what there is to say of a place that was set
+    /// aside.
+    pub(super) fn into_pictures(
+        self,
+        notice: impl Fn(usize, &SetAside) -> String,
+    ) -> (Vec<Picture>, Provenance) {
+        let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation)| Picture {
+            controller,
+            seed,
+            image: evaluation.into_image(),
+        };
+        let notices = self
+            .set_aside
+            .iter()
+            .map(|(place, reason)| notice(*place, reason));
+        let provenance = Provenance {
+            notices: notices.collect(),
+            unaudited: self.unaudited,
+        };
+        let pictures = self.tasks.into_iter().zip(self.evaluations).map(picture);
+        (pictures.collect(), provenance)
+    }
 }
 
 /// A task and its place in a job.

@@ -2,19 +2,23 @@
 //! of it.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
+    evaluate::evaluate,
     live::Live,
     run::{Means, Outcome, blocking},
     train::train,
 };
 use crate::{
-    dispatch::Lesson,
-    store::{CampaignRecord, Store},
+    dispatch::{EvaluationJob, Lesson},
+    store::{CampaignRecord, FurtherStart, LessonPictures, Store},
 };
 use murmuration_proto::{
     CheckpointDigest, Feedback,
     training::{Configuration, ConfigurationError},
 };
+
+/// Pictures from further starts that are simulated and committed together.
+const CHUNK: usize = 1000;
 
 /// Has the embedder fine-tuned on the labels of the round that was begun, and the campaign move to the checkpoint.
 pub(super) async fn fine_tune(
@@ -27,7 +31,10 @@ pub(super) async fn fine_tune(
     else {
         return Ok(Outcome::Done);
     };
-    let training = on_labels(means, &record.id, feedback, (parent, entries)).await?;
+    if further_starts(means, &record, entries, live).await? == Outcome::Stopped {
+        return Ok(Outcome::Stopped);
+    }
+    let training = on_labels(means, &record, feedback, (parent, entries)).await?;
     let Some(checkpoint) = train(means, &record, training, live).await? else {
         return Ok(Outcome::Stopped);
     };
@@ -38,17 +45,61 @@ pub(super) async fn fine_tune(
 /// The training that goes on from `parent`, on the first `entries` of the label log.
 pub(super) async fn on_labels(
     means: &Means,
-    campaign: &CampaignId,
+    record: &CampaignRecord,
     feedback: &Feedback,
     (parent, entries): (CheckpointDigest, u64),
 ) -> Result<(Configuration, Option<Lesson>), CampaignError> {
-    let (store, id) = (means.store.clone(), campaign.clone());
-    let labels = blocking(move || store.lesson(&id, entries)).await??;
+    let pictures = read(means, record, entries).await?;
     let lesson = Lesson {
         parent,
-        labelled: labels.lesson().len() as u32,
+        labelled: pictures.pictures.len() as u32,
+        labels: pictures.labels,
     };
     Ok((configuration(means, parent, feedback).await?, Some(lesson)))
+}
+
+async fn read(means: &Means, record: &CampaignRecord, entries: u64) -> Result<LessonPictures, CampaignError> {
+    let (store, record) = (means.store.clone(), record.clone());
+    Ok(blocking(move || store.lesson_pictures(&record, entries)).await??)
+}
+
+/// Has the workers simulate what labelled controllers do from further starts, as far as that is not on disk yet: a class is
+/// what a controller does, wherever its agents begin.
+async fn further_starts(
+    means: &Means,
+    record: &CampaignRecord,
+    entries: u64,
+    live: &mut Live,
+) -> Result<Outcome, CampaignError> {
+    let missing = read(means, record, entries).await?.missing;
+    let mut place = record.pictures_done;
+    for starts in missing.chunks(CHUNK) {
+        let tasks = starts
+            .iter()
+            .map(|start| (start.controller, start.seed))
+            .collect();
+        let job = EvaluationJob::of(record, None, tasks);
+        // In the place of what kills its workers comes what was labelled, which does not.
+        let labelled = |place: usize, _| {
+            let FurtherStart {
+                controller, labelled, ..
+            } = starts[place];
+            Ok(vec![(place, (controller, labelled))])
+        };
+        let Some(done) = evaluate(&means.dispatch, live, job, labelled).await? else {
+            return Ok(Outcome::Stopped);
+        };
+        let (pictures, provenance) = done.into_pictures(|_, reason| {
+            format!("a start of labelled individuals was set aside, that which was labelled took its place: {reason}")
+        });
+        let (id, count) = (record.id.clone(), pictures.len() as u64);
+        let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
+        if means.commit(live, add).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
+        place += count;
+    }
+    Ok(Outcome::Done)
 }
 
 /// That of the checkpoint to go on from, with the recipe for labels.

@@ -99,6 +99,8 @@ pub struct Lesson {
     pub parent: CheckpointDigest,
     /// Number of labelled pictures.
     pub labelled: u32,
+    /// Number of labels that those come from.
+    pub labels: u32,
 }
 
 /// One simulation to watch.

@@ -178,6 +178,7 @@ impl Work {
                     .map(|lesson| lesson.parent.to_string())
                     .unwrap_or_default(),
                 labelled: job.lesson.map_or(0, |lesson| lesson.labelled),
+                labels: job.lesson.map_or(0, |lesson| lesson.labels),
             }),
             Self::Replay(job) => v1::lease::Work::Replay(v1::ReplayTask {
                 model: v1::CapabilityModel::from(job.controller.model()) as i32,

@@ -170,10 +170,10 @@ impl Curves<'_> {
     /// The embedder that has learned the classes of these behaviours; as it was where they are all of one.
     fn fine_tuned(&self, pretrained: &Pretrained, asked: &[usize]) -> Result<Network, CurveError> {
         let train = self.sets.train();
-        let labelled = match LabelledPictures::new(train.side(), train.pictures(asked), train.numbers(asked))
-        {
+        let (pictures, classes) = train.lesson(asked);
+        let labelled = match LabelledPictures::new(train.side(), pictures, classes) {
             Err(LabelledPicturesError::TooFewClasses(_)) => return Ok(pretrained.network.clone()),
-            labelled => Arc::new(labelled?),
+            labelled => Arc::new(labelled?.of_labels(asked.len())),
         };
         let fine_tuning = FineTuning {
             parent: pretrained.network.clone(),

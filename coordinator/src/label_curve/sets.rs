@@ -8,6 +8,8 @@ pub struct Behaviours {
     side: usize,
     classes: Vec<String>,
     pictures: Vec<Vec<u8>>,
+    /// Of each, those of its controller from further starts.
+    further: Vec<Vec<Vec<u8>>>,
 }
 
 /// The same pictures are to be learned from and to judge.
@@ -28,7 +30,8 @@ impl Sets {
     /// # Errors
     /// Where they share pictures.
     pub fn new(train: Behaviours, validation: Behaviours) -> Result<Self, Overlap> {
-        let seen = SeenPictures::of(train.pictures.iter().map(Vec::as_slice));
+        let further = train.further.iter().flatten();
+        let seen = SeenPictures::of(train.pictures.iter().chain(further).map(Vec::as_slice));
         match validation
             .pictures
             .iter()
@@ -61,14 +64,17 @@ impl Behaviours {
             side,
             classes: Vec::new(),
             pictures: Vec::new(),
+            further: Vec::new(),
         }
     }
 
-    /// Adds a behaviour; its picture has `side` x `side` grey values.
-    pub fn push(&mut self, class: &str, picture: Vec<u8>) {
+    /// Adds a behaviour; its picture has `side` x `side` grey values, and so has each of `further`, of the same controller
+    /// from other starts.
+    pub fn push(&mut self, class: &str, picture: Vec<u8>, further: Vec<Vec<u8>>) {
         debug_assert_eq!(picture.len(), self.side * self.side);
         self.classes.push(class.to_owned());
         self.pictures.push(picture);
+        self.further.push(further);
     }
 
     /// How many there are.
@@ -97,13 +103,20 @@ impl Behaviours {
             .collect()
     }
 
-    /// The classes of some of them, numbered by name.
-    pub(super) fn numbers(&self, which: &[usize]) -> Vec<u32> {
+    /// What is learned of some of them: pictures, one after the other, and the class of each, numbered by name.
+    pub(super) fn lesson(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let mut names: Vec<&String> = self.classes.iter().collect();
         names.sort_unstable();
         names.dedup();
-        let number = |&index: &usize| names.binary_search(&&self.classes[index]).unwrap_or_default() as u32;
-        which.iter().map(number).collect()
+        let (mut pictures, mut classes) = (Vec::new(), Vec::new());
+        for &index in which {
+            let class = names.binary_search(&&self.classes[index]).unwrap_or_default() as u32;
+            for picture in std::iter::once(&self.pictures[index]).chain(&self.further[index]) {
+                pictures.extend_from_slice(picture);
+                classes.push(class);
+            }
+        }
+        (pictures, classes)
     }
 }
 
@@ -114,7 +127,8 @@ mod tests {
     fn behaviours(greys: &[u8]) -> Behaviours {
         let mut behaviours = Behaviours::new(2);
         for grey in greys {
-            behaviours.push(if grey % 2 == 0 { "even" } else { "odd" }, vec![*grey; 4]);
+            let class = if grey % 2 == 0 { "even" } else { "odd" };
+            behaviours.push(class, vec![*grey; 4], vec![vec![grey + 100; 4]]);
         }
         behaviours
     }
@@ -124,12 +138,17 @@ mod tests {
         assert!(Sets::new(behaviours(&[1, 2]), behaviours(&[3, 4])).is_ok());
         let shared = Sets::new(behaviours(&[1, 2, 3]), behaviours(&[3, 1])).unwrap_err();
         assert_eq!(shared, Overlap(2));
+        let further = Sets::new(behaviours(&[1, 2]), behaviours(&[102])).unwrap_err();
+        assert_eq!(further, Overlap(1));
     }
 
     #[test]
     fn classes_are_numbered_by_name() {
         let behaviours = behaviours(&[3, 2, 4]);
-        assert_eq!(behaviours.numbers(&[0, 2, 1]), [1, 0, 0]);
+        let (pictures, classes) = behaviours.lesson(&[0, 2]);
+        assert_eq!(classes, [1, 1, 0, 0]);
+        let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
+        assert_eq!(greys, [3, 103, 4, 104]);
         assert_eq!(behaviours.pictures(&[2, 0]), [4, 4, 4, 4, 3, 3, 3, 3]);
     }
 }

@@ -12,7 +12,7 @@ use tonic::Status;
 impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {
         let record = status.record;
-        let generations = record.generations();
+        let (generations, dataset_done) = (record.generations(), record.dataset_done());
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
         let digest = |checkpoint: Option<CheckpointDigest>| {
             checkpoint.map(|digest| digest.to_string()).unwrap_or_default()
@@ -32,7 +32,7 @@ impl From<CampaignStatus> for v1::Campaign {
             active: status.active,
             workers: status.workers as u32,
             stage: v1::CampaignStage::from(status.stage) as i32,
-            dataset_done: record.pictures_done + u64::from(arrived(Stage::Dataset)),
+            dataset_done: dataset_done + u64::from(arrived(Stage::Dataset)),
             training: status.training,
             checkpoint: digest(record.checkpoint),
             next_checkpoint: digest(record.next_checkpoint),

@@ -83,15 +83,14 @@ fn send(
         }
     }
     let lesson = match record.lesson_of_stage() {
-        Some(entries) => store.lesson(&record.id, entries)?.lesson(),
+        Some(entries) => store.lesson_pictures(record, entries)?.pictures,
         None => Vec::new(),
     };
     for part in lesson.chunks(each) {
         let mut message = v1::LabelledPart::default();
-        for &(index, class) in part {
-            let individual = store.individual(&record.id, record.spec.model(), index)?;
+        for &(picture, class) in part {
             message.classes.push(class);
-            message.pictures.extend(individual.image.unwrap_or_default());
+            message.pictures.extend(store.lesson_image(record, picture)?);
         }
         if !send(Part::Labelled(message)) {
             return Ok(());

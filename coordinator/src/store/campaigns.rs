@@ -34,7 +34,7 @@ pub struct CampaignRecord {
     pub checkpoint: Option<CheckpointDigest>,
     /// The checkpoint that it is moving to.
     pub next_checkpoint: Option<CheckpointDigest>,
-    /// Pictures of its dataset on disk.
+    /// Pictures of its dataset on disk, those of the further starts of labelled controllers behind them.
     pub pictures_done: u64,
     /// Individuals, from index 0, that are embedded with the next checkpoint, on disk.
     pub embedded: u64,
@@ -66,6 +66,15 @@ impl CampaignRecord {
         Edition {
             since_ms: self.created_ms.max(self.taken_back_ms),
             checkpoint: self.checkpoint,
+        }
+    }
+
+    /// Pictures of its dataset on disk; 0 where it has none.
+    #[must_use]
+    pub fn dataset_done(&self) -> u64 {
+        match self.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => self.pictures_done.min(dataset.pictures()),
+            Some(EmbedderSource::Published(_)) | None => 0,
         }
     }
 

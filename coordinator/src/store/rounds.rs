@@ -46,6 +46,11 @@ impl TrainingPictures {
         }
     }
 
+    /// How many of them are the dataset's.
+    pub(super) const fn in_dataset(&self) -> u64 {
+        if self.from_archive { 0 } else { self.count() }
+    }
+
     /// Number of pictures.
     #[must_use]
     pub const fn count(&self) -> u64 {

@@ -268,7 +268,7 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
     let arrived = u64::from(status.arrived);
     let (done, total, unit) = match (status.stage, spec.embedder()) {
         (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
-            status.record.pictures_done + arrived,
+            status.record.dataset_done() + arrived,
             dataset.pictures(),
             "pictures",
         ),

@@ -47,7 +47,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Mate
             let labelled = LabelledPictures::new(task.side, parts.labelled, parts.classes);
             Some(FineTuning {
                 parent: parent(task, lesson, coordinator).await?,
-                labelled: Arc::new(labelled.map_err(Undone::fatal)?),
+                labelled: Arc::new(labelled.map_err(Undone::fatal)?.of_labels(lesson.labels)),
             })
         }
     };

@@ -26,6 +26,8 @@ pub(super) struct LessonTask {
     pub(super) parent: CheckpointDigest,
     /// Bytes of all labelled pictures.
     pub(super) bytes: usize,
+    /// Number of labels that they come from.
+    pub(super) labels: usize,
 }
 
 /// Bytes of so many pictures, if a trainer holds as much.
@@ -60,6 +62,7 @@ impl TryFrom<v1::Lease> for Task {
                     .parse()
                     .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
                 bytes: bytes("labelled", task.side, (1, task.labelled))?,
+                labels: task.labels as usize,
             }),
         };
         Ok(Self {
@@ -91,6 +94,7 @@ mod tests {
                 behaviours,
                 parent: String::new(),
                 labelled: 0,
+                labels: 0,
             })),
         }
     }

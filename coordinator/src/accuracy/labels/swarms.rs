@@ -35,6 +35,14 @@ impl Labels {
         self.rows.iter().map(swarm).collect()
     }
 
+    /// The controller of each behaviour, in the file's order; columns as for [`Labels::swarms`].
+    ///
+    /// # Errors
+    /// As [`Labels::swarms`].
+    pub fn controllers(&self) -> Result<Vec<Controller>, LabelsError> {
+        self.rows.iter().map(|row| self.controller(row)).collect()
+    }
+
     fn controller(&self, row: &Row) -> Result<Controller, LabelsError> {
         let (model, names) = match self.column(ANGLE) {
             Ok(_) => (CapabilityModel::TwoSensor, [SPEEDS.as_slice(), &[ANGLE]].concat()),

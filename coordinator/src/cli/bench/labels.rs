@@ -5,15 +5,22 @@ use crate::{
     accuracy::{Labels, Summary},
     label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot},
 };
-use murmuration_proto::{ImageFormat, Strategy, training::Recipe};
+use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, training::Recipe};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use rayon::prelude::*;
 use serde_json::json;
-use std::{collections::BTreeMap, fs, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Arguments of `bench labels`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 For each seed an embedder is trained without labels as the campaign would train it, then fine-tuned on the labels of so
-many behaviours of train.csv, chosen by each strategy, and judged by validation.csv.
+many behaviours of train.csv, chosen by each strategy, and judged by validation.csv. Their controllers are simulated from
+further starts, as feedback.starts says: train.csv has columns v1 to v4, or v1 to v8 and theta.
 
 Example:
   murmuration bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
@@ -42,7 +49,7 @@ impl LabelsBench {
         self.labels.sort_unstable();
         self.labels.dedup();
         let spec = read_spec(&self.spec, None)?;
-        let sets = self.sets(spec.image())?;
+        let sets = Sets::new(self.learned(&spec)?, self.judging(spec.image())?)?;
         let recipe = match spec.feedback() {
             Some(feedback) => feedback.recipe().clone(),
             None => Recipe::named("labelled")?,
@@ -78,21 +85,53 @@ impl LabelsBench {
         Ok(())
     }
 
-    fn sets(&self, image: &ImageFormat) -> Result<Sets, CliError> {
-        let read = |name: &str| -> Result<Behaviours, CliError> {
-            let side = image.resolution() as usize;
-            let mut behaviours = Behaviours::new(side);
-            for folder in &self.set {
-                let labels = Labels::read(folder.join(name))?;
-                let pictures = labels.images(&folder.join("images"), side, side)?;
-                for (class, picture) in labels.classes().zip(pictures) {
-                    behaviours.push(class, picture);
-                }
+    /// What is learned from, with what its controllers do from further starts.
+    fn learned(&self, spec: &CampaignSpec) -> Result<Behaviours, CliError> {
+        let mut learned = Behaviours::new(spec.image().resolution() as usize);
+        for folder in &self.set {
+            let labels = Labels::read(folder.join("train.csv"))?;
+            let pictures = images(&labels, folder, spec.image())?;
+            let further = further(&labels, spec, learned.count() as u64)?;
+            for ((class, picture), further) in labels.classes().zip(pictures).zip(further) {
+                learned.push(class, picture, further);
             }
-            Ok(behaviours)
-        };
-        Ok(Sets::new(read("train.csv")?, read("validation.csv")?)?)
+        }
+        Ok(learned)
     }
+
+    fn judging(&self, image: &ImageFormat) -> Result<Behaviours, CliError> {
+        let mut judging = Behaviours::new(image.resolution() as usize);
+        for folder in &self.set {
+            let labels = Labels::read(folder.join("validation.csv"))?;
+            for (class, picture) in labels.classes().zip(images(&labels, folder, image)?) {
+                judging.push(class, picture, Vec::new());
+            }
+        }
+        Ok(judging)
+    }
+}
+
+fn images(labels: &Labels, folder: &Path, image: &ImageFormat) -> Result<Vec<Vec<u8>>, CliError> {
+    let side = image.resolution() as usize;
+    Ok(labels.images(&folder.join("images"), side, side)?)
+}
+
+/// Pictures of each controller from further starts, as a campaign simulates them; the first is that of individual `first`.
+fn further(labels: &Labels, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<Vec<u8>>>, CliError> {
+    let Some(feedback) = spec.feedback().filter(|feedback| feedback.starts() > 1) else {
+        return Ok(vec![Vec::new(); labels.classes().count()]);
+    };
+    let controllers = labels.controllers()?;
+    let simulated = controllers.par_iter().enumerate().map(|(place, controller)| {
+        let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
+        let seeds = feedback.further_starts(spec.seed(), first + place as u64);
+        let pictures = seeds.map(|seed| {
+            let evaluation = evaluator.evaluate(controller, &Start::seeded(seed))?;
+            Ok(evaluation.into_image())
+        });
+        pictures.collect::<Result<_, Invalid>>()
+    });
+    Ok(simulated.collect::<Result<_, Invalid>>()?)
 }
 
 fn tell(point: &Point, as_json: bool) {
