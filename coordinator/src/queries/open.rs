@@ -165,8 +165,9 @@ impl Queries {
         if let Some(ranked) = newest.as_ref().filter(|ranked| ranked.still_fits(record)) {
             return Ok(Arc::clone(ranked));
         }
-        // To draw lots takes no time.
-        let (Some(former), true) = (newest, strategy != Strategy::Random) else {
+        // To draw lots takes no time, and of nothing there is nothing to ask.
+        let serves = |former: &Arc<Ranked>| strategy != Strategy::Random && !former.order.is_empty();
+        let Some(former) = newest.filter(serves) else {
             let _making = ranking.making.lock().await;
             if let Some(ranked) = ranking.newest().filter(|ranked| ranked.still_fits(record)) {
                 return Ok(ranked);
@@ -212,16 +213,16 @@ impl Queries {
         let store = self.viewers.store.clone();
         blocking(move || {
             let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-            let (order, edition) = match (strategy, viewed) {
-                (Strategy::Committee, Some(Viewed { committee, edition })) => {
+            let (order, edition) = match viewed {
+                Some(Viewed { committee, edition }) => {
                     (ranking::by_committee(&committee, &mut stream), edition)
                 }
-                (Strategy::Medoids, _) => {
+                None if strategy == Strategy::Medoids => {
                     let clustered = clustered(&store, &record)?;
                     let Space { behaviours, edition } = &clustered.space;
                     (ranking::by_doubt(behaviours, &clustered.clustering), *edition)
                 }
-                (Strategy::Random | Strategy::Committee, _) => {
+                None => {
                     let count = record.individuals() as usize;
                     (ranking::by_lot(count, &mut stream), record.edition())
                 }

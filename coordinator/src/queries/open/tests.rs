@@ -199,6 +199,10 @@ async fn before_the_first_generation_there_is_nothing_to_ask() {
     for strategy in [Strategy::Random, Strategy::Medoids] {
         assert!(campaign.ask("ana", strategy, false).await.is_empty());
     }
+    campaign.grow(0);
+    for strategy in [Strategy::Random, Strategy::Medoids] {
+        assert_eq!(campaign.ask("ana", strategy, false).await.len(), 10);
+    }
 }
 
 #[tokio::test]
