@@ -177,8 +177,12 @@ impl Queries {
         if let Ok(making) = Arc::clone(&ranking.making).try_lock_owned() {
             let (queries, record) = (self.clone(), record.clone());
             tokio::spawn(async move {
-                if let Err(error) = queries.renew(&ranking, record, strategy).await {
-                    tracing::warn!(%error, %strategy, "questions go on in the former order");
+                match queries.renew(&ranking, record, strategy).await {
+                    // What is to be expected between a round and the end of its trainings.
+                    Ok(_) | Err(QueryError::Committee(UnviewedError::Unready(_))) => {}
+                    Err(error) => {
+                        tracing::warn!(%error, %strategy, "questions go on in the former order");
+                    }
                 }
                 drop(making);
             });

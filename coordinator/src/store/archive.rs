@@ -182,8 +182,19 @@ impl Store {
         model: CapabilityModel,
         index: u64,
     ) -> Result<ArchivedIndividual, StoreError> {
+        self.one(campaign, model, index, true)
+    }
+
+    /// One individual, with its image or without.
+    pub(super) fn one(
+        &self,
+        campaign: &CampaignId,
+        model: CapabilityModel,
+        index: u64,
+        with_image: bool,
+    ) -> Result<ArchivedIndividual, StoreError> {
         let range = index..index.saturating_add(1);
-        match self.individuals(campaign, model, range, true)?.pop() {
+        match self.individuals(campaign, model, range, with_image)?.pop() {
             Some(found) => Ok(found),
             None => {
                 let len = self.archive_len(campaign)?;

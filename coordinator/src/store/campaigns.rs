@@ -6,6 +6,7 @@ use murmuration_proto::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION,
 };
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use std::fmt;
 
 /// A campaign as it is stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,12 +52,23 @@ pub struct CampaignRecord {
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
+/// As text, editions differ where they differ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Edition {
     /// When the campaign was created, or something of it was last taken back, milliseconds since 1970-01-01 UTC.
     pub since_ms: u64,
     /// The checkpoint whose embeddings it holds.
     pub checkpoint: Option<CheckpointDigest>,
+}
+
+impl fmt::Display for Edition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.since_ms)?;
+        match self.checkpoint {
+            Some(checkpoint) => write!(f, "-{checkpoint}"),
+            None => Ok(()),
+        }
+    }
 }
 
 impl CampaignRecord {

@@ -66,7 +66,7 @@ impl Store {
                 controller,
                 seed: labelled,
                 ..
-            } = self.individual(&record.id, record.spec.model(), index)?;
+            } = self.one(&record.id, record.spec.model(), index, false)?;
             for seed in feedback.further_starts(record.spec.seed(), index) {
                 match further.get(&(seed, floats_to_blob(controller.genes()))) {
                     Some(&place) => lesson.pictures.push((LessonPicture::Further(place), class)),

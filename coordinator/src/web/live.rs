@@ -45,7 +45,7 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
     }))
 }
 
-/// For scripts: what the archive is measured in, how many it holds, whether it has a taxonomy, how long its label log is,
+/// For scripts: which edition the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
 /// what is being done with it; whoever shows any of these looks again when it changes.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
@@ -58,7 +58,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let seen = json!({
-                "checkpoint": record.checkpoint.map(|checkpoint| checkpoint.to_string()),
+                "edition": record.edition().to_string(),
                 "individuals": record.individuals(),
                 "completed": record.state == CampaignState::Completed,
                 "labels": entries,

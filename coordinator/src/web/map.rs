@@ -96,7 +96,7 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
         "count": individuals,
         "population": population,
         "final": clustered.is_taxonomy,
-        "checkpoint": clustered.space.edition.checkpoint.map(|checkpoint| checkpoint.to_string()),
+        "edition": clustered.space.edition.to_string(),
         "medoids": medoids,
         "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
         "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),

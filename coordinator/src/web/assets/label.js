@@ -126,7 +126,7 @@ let labels = null;
 let stands = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const grown = `${seen.labels} ${seen.checkpoint} ${seen.individuals}`;
+  const grown = `${seen.labels} ${seen.edition} ${seen.individuals}`;
   if (grown === stands) return;
   stands = grown;
   queue.top();

@@ -237,7 +237,7 @@ let stands = null;
 let entries = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const now = `${seen.checkpoint} ${seen.individuals} ${seen.completed}`;
+  const now = `${seen.edition} ${seen.individuals} ${seen.completed}`;
   const [moved, said] = [now !== stands, seen.labels !== entries];
   [stands, entries] = [now, seen.labels];
   if (moved) load().catch((error) => complain(status, error));
