@@ -68,4 +68,4 @@ pub const SIMULATOR_VERSION: &str = "1";
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
 /// It changes whenever one bit of any checkpoint would. Coordinator and trainers must agree on it.
-pub const TRAINER_VERSION: &str = "3";
+pub const TRAINER_VERSION: &str = "4";

@@ -3,8 +3,8 @@
 use murmuration_proto::SeenPictures;
 use std::ops::Range;
 
-/// Grey pictures, all of one side, each of a class. Classes are numbered from 0 in the order of the caller's choice;
-/// what they are called makes no difference to a training.
+/// Grey pictures, all of one side, each of a class. Classes are numbered from 1 in the order of the caller's choice, and
+/// [`LabelledPictures::RANDOM`] is 0; what else they are called makes no difference to a training.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelledPictures {
     side: usize,
@@ -40,6 +40,9 @@ pub enum LabelledPicturesError {
 }
 
 impl LabelledPictures {
+    /// The number of the class `random`: whatever is of no other class, so that two of it need not be alike.
+    pub const RANDOM: u32 = 0;
+
     /// Pictures of `side` x `side` bytes, one after the other, and the class of each.
     ///
     /// # Errors
@@ -109,6 +112,12 @@ impl LabelledPictures {
         &self.ranges
     }
 
+    /// The class of a picture, counted from 0 and within what there is.
+    #[must_use]
+    pub(crate) fn class(&self, index: usize) -> u32 {
+        self.classes[index]
+    }
+
     /// A picture, counted from 0 and within what there is.
     #[must_use]
     pub(crate) fn picture(&self, index: usize) -> &[u8] {
@@ -122,11 +131,12 @@ impl LabelledPictures {
         SeenPictures::of(self.bytes.chunks_exact(self.side * self.side))
     }
 
-    /// BLAKE3 over side, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.
+    /// BLAKE3 over side, number of labels, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.
     #[must_use]
     pub fn digest(&self) -> String {
-        let mut hasher = blake3::Hasher::new_derive_key("murmuration labelled pictures v1");
+        let mut hasher = blake3::Hasher::new_derive_key("murmuration labelled pictures v2");
         hasher.update(&(self.side as u64).to_le_bytes());
+        hasher.update(&(self.labels as u64).to_le_bytes());
         for class in &self.classes {
             hasher.update(&class.to_le_bytes());
         }
@@ -165,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn the_digest_depends_on_every_class_and_picture() {
+    fn the_digest_depends_on_every_class_and_picture_and_on_how_many_labels_they_come_from() {
         let digest = |bytes: &[u8], classes: &[u32]| {
             LabelledPictures::new(1, bytes.to_vec(), classes.to_vec())
                 .unwrap()
@@ -174,5 +184,9 @@ mod tests {
         assert_eq!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[0, 1]));
         assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[1, 0]));
         assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[2, 1], &[0, 1]));
+        let of_one = LabelledPictures::new(1, vec![1, 2], vec![0, 1])
+            .unwrap()
+            .of_labels(1);
+        assert_ne!(of_one.digest(), digest(&[1, 2], &[0, 1]));
     }
 }

@@ -5,6 +5,7 @@ use super::{
 };
 use crate::{labels::Labels, store::CampaignRecord};
 use murmuration_proto::CheckpointDigest;
+use std::collections::BTreeSet;
 
 impl Campaigns {
     /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
@@ -70,8 +71,8 @@ impl Campaigns {
 
 /// Whether there is something to learn from labels.
 pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
-    let classes = labels.lesson().iter().map(|&(_, class)| class + 1).max();
-    match classes.unwrap_or(0) as usize {
+    let classes: BTreeSet<u32> = labels.lesson().into_iter().map(|(_, class)| class).collect();
+    match classes.len() {
         2.. => Ok(()),
         classes => Err(CampaignError::TooFewClasses {
             id: id.clone(),

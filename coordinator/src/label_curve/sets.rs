@@ -1,5 +1,6 @@
 //! Labelled behaviours, and the wall between those that are learned from and those that judge.
 
+use crate::labels::class_numbers;
 use murmuration_proto::SeenPictures;
 
 /// Behaviours whose classes are known.
@@ -103,14 +104,12 @@ impl Behaviours {
             .collect()
     }
 
-    /// What is learned of some of them: pictures, one after the other, and the class of each, numbered by name.
+    /// What is learned of some of them: pictures, one after the other, and the [number](class_numbers) of the class of each.
     pub(super) fn lesson(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
-        let mut names: Vec<&String> = self.classes.iter().collect();
-        names.sort_unstable();
-        names.dedup();
+        let numbers = class_numbers(self.classes());
         let (mut pictures, mut classes) = (Vec::new(), Vec::new());
         for &index in which {
-            let class = names.binary_search(&&self.classes[index]).unwrap_or_default() as u32;
+            let class = numbers[self.classes[index].as_str()];
             for picture in std::iter::once(&self.pictures[index]).chain(&self.further[index]) {
                 pictures.extend_from_slice(picture);
                 classes.push(class);
@@ -146,7 +145,7 @@ mod tests {
     fn classes_are_numbered_by_name() {
         let behaviours = behaviours(&[3, 2, 4]);
         let (pictures, classes) = behaviours.lesson(&[0, 2]);
-        assert_eq!(classes, [1, 1, 0, 0]);
+        assert_eq!(classes, [2, 2, 1, 1]);
         let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
         assert_eq!(greys, [3, 103, 4, 104]);
         assert_eq!(behaviours.pictures(&[2, 0]), [4, 4, 4, 4, 3, 3, 3, 3]);

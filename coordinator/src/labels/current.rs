@@ -3,6 +3,7 @@
 use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, Refusal,
     classes::{ClassNumber, Classes},
+    lesson::class_numbers,
 };
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -296,15 +297,14 @@ impl Labels {
         newest_classes(self.standing())
     }
 
-    /// What an embedder can learn from: each individual that has a class, with the number of its class, from 0 by name.
+    /// What an embedder can learn from: each individual that has a class, with the [number](class_numbers) of its class.
     #[must_use]
     pub fn lesson(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
-        let names: BTreeSet<&ClassName> = by_individual.values().collect();
-        let numbers: BTreeMap<&ClassName, u32> = names.into_iter().zip(0..).collect();
+        let numbers = class_numbers(by_individual.values().map(ClassName::as_str));
         by_individual
             .iter()
-            .filter_map(|(&index, class)| Some((index, *numbers.get(class)?)))
+            .filter_map(|(&index, class)| Some((index, *numbers.get(class.as_str())?)))
             .collect()
     }
 

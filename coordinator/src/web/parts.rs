@@ -1,6 +1,6 @@
 //! Parts that several pages are made of.
 
-use crate::{campaign::CampaignState, store::CampaignRecord};
+use crate::{accuracy::RANDOM, campaign::CampaignState, store::CampaignRecord};
 use maud::{Markup, html};
 
 /// Where a motion is played, with what plays it.
@@ -41,6 +41,7 @@ pub(super) fn palette(single: bool) -> Markup {
                 }
                 button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
             }
+            p.reason { "What fits no class is " strong { (RANDOM) } ": two of those need not be alike." }
         }
     }
 }

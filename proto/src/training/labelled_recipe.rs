@@ -8,7 +8,8 @@ use crate::{
 use serde::{Deserialize, Serialize};
 
 /// The numbers of the labelled recipe. A step has as many pictures of every class, all triplets of which count that
-/// are violated: by how many labels the negative's class has, times the root of how many the anchor's has. Beside them
+/// are violated: by how many labels the negative's class has, times the root of how many the anchor's has. Anchors of the
+/// class `random` count less: two behaviours that fit no other class need not be alike. Beside the labelled pictures
 /// are triplets of unlabelled behaviours as in [`InBatch`](super::InBatch), so that what nobody has named yet stays
 /// apart. The weights after the last epoch are published: nothing is held out of the labels, which may be few.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,10 +21,15 @@ pub struct Labelled {
     pub per_class: usize,
     /// Most classes in a step, 2 to 1,024; where there are more, each step draws some.
     pub classes: usize,
+    /// How much a triplet counts whose anchor is of the class `random`, beside those of other classes, 0 to 1.
+    pub random_anchors: f64,
     /// Unlabelled anchors a step, each with a positive, 2 to 65,536 (fewer if there are not so many behaviours).
     pub unlabelled: usize,
     /// How much their loss counts beside that of the labelled, 0 to 1,000.
     pub unlabelled_weight: f64,
+    /// Labels that are enough for `steps` and `unlabelled_weight`, 1 to 1,000,000. With a part of them an epoch has that part
+    /// of the steps, and the unlabelled count by as much more: few labels are soon learned by heart.
+    pub enough_labels: usize,
     /// Steps an epoch, 1 to 100,000.
     pub steps: usize,
     /// Epochs, 1 to 100,000.
@@ -45,8 +51,10 @@ impl Default for Labelled {
             margin: 1.0,
             per_class: 12,
             classes: 16,
+            random_anchors: 0.25,
             unlabelled: 64,
             unlabelled_weight: 0.25,
+            enough_labels: 200,
             steps: 20,
             epochs: 10,
             learning_rate: 3e-3,
@@ -58,12 +66,25 @@ impl Default for Labelled {
 }
 
 impl Labelled {
+    /// The same for so many labels (none is taken as one).
+    #[must_use]
+    pub fn for_labels(&self, labels: usize) -> Self {
+        let share = (labels.max(1) as f64 / self.enough_labels as f64).min(1.0);
+        Self {
+            steps: ((self.steps as f64 * share).ceil() as usize).max(1),
+            unlabelled_weight: self.unlabelled_weight / share,
+            ..self.clone()
+        }
+    }
+
     pub(super) fn check(&self) -> Result<(), Invalid> {
         positive("margin", self.margin, 1000.0)?;
         whole("per_class", self.per_class, 2..=1024)?;
         whole("classes", self.classes, 2..=1024)?;
+        real("random_anchors", self.random_anchors, 0.0..=1.0)?;
         whole("unlabelled", self.unlabelled, 2..=65_536)?;
         real("unlabelled_weight", self.unlabelled_weight, 0.0..=1000.0)?;
+        whole("enough_labels", self.enough_labels, 1..=1_000_000)?;
         whole("steps", self.steps, 1..=100_000)?;
         whole("epochs", self.epochs, 1..=100_000)?;
         positive("learning_rate", self.learning_rate, 1.0)?;
@@ -147,5 +168,21 @@ impl PaperLabelled {
     pub(super) fn check(&self) -> Result<(), Invalid> {
         real("augmented", self.augmented, 0.0..=1.0)?;
         self.triplets().check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fewer_labels_than_enough_are_learned_from_in_fewer_steps() {
+        let recipe = Labelled::default();
+        let few = recipe.for_labels(50);
+        assert_eq!((few.steps, few.unlabelled_weight), (5, 1.0));
+        assert_eq!(recipe.for_labels(0).steps, 1);
+        for many in [200, 2000] {
+            assert_eq!(recipe.for_labels(many), recipe);
+        }
     }
 }

@@ -4,6 +4,15 @@
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
+/// A class, as triplets are weighed by it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ClassShare {
+    /// Labelled pictures that it has.
+    pub(crate) size: usize,
+    /// How much its anchors count beside those of other classes, 0 to 1.
+    pub(crate) anchors: f64,
+}
+
 /// How much a triplet counts, by the classes of its anchor and of its negative.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Weights {
@@ -13,18 +22,18 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// For classes of so many labelled pictures. A negative counts as often as it occurs: a step that has as many
-    /// pictures of every class shows the rare ones too often, and most of what a behaviour is confused with is of the
-    /// common ones. An anchor counts by the root of the size, between each class alike and each picture alike.
-    pub(crate) fn by_size(sizes: &[usize]) -> Self {
-        let classes = sizes.len();
-        let all: usize = sizes.iter().sum();
+    /// For these classes. A negative counts as often as it occurs: a step that has as many pictures of every class shows
+    /// the rare ones too often, and most of what a behaviour is confused with is of the common ones. An anchor counts by
+    /// the root of the size, between each class alike and each picture alike.
+    pub(crate) fn of_classes(shares: &[ClassShare]) -> Self {
+        let classes = shares.len();
+        let all: usize = shares.iter().map(|share| share.size).sum();
         let mut values = vec![0.0; classes * classes];
         for (place, value) in values.iter_mut().enumerate() {
             let (anchor, negative) = (place / classes, place % classes);
             if anchor != negative {
-                let [own, other] = [anchor, negative].map(|class| sizes[class] as f64);
-                *value = own.sqrt() * other / (all as f64 - own);
+                let [own, other] = [anchor, negative].map(|class| shares[class].size as f64);
+                *value = shares[anchor].anchors * own.sqrt() * other / (all as f64 - own);
             }
         }
         Self { classes, values }
@@ -105,11 +114,17 @@ mod tests {
     use super::*;
     use murmuration_proto::{Purpose, Stream};
 
+    /// Classes of these sizes whose anchors count alike.
+    fn by_size(sizes: &[usize]) -> Weights {
+        let share = |&size: &usize| ClassShare { size, anchors: 1.0 };
+        Weights::of_classes(&sizes.iter().map(share).collect::<Vec<_>>())
+    }
+
     #[test]
     fn only_violated_triplets_count() {
         // From 0 the own one is at 1 and the others at 3 and 9; from 3 the own one is at 6, the others at 3 and 2.
         let embeddings = [0.0, 1.0, 3.0, 9.0];
-        let loss = loss(&embeddings, 1, &Weights::by_size(&[2, 2]), 2.5, &mut [0.0; 4]);
+        let loss = loss(&embeddings, 1, &by_size(&[2, 2]), 2.5, &mut [0.0; 4]);
         let violations = [1.0 - 3.0 + 2.5, 1.0 - 2.0 + 2.5, 6.0 - 3.0 + 2.5, 6.0 - 2.0 + 2.5];
         // From 9 the own one is at 6, the others at 9 and 8: one violation of half.
         let mean = (violations.iter().sum::<f64>() + 0.5) / 5.0;
@@ -119,14 +134,14 @@ mod tests {
     #[test]
     fn classes_that_are_apart_have_no_loss_and_no_gradient() {
         let mut gradient = [7.0; 4];
-        let weights = Weights::by_size(&[3, 9]);
+        let weights = by_size(&[3, 9]);
         assert_eq!(loss(&[0.0, 0.1, 5.0, 5.1], 1, &weights, 1.0, &mut gradient), 0.0);
         assert_eq!(gradient, [0.0; 4]);
     }
 
     #[test]
     fn negatives_count_by_the_size_of_their_class_and_anchors_by_its_root() {
-        let weights = Weights::by_size(&[4, 9, 27]);
+        let weights = by_size(&[4, 9, 27]);
         assert_eq!(weights.of(0, 2), 3.0 * weights.of(0, 1));
         assert_eq!(weights.of(0, 1) + weights.of(0, 2), 2.0);
         assert_eq!(weights.of(1, 0) + weights.of(1, 2), 3.0);
@@ -151,12 +166,28 @@ mod tests {
     }
 
     #[test]
+    fn anchors_of_a_class_may_count_less_and_are_negatives_as_before() {
+        let alike = by_size(&[4, 9]);
+        let share = |size, anchors| ClassShare { size, anchors };
+        let less = Weights::of_classes(&[share(4, 0.25), share(9, 1.0)]);
+        assert_eq!(less.of(0, 1), alike.of(0, 1) / 4.0);
+        assert_eq!(less.of(1, 0), alike.of(1, 0));
+        // None of the second class has its own nearer than 1; those of the first count for nothing.
+        let none = Weights::of_classes(&[share(4, 0.0), share(9, 1.0)]);
+        let embeddings = [0.0, 0.5, 4.0, 4.0];
+        let mut gradient = [7.0; 4];
+        assert_eq!(loss(&embeddings, 1, &none, 1.0, &mut gradient), 0.0);
+        assert_eq!(gradient, [0.0; 4]);
+        assert!(loss(&embeddings, 1, &less, 4.0, &mut gradient) > 0.0);
+    }
+
+    #[test]
     fn the_gradient_is_that_of_the_loss() {
         const STEP: f64 = 1e-6;
         let mut stream = Stream::derive(1, Purpose::Train, 0);
         let mut embeddings: Vec<f64> = (0..3 * 4 * 2).map(|_| stream.between(-1.0, 1.0)).collect();
         let mut gradient = vec![0.0; embeddings.len()];
-        let weights = Weights::by_size(&[5, 40, 12]);
+        let weights = by_size(&[5, 40, 12]);
         let of = |embeddings: &[f64], gradient: &mut [f64]| loss(embeddings, 2, &weights, 0.3, gradient);
         of(&embeddings, &mut gradient);
         for i in 0..embeddings.len() {

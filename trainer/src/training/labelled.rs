@@ -9,7 +9,10 @@ use super::{
 use crate::{
     augment::{Augmentation, Symmetries},
     labelled_pictures::LabelledPictures,
-    loss::{self, labelled::Weights},
+    loss::{
+        self,
+        labelled::{ClassShare, Weights},
+    },
 };
 use murmuration_proto::{Purpose, Stream, training::Labelled};
 use rayon::prelude::*;
@@ -21,7 +24,8 @@ pub(super) fn epoch(
     recipe: &Labelled,
     stream: &mut Stream,
 ) -> EpochLoss {
-    let mut deck = Deck::new(labelled, stream);
+    let recipe = &recipe.for_labels(labelled.labels());
+    let mut deck = Deck::new(labelled, recipe, stream);
     let mut unlabelled = training.held_out.trained_on().to_vec();
     shuffle(&mut unlabelled, stream);
     let pairs = recipe.unlabelled.min(unlabelled.len());
@@ -36,9 +40,9 @@ pub(super) fn epoch(
         training.state.schedule.set_learning_rate(rate);
         let Dealt {
             pictures: dealt,
-            sizes,
+            shares,
         } = deck.deal(recipe, stream);
-        let weights = Weights::by_size(&sizes);
+        let weights = Weights::of_classes(&shares);
         let behaviours: Vec<usize> = left.by_ref().take(pairs).collect();
         let mut images = augmented(labelled, &dealt, recipe, stream);
         images.extend(in_batch::augmented(training, &behaviours, stream));
@@ -89,22 +93,30 @@ struct Deck {
 struct Class {
     pictures: Vec<usize>,
     next: usize,
+    /// How much its anchors count.
+    anchors: f64,
 }
 
 /// What a step learns from.
 struct Dealt {
     /// Class after class, as many of each.
     pictures: Vec<usize>,
-    /// Labelled pictures that each of these classes has.
-    sizes: Vec<usize>,
+    /// One of each of these classes.
+    shares: Vec<ClassShare>,
 }
 
 impl Deck {
-    fn new(labelled: &LabelledPictures, stream: &mut Stream) -> Self {
+    fn new(labelled: &LabelledPictures, recipe: &Labelled, stream: &mut Stream) -> Self {
         let class = |range: &Range<usize>| {
             let mut pictures = labelled.by_class()[range.clone()].to_vec();
             shuffle(&mut pictures, stream);
-            Class { pictures, next: 0 }
+            let random = labelled.class(pictures[0]) == LabelledPictures::RANDOM;
+            let anchors = if random { recipe.random_anchors } else { 1.0 };
+            Class {
+                pictures,
+                next: 0,
+                anchors,
+            }
         };
         Self {
             classes: labelled.ranges().iter().map(class).collect(),
@@ -118,7 +130,11 @@ impl Deck {
         }
         let most = recipe.classes.min(self.classes.len());
         let drawn = &mut self.classes[..most];
-        let sizes = drawn.iter().map(|class| class.pictures.len()).collect();
+        let share = |class: &Class| ClassShare {
+            size: class.pictures.len(),
+            anchors: class.anchors,
+        };
+        let shares = drawn.iter().map(share).collect();
         let pictures = drawn.iter_mut().flat_map(|class| {
             let first = class.next;
             class.next = (first + recipe.per_class) % class.pictures.len();
@@ -127,7 +143,7 @@ impl Deck {
         });
         Dealt {
             pictures: pictures.collect(),
-            sizes,
+            shares,
         }
     }
 }
@@ -168,18 +184,20 @@ mod tests {
         ) {
             prop_assume!(classes.iter().any(|&class| class != classes[0]));
             let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
-            let recipe = Labelled { per_class, classes: most, ..Labelled::default() };
+            let recipe = Labelled { per_class, classes: most, random_anchors: 0.25, ..Labelled::default() };
             let mut stream = Stream::derive(1, Purpose::Train, 0);
-            let mut deck = Deck::new(&labelled, &mut stream);
+            let mut deck = Deck::new(&labelled, &recipe, &mut stream);
             let mut dealt = vec![0_usize; classes.len()];
             for _ in 0..5 {
-                let Dealt { pictures, sizes } = deck.deal(&recipe, &mut stream);
+                let Dealt { pictures, shares } = deck.deal(&recipe, &mut stream);
                 prop_assert_eq!(pictures.len(), per_class * most.min(labelled.ranges().len()));
-                prop_assert_eq!(sizes.len() * per_class, pictures.len());
-                for (class, size) in pictures.chunks_exact(per_class).zip(sizes) {
+                prop_assert_eq!(shares.len() * per_class, pictures.len());
+                for (class, share) in pictures.chunks_exact(per_class).zip(shares) {
                     let own = classes[class[0]];
                     prop_assert!(class.iter().all(|&picture| classes[picture] == own));
-                    prop_assert_eq!(classes.iter().filter(|&&class| class == own).count(), size);
+                    prop_assert_eq!(classes.iter().filter(|&&class| class == own).count(), share.size);
+                    let anchors = if own == LabelledPictures::RANDOM { 0.25 } else { 1.0 };
+                    prop_assert_eq!(share.anchors, anchors);
                 }
                 for picture in pictures {
                     dealt[picture] += 1;

@@ -4,7 +4,7 @@ use super::{Training, TrainingError, schedule::ScheduleState};
 use prost::Message;
 
 /// Changes when what is saved does, or when the same training would go on otherwise.
-const VERSION: &str = "murmuration training 3";
+const VERSION: &str = "murmuration training 4";
 
 /// Floats are little-endian.
 #[derive(Clone, PartialEq, Message)]

@@ -69,7 +69,7 @@ fn what_a_labelled_controller_does_from_further_starts_has_its_class() {
         let record = store.campaign("latest").unwrap();
         store.lesson_pictures(&record, 2).unwrap()
     };
-    let (clump, ring) = (0, 1);
+    let (clump, ring) = (1, 2);
     let before = lesson();
     let individuals = [
         (LessonPicture::Individual(1), ring),

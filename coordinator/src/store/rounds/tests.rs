@@ -71,7 +71,7 @@ fn a_round_learns_from_the_labels_of_its_beginning() {
     let record = store.campaign("latest").unwrap();
     assert_eq!((record.state, record.lesson), (CampaignState::Running, Some(3)));
     let lesson = store.lesson(&id, 3).unwrap().lesson();
-    assert_eq!(lesson, [(1, 0), (3, 1)], "clump comes before ring");
+    assert_eq!(lesson, [(1, 1), (3, 2)], "clump comes before ring");
 }
 
 #[test]

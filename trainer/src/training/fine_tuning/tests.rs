@@ -4,7 +4,8 @@ use super::*;
 use crate::training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished};
 use murmuration_proto::{Purpose, Stream};
 
-const LABELLED: &str = "[recipe.labelled]\nper_class = 5\nunlabelled = 10\nsteps = 3\nepochs = 4\n";
+const LABELLED: &str =
+    "[recipe.labelled]\nper_class = 5\nunlabelled = 10\nenough_labels = 40\nsteps = 3\nepochs = 4\n";
 const PAPER: &str = "[recipe.paper-labelled]\nbatch = 100\nsteps = 2\nepochs = 4\nlearning_rate = 0.01\n";
 
 /// Bars of a width that their class says, of any brightness and at any place.
@@ -87,7 +88,7 @@ fn accuracy(network: &Network, labelled: &LabelledPictures) -> f64 {
 fn labelled_bars_are_told_apart_by_what_the_labels_say() {
     let others = labelled(&[0, 2, 5, 2, 0, 0, 5, 1, 1, 2, 1, 5]);
     let before = accuracy(&fine_tuning(1).parent, &others);
-    let recipe = "[recipe.labelled]\nper_class = 8\nunlabelled = 10\nepochs = 30\nlearning_rate = 0.01";
+    let recipe = "[recipe.labelled]\nper_class = 8\nunlabelled = 10\nenough_labels = 40\nepochs = 30\nlearning_rate = 0.01";
     let after = accuracy(&finished(training(recipe)).embedder(), &others);
     assert!(before < 0.7 && after > 0.9, "{before}, then {after}");
 }
