@@ -172,13 +172,15 @@ mod tests {
         let less = Weights::of_classes(&[share(4, 0.25), share(9, 1.0)]);
         assert_eq!(less.of(0, 1), alike.of(0, 1) / 4.0);
         assert_eq!(less.of(1, 0), alike.of(1, 0));
-        // None of the second class has its own nearer than 1; those of the first count for nothing.
+        // From 3 its own is at 3 and the others at 1: the only violation, of a class whose anchors count for nothing.
         let none = Weights::of_classes(&[share(4, 0.0), share(9, 1.0)]);
-        let embeddings = [0.0, 0.5, 4.0, 4.0];
+        let embeddings = [0.0, 3.0, 4.0, 4.0];
         let mut gradient = [7.0; 4];
-        assert_eq!(loss(&embeddings, 1, &none, 1.0, &mut gradient), 0.0);
+        let counted = loss(&embeddings, 1, &less, 0.5, &mut gradient);
+        assert!((counted - 2.5).abs() < 1e-5, "{counted}");
+        assert_ne!(gradient, [0.0; 4]);
+        assert_eq!(loss(&embeddings, 1, &none, 0.5, &mut gradient), 0.0);
         assert_eq!(gradient, [0.0; 4]);
-        assert!(loss(&embeddings, 1, &less, 4.0, &mut gradient) > 0.0);
     }
 
     #[test]
