@@ -52,7 +52,7 @@ pub struct CampaignRecord {
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
-/// As text, editions differ where they differ.
+/// As text, for scripts to compare: `since_ms`, and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Edition {
     /// When the campaign was created, or something of it was last taken back, milliseconds since 1970-01-01 UTC.
