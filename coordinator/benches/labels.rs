@@ -5,9 +5,11 @@ use murmuration_coordinator::{
     campaign::{CampaignId, Weight},
     checkpoints::Checkpoints,
     dispatch::{Dispatch, Options},
+    interrupt::Interrupt,
     labels::{Action, Change, Labels},
     metrics::{Metrics, Party},
     queries::{Holder, Queries, Viewers, Wish},
+    space::Spaces,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
@@ -77,11 +79,16 @@ fn question() -> Done<Wish> {
 /// Questions about what is stored, without workers.
 fn queries(store: &Store, folder: &Path) -> Done<Queries> {
     let workers = Metrics::new().dispatch(Party::Worker);
-    Ok(Queries::new(Viewers {
+    let viewers = Viewers {
         checkpoints: Checkpoints::open(store.clone(), folder, None)?,
         dispatch: Dispatch::start(Options::default(), workers, Vec::new()),
         store: store.clone(),
-    }))
+    };
+    Ok(Queries::new(
+        viewers,
+        Spaces::new(store.clone()),
+        Interrupt::default(),
+    ))
 }
 
 #[expect(clippy::expect_used, reason = "what cannot be measured has no figure")]

@@ -4,7 +4,7 @@ mod archive;
 
 use archive::archive;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::medoids::cluster;
+use murmuration_coordinator::{interrupt::Interrupt, medoids::cluster};
 use murmuration_proto::{Purpose, Stream};
 use std::{hint::black_box, time::Duration};
 
@@ -19,7 +19,7 @@ fn medoids(c: &mut Criterion) {
         group.bench_function(BenchmarkId::from_parameter(format!("{k} of {points}")), |b| {
             b.iter(|| {
                 let mut stream = Stream::derive(1, Purpose::Medoids, 0);
-                cluster(black_box(&behaviours), k, &mut stream)
+                cluster(black_box(&behaviours), k, &mut stream, &Interrupt::default())
             });
         });
     }

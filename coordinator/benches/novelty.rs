@@ -4,7 +4,10 @@ mod archive;
 
 use archive::archive;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::novelty::{Lookup, novelty_by};
+use murmuration_coordinator::{
+    interrupt::Interrupt,
+    novelty::{Lookup, novelty_by},
+};
 use std::{hint::black_box, time::Duration};
 
 /// Compares the two for the newest `queries` of `points`, each asking for `k` neighbours.
@@ -19,7 +22,10 @@ fn compare(c: &mut Criterion, name: &str, cases: impl IntoIterator<Item = (usize
         for lookup in [Lookup::BruteForce, Lookup::Tree] {
             let case = BenchmarkId::new(format!("{lookup:?}"), format!("{queries} of {points}, k = {k}"));
             group.bench_function(case, |b| {
-                b.iter(|| novelty_by(lookup, black_box(&behaviours), points - queries..points, k));
+                b.iter(|| {
+                    let newest = points - queries..points;
+                    novelty_by(lookup, black_box(&behaviours), newest, k, &Interrupt::default())
+                });
             });
         }
     }

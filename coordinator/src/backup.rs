@@ -7,6 +7,7 @@
 use crate::{
     checkpoints::{CheckpointError, Shelf},
     doctor::{self, is_empty},
+    files::is_there,
     store::{DataDirectory, Store, StoreError},
 };
 use bytes::Bytes;
@@ -87,10 +88,13 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
     if !is_empty(target) {
         return Err(BackupError::NotEmpty(target.to_path_buf()));
     }
-    let parent = match target.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
+    // Before a folder is made for it.
+    let database = data.join(Store::FILE);
+    if !is_there(&database).map_err(failed("find", &database))? {
+        return Err(StoreError::NoDirectory(data.to_path_buf()).into());
+    }
+    let parent = above(target);
+    make_folders(parent)?;
     let being_written = tempfile::Builder::new()
         .prefix(".murmuration-backup-")
         .tempdir_in(parent)
@@ -138,7 +142,7 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
     check(&arriving, location, from).await?;
     for name in [Shelf::FOLDER, Store::FILE] {
         let (copied, place) = (arriving.join(name), data.join(name));
-        if copied.exists() {
+        if is_there(&copied).map_err(failed("find", &copied))? {
             fs::rename(&copied, &place).map_err(failed("write", &place))?;
         }
     }
@@ -194,6 +198,21 @@ async fn check(folder: &Path, location: Option<&str>, of: &Path) -> Result<(), B
             path: of.to_path_buf(),
         }),
     }
+}
+
+/// The folder that something is in.
+fn above(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Makes a folder, and those above it, where they do not exist; they are on disk then.
+fn make_folders(folder: &Path) -> Result<(), BackupError> {
+    let missing: Vec<&Path> = folder.ancestors().take_while(|folder| !folder.exists()).collect();
+    fs::create_dir_all(folder).map_err(failed("make", folder))?;
+    missing.into_iter().try_for_each(|made| sync(above(made)))
 }
 
 fn write_manifest(folder: &Path, manifest: &Manifest) -> Result<(), BackupError> {

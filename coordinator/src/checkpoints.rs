@@ -27,7 +27,10 @@ pub struct Checkpoints {
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The place named is none that checkpoints can be kept in.
-    #[error("checkpoints cannot be kept at {location}: {reason}")]
+    #[error(
+        "checkpoints cannot be kept at {location}: {reason}; make it reachable and writable, or name another with \
+         --checkpoint-store"
+    )]
     Location {
         /// Folder or URL.
         location: String,
@@ -98,6 +101,14 @@ impl Checkpoints {
     pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let shelf = Shelf::open(data, location)?;
         Ok(Self { store, shelf })
+    }
+
+    /// Tries out whether checkpoints can be kept where they are to be.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Location`] where they cannot.
+    pub async fn try_out(&self) -> Result<(), CheckpointError> {
+        self.shelf.try_out().await
     }
 
     /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. One

@@ -138,15 +138,22 @@ pub(crate) struct Connection {
 /// What requests know of their connection; an extension of each.
 #[derive(Debug, Clone)]
 pub(crate) struct Visit {
+    peer: IpAddr,
     pace: Arc<DefaultDirectRateLimiter>,
 }
 
 impl Visit {
-    fn new() -> Self {
+    fn new(peer: IpAddr) -> Self {
         let quota = Quota::per_second(REQUESTS_PER_SECOND).allow_burst(REQUEST_BURST);
         Self {
+            peer,
             pace: Arc::new(RateLimiter::direct(quota)),
         }
+    }
+
+    /// Address of the other end; of IPv4 where it is one, however it was written.
+    pub(crate) const fn peer(&self) -> IpAddr {
+        self.peer
     }
 
     /// Whether a further request may come now; counts it if so.
@@ -162,7 +169,7 @@ impl Connection {
         }
         Self {
             stream,
-            visit: Visit::new(),
+            visit: Visit::new(peer.ip().to_canonical()),
             active: Instant::now(),
             patience: HANDSHAKE_LIMIT,
             alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),

@@ -11,12 +11,14 @@ mod work;
 
 pub use headway::Headway;
 pub use job::{
-    Embedder, EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob,
+    Embedder, EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, Maker, ReplayJob, SetAside,
+    TrainingJob,
 };
 pub use trainers::Trainers;
 
 use crate::{
-    leases::{Instance, LeaseNumber, WorkerId},
+    access::Origin,
+    leases::{LeaseNumber, MachineId, WorkerId},
     metrics::DispatchMetrics,
     store::SavedTraining,
 };
@@ -34,7 +36,7 @@ pub struct Options {
     pub heartbeat_interval: Duration,
     /// How long a worker may be silent before it counts as lost.
     pub silence_limit: Duration,
-    /// Share of the evaluations and embeddings that a second worker repeats.
+    /// Share of the evaluations and embeddings that a second machine repeats.
     pub audited: Share,
 }
 
@@ -98,12 +100,12 @@ pub struct Dispatch {
     quarantined: watch::Receiver<Vec<Quarantined>>,
 }
 
-/// A worker that was found wrong.
+/// A machine that was found wrong.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Quarantined {
-    /// Its process.
-    pub instance: Instance,
-    /// Its name.
+    /// The machine.
+    pub machine: MachineId,
+    /// Name and address of the worker that gave it away.
     pub name: String,
 }
 
@@ -112,11 +114,13 @@ pub struct Quarantined {
 pub(crate) struct Newcomer {
     /// Its name, for people.
     pub(crate) name: String,
-    /// Its process; `None` if it does not say.
-    pub(crate) instance: Option<Instance>,
+    /// Where it connects from.
+    pub(crate) origin: Origin,
+    /// What tells its process from others of its machine; `None` if it does not say.
+    pub(crate) instance: Option<u64>,
     /// Tasks that it runs at once.
     pub(crate) capacity: usize,
-    /// How it embeds.
+    /// How it embeds, if it does.
     pub(crate) kind: EmbeddingKind,
     /// Where messages to it go.
     pub(crate) outbox: Outbox,
@@ -128,9 +132,10 @@ pub(crate) enum NotWelcome {
     #[error("the coordinator is shutting down")]
     ShuttingDown,
     #[error(
-        "this worker's results were found wrong: it is quarantined; if its machine is sound, start it again"
+        "results of this machine were found wrong: it is quarantined; once it is sound, lift that with `murmuration \
+         quarantine --lift {0}` where the coordinator's data directory is"
     )]
-    Quarantined,
+    Quarantined(MachineId),
 }
 
 /// What a worker says once it has been welcomed, validated.
@@ -173,6 +178,17 @@ pub enum WorkerReport {
     Gone,
 }
 
+/// How large a training may be that somebody puts aside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Room {
+    /// Under a lease that it holds: at most so many bytes.
+    Bytes(usize),
+    /// Under a lease that is over: nobody wants it any more.
+    Over,
+    /// Under a lease that it was never given.
+    Never,
+}
+
 #[derive(Debug)]
 enum Command {
     Work(Request),
@@ -194,10 +210,16 @@ enum Request {
         worker: WorkerId,
         report: WorkerReport,
     },
+    Room {
+        worker: WorkerId,
+        epoch: u64,
+        lease: LeaseNumber,
+        reply: oneshot::Sender<Room>,
+    },
 }
 
 impl Dispatch {
-    /// Starts a dispatcher on the current runtime. It does not listen to workers that were found wrong before.
+    /// Starts a dispatcher on the current runtime. It does not listen to machines that were found wrong before.
     #[must_use]
     pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
         let (commands, inbox) = mpsc::channel(1024);
@@ -226,7 +248,7 @@ impl Dispatch {
     }
 
     /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the pictures,
-    /// each with who alone says so, `None` where two workers found the same. Dropping the future withdraws the job.
+    /// each with who made it. Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -234,7 +256,7 @@ impl Dispatch {
         &self,
         job: EmbeddingJob,
         headway: Arc<Headway>,
-    ) -> Result<Vec<(Vec<f32>, Option<Instance>)>, JobError> {
+    ) -> Result<Vec<(Vec<f32>, Maker)>, JobError> {
         let outputs = self.submit(Work::Embeddings(job), headway).await?;
         Ok(outputs.into_iter().filter_map(Output::into_embedded).collect())
     }
@@ -263,7 +285,7 @@ impl Dispatch {
         self.workers.clone()
     }
 
-    /// Workers that were found wrong, oldest first, now and whenever there is another.
+    /// Machines that were found wrong, oldest first, now and whenever there is another.
     #[must_use]
     pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
         self.quarantined.clone()
@@ -285,6 +307,22 @@ impl Dispatch {
             .commands
             .send(Command::Work(Request::Report { worker, report }))
             .await;
+    }
+
+    /// How large the training under a lease, given in this epoch of the coordinator's, may be that is put aside.
+    pub(crate) async fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+        let (reply, answer) = oneshot::channel();
+        let request = Request::Room {
+            worker,
+            epoch,
+            lease,
+            reply,
+        };
+        // A dispatcher that has ended wants nothing any more.
+        match self.commands.send(Command::Work(request)).await {
+            Ok(()) => answer.await.unwrap_or(Room::Over),
+            Err(_) => Room::Over,
+        }
     }
 
     async fn submit(&self, work: Work, headway: Arc<Headway>) -> Result<Vec<Output>, JobError> {

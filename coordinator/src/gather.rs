@@ -1,15 +1,17 @@
 //! Gathers what a report shows, through the campaign and label services: of this process or of another.
 
 use crate::{
+    interrupt::{Interrupt, Interrupted},
     labels::{Class, Label, newest_classes},
     novelty::{Behaviours, Misfit},
-    picture::columns,
     projection,
     report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report},
 };
 use bytes::Bytes;
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, Features, Invalid, Method, Replay, SIMULATOR_VERSION, World,
+    CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Method, Replay, SIMULATOR_VERSION,
+    counted,
+    parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
 use tonic::{
@@ -31,12 +33,9 @@ pub enum GatherError {
     /// The archive holds vectors that cannot be compared.
     #[error("the archive holds vectors that cannot be compared: {0}")]
     Misfit(#[from] Misfit),
-}
-
-/// Steps between two frames of a motion that is to be looked at.
-#[must_use]
-pub(crate) fn stride(world: &World) -> u32 {
-    world.horizon().div_ceil(columns::MOST_FRAMES as u32).max(1)
+    /// Whoever wanted the report is gone.
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
 }
 
 /// What people called the behaviours of a campaign.
@@ -53,14 +52,20 @@ where
     let request = v1::ListLabelsRequest {
         campaign: campaign.to_owned(),
     };
-    let labels = client.list_labels(request).await?.into_inner().labels;
+    let labels = whole(client.list_labels(request).await?.into_inner())
+        .await?
+        .labels;
     let labels = labels.into_iter().map(label).collect::<Result<Vec<_>, _>>()?;
     let request = v1::ListClassesRequest {
         campaign: campaign.to_owned(),
     };
     let classes = client.list_classes(request).await?.into_inner().classes;
     Ok(Names {
-        classes: classes.iter().map(class).collect::<Result<_, _>>()?,
+        classes: classes
+            .iter()
+            .filter(|class| class.labels > 0)
+            .map(class)
+            .collect::<Result<_, _>>()?,
         by_individual: newest_classes(labels.into_iter()),
     })
 }
@@ -81,6 +86,8 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
         name: class.name.parse()?,
         colour: class.colour.parse()?,
         labels: class.labels,
+        // A report is no place to mend names.
+        near: Vec::new(),
     })
 }
 
@@ -107,18 +114,18 @@ where
     let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
     let taxonomy = client
         .get_taxonomy(v1::GetTaxonomyRequest { campaign: id() })
-        .await?
-        .into_inner();
+        .await?;
+    let taxonomy = whole(taxonomy.into_inner()).await?;
     let digest = client
         .get_digest(v1::GetDigestRequest { campaign: id() })
         .await?
         .into_inner();
     let generations = client
         .list_generations(v1::ListGenerationsRequest { campaign: id() })
-        .await?
-        .into_inner();
+        .await?;
+    let generations = whole(generations.into_inner()).await?;
     let individuals = archive(client, campaign, spec.model()).await?;
-    let stride = stride(spec.world());
+    let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
     for medoid in taxonomy.medoids {
         let individual = medoid.individual.unwrap_or_default();
@@ -127,12 +134,13 @@ where
             index: individual.index,
             stride,
         };
-        let replay = client.get_replay(request).await?.into_inner();
+        let replay = whole(client.get_replay(request).await?.into_inner()).await?;
         medoids.push(MedoidEntry {
             index: individual.index,
             image: individual.image.unwrap_or_default(),
             cluster_size: medoid.cluster_size,
             mean_distance: medoid.mean_distance,
+            novelty: medoid.novelty,
             replay: Replay::try_from(replay)?,
         });
     }
@@ -186,12 +194,12 @@ fn entry(individual: &v1::Individual, model: CapabilityModel) -> Result<Entry, I
         features: Features::try_from(individual.features.as_slice()).map_err(|_| {
             Invalid::new(
                 "features",
-                format!("{} values", individual.features.len()),
+                counted(individual.features.len() as u64, "value"),
                 "5 values",
             )
         })?,
         embedding: individual.embedding.clone(),
-        novelty: individual.novelty,
+        novelty_when_evaluated: individual.novelty,
     })
 }
 
@@ -205,13 +213,13 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
 }
 
 /// The behaviour space along its two principal axes.
-fn map(individuals: &[Entry], method: Method) -> Result<Map, Misfit> {
+fn map(individuals: &[Entry], method: Method) -> Result<Map, GatherError> {
     let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
     let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
     for entry in individuals {
         behaviours.push(&behaviour(entry))?;
     }
-    let projection = projection::principal_axes(&behaviours);
+    let projection = projection::principal_axes(&behaviours, &Interrupt::default())?;
     let title = |axis: usize| {
         let share = 100.0 * projection.shares[axis];
         format!("principal axis {} ({share:.0}% of the variance)", axis + 1)

@@ -4,21 +4,28 @@
 //! belongs to one worker until it answers or is lost. Invariants, each held against random schedules in the tests:
 //!
 //! - a task is never forgotten: until it is settled it waits for a lease or is under one that some worker holds;
-//! - a task is settled once: one result, or two workers that agree where it is audited or was disputed;
-//! - results of a worker that was found wrong do not count, and what they had settled is done again;
-//! - a task that takes its workers with it is set aside after the third, and nothing else is;
+//! - a task is settled once: one result, or two machines that agree where it is audited or was disputed;
+//! - a machine has one vote, however many workers it runs, and one that contradicts itself has none;
+//! - results of a machine that was found wrong do not count, and what they had settled is done again;
+//! - a task that takes its workers with it is set aside after the third, once workers of two machines were lost, or where
+//!   there is no other machine to try it;
+//! - a job ends as impossible once two machines say so of one of its tasks, or where there is no other machine to ask;
 //! - there is one code path for a lease that comes back undone, whatever the reason.
 //!
 //! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
 mod job;
+mod quarantine;
 mod task;
 mod turns;
 mod workers;
 
 use job::Job;
+use murmuration_proto::Invalid;
 use std::{
     collections::{BTreeMap, BTreeSet},
+    fmt,
+    str::FromStr,
     time::{Duration, Instant},
 };
 use task::Task;
@@ -29,9 +36,46 @@ use workers::Worker;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerId(u64);
 
-/// A worker's process, the same over all its connections.
+/// A machine that runs workers: what has one vote. The coordinator derives it from what a connection shows
+/// (`access::origin`), never from what a worker says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Instance(pub u64);
+pub struct MachineId(pub u64);
+
+impl fmt::Display for MachineId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:016x}", self.0)
+    }
+}
+
+impl FromStr for MachineId {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let is_one = text.len() == 16 && text.bytes().all(|letter| letter.is_ascii_hexdigit());
+        let number = u64::from_str_radix(text, 16).ok().filter(|_| is_one);
+        number
+            .map(Self)
+            .ok_or_else(|| Invalid::new("machine", text, "16 hexadecimal digits"))
+    }
+}
+
+/// A worker's process, the same over all its connections from one machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WorkerProcessId {
+    /// Where it runs.
+    pub machine: MachineId,
+    /// What tells it from other processes of that machine: a number of its own choosing, which gives it no vote.
+    pub instance: u64,
+}
+
+/// What a worker can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Abilities {
+    /// Tasks that it runs at once, 1 or more.
+    pub capacity: usize,
+    /// Whether it embeds pictures.
+    pub embeds: bool,
+}
 
 /// A job that was submitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,8 +108,10 @@ pub struct Terms {
     /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
     /// say); at least 1.
     pub effort: u64,
-    /// Places of the tasks that a second worker repeats, where there is one.
+    /// Places of the tasks that a worker on a second machine repeats, where there is one.
     pub audited: BTreeSet<usize>,
+    /// Whether only workers that embed can do them.
+    pub embeds: bool,
     /// Whether a late lease is also given to a worker that would be idle.
     pub hurried: bool,
 }
@@ -91,14 +137,14 @@ pub enum Settled<R> {
         /// The result.
         value: R,
         /// Who did it, or the first of those who agree.
-        by: Instance,
-        /// Whether another worker found the same.
+        by: WorkerProcessId,
+        /// Whether another machine found the same.
         audited: bool,
     },
     /// It took these workers with it, and is not tried again.
     SetAside {
         /// Who was lost while they held it, the last two while they held nothing else.
-        lost: Vec<Instance>,
+        lost: Vec<WorkerProcessId>,
     },
 }
 
@@ -119,20 +165,28 @@ pub enum News<R> {
         /// One a task.
         results: Vec<Settled<R>>,
     },
-    /// Workers differ about a task and there is no other who could say which is right; the job is now forgotten.
+    /// Machines differ about a task and there is no other that could say which is right; the job is now forgotten.
     Disagreement {
         /// The job.
         job: JobId,
         /// The place of the task.
         task: usize,
         /// Who differs.
-        between: Vec<Instance>,
+        between: Vec<WorkerProcessId>,
     },
-    /// A worker was found wrong: its connections are closed, and what it did unaudited is done again.
+    /// Workers say that nobody could do a task: of two machines, or of one where there is no other to ask. The job is now
+    /// forgotten.
+    Impossible {
+        /// The job.
+        job: JobId,
+        /// Who says so.
+        by: Vec<WorkerProcessId>,
+    },
+    /// A machine was found wrong: its connections are closed, and what it did unaudited is done again.
     Quarantined {
-        /// The worker.
-        instance: Instance,
-        /// Its connections, which are forgotten.
+        /// The worker that gave it away.
+        process: WorkerProcessId,
+        /// The machine's connections, which are forgotten.
         workers: Vec<WorkerId>,
         /// Results of running jobs that are not counted any more.
         again: usize,
@@ -173,11 +227,11 @@ pub struct LeaseTable<R> {
     jobs: BTreeMap<JobId, Job<R>>,
     workers: BTreeMap<WorkerId, Worker>,
     leases: BTreeMap<LeaseNumber, Lease>,
-    quarantined: BTreeSet<Instance>,
+    quarantined: BTreeSet<MachineId>,
     news: Vec<News<R>>,
     /// Effort that the job served last has had: where new ones begin, so that they owe nothing.
     served: u64,
-    /// How long a dispute waits for a worker that could decide it.
+    /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
     dispute_patience: Duration,
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
@@ -189,13 +243,13 @@ pub struct LeaseTable<R> {
 struct Lease {
     job: JobId,
     tasks: Vec<usize>,
-    instance: Instance,
+    process: WorkerProcessId,
     given: Instant,
     holder: Option<WorkerId>,
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// An empty table; a dispute waits for so long for a worker that could decide it.
+    /// An empty table; a dispute waits for so long for a machine that could decide it.
     #[must_use]
     pub const fn new(dispute_patience: Duration) -> Self {
         Self {
@@ -226,6 +280,7 @@ impl<R: Agree> LeaseTable<R> {
             served: self.served,
             effort: terms.effort.max(1),
             hurried: terms.hurried,
+            embeds: terms.embeds,
         };
         self.jobs.insert(id, job);
         id
@@ -254,7 +309,7 @@ impl<R: Agree> LeaseTable<R> {
     #[must_use]
     pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
         let lease = self.leases.get(&lease)?;
-        (lease.instance == self.workers.get(&worker)?.instance).then_some(lease.job)
+        (lease.process == self.workers.get(&worker)?.process).then_some(lease.job)
     }
 
     /// Tasks that wait for a worker.
@@ -287,8 +342,8 @@ impl<R: Agree> LeaseTable<R> {
     ) -> Result<(), Refused> {
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
         let worker = self.workers.get_mut(&worker).ok_or(Refused::UnknownLease)?;
-        let instance = worker.instance;
-        if lease.instance != instance {
+        let process = worker.process;
+        if lease.process != process {
             return Err(Refused::NotYours);
         }
         if results.len() != lease.tasks.len() {
@@ -298,6 +353,7 @@ impl<R: Agree> LeaseTable<R> {
             });
         }
         worker.rests.remove(&lease.job);
+        worker.active = now;
         let took = now.saturating_duration_since(lease.given);
         self.learn_turnaround(took);
         let held = self.release(number);
@@ -307,7 +363,7 @@ impl<R: Agree> LeaseTable<R> {
         let mut wrong = BTreeSet::new();
         for (place, result) in tasks.into_iter().zip(results) {
             if let Some(job) = self.jobs.get_mut(&id) {
-                wrong.extend(job.hear(place, instance, result, held));
+                wrong.extend(job.hear(place, process, result, held));
             }
         }
         self.quarantine_all(wrong);
@@ -327,6 +383,37 @@ impl<R: Agree> LeaseTable<R> {
         self.come_back(number, Back::Returned);
     }
 
+    /// A worker says that nobody could do a lease's tasks. They go to other machines, and end the job if a second says so
+    /// too; the worker gets nothing more of that job for a while.
+    pub fn refuse(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
+        let is_out = |lease: &&Lease| lease.holder.is_some();
+        let (Some(id), Some(lease)) = (
+            self.leased(worker, number),
+            self.leases.get(&number).filter(is_out),
+        ) else {
+            return;
+        };
+        let (process, tasks) = (lease.process, lease.tasks.clone());
+        let mut impossible = None;
+        for place in tasks {
+            let task = self.jobs.get_mut(&id).map(|job| &mut job.tasks[place]);
+            if task.is_some_and(|task| task.refuse(process)) {
+                impossible = Some(place);
+            }
+        }
+        self.give_back(worker, number, now);
+        if let Some(place) = impossible {
+            self.end_as_impossible(id, place);
+        }
+    }
+
+    fn end_as_impossible(&mut self, id: JobId, place: usize) {
+        let by = self.jobs.get(&id).map(|job| job.tasks[place].refused.clone());
+        self.forget(id);
+        let by = by.unwrap_or_default();
+        self.news.push(News::Impossible { job: id, by });
+    }
+
     /// A lease that its holder will not answer comes back; its tasks are the next to go out.
     fn come_back(&mut self, number: LeaseNumber, how: Back) {
         if !self.release(number) {
@@ -335,7 +422,7 @@ impl<R: Agree> LeaseTable<R> {
         let Some(Lease {
             job: id,
             tasks,
-            instance,
+            process,
             ..
         }) = self.leases.get(&number)
         else {
@@ -344,7 +431,7 @@ impl<R: Agree> LeaseTable<R> {
         let id = *id;
         if let Some(job) = self.jobs.get_mut(&id) {
             for &place in tasks {
-                job.come_back(place, (how == Back::Broken).then_some(*instance));
+                job.come_back(place, (how == Back::Broken).then_some(*process));
             }
         }
         self.tell(id);
@@ -357,43 +444,6 @@ impl<R: Agree> LeaseTable<R> {
         {
             for &place in tasks {
                 job.tasks[place].lost.clear();
-            }
-        }
-    }
-
-    /// A worker was found wrong before this table was: it is not listened to.
-    pub fn mistrust(&mut self, instance: Instance) {
-        self.quarantined.insert(instance);
-    }
-
-    /// A worker was found wrong: it is not listened to any more, and what it did unaudited is done again.
-    pub fn quarantine(&mut self, instance: Instance) {
-        self.quarantine_all(BTreeSet::from([instance]));
-    }
-
-    /// What they said is forgotten before any job can end with it.
-    fn quarantine_all(&mut self, mut instances: BTreeSet<Instance>) {
-        instances.retain(|instance| !self.quarantined.contains(instance));
-        let again: Vec<usize> = instances
-            .iter()
-            .map(|&instance| self.jobs.values_mut().map(|job| job.unhear(instance)).sum())
-            .collect();
-        for (&instance, again) in instances.iter().zip(again) {
-            self.quarantined.insert(instance);
-            let workers = self.of_instance(instance);
-            for &worker in &workers {
-                self.drop_worker(worker, Back::Returned);
-            }
-            self.news.push(News::Quarantined {
-                instance,
-                workers,
-                again,
-            });
-        }
-        if !instances.is_empty() {
-            let jobs: Vec<_> = self.jobs.keys().copied().collect();
-            for job in jobs {
-                self.tell(job);
             }
         }
     }

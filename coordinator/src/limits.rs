@@ -1,7 +1,10 @@
 //! How much of the coordinator any client, browser, worker or trainer may use: every limit on what comes over the network.
 //!
-//! What a campaign may be is limited where campaigns are defined: `Search::MAX_EVALUATIONS`, `Dataset::MAX_BYTES` and
-//! their like in `proto`. All limits leave room for an honest user's ten-fold.
+//! What a campaign may be is limited where campaigns are defined: `Search::MAX_EVALUATIONS`, `Dataset::MAX_BYTES`,
+//! `CampaignSpec::MAX_GENERATION_BYTES` and their like in `proto`; so are texts (`Text`, `text::name`), motions
+//! (`Frames::MAX_POSES`) and trainings put aside (`Configuration::saved_bytes`). All limits leave room for an honest user's
+//! ten-fold. No message of an answer is longer than clients take by themselves (4 MiB): long answers are streams of parts
+//! (`murmuration_proto::parts`).
 
 use std::{num::NonZeroU32, time::Duration};
 
@@ -18,7 +21,7 @@ pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 pub const IDLE_LIMIT: Duration = Duration::from_secs(120);
 /// Requests at once on one HTTP/2 connection. More wait at the client.
 pub const MAX_STREAMS_PER_CONNECTION: u32 = 256;
-/// Bytes of a request's headers.
+/// Bytes of a request's headers and address, counted as HTTP/2 counts them: names, values, and 32 for each header.
 pub const MAX_HEADER_BYTES: u32 = 16 << 10;
 /// Requests a second on one connection, in the long run. What is said within a request, such as a worker's stream, does not
 /// count: credits limit that.
@@ -27,12 +30,14 @@ pub const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
 pub const REQUEST_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(4_999);
 /// Bytes of a message, unless it is one of those below.
 pub const MAX_MESSAGE: usize = 4 << 20;
-/// Bytes of a message from a worker: a full batch of the largest pictures.
+/// Bytes of a message from a worker: a batch of the largest pictures, or the longest motion (48 MB).
 pub const MAX_WORKER_MESSAGE: usize = 96 << 20;
 /// Bytes of a message with labels: as many answers as may be in one, with the longest names.
 pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
 /// Bytes that a page may post.
 pub const MAX_POST: usize = 2 << 20;
+/// Browsers that are logged in with one token, at once: one more ends the oldest session.
+pub const MAX_SESSIONS_PER_TOKEN: usize = 32;
 /// Clients and pages that watch something, at once.
 pub const MAX_WATCHES: usize = 1024;
 /// Replays that are simulated or wait to be, at once.

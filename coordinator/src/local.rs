@@ -48,6 +48,7 @@ impl LocalCluster {
                 coordinator: way.url.clone(),
                 credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
+                local_address: None,
                 health: Health::new(),
                 threads: NonZeroUsize::MIN,
                 cache: cache.clone(),
@@ -59,6 +60,7 @@ impl LocalCluster {
                 coordinator: way.url.clone(),
                 credentials: way.credentials.clone(),
                 name: format!("in-process-{number}"),
+                local_address: None,
                 health: Health::new(),
             };
             spawn(trainer::run(options, stopped.clone()))

@@ -1,27 +1,32 @@
 //! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
 //! been computed.
 //!
-//! Maps are kept for as long as they are true: until the archive grows or another edition of it begins. No result rests on
-//! them. Knows nothing of pages.
+//! Maps are kept for as long as they are true (until the archive grows or another edition of it begins) and there is room
+//! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
 
 mod neighbours;
 
 use crate::{
-    campaign::{CampaignId, CampaignState},
+    campaign::CampaignState,
+    interrupt::Interrupt,
+    kept::Kept,
     projection::{self, Projection},
-    space::{Space, SpaceError},
-    store::{CampaignRecord, Edition, Store},
+    space::{Space, SpaceError, Spaces},
+    store::{CampaignRecord, Edition},
 };
-use std::{
-    collections::BTreeMap,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Most bytes of maps that are kept.
+const MOST_BYTES: usize = 64 << 20;
 
 /// Handle on the maps of a coordinator's campaigns; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Maps {
-    store: Store,
-    known: Arc<Mutex<BTreeMap<CampaignId, Known>>>,
+    spaces: Spaces,
+    /// One lock a campaign, so that an archive is projected once, whoever asks meanwhile.
+    kept: Arc<Kept<Mutex<Option<Known>>>>,
+    /// Ends every computation of a map.
+    interrupt: Interrupt,
 }
 
 /// Points by index, in units of their own.
@@ -31,9 +36,10 @@ pub type Points = Vec<[f64; 2]>;
 #[derive(Debug)]
 struct Known {
     of: Version,
-    space: Arc<Space>,
     axes: Arc<Projection>,
     neighbours: Neighbours,
+    /// Ends the t-SNE, of which nobody wants to know once the archive is another.
+    interrupt: Interrupt,
 }
 
 /// What a map is a map of.
@@ -47,13 +53,28 @@ enum Neighbours {
     Known(Arc<Points>),
 }
 
+impl Known {
+    fn bytes(&self) -> usize {
+        let neighbours = match &self.neighbours {
+            Neighbours::Known(points) => points.len(),
+            Neighbours::Unasked | Neighbours::UnderWay => 0,
+        };
+        (self.axes.points.len() + neighbours) * size_of::<[f64; 2]>()
+    }
+}
+
 impl Maps {
-    /// Nothing is known yet.
+    /// Nothing is known yet; what is computed ends early once `interrupt` is raised.
     #[must_use]
-    pub fn new(store: Store) -> Self {
+    pub fn new(spaces: Spaces, interrupt: Interrupt) -> Self {
+        Self::within(spaces, interrupt, MOST_BYTES)
+    }
+
+    fn within(spaces: Spaces, interrupt: Interrupt, most_bytes: usize) -> Self {
         Self {
-            store,
-            known: Arc::default(),
+            spaces,
+            kept: Arc::new(Kept::within(most_bytes)),
+            interrupt,
         }
     }
 
@@ -62,7 +83,9 @@ impl Maps {
     /// # Errors
     /// See [`SpaceError`].
     pub fn axes(&self, record: &CampaignRecord) -> Result<Arc<Projection>, SpaceError> {
-        Ok(self.current(record)?.1)
+        let kept = self.kept.of(&record.id);
+        self.current(record, &mut lock(&kept))
+            .map(|known| Arc::clone(&known.axes))
     }
 
     /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first, but not while the
@@ -74,56 +97,72 @@ impl Maps {
         if record.state == CampaignState::Running {
             return Ok(None);
         }
-        let (space, axes) = self.current(record)?;
-        let of = version(record);
-        let mut known = self.lock();
-        let Some(entry) = known.get_mut(&record.id).filter(|entry| entry.of == of) else {
-            // It has moved on already; whoever asks again asks about what there is then.
-            return Ok(None);
-        };
-        match &entry.neighbours {
+        let kept = self.kept.of(&record.id);
+        let mut guard = lock(&kept);
+        let known = self.current(record, &mut guard)?;
+        match &known.neighbours {
             Neighbours::Known(points) => return Ok(Some(Arc::clone(points))),
             Neighbours::UnderWay => return Ok(None),
-            Neighbours::Unasked => entry.neighbours = Neighbours::UnderWay,
+            Neighbours::Unasked => {}
         }
-        drop(known);
+        let (space, axes, of) = (self.spaces.of(record)?, Arc::clone(&known.axes), known.of);
+        if version(&space) != of {
+            // It has moved on already; whoever asks again asks about what there is then.
+            return Ok(None);
+        }
+        known.neighbours = Neighbours::UnderWay;
+        let interrupt = known.interrupt.clone();
+        drop(guard);
         let (maps, id) = (self.clone(), record.id.clone());
+        // It is not forgotten while the thread has it.
         std::thread::spawn(move || {
-            let points = neighbours::embed(&space.behaviours, &axes.points);
-            let mut known = maps.lock();
-            if let Some(entry) = known.get_mut(&id).filter(|entry| entry.of == of) {
-                entry.neighbours = Neighbours::Known(Arc::new(points));
+            let Ok(points) = neighbours::embed(&space.behaviours, &axes.points, &interrupt) else {
+                return;
+            };
+            let mut known = lock(&kept);
+            if let Some(known) = known.as_mut().filter(|known| known.of == of) {
+                known.neighbours = Neighbours::Known(Arc::new(points));
+                maps.kept.weigh(&id, known.bytes());
             }
         });
         Ok(None)
     }
 
-    fn current(&self, record: &CampaignRecord) -> Result<(Arc<Space>, Arc<Projection>), SpaceError> {
-        let of = version(record);
-        if let Some(known) = self.lock().get(&record.id).filter(|known| known.of == of) {
-            return Ok((Arc::clone(&known.space), Arc::clone(&known.axes)));
-        }
-        let space = Arc::new(Space::read(&self.store, record)?);
-        let axes = Arc::new(projection::principal_axes(&space.behaviours));
-        // A switch after the record was read is another version, which nobody will ask this for.
-        let of = (space.edition, of.1);
-        let known = Known {
-            of,
-            space: Arc::clone(&space),
-            axes: Arc::clone(&axes),
-            neighbours: Neighbours::Unasked,
+    /// What is known of the archive as far as `record` says that it goes.
+    fn current<'a>(
+        &self,
+        record: &CampaignRecord,
+        known: &'a mut Option<Known>,
+    ) -> Result<&'a mut Known, SpaceError> {
+        let of = (record.edition(), record.individuals());
+        let current = match known.take() {
+            Some(current) if current.of == of => current,
+            former => {
+                if let Some(former) = former {
+                    former.interrupt.raise();
+                }
+                let space = self.spaces.of(record)?;
+                let axes = Arc::new(projection::principal_axes(&space.behaviours, &self.interrupt)?);
+                // A switch after the record was read is another version, which nobody will ask this for.
+                Known {
+                    of: version(&space),
+                    axes,
+                    neighbours: Neighbours::Unasked,
+                    interrupt: self.interrupt.child(),
+                }
+            }
         };
-        self.lock().insert(record.id.clone(), known);
-        Ok((space, axes))
-    }
-
-    fn lock(&self) -> MutexGuard<'_, BTreeMap<CampaignId, Known>> {
-        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.weigh(&record.id, current.bytes());
+        Ok(known.insert(current))
     }
 }
 
-fn version(record: &CampaignRecord) -> Version {
-    (record.edition(), record.individuals())
+fn version(space: &Space) -> Version {
+    (space.edition, space.behaviours.len() as u64)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -3,7 +3,10 @@
 //! For pictures only. The eigenvectors come from nalgebra, whose last bits are not promised to be the same on
 //! every machine, so nothing that a digest covers may rest on them.
 
-use crate::novelty::Behaviours;
+use crate::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::Behaviours,
+};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 /// Behaviours seen along their two principal axes.
@@ -23,11 +26,13 @@ pub struct Projection {
 /// The projection of `behaviours` on their two principal axes.
 ///
 /// It exists for any number of behaviours, all equal or none at all included.
-#[must_use]
-pub fn principal_axes(behaviours: &Behaviours) -> Projection {
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn principal_axes(behaviours: &Behaviours, interrupt: &Interrupt) -> Result<Projection, Interrupted> {
     let dims = behaviours.dims();
     let mean = mean(behaviours);
-    let covariance = covariance(behaviours, &mean);
+    let covariance = covariance(behaviours, &mean, interrupt)?;
     let total = covariance.trace();
     let components = components(covariance);
 
@@ -45,7 +50,7 @@ pub fn principal_axes(behaviours: &Behaviours) -> Projection {
             [axes[0].dot(&offset), axes[1].dot(&offset)]
         })
         .collect();
-    Projection { points, shares, axes }
+    Ok(Projection { points, shares, axes })
 }
 
 /// The mean behaviour, taken about the first one, so that behaviours that are all the same have it exactly.
@@ -60,13 +65,18 @@ fn mean(behaviours: &Behaviours) -> DVector<f64> {
     first + sum / behaviours.len() as f64
 }
 
-fn covariance(behaviours: &Behaviours, mean: &DVector<f64>) -> DMatrix<f64> {
+fn covariance(
+    behaviours: &Behaviours,
+    mean: &DVector<f64>,
+    interrupt: &Interrupt,
+) -> Result<DMatrix<f64>, Interrupted> {
     let mut covariance = DMatrix::zeros(behaviours.dims(), behaviours.dims());
     for i in 0..behaviours.len() {
+        interrupt.check()?;
         let offset = behaviours.point(i) - mean;
         covariance.ger(1.0, &offset, &offset, 1.0);
     }
-    covariance / behaviours.len().max(1) as f64
+    Ok(covariance / behaviours.len().max(1) as f64)
 }
 
 /// Variance along each principal axis, and the axis, by descending variance.
@@ -101,7 +111,7 @@ mod tests {
         for point in points {
             behaviours.push(point).unwrap();
         }
-        principal_axes(&behaviours)
+        principal_axes(&behaviours, &Interrupt::default()).unwrap()
     }
 
     #[track_caller]

@@ -10,12 +10,14 @@ use crate::{
     checkpoints::{CheckpointError, Checkpoints},
     connections::Places,
     dispatch::{self, Dispatch, Trainers},
+    interrupt::Interrupt,
     limits,
     maps::Maps,
     metrics::{Metrics, Party},
     probes::{Probes, Readiness},
     queries::{Queries, Viewers},
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
+    space::Spaces,
     store::{DataDirectory, Store, StoreError},
     synthetic::SyntheticAnnotator,
     web::Web,
@@ -47,6 +49,9 @@ pub struct Options {
     pub resume: bool,
     /// Where checkpoints are kept: a URL, or `None` for the data directory.
     pub checkpoints: Option<String>,
+    /// Whether to try out that URL before anything else: there is work to be done, which would be lost if no checkpoint
+    /// could be kept.
+    pub tries_checkpoints: bool,
     /// How workers and trainers are treated.
     pub dispatch: dispatch::Options,
 }
@@ -89,6 +94,8 @@ pub struct Coordinator {
     dispatch: Dispatch,
     trainers: Trainers,
     readiness: Readiness,
+    /// Ends everything that is computed here.
+    interrupt: Interrupt,
     stop: watch::Sender<bool>,
     servers: Vec<Serving>,
     /// Held for as long as the server runs.
@@ -105,6 +112,10 @@ impl Coordinator {
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
+        // The data directory's own folder may be on a disk that is full for now: campaigns wait for that.
+        if options.tries_checkpoints && options.checkpoints.is_some() {
+            checkpoints.try_out().await?;
+        }
         checkpoints.verify().await?;
         let metrics = Metrics::new();
         let dispatch = Dispatch::start(
@@ -113,11 +124,15 @@ impl Coordinator {
             store.quarantined()?,
         );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
-        let queries = Queries::new(Viewers {
+        let interrupt = Interrupt::default();
+        let viewers = Viewers {
             store: store.clone(),
             checkpoints: checkpoints.clone(),
             dispatch: dispatch.clone(),
-        });
+        };
+        // One for questions and maps, which are of the same archives.
+        let spaces = Spaces::new(store.clone());
+        let queries = Queries::new(viewers, spaces.clone(), interrupt.clone());
         let annotator = SyntheticAnnotator {
             store: store.clone(),
             queries: queries.clone(),
@@ -128,6 +143,7 @@ impl Coordinator {
             checkpoints.clone(),
             annotator.clone(),
             metrics.clone(),
+            interrupt.clone(),
         );
 
         let reflection = tonic_reflection::server::Builder::configure()
@@ -149,7 +165,7 @@ impl Coordinator {
         let web = Web {
             campaigns: campaigns.clone(),
             store: store.clone(),
-            maps: Maps::new(store.clone()),
+            maps: Maps::new(spaces, interrupt.clone()),
             archive: campaign_api.clone(),
             labels: label_api.clone(),
         };
@@ -221,6 +237,7 @@ impl Coordinator {
             dispatch,
             trainers,
             readiness,
+            interrupt,
             stop,
             servers,
             _data: options.data,
@@ -245,9 +262,10 @@ impl Coordinator {
         &self.local
     }
 
-    /// Stops the searches between two commits; running campaigns stay running in the store.
+    /// Stops the searches between two commits, and whatever else is computed; running campaigns stay running in the store.
     pub async fn stop_searches(&self) {
         self.readiness.set(false).await;
+        self.interrupt.raise();
         self.campaigns.stop().await;
     }
 

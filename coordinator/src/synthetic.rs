@@ -3,7 +3,8 @@
 use crate::{
     campaign::{CampaignError, blocking},
     dispatch::{Dispatch, Headway, ReplayJob},
-    judge::judge,
+    interrupt::Interrupt,
+    judge::{self, judge},
     labels::{Action, Annotator, Answer, Change},
     queries::Queries,
     store::{ArchivedIndividual, CampaignRecord, Store},
@@ -15,10 +16,10 @@ use std::{
 };
 use tokio::task::JoinSet;
 
-/// Motions that are simulated and judged at a time.
+/// Motions that are simulated and judged at a time, where swarms are not so large that fewer agents fit.
 const AT_ONCE: usize = 64;
-/// Steps between the frames that are judged: the judge looks at every fourth step.
-const STRIDE: u32 = 4;
+/// Agents that are judged at a time: the judge compares each of a swarm with each other.
+const AGENTS_AT_ONCE: usize = 20_000;
 
 /// The synthetic annotator of a coordinator; cheap to clone.
 #[derive(Debug, Clone)]
@@ -33,7 +34,7 @@ pub struct SyntheticAnnotator {
 
 impl SyntheticAnnotator {
     /// What it says of the first `count` individuals in the strategy's order that nobody has answered about, fewer where
-    /// there are not so many; nothing is written to the log. `headway` counts the answers.
+    /// there are not so many; nothing is written to the log. `headway` counts the answers; `interrupt` ends a clustering of the archive.
     ///
     /// With the same archive and log they are the same answers.
     ///
@@ -45,10 +46,15 @@ impl SyntheticAnnotator {
         strategy: Strategy,
         count: usize,
         headway: Arc<Headway>,
+        interrupt: &Interrupt,
     ) -> Result<Vec<Change>, CampaignError> {
-        let asked = self.queries.unanswered(record, strategy, count).await?;
+        let asked = self
+            .queries
+            .unanswered(record, strategy, count, interrupt)
+            .await?;
         let mut answers = Vec::new();
-        for part in asked.chunks(AT_ONCE) {
+        let agents = record.spec.world().agents() as usize;
+        for part in asked.chunks((AGENTS_AT_ONCE / agents).clamp(1, AT_ONCE)) {
             let mut answering = JoinSet::new();
             for (place, &index) in part.iter().enumerate() {
                 let (annotator, record, headway) = (self.clone(), record.clone(), headway.clone());
@@ -78,7 +84,7 @@ impl SyntheticAnnotator {
             controller,
             world,
             seed,
-            stride: STRIDE,
+            frames: judge::frames(&world),
         };
         let replay = self.dispatch.replay(job).await?;
         let class = blocking(move || judge(&replay, &world).class).await?;

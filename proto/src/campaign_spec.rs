@@ -1,8 +1,8 @@
 //! Everything that decides a campaign's outcome, validated as a whole.
 
 use crate::{
-    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, ImageFormat, Invalid, Method, Search, World,
-    embedder, invalid, v1,
+    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
+    Search, World, embedder, invalid, text, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
@@ -25,12 +25,8 @@ impl TryFrom<String> for CampaignName {
         if (1..=64).contains(&name.len()) && name.chars().all(fits) {
             return Ok(Self(name));
         }
-        let shown: String = name.chars().take(64).collect();
-        Err(Invalid::new(
-            "name",
-            format!("{shown:?}"),
-            "1 to 64 letters, digits, '-' and '_'",
-        ))
+        let allowed = "1 to 64 letters, digits, '-' and '_'";
+        Err(Invalid::new("name", text::quoted(&name), allowed))
     }
 }
 
@@ -138,6 +134,11 @@ impl CampaignSpec {
         self.feedback.as_ref()
     }
 
+    /// Most bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
+    pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
+    /// Most bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
+    pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
+
     /// Evaluations that it comes to when nobody intervenes, those after unattended rounds included.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
@@ -160,6 +161,39 @@ impl CampaignSpec {
             message.training = Some(training.with_seed(seed)?.to_toml());
         }
         message.try_into()
+    }
+}
+
+impl CampaignSpec {
+    /// What has to be held at once must fit.
+    fn check_memory(&self) -> Result<(), Invalid> {
+        let pixels = self.image.pixels() as u64;
+        let population = self.search.population();
+        let pictures = u64::from(population) * pixels;
+        if pictures > Self::MAX_GENERATION_BYTES {
+            let allowed = format!(
+                "at most {} where image.resolution = {}: the pictures of a generation come to {pictures} bytes, and at \
+                 most {} are held at once",
+                Self::MAX_GENERATION_BYTES / pixels,
+                self.image.resolution(),
+                Self::MAX_GENERATION_BYTES
+            );
+            return Err(Invalid::new("search.population", population, allowed));
+        }
+        let motion = Frames::to_watch(&self.world).poses(&self.world) * size_of::<Pose>() as u64;
+        let report = u64::from(self.medoids) * (pixels + motion);
+        if report > Self::MAX_TAXONOMY_BYTES {
+            let allowed = format!(
+                "at most {} where image.resolution = {} and world.agents = {}: their pictures and motions come to \
+                 {report} bytes, and a report holds at most {}",
+                Self::MAX_TAXONOMY_BYTES / (pixels + motion),
+                self.image.resolution(),
+                self.world.agents(),
+                Self::MAX_TAXONOMY_BYTES
+            );
+            return Err(Invalid::new("taxonomy.medoids", self.medoids, allowed));
+        }
+        Ok(())
     }
 }
 
@@ -218,6 +252,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             world,
             search,
         };
+        spec.check_memory()?;
         let committee = spec.feedback.as_ref().map_or(1, Feedback::committee);
         if committee > 1 && matches!(spec.embedder, Some(EmbedderSource::Published(_))) {
             let allowed = "1: others are trained as the first one is, and that is a published checkpoint";
@@ -332,6 +367,32 @@ mod tests {
             &format!("{MINIMAL}[controllers]\nangles = [1.0]"),
             "controllers.angles",
         );
+    }
+
+    #[test]
+    fn what_cannot_be_held_at_once_is_refused_with_the_sum() {
+        let large = "[world]\nwidth = 1000\nheight = 1000\n";
+        check_refused(
+            &format!("{MINIMAL}{large}[image]\nresolution = 1000\n[search]\npopulation = 100000"),
+            "search.population = 100000: must be at most 4294 where image.resolution = 1000: the pictures of a \
+             generation come to 100000000000 bytes, and at most 4294967296 are held at once",
+        );
+        check_refused(
+            &format!("{MINIMAL}{large}[image]\nresolution = 1000\n[taxonomy]\nmedoids = 1000"),
+            "taxonomy.medoids = 1000: must be at most",
+        );
+        check_refused(
+            &format!("{MINIMAL}[world]\nagents = 10000\n[taxonomy]\nmedoids = 100"),
+            "taxonomy.medoids = 100: must be at most 29 where image.resolution = 50 and world.agents = 10000",
+        );
+        let fits = [
+            "[image]\nresolution = 1000\n[search]\npopulation = 4000\ngenerations = 3",
+            "[image]\nresolution = 1000\n[taxonomy]\nmedoids = 900",
+        ];
+        for more in fits {
+            CampaignSpec::from_toml(&format!("{MINIMAL}{large}{more}")).unwrap();
+        }
+        CampaignSpec::from_toml(&format!("{MINIMAL}[search]\npopulation = 100000")).unwrap();
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Checkpoints: published embedders, named by the digest of their bytes.
 
-use crate::{Invalid, SeenPictures, v1};
+use crate::{Invalid, SeenPictures, Text, counted, text, v1};
 use std::{collections::BTreeMap, fmt, str::FromStr};
 
 /// BLAKE3 of a checkpoint's ONNX bytes; 64 hexadecimal digits as text.
@@ -40,21 +40,23 @@ pub const PART_BYTES: usize = 1 << 20;
 pub struct Lineage {
     /// The checkpoint that training started from; `None` if from scratch.
     pub parent: Option<CheckpointDigest>,
-    /// Digest of the images it was trained on, hexadecimal; empty if none.
+    /// Digest of the images it was trained on, hexadecimal, at most 64 characters; empty if none.
     pub data_digest: String,
-    /// Digest of the labels it was trained on, hexadecimal; empty if none.
+    /// Digest of the labels it was trained on, hexadecimal, at most 64 characters; empty if none.
     pub label_digest: String,
-    /// The training configuration, TOML; at most 64 KiB.
+    /// The training configuration, TOML; at most 64 KiB, and nothing in it that cannot be seen.
     pub configuration: String,
-    /// Figures measured on it, by name, all finite; at most 100.
+    /// Figures measured on it, by name (1 to 64 characters that can be seen), all finite; at most 100.
     pub metrics: BTreeMap<String, f64>,
     /// The pictures whose classes it was told.
     pub labelled: SeenPictures,
 }
 
 impl Lineage {
-    /// Most bytes of any of its texts.
-    const MAX_TEXT: usize = 64 << 10;
+    /// Most bytes of its configuration.
+    const MAX_CONFIGURATION: usize = 64 << 10;
+    /// Most characters of a digest, or of a figure's name.
+    const MAX_NAME: usize = 64;
 
     /// The message that describes a checkpoint of this lineage.
     #[must_use]
@@ -89,23 +91,41 @@ impl TryFrom<v1::Checkpoint> for Lineage {
     type Error = Invalid;
 
     fn try_from(message: v1::Checkpoint) -> Result<Self, Invalid> {
-        let texts = [
+        for (field, digest) in [
             ("data_digest", &message.data_digest),
             ("label_digest", &message.label_digest),
-            ("configuration", &message.configuration),
-        ];
-        for (field, text) in texts {
-            if text.len() > Self::MAX_TEXT {
-                let allowed = format!("at most {} bytes", Self::MAX_TEXT);
-                return Err(Invalid::new(field, format!("{} bytes", text.len()), allowed));
+        ] {
+            if digest.len() > Self::MAX_NAME || !digest.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+                let allowed = format!("at most {} hexadecimal digits", Self::MAX_NAME);
+                return Err(Invalid::new(field, text::quoted(digest), allowed));
             }
+        }
+        let configuration = &message.configuration;
+        if configuration.len() > Self::MAX_CONFIGURATION {
+            let allowed = format!("at most {} bytes", Self::MAX_CONFIGURATION);
+            let value = format!("{} bytes", configuration.len());
+            return Err(Invalid::new("configuration", value, allowed));
+        }
+        if Text::lines(configuration).as_str() != configuration {
+            let allowed = "without characters that cannot be seen";
+            return Err(Invalid::new(
+                "configuration",
+                text::quoted(configuration),
+                allowed,
+            ));
         }
         if message.metrics.len() > 100 {
             return Err(Invalid::new(
                 "metrics",
-                format!("{} figures", message.metrics.len()),
+                counted(message.metrics.len() as u64, "figure"),
                 "at most 100",
             ));
+        }
+        for name in message.metrics.keys() {
+            if text::name("metrics", name, Self::MAX_NAME)? != *name {
+                let allowed = "names without space about them";
+                return Err(Invalid::new("metrics", text::quoted(name), allowed));
+            }
         }
         if let Some((name, value)) = message.metrics.iter().find(|(_, value)| !value.is_finite()) {
             return Err(Invalid::new(format!("metrics.{name}"), value, "finite"));
@@ -159,5 +179,35 @@ mod tests {
             ..Default::default()
         };
         assert_eq!(Lineage::try_from(message).unwrap_err().field, "metrics.loss");
+    }
+
+    #[test]
+    fn words_that_hide_or_are_too_long_are_refused_by_name() {
+        let refused = |message: v1::Checkpoint| Lineage::try_from(message).unwrap_err().to_string();
+        let said = refused(v1::Checkpoint {
+            metrics: [("lo\u{202e}ss".to_owned(), 0.5)].into(),
+            ..Default::default()
+        });
+        assert!(
+            said.starts_with("metrics = ") && said.contains("U+202E"),
+            "{said}"
+        );
+        let said = refused(v1::Checkpoint {
+            metrics: [("x".repeat(1 << 20), 0.5)].into(),
+            ..Default::default()
+        });
+        assert!(said.starts_with("metrics = ") && said.len() < 200, "{said}");
+        for configuration in ["seed = 1\u{1b}[2J", "# \u{200b}"] {
+            let said = refused(v1::Checkpoint {
+                configuration: configuration.to_owned(),
+                ..Default::default()
+            });
+            assert!(said.contains("without characters that cannot be seen"), "{said}");
+        }
+        let said = refused(v1::Checkpoint {
+            data_digest: "a".repeat(65),
+            ..Default::default()
+        });
+        assert!(said.contains("at most 64 hexadecimal digits"), "{said}");
     }
 }

@@ -1,6 +1,6 @@
 //! What comes out of one simulation.
 
-use crate::{ImageFormat, Invalid, v1};
+use crate::{ImageFormat, Invalid, counted, v1};
 
 /// The five hand-crafted features of Brown et al. (paper, Table 1), each a mean over the last 100 steps:
 /// average speed, angular momentum, radial variance (times 20), scatter, group rotation.
@@ -15,6 +15,10 @@ pub const FEATURE_NAMES: [&str; 5] = [
     "group_rotation",
 ];
 
+/// Largest magnitude of a feature: well above what positions and speeds of up to [`World::MAX_SIDE`](crate::World::MAX_SIDE)
+/// come to, and small enough to measure distances with.
+pub const MAX_FEATURE: f64 = 1e12;
+
 /// The outcome of simulating one controller from one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
@@ -28,11 +32,16 @@ impl Evaluation {
     /// An evaluation with its picture in `format`: grey values, index `x * resolution + y`.
     ///
     /// # Errors
-    /// Names a feature that is not finite, or a picture of the wrong length.
+    /// Names a feature that is not finite or over [`MAX_FEATURE`], or a picture of the wrong length.
     pub fn new(features: Features, image: Vec<u8>, format: &ImageFormat) -> Result<Self, Invalid> {
         for (name, value) in FEATURE_NAMES.iter().zip(features) {
             if !value.is_finite() {
                 return Err(Invalid::new(format!("features.{name}"), value, "finite"));
+            }
+            if value.abs() > MAX_FEATURE {
+                let value = format!("{value:e}");
+                let allowed = format!("at most {MAX_FEATURE:e} in magnitude");
+                return Err(Invalid::new(format!("features.{name}"), value, allowed));
             }
         }
         if image.len() != format.pixels() {
@@ -70,7 +79,7 @@ impl Evaluation {
         let features = Features::try_from(message.features.as_slice()).map_err(|_| {
             Invalid::new(
                 "features",
-                format!("{} values", message.features.len()),
+                counted(message.features.len() as u64, "value"),
                 "5 values",
             )
         })?;
@@ -120,7 +129,7 @@ impl Evaluation {
 pub struct EmbeddingKind(u64);
 
 impl EmbeddingKind {
-    /// That of machines that do not say.
+    /// That of machines that do not embed, and of embeddings whose machine is not known.
     pub const UNKNOWN: Self = Self(0);
 
     /// The kind that a description is of.
@@ -137,6 +146,12 @@ impl EmbeddingKind {
     pub const fn number(self) -> u64 {
         self.0
     }
+
+    /// Whether it is known; a machine of no known kind does not embed.
+    #[must_use]
+    pub const fn is_known(self) -> bool {
+        self.0 != Self::UNKNOWN.0
+    }
 }
 
 impl From<u64> for EmbeddingKind {
@@ -149,9 +164,21 @@ impl From<u64> for EmbeddingKind {
 /// the rounding of a thousand sums in another order is a hundredth of that.
 const NEAR: f32 = 1e-3;
 
-/// Whether two embeddings are near enough to be of one picture, by machines of different kinds.
+/// Whether two embeddings are of the same picture, each with the kind of the machine that made it. Machines of one known
+/// kind must agree to the bit; others to a thousandth of the largest value, and of 1.
 #[must_use]
-pub fn near_embedding(one: &[f32], other: &[f32]) -> bool {
+pub fn embeddings_agree(
+    (one, kind): (&[f32], EmbeddingKind),
+    (other, other_kind): (&[f32], EmbeddingKind),
+) -> bool {
+    if kind == other_kind && kind.is_known() {
+        same_embedding(one, other)
+    } else {
+        near_embedding(one, other)
+    }
+}
+
+fn near_embedding(one: &[f32], other: &[f32]) -> bool {
     let size = one
         .iter()
         .chain(other)
@@ -159,9 +186,7 @@ pub fn near_embedding(one: &[f32], other: &[f32]) -> bool {
     one.len() == other.len() && one.iter().zip(other).all(|(a, b)| (a - b).abs() <= NEAR * size)
 }
 
-/// Whether two embeddings are the same bits.
-#[must_use]
-pub fn same_embedding(one: &[f32], other: &[f32]) -> bool {
+fn same_embedding(one: &[f32], other: &[f32]) -> bool {
     let bits = |embedding: &[f32]| -> Vec<u32> { embedding.iter().map(|value| value.to_bits()).collect() };
     bits(one) == bits(other)
 }
@@ -172,10 +197,10 @@ pub fn same_embedding(one: &[f32], other: &[f32]) -> bool {
 /// Where it has not.
 pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
     if embedding.len() != dimensions {
-        let allowed = format!("{dimensions} values");
+        let allowed = counted(dimensions as u64, "value");
         return Err(Invalid::new(
             "embedding",
-            format!("{} values", embedding.len()),
+            counted(embedding.len() as u64, "value"),
             allowed,
         ));
     }
@@ -195,6 +220,26 @@ impl From<Evaluation> for v1::Evaluation {
             features: evaluation.features.to_vec(),
             image: evaluation.image,
             embedding: evaluation.embedding,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_are_what_a_swarm_can_have() {
+        let format = ImageFormat::default();
+        let with =
+            |value: f64| Evaluation::new([0.0, value, 0.0, 0.0, 0.0], vec![0; format.pixels()], &format);
+        for value in [0.0, -1.5, MAX_FEATURE, -MAX_FEATURE] {
+            assert!(with(value).is_ok(), "{value}");
+        }
+        for value in [1e13, -1e300, f64::MAX, f64::NAN, f64::INFINITY] {
+            let refused = with(value).unwrap_err().to_string();
+            assert!(refused.contains("features.angular_momentum"), "{refused}");
+            assert!(refused.len() < 200, "{refused}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The one error of validation: which field, what it held, what it may hold.
 
+use crate::Text;
 use std::{fmt::Display, ops::RangeInclusive};
 
 /// A value from outside that cannot be taken in.
@@ -34,7 +35,8 @@ impl Invalid {
 
 impl From<Invalid> for tonic::Status {
     fn from(invalid: Invalid) -> Self {
-        Self::invalid_argument(invalid.to_string())
+        // A value from outside may be of any length.
+        Self::invalid_argument(Text::line(&invalid.to_string()))
     }
 }
 

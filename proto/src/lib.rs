@@ -11,6 +11,7 @@ mod campaign_spec;
 mod capability;
 mod checkpoint;
 mod controller;
+mod counted;
 mod dataset;
 mod embedder;
 mod evaluation;
@@ -20,12 +21,14 @@ mod invalid;
 mod lease_id;
 mod method;
 pub mod onnx;
+pub mod parts;
 mod random;
 mod record;
 mod replay;
 mod search;
 mod seen;
 mod space;
+pub mod text;
 mod toml_names;
 pub mod training;
 mod world;
@@ -34,10 +37,11 @@ pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use capability::CapabilityModel;
 pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use controller::Controller;
+pub use counted::{counted, grouped, noun};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
 pub use evaluation::{
-    EmbeddingKind, Evaluation, FEATURE_NAMES, Features, check_embedding, near_embedding, same_embedding,
+    EmbeddingKind, Evaluation, FEATURE_NAMES, Features, MAX_FEATURE, check_embedding, embeddings_agree,
 };
 pub use feedback::{Feedback, Strategy};
 pub use image_format::ImageFormat;
@@ -45,10 +49,11 @@ pub use invalid::Invalid;
 pub use lease_id::REQUEST_ID;
 pub use method::Method;
 pub use random::{Purpose, Stream};
-pub use replay::{Pose, Replay};
+pub use replay::{Frames, Pose, Replay};
 pub use search::Search;
 pub use seen::SeenPictures;
 pub use space::ControllerSpace;
+pub use text::Text;
 pub use world::World;
 
 /// The generated messages and services of the package `murmuration.v1`.

@@ -1,6 +1,6 @@
 //! The controllers that a search may propose.
 
-use crate::{CapabilityModel, Controller, Invalid, Stream, invalid, v1};
+use crate::{CapabilityModel, Controller, Invalid, Stream, counted, invalid, v1};
 use std::f64::consts::PI;
 
 /// The controller space U(C): wheel speeds on a grid over \[-1, 1\] (or continuous), and a set of sensor angles
@@ -45,7 +45,7 @@ impl ControllerSpace {
         if angles.len() > 1000 {
             return Err(Invalid::new(
                 "angles",
-                format!("{} values", angles.len()),
+                counted(angles.len() as u64, "value"),
                 "at most 1000 values",
             ));
         }

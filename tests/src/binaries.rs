@@ -6,7 +6,7 @@ use std::{
     ffi::OsString,
     io::{BufRead as _, BufReader, Read as _},
     path::{Path, PathBuf},
-    process::{Child, Command, Stdio},
+    process::{Child, ChildStderr, Command, Stdio},
     sync::OnceLock,
     time::{Duration, Instant},
 };
@@ -59,6 +59,8 @@ pub struct Finished {
 #[derive(Debug)]
 pub struct Running {
     child: Child,
+    /// What it says, where that is captured.
+    stderr: Option<BufReader<ChildStderr>>,
 }
 
 impl Finished {
@@ -174,13 +176,8 @@ impl Murmuration {
     pub fn start_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
         let mut command = self.command(arguments);
         command.envs(variables.iter().copied());
-        Running {
-            child: command
-                .stdout(Stdio::null())
-                .stderr(Stdio::piped())
-                .spawn()
-                .unwrap(),
-        }
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        Running::spawn(command)
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
@@ -225,22 +222,20 @@ impl Running {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::null());
-        Self {
-            child: command.spawn().unwrap(),
-        }
+        Self::spawn(command)
+    }
+
+    fn spawn(mut command: Command) -> Self {
+        let mut child = command.spawn().unwrap();
+        let stderr = child.stderr.take().map(BufReader::new);
+        Self { child, stderr }
     }
 
     /// Reads its stderr until a line that contains `sign`; that line.
-    ///
-    /// Lines are read from one reader for each call: what follows the sign in the pipe may be lost.
     pub fn wait_for(&mut self, sign: &str) -> String {
-        let stderr = self
-            .child
-            .stderr
-            .as_mut()
-            .expect("started with its stderr captured");
+        let stderr = self.stderr.as_mut().expect("started with its stderr captured");
         let mut said = String::new();
-        for line in BufReader::new(stderr).lines() {
+        for line in stderr.lines() {
             let line = line.unwrap();
             if line.contains(sign) {
                 return line;
@@ -252,8 +247,8 @@ impl Running {
     }
 
     /// Waits until it ends by itself; its exit code.
-    pub fn wait(mut self) -> Option<i32> {
-        self.exit()
+    pub fn wait(self) -> Option<i32> {
+        self.exit().0
     }
 
     /// SIGKILL, and waits until it is dead. Panics if it had ended by itself: then the fault did not fire.
@@ -268,7 +263,12 @@ impl Running {
     }
 
     /// SIGTERM, and waits for its exit code.
-    pub fn terminate(mut self) -> Option<i32> {
+    pub fn terminate(self) -> Option<i32> {
+        self.terminate_and_hear().0
+    }
+
+    /// SIGTERM, and waits for its exit code; and what it said that nobody has waited for.
+    pub fn terminate_and_hear(self) -> (Option<i32>, String) {
         let signalled = Command::new("kill")
             .arg(self.child.id().to_string())
             .status()
@@ -277,12 +277,12 @@ impl Running {
         self.exit()
     }
 
-    fn exit(&mut self) -> Option<i32> {
+    fn exit(mut self) -> (Option<i32>, String) {
         let mut rest = String::new();
-        if let Some(stderr) = self.child.stderr.as_mut() {
+        if let Some(stderr) = self.stderr.as_mut() {
             stderr.read_to_string(&mut rest).unwrap();
         }
-        self.child.wait().unwrap().code()
+        (self.child.wait().unwrap().code(), rest)
     }
 }
 

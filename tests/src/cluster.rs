@@ -83,17 +83,26 @@ impl Cluster {
         Self::start_as(data, workers, Entrance::loopback(0), dispatch).await
     }
 
+    /// The same as [`Cluster::start`], but without a trainer.
+    pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
+        let crew = Crew { workers, trainers: 0 };
+        Self::start_crew(data, crew, Entrance::loopback(0), quick_dispatch()).await
+    }
+
     async fn start_as(data: &Path, workers: usize, entrance: Entrance, dispatch: dispatch::Options) -> Self {
+        Self::start_crew(data, Crew { workers, trainers: 1 }, entrance, dispatch).await
+    }
+
+    async fn start_crew(data: &Path, crew: Crew, entrance: Entrance, dispatch: dispatch::Options) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
             entrance,
             resume: true,
             checkpoints: None,
+            tries_checkpoints: true,
             dispatch,
         };
-        let local = LocalCluster::start(options, Crew { workers, trainers: 1 })
-            .await
-            .unwrap();
+        let local = LocalCluster::start(options, crew).await.unwrap();
         let way = local.coordinator().local();
         let channel = way
             .credentials

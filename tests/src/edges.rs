@@ -2,14 +2,15 @@
 //!
 //! Limits: a parser may refuse what it likes; what it takes must come out the same when it is written and read again.
 
-use murmuration_coordinator::labels::Table;
+use murmuration_coordinator::labels::{Labelled, Table, to_csv};
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, Feedback, Lineage, Purpose, Replay, Search, Stream, World,
-    onnx::EmbedderModel, training::Configuration, v1,
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Purpose, Replay,
+    Search, Stream, World, onnx::EmbedderModel, training::Configuration, v1,
 };
 use murmuration_worker::case::Case;
 use prost::Message;
-use std::{fs, path::Path, str::from_utf8};
+use serde_json::Value;
+use std::{fmt::Debug, fs, path::Path, str::from_utf8};
 
 /// A parser, with what it is called.
 #[derive(Debug, Clone, Copy)]
@@ -74,23 +75,36 @@ pub fn messages(bytes: &[u8]) {
         return;
     };
     match kind % 7 {
-        0 => {
-            if let Some(Ok(spec)) = decoded::<v1::CampaignSpec>(bytes).map(CampaignSpec::try_from) {
-                assert_eq!(CampaignSpec::try_from(v1::CampaignSpec::from(&spec)), Ok(spec));
-            }
-        }
-        1 => drop(decoded::<v1::Checkpoint>(bytes).map(Lineage::try_from)),
-        2 => drop(decoded::<v1::Replay>(bytes).map(Replay::try_from)),
-        3 => drop(decoded::<v1::World>(bytes).map(World::try_from)),
-        4 => drop(decoded::<v1::Feedback>(bytes).map(Feedback::try_from)),
-        5 => drop(decoded::<v1::Search>(bytes).map(Search::try_from)),
+        0 => read_back(bytes, |spec: &CampaignSpec| v1::CampaignSpec::from(spec)),
+        1 => read_back(bytes, |lineage: &Lineage| {
+            lineage.describe(CheckpointDigest::of(b""), 0, 0)
+        }),
+        2 => read_back(bytes, |replay: &Replay| v1::Replay::from(replay.clone())),
+        3 => read_back(bytes, |&world: &World| v1::World::from(world)),
+        4 => read_back(bytes, |feedback: &Feedback| v1::Feedback::from(feedback)),
+        5 => read_back(bytes, |&search: &Search| v1::Search::from(search)),
         _ => {
-            if let Some(individual) = decoded::<v1::Individual>(bytes) {
-                for model in [CapabilityModel::SingleSensor, CapabilityModel::TwoSensor] {
-                    drop(Controller::new(model, &individual.controller));
+            let Some(individual) = decoded::<v1::Individual>(bytes) else {
+                return;
+            };
+            for model in [CapabilityModel::SingleSensor, CapabilityModel::TwoSensor] {
+                if let Ok(controller) = Controller::new(model, &individual.controller) {
+                    let again = Controller::new(controller.model(), controller.genes());
+                    assert_eq!(again.as_ref(), Ok(&controller));
                 }
             }
         }
+    }
+}
+
+/// What the bytes of a message come to, if they are taken, comes to the same when it is written and read again.
+fn read_back<M, T>(bytes: &[u8], write: impl Fn(&T) -> M)
+where
+    M: Message + Default,
+    T: TryFrom<M, Error = Invalid> + Debug + PartialEq,
+{
+    if let Some(Ok(read)) = decoded::<M>(bytes).map(T::try_from) {
+        assert_eq!(T::try_from(write(&read)).as_ref(), Ok(&read));
     }
 }
 
@@ -100,19 +114,40 @@ fn decoded<M: Message + Default>(bytes: &[u8]) -> Option<M> {
 
 /// A reference case.
 pub fn case_json(bytes: &[u8]) {
-    if let Ok(text) = from_utf8(bytes) {
-        drop(Case::from_json(text));
+    let Ok(text) = from_utf8(bytes) else { return };
+    if let Ok(case) = Case::from_json(text) {
+        let written = serde_json::from_str::<Value>(text).unwrap().to_string();
+        let again = Case::from_json(&written).unwrap();
+        assert_eq!(format!("{again:?}"), format!("{case:?}"));
     }
 }
 
 /// A checkpoint that is published or imported.
 pub fn checkpoint(bytes: &[u8]) {
-    drop(EmbedderModel::read(bytes));
+    if let Ok(model) = EmbedderModel::read(bytes) {
+        let again = EmbedderModel::read(model.encoded()).unwrap();
+        assert_eq!(format!("{again:?}"), format!("{model:?}"));
+        assert!(again.encoded() == model.encoded(), "other bytes the second time");
+    }
 }
 
 /// A file of labels.
 pub fn labels_csv(bytes: &[u8]) {
-    drop(Table::parse(Path::new("labels.csv"), bytes.to_vec(), None));
+    let parse = |bytes| Table::parse(Path::new("labels.csv"), bytes, None).map(Table::into_answers);
+    if let Ok(answers) = parse(bytes.to_vec()) {
+        let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+        let individual = v1::Individual {
+            controller: vec![0.5; 4],
+            features: vec![0.25; 5],
+            ..v1::Individual::default()
+        };
+        let labelled = |answer| Labelled {
+            answer,
+            individual: &individual,
+        };
+        let written = to_csv(&spec, answers.iter().map(labelled)).unwrap();
+        assert_eq!(parse(written).as_ref(), Ok(&answers));
+    }
 }
 
 /// A change of an input, of the kinds that parsers stumble over; the same for the same stream.
@@ -207,11 +242,19 @@ fn encoded() -> Vec<Vec<u8>> {
         ..v1::Checkpoint::default()
     };
     seeds.push(of(1, checkpoint.encode_to_vec()));
-    let individual = v1::Individual {
-        controller: vec![0.5; 9],
-        ..v1::Individual::default()
+    let replay = v1::Replay {
+        steps: vec![0, 4],
+        poses: vec![0.5; 12],
+        agents: 2,
     };
-    seeds.push(of(6, individual.encode_to_vec()));
+    seeds.push(of(2, replay.encode_to_vec()));
+    for genes in [4, 9] {
+        let individual = v1::Individual {
+            controller: vec![0.5; genes],
+            ..v1::Individual::default()
+        };
+        seeds.push(of(6, individual.encode_to_vec()));
+    }
     seeds
 }
 

@@ -1,5 +1,6 @@
 //! A worker that does not keep to the rules.
 
+use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::{
     SIMULATOR_VERSION,
     v1::{
@@ -7,10 +8,14 @@ use murmuration_proto::{
         worker_service_client::WorkerServiceClient,
     },
 };
-use std::time::Duration;
+use std::{
+    net::Ipv4Addr,
+    sync::atomic::{AtomicU16, Ordering},
+    time::Duration,
+};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::{Status, Streaming};
+use tonic::{Status, Streaming, service::interceptor::InterceptedService, transport::Endpoint};
 
 /// A hand-made worker connection.
 #[derive(Debug)]
@@ -20,12 +25,30 @@ pub struct Impostor {
 }
 
 impl Impostor {
-    /// Connects and says `hello`, whatever that is.
+    /// Connects from a machine of its own and says `hello`, whatever that is.
     ///
     /// # Errors
     /// What the coordinator answers, if it refuses.
     pub async fn say_hello(url: &str, hello: Message) -> Result<Self, Status> {
-        let mut client = WorkerServiceClient::connect(url.to_owned()).await.unwrap();
+        static MACHINES: AtomicU16 = AtomicU16::new(1);
+        let [high, low] = MACHINES.fetch_add(1, Ordering::Relaxed).to_be_bytes();
+        Self::say_hello_from(url, Ipv4Addr::new(127, 1, high, low), hello).await
+    }
+
+    async fn say_hello_from(url: &str, address: Ipv4Addr, hello: Message) -> Result<Self, Status> {
+        // Linux takes every address of 127.0.0.0/8 for this machine's, and the coordinator each for another machine.
+        let endpoint = Endpoint::from_shared(url.to_owned()).unwrap();
+        let channel = endpoint
+            .local_address(Some(address.into()))
+            .connect()
+            .await
+            .unwrap();
+        let channel = InterceptedService::new(channel, Credentials::default().bearer());
+        Self::say_hello_over(channel, hello).await
+    }
+
+    async fn say_hello_over(channel: Coordinator, hello: Message) -> Result<Self, Status> {
+        let mut client = WorkerServiceClient::new(channel);
         let (outbox, messages) = mpsc::channel(64);
         outbox
             .send(v1::WorkerMessage { message: Some(hello) })
@@ -39,22 +62,27 @@ impl Impostor {
         }
     }
 
-    /// Connects like an honest worker.
+    /// Connects like an honest worker on a machine of its own.
     pub async fn connect(url: &str) -> Self {
         Self::say_hello(url, Self::hello(SIMULATOR_VERSION))
             .await
             .unwrap()
     }
 
-    /// Connects like an honest worker's process, which is known again when it connects anew.
+    /// Connects like an honest worker's process with the number `instance` on the machine 127.0.0.`machine`.
     ///
     /// # Errors
     /// What the coordinator answers, if it refuses.
-    pub async fn connect_as(url: &str, instance: u64) -> Result<Self, Status> {
-        let Message::Hello(hello) = Self::hello(SIMULATOR_VERSION) else {
-            unreachable!()
-        };
-        Self::say_hello(url, Message::Hello(v1::Hello { instance, ..hello })).await
+    pub async fn connect_as(url: &str, machine: u8, instance: u64) -> Result<Self, Status> {
+        Self::say_hello_from(url, Ipv4Addr::new(127, 0, 0, machine), hello_as(instance)).await
+    }
+
+    /// The same over a connection that may show something.
+    ///
+    /// # Errors
+    /// What the coordinator answers, if it refuses.
+    pub async fn connect_over(channel: Coordinator, instance: u64) -> Result<Self, Status> {
+        Self::say_hello_over(channel, hello_as(instance)).await
     }
 
     /// The Hello of a worker with this simulator version.
@@ -66,7 +94,8 @@ impl Impostor {
             capacity: 1,
             trainer_version: String::new(),
             instance: 0,
-            embedding_kind: 0,
+            // It claims that it could.
+            embedding_kind: 1,
         })
     }
 
@@ -138,6 +167,19 @@ impl Impostor {
         }
     }
 
+    /// Says of a lease that it was not done.
+    pub async fn fail(&self, lease: v1::LeaseId, class: v1::FailureClass, message: &str) {
+        let failure = v1::Failure {
+            class: class.into(),
+            message: message.to_owned(),
+        };
+        self.send(Message::Result(v1::BatchResult {
+            lease: Some(lease),
+            outcome: Some(v1::batch_result::Outcome::Failure(failure)),
+        }))
+        .await;
+    }
+
     /// Answers a lease with `evaluation` for each of `tasks` tasks.
     pub async fn answer(&self, lease: v1::LeaseId, evaluation: v1::Evaluation, tasks: usize) {
         self.answer_each(lease, vec![evaluation; tasks]).await;
@@ -152,5 +194,12 @@ impl Impostor {
             outcome,
         }))
         .await;
+    }
+}
+
+fn hello_as(instance: u64) -> Message {
+    match Impostor::hello(SIMULATOR_VERSION) {
+        Message::Hello(hello) => Message::Hello(v1::Hello { instance, ..hello }),
+        other => other,
     }
 }

@@ -6,9 +6,15 @@ mod binaries;
 mod cluster;
 pub mod edges;
 mod faulty_libc;
+mod harness;
 mod impostor;
+pub mod requirements;
+mod small_disk;
 
 pub use binaries::{Finished, Murmuration, Running, binary};
 pub use cluster::{Cluster, longer_spec, quick_dispatch, small_latent_spec, small_spec};
 pub use faulty_libc::FaultyLibc;
+pub use harness::{Test, block_on, run, run_one_by_one};
 pub use impostor::Impostor;
+pub use requirements::Requirement;
+pub use small_disk::SmallDisk;

@@ -2,6 +2,7 @@
 
 use murmuration_proto::{
     CampaignSpec,
+    parts::whole,
     v1::{
         self, checkpoint_service_client::CheckpointServiceClient, label_service_client::LabelServiceClient,
     },
@@ -70,12 +71,8 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
             (2, 9, 9)
         );
         let request = v1::ListLabelsRequest { campaign: id.clone() };
-        let labels = labels(&cluster)
-            .await
-            .list_labels(request)
-            .await
-            .unwrap()
-            .into_inner();
+        let labels = labels(&cluster).await.list_labels(request).await.unwrap();
+        let labels = whole(labels.into_inner()).await.unwrap();
         assert_eq!(labels.labels.len(), 80);
 
         // The checkpoint of the second round goes on from that of the first, and that from the pretrained one.
@@ -120,12 +117,8 @@ async fn a_committee_is_trained_learns_and_says_what_to_ask_whatever_the_cluster
         let last = completed(&mut cluster, &id).await;
         let mut checkpoints = CheckpointServiceClient::connect(cluster.url()).await.unwrap();
         let request = v1::ListCheckpointsRequest {};
-        let published = checkpoints
-            .list_checkpoints(request)
-            .await
-            .unwrap()
-            .into_inner()
-            .checkpoints;
+        let published = checkpoints.list_checkpoints(request).await.unwrap();
+        let published = whole(published.into_inner()).await.unwrap().checkpoints;
         // The campaign's own and the other: from the same pictures, then from the same labels.
         let [own, other, taught, other_taught] = published.as_slice() else {
             panic!("{} checkpoints", published.len());
@@ -244,7 +237,7 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
             count,
         };
         let added = labels.append_synthetic_labels(request).await;
-        Ok::<_, Status>(added?.into_inner().entries)
+        Ok::<_, Status>(whole(added?.into_inner()).await?.entries)
     };
     assert_eq!(ask("a", 0).await.unwrap_err().code(), Code::InvalidArgument);
     let first = ask("a", 60).await.unwrap();

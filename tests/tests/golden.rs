@@ -57,6 +57,7 @@ fn close(ours: &Value, theirs: &Value, tolerance: f64, place: &str) {
 
 #[test]
 fn every_vector_is_reproduced_as_far_as_it_is_comparable() {
+    let (mut steps, mut whole) = (0, 0);
     for case in vectors() {
         let name = case["name"].as_str().unwrap();
         let ours = run(&case);
@@ -69,6 +70,7 @@ fn every_vector_is_reproduced_as_far_as_it_is_comparable() {
                     POSITION_TOLERANCE,
                     &format!("{name} step {step}"),
                 );
+                steps += 1;
             }
         }
         if comparable_until == case["steps"].as_u64().unwrap() {
@@ -81,8 +83,14 @@ fn every_vector_is_reproduced_as_far_as_it_is_comparable() {
             for key in ["image", "image_raw", "jitter_events"] {
                 assert_eq!(ours[key], case[key], "{name} {key}");
             }
+            whole += 1;
         }
     }
+    assert_eq!(
+        (steps, whole),
+        (204, 14),
+        "as many as the vectors say are comparable"
+    );
 }
 
 /// The rows of a table, without its head.

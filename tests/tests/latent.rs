@@ -1,6 +1,6 @@
 //! Campaigns that learn their own behaviour space: the same for every cluster, and never two spaces in one archive.
 
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_proto::{CampaignSpec, parts::whole, v1};
 use murmuration_tests::{Cluster, small_latent_spec};
 use tonic::Code;
 
@@ -30,7 +30,8 @@ async fn taxonomy(cluster: &mut Cluster, campaign: &str) -> v1::Taxonomy {
     let request = v1::GetTaxonomyRequest {
         campaign: campaign.to_owned(),
     };
-    cluster.client.get_taxonomy(request).await.unwrap().into_inner()
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    whole(taxonomy.into_inner()).await.unwrap()
 }
 
 async fn adopt(cluster: &mut Cluster, campaign: &str, checkpoint: &str) -> Result<(), tonic::Status> {

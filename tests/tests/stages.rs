@@ -72,6 +72,7 @@ impl Processes {
                     status.training.is_some_and(|training| training.epoch > 0)
                 }
                 v1::CampaignStage::Label => status.labelled > 0,
+                v1::CampaignStage::Embed => status.embedded > 0,
                 v1::CampaignStage::Evolve => status.generations_done > 0,
                 _ => true,
             };
@@ -134,6 +135,8 @@ async fn worker_trainer_and_coordinator_killed_in_every_stage_change_nothing() {
         v1::CampaignStage::Evolve,
         v1::CampaignStage::Label,
         v1::CampaignStage::FineTune,
+        // Of the archive, with what was fine-tuned: the first time there was nothing to embed.
+        v1::CampaignStage::Embed,
         v1::CampaignStage::Taxonomy,
     ] {
         processes.wait_for(stage).await;

@@ -1,6 +1,6 @@
 //! The pages, as a browser's requests meet them, on the port that gRPC is served on.
 
-use murmuration_proto::v1;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_tests::{Cluster, small_spec};
 use serde_json::Value;
 use std::io::{BufRead as _, BufReader};
@@ -85,7 +85,14 @@ async fn a_finished_campaign_shows_its_behaviours() {
     );
 
     let request = v1::GetTaxonomyRequest { campaign: id };
-    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap().into_inner();
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    // The novelty of its day is of an archive that was emptier.
+    let cards = browser.page("/campaigns/small-1/taxonomy").await;
+    for medoid in &taxonomy.medoids {
+        let shown = format!("<dt>Novelty</dt><dd>{:.4}</dd>", medoid.novelty);
+        assert!(cards.contains(&shown), "{shown} {cards}");
+    }
     let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
     // Under an address that a campaign of another data directory will not have, it may be kept for ever.
     let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
@@ -93,10 +100,10 @@ async fn a_finished_campaign_shows_its_behaviours() {
     let lasting = format!("{path}?created={created}");
     assert!(page.contains(&lasting), "{page}");
     for (path, kept) in [
-        (&lasting, "public, max-age=31536000, immutable"),
-        (&path, "no-cache"),
-        (&format!("{path}?created=1"), "no-cache"),
-        (&format!("{path}/motion"), "no-cache"),
+        (&lasting, "private, max-age=31536000, immutable"),
+        (&path, "private, no-cache"),
+        (&format!("{path}?created=1"), "private, no-cache"),
+        (&format!("{path}/motion"), "private, no-cache"),
     ] {
         assert_eq!(browser.get(path).await.headers()["cache-control"], kept, "{path}");
     }
@@ -172,9 +179,12 @@ async fn what_scripts_say_is_checked_and_said_once() {
         .tell("undo", r#"{"request_id":"2","annotator":"ana"}"#, StatusCode::OK)
         .await;
     assert_eq!(
-        (&undone["individuals"], &undone["classes"][0]["labels"]),
-        (&serde_json::json!([3]), &0.into())
+        (&undone["individuals"], &undone["classes"]),
+        (&serde_json::json!([3]), &serde_json::json!([]))
     );
+    let wall = r#"{"request_id":"4","annotator":"ana","class":"wall"}"#;
+    let made = browser.tell("classes", wall, StatusCode::OK).await;
+    assert_eq!(made["classes"][0]["name"], "wall");
     let asked = browser
         .tell("questions", &ask("medoids", "3"), StatusCode::OK)
         .await;
@@ -215,7 +225,7 @@ async fn what_scripts_say_is_checked_and_said_once() {
         ("questions", &ask("clairvoyance", ""), StatusCode::BAD_REQUEST),
         (
             "classes",
-            r#"{"request_id":"3","annotator":"ana","class":"ring"}"#,
+            r#"{"request_id":"3","annotator":"ana","class":"Wall"}"#,
             StatusCode::CONFLICT,
         ),
     ];
@@ -273,7 +283,7 @@ async fn other_sites_change_nothing() {
         .list_campaigns(v1::ListCampaignsRequest {})
         .await
         .unwrap();
-    assert_eq!(listed.into_inner().campaigns, []);
+    assert_eq!(whole(listed.into_inner()).await.unwrap().campaigns, []);
     cluster.stop().await;
 }
 

@@ -31,6 +31,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
         coordinator: cluster.url(),
         credentials: Credentials::default(),
         name: "honest".to_owned(),
+        local_address: None,
         health: Health::new(),
         threads: std::num::NonZeroUsize::MIN,
         cache: folder.path().join("cache"),
@@ -122,13 +123,18 @@ async fn impossible_results_are_refused_by_name() {
 #[tokio::test(flavor = "multi_thread")]
 async fn results_for_leases_that_never_were_are_ignored() {
     check_undisturbed(async |url| {
-        let impostor = Impostor::connect(&url).await;
+        let mut impostor = Impostor::connect(&url).await;
         let evaluation = v1::Evaluation {
             features: vec![0.0; 5],
             image: vec![0; 2500],
             embedding: Vec::new(),
         };
+        let (own, _) = impostor.lease(1).await;
         for lease in [
+            v1::LeaseId {
+                number: own.number + 7,
+                ..own
+            },
             v1::LeaseId { epoch: 1, number: 1 },
             v1::LeaseId {
                 epoch: u64::MAX,
@@ -137,6 +143,8 @@ async fn results_for_leases_that_never_were_are_ignored() {
         ] {
             impostor.answer(lease, evaluation.clone(), 1).await;
         }
+        // What a worker says is heard in order: once it has another lease, all of that has arrived.
+        impostor.lease(1).await;
     })
     .await;
 }
@@ -215,13 +223,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
     let mut unable = Impostor::connect(&cluster.url()).await;
     let (lease, _) = unable.lease(5).await;
     unable
-        .send(Message::Result(v1::BatchResult {
-            lease: Some(lease),
-            outcome: Some(v1::batch_result::Outcome::Failure(v1::Failure {
-                class: v1::FailureClass::Retryable as i32,
-                message: "the cache is full".to_owned(),
-            })),
-        }))
+        .fail(lease, v1::FailureClass::Retryable, "the cache is full")
         .await;
     // It stays connected, and in its pause.
     let held_up = |status: &v1::Campaign| !status.waiting.is_empty();
@@ -231,6 +233,68 @@ async fn a_campaign_says_why_its_work_was_given_back() {
         "impostor gave work back, which is tried again: the cache is full"
     );
     assert_eq!(status.state(), v1::CampaignState::Running);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_one_machine_says_cannot_be_done_another_does() {
+    check_undisturbed(async |url| {
+        // It is there, and has no time: what it could do is not given up.
+        let busy = Impostor::connect(&url).await;
+        tokio::spawn(busy.dismissed());
+        let mut unfit = Impostor::connect_as(&url, 2, 1).await.unwrap();
+        let (lease, batch) = unfit.lease(5).await;
+        assert_eq!(batch.tasks.len(), 5);
+        unfit.fail(lease, v1::FailureClass::Fatal, "no such model").await;
+        tokio::spawn(unfit.dismissed());
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_two_machines_say_cannot_be_done_fails_the_campaign_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = murmuration_coordinator::dispatch::Options {
+        // One machine alone would have to wait for as long.
+        silence_limit: std::time::Duration::from_secs(100),
+        ..murmuration_tests::quick_dispatch()
+    };
+    let mut cluster = Cluster::start_with(folder.path(), 0, options).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let mut asked = Vec::new();
+    for (machine, instance) in [(2, 1), (3, 2)] {
+        let mut unfit = Impostor::connect_as(&cluster.url(), machine, instance)
+            .await
+            .unwrap();
+        let (lease, _) = unfit.lease(20).await;
+        assert_eq!(
+            cluster.status(&campaign).await.state(),
+            v1::CampaignState::Running
+        );
+        unfit.fail(lease, v1::FailureClass::Fatal, "no such model").await;
+        asked.push(unfit);
+    }
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Failed);
+    assert_eq!(
+        last.error,
+        "no such model (so impostor at 127.0.0.2 and impostor at 127.0.0.3)"
+    );
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_the_only_machine_says_cannot_be_done_fails_the_campaign_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let mut unfit = Impostor::connect_as(&cluster.url(), 2, 1).await.unwrap();
+    let (lease, _) = unfit.lease(5).await;
+    unfit.fail(lease, v1::FailureClass::Fatal, "no such model").await;
+    tokio::spawn(unfit.dismissed());
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Failed);
+    assert_eq!(last.error, "no such model (so impostor at 127.0.0.2)");
     cluster.stop().await;
 }
 

@@ -14,7 +14,7 @@ use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
 };
-use std::sync::Arc;
+use std::{net::IpAddr, sync::Arc};
 use task::Task;
 use tokio::sync::{Mutex, watch};
 
@@ -29,6 +29,8 @@ pub struct Options {
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
+    /// Address of this machine to connect from; `None` leaves the choice to the system.
+    pub local_address: Option<IpAddr>,
     /// Told whether it is connected.
     pub health: Health,
 }
@@ -45,7 +47,8 @@ pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), Tr
         &options.credentials,
         Role::Trainer,
         &options.name,
-    )?;
+    )?
+    .connecting_from(options.local_address);
     let mut trainer = Trainer {
         coordinator: address.channel(),
         turn: Arc::default(),

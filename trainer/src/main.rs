@@ -1,7 +1,7 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::{PartyArguments, Post, run_party};
+use murmuration_link::{PartyArguments, Post, errln, parse_arguments, run_party};
 use murmuration_trainer::client::{self, Options};
 use std::{num::NonZeroUsize, process::ExitCode};
 
@@ -24,14 +24,17 @@ struct Arguments {
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = match parse_arguments() {
+        Ok(arguments) => arguments,
+        Err(code) => return code,
+    };
     // To rayon 0 is the number of cores.
     let threads = arguments.threads.map_or(0, NonZeroUsize::get);
     if let Err(error) = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build_global()
     {
-        eprintln!("error: cannot start {threads} threads: {error}");
+        errln!("error: cannot start {threads} threads: {error}");
         return ExitCode::FAILURE;
     }
     let leaving = "leaving after this epoch";
@@ -44,6 +47,7 @@ async fn main() -> ExitCode {
                 coordinator: post.coordinator,
                 credentials: post.credentials,
                 name: arguments.name,
+                local_address: post.local_address,
                 health: post.health,
             };
             client::run(options, post.stop).await

@@ -18,12 +18,12 @@ impl Quality {
     /// Measures embeddings of `dimensions` numbers each: of anchors, of their positives in the same order, and of
     /// pictures as they are.
     pub(crate) fn of(anchors: &[f32], positives: &[f32], plain: &[f32], dimensions: usize) -> Self {
-        let Moments { covariance, .. } = Moments::of(plain, dimensions);
-        let total: f64 = (0..dimensions).map(|i| covariance[i * dimensions + i]).sum();
-        let squares: f64 = covariance.iter().map(|value| value * value).sum();
+        let moments = Moments::of(plain, dimensions);
+        let total = moments.variance();
+        let squares: f64 = moments.covariance.iter().map(|value| value * value).sum();
         Self {
             triplet_accuracy: triplet_accuracy(anchors, positives, dimensions),
-            spread: total.sqrt(),
+            spread: moments.spread(),
             rank: if squares > 0.0 {
                 total * total / squares
             } else {
@@ -58,6 +58,17 @@ impl Moments {
         }
         Self { mean, covariance }
     }
+
+    /// Sum of the variances of all dimensions.
+    fn variance(&self) -> f64 {
+        let dimensions = self.mean.len();
+        (0..dimensions).map(|i| self.covariance[i * dimensions + i]).sum()
+    }
+
+    /// Root mean square distance from the mean.
+    pub(crate) fn spread(&self) -> f64 {
+        self.variance().sqrt()
+    }
 }
 
 fn triplet_accuracy(anchors: &[f32], positives: &[f32], dimensions: usize) -> f64 {
@@ -76,7 +87,7 @@ fn triplet_accuracy(anchors: &[f32], positives: &[f32], dimensions: usize) -> f6
                 .filter(|other| near < squared_distance(anchor, other))
                 .count()
         });
-    let triplets = positives.len() * (positives.len() - 1);
+    let triplets = positives.len() * positives.len().saturating_sub(1);
     correct.sum::<usize>() as f64 / triplets as f64
 }
 
@@ -93,7 +104,8 @@ mod tests {
     }
 
     #[test]
-    fn the_spread_is_a_distance() {
+    fn the_spread_is_a_distance_and_needs_no_triplets() {
+        assert_eq!(Quality::of(&[], &[], &[0.0, 0.0, 6.0, 8.0], 2).spread, 5.0);
         let quality = Quality::of(&[0.0; 4], &[0.0; 4], &[0.0, 0.0, 6.0, 8.0], 2);
         assert_eq!(quality.spread, 5.0);
     }

@@ -18,7 +18,7 @@ use murmuration_proto::{
     v1::{self, coordinator_message, worker_message},
 };
 use pool::Pool;
-use std::{num::NonZeroUsize, path::PathBuf};
+use std::{net::IpAddr, num::NonZeroUsize, path::PathBuf};
 use tokio::sync::watch;
 
 /// What a worker needs to know.
@@ -30,6 +30,8 @@ pub struct Options {
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
+    /// Address of this machine to connect from; `None` leaves the choice to the system.
+    pub local_address: Option<IpAddr>,
     /// Told whether it is connected.
     pub health: Health,
     /// Evaluations at once, one a thread; at most 4,096.
@@ -55,14 +57,20 @@ pub enum WorkerError {
 /// See [`WorkerError`].
 pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     let capacity = options.threads.get() as u32;
-    // A worker without it says so when it is asked to embed.
-    let kind = Runtime::load().map_or(EmbeddingKind::UNKNOWN, |runtime| runtime.kind());
+    let kind = match Runtime::load() {
+        Ok(runtime) => runtime.kind(),
+        Err(error) => {
+            tracing::warn!(name = options.name, %error, "this worker simulates, and does not embed");
+            EmbeddingKind::UNKNOWN
+        }
+    };
     let address = Address::new(
         &options.coordinator,
         &options.credentials,
         Role::Worker { capacity, kind },
         &options.name,
-    )?;
+    )?
+    .connecting_from(options.local_address);
     let checkpoints = Checkpoints::new(address.channel(), options.cache);
     let mut worker = Worker {
         pool: Pool::start(options.threads, checkpoints)?,

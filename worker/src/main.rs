@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{PartyArguments, Post, run_party};
+use murmuration_link::{PartyArguments, Post, parse_arguments, run_party};
 use murmuration_worker::client::{self, Options};
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 
@@ -28,7 +28,10 @@ struct Arguments {
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = match parse_arguments() {
+        Ok(arguments) => arguments,
+        Err(code) => return code,
+    };
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     run_party(
         "murmuration-worker",
@@ -39,6 +42,7 @@ async fn main() -> ExitCode {
                 coordinator: post.coordinator,
                 credentials: post.credentials,
                 name: arguments.name,
+                local_address: post.local_address,
                 health: post.health,
                 threads: arguments.threads.unwrap_or(cores),
                 cache: arguments.cache.unwrap_or_else(checkpoint_folder),

@@ -1,7 +1,7 @@
 //! The motion of a swarm, recorded to be watched.
 
 use crate::simulate::{Start, Swarm};
-use murmuration_proto::{Controller, Invalid, Replay, World};
+use murmuration_proto::{Controller, Frames, Invalid, Replay, World};
 use std::num::NonZeroU32;
 
 /// Most poses in a replay (240 MB): more is refused rather than held in memory.
@@ -25,20 +25,38 @@ pub fn replay(
         let allowed = format!("enough to keep {poses} poses under {MAX_POSES}");
         return Err(Invalid::new("stride", stride, allowed));
     }
-    let mut swarm = Swarm::new(controller, world, start)?;
+    let steps = (0..horizon).step_by(stride.get() as usize).chain([horizon]);
+    record(Swarm::new(controller, world, start)?, steps, poses)
+}
+
+/// Simulates `controller` from `start` over the world's horizon, with the frames that are wanted.
+///
+/// # Errors
+/// Where `start` does not fit the world, or a pose is not finite.
+pub fn replay_frames(
+    controller: &Controller,
+    world: &World,
+    start: &Start,
+    frames: &Frames,
+) -> Result<Replay, Invalid> {
+    let swarm = Swarm::new(controller, world, start)?;
+    record(swarm, frames.steps(world), frames.poses(world))
+}
+
+/// The motion of a swarm at these steps, ascending from 0; so many poses.
+fn record(mut swarm: Swarm, wanted: impl Iterator<Item = u32>, count: u64) -> Result<Replay, Invalid> {
+    let agents = swarm.agents().count();
     let mut steps = Vec::new();
-    let mut poses = Vec::with_capacity(poses as usize);
-    loop {
-        steps.push(swarm.steps());
+    let mut poses = Vec::with_capacity(count as usize);
+    for step in wanted {
+        swarm.advance(step - swarm.steps());
+        steps.push(step);
         poses.extend(swarm.agents().map(|agent| {
             let [x, y] = agent.position;
             [x as f32, y as f32, agent.theta as f32]
         }));
-        if swarm.steps() == horizon {
-            return Replay::new(steps, world.agents() as usize, poses);
-        }
-        swarm.advance(stride.get().min(horizon - swarm.steps()));
     }
+    Replay::new(steps, agents, poses)
 }
 
 #[cfg(test)]
@@ -46,7 +64,7 @@ mod tests {
     use super::*;
     use murmuration_proto::{CapabilityModel, v1};
 
-    fn record(horizon: u32, stride: u32) -> Result<Replay, Invalid> {
+    fn recorded(horizon: u32, stride: u32) -> Result<Replay, Invalid> {
         let message = v1::World {
             horizon: Some(horizon),
             ..World::default().into()
@@ -64,7 +82,7 @@ mod tests {
     #[test]
     fn there_is_a_frame_of_the_start_of_every_stride_and_of_the_end() {
         let check = |horizon, stride, expected: &[u32]| {
-            assert_eq!(record(horizon, stride).unwrap().steps(), expected);
+            assert_eq!(recorded(horizon, stride).unwrap().steps(), expected);
         };
         check(10, 4, &[0, 4, 8, 10]);
         check(8, 4, &[0, 4, 8]);
@@ -74,14 +92,29 @@ mod tests {
 
     #[test]
     fn the_frames_are_the_same_whatever_the_stride() {
-        let (coarse, fine) = (record(300, 100).unwrap(), record(300, 1).unwrap());
+        let (coarse, fine) = (recorded(300, 100).unwrap(), recorded(300, 1).unwrap());
         let fine: Vec<_> = fine.frames().step_by(100).collect();
         assert!(coarse.frames().eq(fine));
     }
 
     #[test]
+    fn the_end_of_a_motion_is_the_same_whether_or_not_more_is_recorded() {
+        let whole = recorded(1200, 4).unwrap();
+        let controller = Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap();
+        let world = World::default();
+        let frames = Frames::of_end(160, NonZeroU32::new(4).unwrap(), &world);
+        let end = replay_frames(&controller, &world, &Start::seeded(4), &frames).unwrap();
+        assert_eq!(end.steps().len(), 42);
+        assert_eq!((end.steps()[0], end.steps()[1]), (0, 1040));
+        let whole: Vec<_> = whole.frames().collect();
+        let end: Vec<_> = end.frames().collect();
+        assert_eq!(end[0], whole[0]);
+        assert_eq!(end[1..], whole[1040 / 4..]);
+    }
+
+    #[test]
     fn what_would_not_fit_in_memory_is_refused() {
-        let error = record(10_000_000, 1).unwrap_err();
+        let error = recorded(10_000_000, 1).unwrap_err();
         assert_eq!(error.field, "stride");
     }
 }

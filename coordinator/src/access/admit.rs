@@ -1,19 +1,35 @@
-//! What every request meets first: whether its connection may ask as often, and whether it may ask for that.
+//! What every request meets first: whether its connection may ask as often, whether it may come from a page, and whether
+//! it may ask for that.
 
-use super::{Access, COOKIE, Refusal, Sessions, Shown, machine::Certificate, needs};
-use crate::{connections::Visit, web};
+use super::{
+    Access, Refusal, Session, Sessions, Shown,
+    machine::Certificate,
+    needs,
+    origin::{self, Asked, Hosts},
+};
+use crate::{connections::Visit, limits::MAX_HEADER_BYTES, web};
 use axum::{
+    body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
-        HeaderMap,
-        header::{AUTHORIZATION, COOKIE as COOKIES},
+        HeaderMap, HeaderValue,
+        header::{AUTHORIZATION, CONTENT_TYPE},
     },
     middleware::Next,
     response::Response,
 };
 use murmuration_link::TokenDigest;
-use std::{sync::Arc, time::SystemTime};
+use std::{
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll},
+    time::SystemTime,
+};
+use tokio_stream::Stream;
 use tonic::{Status, transport::server::TlsConnectInfo};
+
+/// Bytes that a header counts for besides its name and value, as HTTP/2 has it.
+const HEADER_OVERHEAD: usize = 32;
 
 /// One of a coordinator's ways in.
 #[derive(Debug)]
@@ -22,59 +38,116 @@ pub(crate) struct Door {
     pub(crate) access: Access,
     /// The browsers that have logged in.
     pub(crate) sessions: Sessions,
+    /// Under which names it answers.
+    pub(crate) hosts: Hosts,
     /// Whether what passes is encrypted.
     pub(crate) is_encrypted: bool,
 }
 
 /// Turns away what may not come in, in the words of who asked: a status, a page, or a line of text.
 pub(crate) async fn admit(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
-    let method = needs::of_method(request.uri().path());
-    let allowed = pace(&request).and_then(|()| {
-        let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
-        let need = method.unwrap_or_else(|| needs::of_page(request.method(), route));
-        let shown = door.shown(&request, method.is_none());
-        door.access.admits(need, &shown)
-    });
-    if let Err(refusal) = &allowed {
-        tracing::debug!(path = request.uri().path(), %refusal, "turned away");
-    }
-    match allowed {
-        Ok(()) => next.run(request).await,
-        Err(refusal) if method.is_some() => Status::from(refusal).into_http(),
-        Err(refusal) => web::turn_away(&refusal, request.uri(), request.headers()),
+    let asked = Asked::of(&request);
+    let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
+    // A cookie counts for pages alone: a browser sends it whoever asks.
+    let session = match (asked, bearer(request.headers())) {
+        (Asked::Page, None) => door.sessions.of(request.headers(), SystemTime::now()),
+        _ => None,
+    };
+    match door.allows(asked, session.as_ref(), &request) {
+        Ok(()) => while_it_lasts(session, next.run(request).await),
+        Err(refusal) => {
+            tracing::debug!(path = request.uri().path(), %refusal, "turned away");
+            match speaks_grpc {
+                true => Status::from(refusal).into_http(),
+                false => web::turn_away(refusal, request.uri(), request.headers()),
+            }
+        }
     }
 }
 
-fn pace(request: &Request) -> Result<(), Refusal> {
-    match request.extensions().get::<Visit>() {
-        Some(visit) if !visit.may_ask() => Err(Refusal::Rate),
-        _ => Ok(()),
+impl Asked {
+    fn of(request: &Request) -> Self {
+        let is_somewhere = request.extensions().get::<MatchedPath>().is_some();
+        if needs::of_method(request.uri().path()).is_some() {
+            Self::Method
+        } else if !is_somewhere && origin::is_grpc(request.headers()) {
+            Self::NoService
+        } else {
+            Self::Page
+        }
     }
 }
 
 impl Door {
-    /// What a request shows. A cookie counts for pages alone: a browser sends it whoever asks.
-    fn shown(&self, request: &Request, is_page: bool) -> Shown {
-        let headers = request.headers();
-        let token = bearer(headers).map(TokenDigest::of);
-        let session = is_page.then(|| self.logged_in(headers)).flatten();
+    fn allows(&self, asked: Asked, session: Option<&Session>, request: &Request) -> Result<(), Refusal> {
+        let visit = request.extensions().get::<Visit>();
+        if visit.is_some_and(|visit| !visit.may_ask()) {
+            return Err(Refusal::Rate);
+        }
+        if header_bytes(request) > MAX_HEADER_BYTES as usize {
+            return Err(Refusal::Headers);
+        }
+        origin::check(self.hosts, self.is_encrypted, asked, request)?;
+        let need = needs::of_method(request.uri().path()).unwrap_or_else(|| {
+            let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
+            needs::of_page(request.method(), route)
+        });
         let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
-        Shown {
-            token: token.or(session),
+        let shown = Shown {
+            token: bearer(request.headers())
+                .map(TokenDigest::of)
+                .or(session.map(|session| session.token)),
             certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
-        }
+        };
+        self.access.admits(need, &shown)
     }
 
     /// The token that this browser has logged in with.
     pub(crate) fn logged_in(&self, headers: &HeaderMap) -> Option<TokenDigest> {
-        let cookies = headers
-            .get_all(COOKIES)
-            .iter()
-            .filter_map(|line| line.to_str().ok());
-        let mut cookies = cookies.flat_map(|line| line.split(';'));
-        let session = cookies.find_map(|cookie| cookie.trim().strip_prefix(COOKIE)?.strip_prefix('='))?;
-        self.sessions.token(session, SystemTime::now())
+        let session = self.sessions.of(headers, SystemTime::now());
+        session.map(|session| session.token)
+    }
+}
+
+/// HTTP/2 refuses longer ones itself, HTTP/1.1 does not.
+fn header_bytes(request: &Request) -> usize {
+    let headers = request.headers().iter();
+    let headers = headers.map(|(name, value)| name.as_str().len() + value.len() + HEADER_OVERHEAD);
+    let path = request.uri().path_and_query();
+    headers.sum::<usize>() + path.map_or(0, |path| path.as_str().len())
+}
+
+/// What a page goes on to be sent ends with the session that it was let in by.
+fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
+    let kind = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes);
+    match session {
+        Some(session) if kind.is_some_and(|kind| kind.starts_with(b"text/event-stream")) => {
+            response.map(|body| {
+                Body::from_stream(Until {
+                    end: Box::pin(session.ended()),
+                    body: body.into_data_stream(),
+                })
+            })
+        }
+        _ => response,
+    }
+}
+
+/// A body that breaks off at its end or when something else has ended.
+struct Until<F> {
+    end: Pin<Box<F>>,
+    body: BodyDataStream,
+}
+
+impl<F: Future<Output = ()>> Stream for Until<F> {
+    type Item = <BodyDataStream as Stream>::Item;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        match self.end.as_mut().poll(context) {
+            Poll::Ready(()) => Poll::Ready(None),
+            Poll::Pending => Pin::new(&mut self.body).poll_next(context),
+        }
     }
 }
 
@@ -88,8 +161,11 @@ impl From<Refusal> for Status {
         let said = refusal.to_string();
         match refusal {
             Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => Self::unauthenticated(said),
-            Refusal::Role { .. } | Refusal::WrongCertificate(_) => Self::permission_denied(said),
-            Refusal::Rate => Self::resource_exhausted(said),
+            Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
+                Self::permission_denied(said)
+            }
+            Refusal::Rate | Refusal::Headers => Self::resource_exhausted(said),
+            Refusal::ContentType => Self::invalid_argument(said),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Where a coordinator listens, how what is said there is protected, and whom it lets in: only in combinations that
 //! somebody may want.
 
-use super::{Access, Tokens};
+use super::{Access, Hosts, Tokens};
 use crate::limits::HANDSHAKE_LIMIT;
 use murmuration_link::{CredentialsError, read_pem, root_cause};
 use std::{
@@ -127,6 +127,11 @@ impl Entrance {
     /// How to encrypt, if at all.
     pub(crate) fn tls(&self) -> Option<ServerTlsConfig> {
         self.tls.as_ref().map(|tls| tls.config.clone())
+    }
+
+    /// Under which names to answer.
+    pub(crate) fn hosts(&self) -> Hosts {
+        Hosts::of(self.address, &self.access(), self.tls.is_some())
     }
 
     /// Whom to let in.

@@ -1,8 +1,8 @@
 //! The way in for processes of the coordinator's own machine and user: a token that only the owner of the data
 //! directory can read.
 
-use super::{Access, Role, Sessions, Tokens};
-use crate::store::StoreError;
+use super::{Access, HolderName, Role, Tokens};
+use crate::{files::is_there, store::StoreError};
 use murmuration_link::{CredentialsError, Token, read_token};
 use std::{
     fs,
@@ -33,12 +33,22 @@ pub(crate) fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError
 }
 
 impl Local {
-    /// That of a data directory; makes one where there is none that can be used.
+    /// That of a data directory; makes one where there is none, or one that was never written to its end.
     pub(crate) fn of(data: &Path) -> Result<Self, StoreError> {
-        if let Ok(Some(token)) = local_token(data) {
-            return Ok(Self { token });
-        }
         let path = data.join(FILE);
+        let unread = |source| StoreError::File {
+            doing: "read",
+            path: path.clone(),
+            source,
+        };
+        is_there(&path).map_err(unread)?;
+        match local_token(data) {
+            Ok(Some(token)) => return Ok(Self { token }),
+            Err(CredentialsError::File { source, .. }) if source.kind() != io::ErrorKind::InvalidData => {
+                return Err(unread(source));
+            }
+            Ok(None) | Err(_) => {}
+        }
         let token = Token::generate().map_err(io::Error::other);
         let made = token.and_then(|token| write(&path, &token).map(|()| Self { token }));
         made.map_err(|source| StoreError::File {
@@ -54,20 +64,11 @@ impl Local {
 
     /// Lets its bearer in as an operator, and nobody else.
     pub(crate) fn access(&self) -> Access {
-        let holder = ("this machine".to_owned(), Role::Operator, self.token.digest());
+        let holder = (HolderName::this_machine(), Role::Operator, self.token.digest());
         Access {
             tokens: Some(Arc::new(Tokens::of([holder]))),
             certificates: false,
         }
-    }
-
-    /// What browsers' sessions are sealed with.
-    pub(crate) fn sessions(&self) -> Sessions {
-        let key = blake3::derive_key(
-            "Murmuration 2026-11 browser sessions",
-            self.token.reveal().as_bytes(),
-        );
-        Sessions::sealed_with(key)
     }
 }
 
@@ -101,6 +102,15 @@ mod tests {
             use std::os::unix::fs::PermissionsExt as _;
             assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
         }
+        // One that cannot be read is not made anew: what it let in, it is to let in again.
+        let kept = folder.path().join("kept");
+        fs::rename(&path, &kept).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(Local::of(folder.path()).is_err());
+        fs::remove_dir(&path).unwrap();
+        std::os::unix::fs::symlink(folder.path().join("unmounted"), &path).unwrap();
+        assert!(Local::of(folder.path()).is_err());
+        fs::rename(&kept, &path).unwrap();
         fs::write(&path, "torn").unwrap();
         let other = Local::of(folder.path()).unwrap();
         assert_ne!(other.token().digest(), made.token().digest());

@@ -1,7 +1,9 @@
-//! Machines, and what a certificate says that its holder is.
+//! Machines: what a certificate says that its holder is, and which machine is at the other end of a connection.
 
+use crate::{connections::Visit, leases::MachineId};
 use rustls_pki_types::CertificateDer;
-use std::fmt;
+use std::{fmt, net::IpAddr};
+use tonic::{Extensions, transport::server::TlsConnectInfo};
 use webpki::EndEntityCert;
 
 /// What a machine of a cluster does.
@@ -12,7 +14,8 @@ pub(crate) enum Machine {
 }
 
 impl Machine {
-    const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
+    /// Every kind.
+    pub(crate) const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
 
     /// The DNS name, among the alternative names of a certificate's subject, that makes it one for such machines alone.
     pub(crate) const fn dns_name(self) -> &'static str {
@@ -68,6 +71,50 @@ impl Certificate {
     }
 }
 
+/// Where a worker or trainer connects from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Origin {
+    /// Its machine: whoever shows a certificate is known by its public key, others by their address.
+    pub(crate) machine: MachineId,
+    /// Its address, for people.
+    pub(crate) address: IpAddr,
+}
+
+/// Where a request comes from, by its connection alone; `None` if it came by none.
+pub(crate) fn origin(request: &Extensions) -> Option<Origin> {
+    let address = request.get::<Visit>()?.peer();
+    let chain = request
+        .get::<TlsConnectInfo<Visit>>()
+        .and_then(TlsConnectInfo::peer_certs);
+    let certificate = chain.as_ref().and_then(|chain| chain.first());
+    Some(Origin {
+        machine: machine_of(certificate, address),
+        address,
+    })
+}
+
+/// The machine that shows this certificate, which the TLS library has checked, or else has this address.
+fn machine_of(certificate: Option<&CertificateDer<'_>>, address: IpAddr) -> MachineId {
+    let key = certificate.map(|certificate| match EndEntityCert::try_from(certificate) {
+        // A certificate that is renewed for the same key is the same machine's.
+        Ok(read) => read.subject_public_key_info().to_vec(),
+        Err(_) => certificate.to_vec(),
+    });
+    match (key, address) {
+        (Some(key), _) => digest("certificate", &key),
+        (None, IpAddr::V4(address)) => digest("address", &address.octets()),
+        (None, IpAddr::V6(address)) => digest("address", &address.octets()),
+    }
+}
+
+fn digest(kind: &str, bytes: &[u8]) -> MachineId {
+    let mut hasher = blake3::Hasher::new_derive_key(&format!("murmuration machine by its {kind}"));
+    let hash = hasher.update(bytes).finalize();
+    let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
+    // 0 is nobody's.
+    MachineId(u64::from_le_bytes(first) | 1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,5 +137,24 @@ mod tests {
         assert_eq!(good_for(&[]), Machine::ALL);
         let garbage = CertificateDer::from(vec![0x30, 0x03, 1, 2, 3]);
         assert!(Certificate::read(&garbage).good_for.is_empty());
+    }
+
+    #[test]
+    fn a_machine_is_its_key_and_without_one_its_address() {
+        let signed = |key: &KeyPair| {
+            let params = CertificateParams::new(Vec::new()).unwrap();
+            params.self_signed(key).unwrap().der().clone()
+        };
+        let (key, other) = (KeyPair::generate().unwrap(), KeyPair::generate().unwrap());
+        let by_key = |key, address: &str| machine_of(Some(&signed(key)), address.parse().unwrap());
+        let by_address = |address: &str| machine_of(None, address.parse().unwrap());
+        // Renewed, and wherever it is.
+        assert_eq!(by_key(&key, "10.0.0.1"), by_key(&key, "10.0.0.2"));
+        assert_ne!(by_key(&key, "10.0.0.1"), by_key(&other, "10.0.0.1"));
+        assert_eq!(by_address("10.0.0.1"), by_address("10.0.0.1"));
+        let all = ["10.0.0.1", "10.0.0.2", "::1", "2001:db8::1"].map(by_address);
+        let distinct: std::collections::BTreeSet<_> = all.into_iter().collect();
+        assert_eq!(distinct.len(), 4);
+        assert_ne!(by_key(&key, "10.0.0.1"), by_address("10.0.0.1"));
     }
 }

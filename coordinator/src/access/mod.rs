@@ -1,7 +1,7 @@
 //! Who may do what: the doors of a coordinator, what a request shows at one, and what it needs.
 //!
 //! `needs` is the one table of what every method and page needs; `admit` asks it before anything else happens with a
-//! request. Machines show certificates, people tokens, browsers a cookie that a token was given for. Services and pages
+//! request, and `origin` whether another site's page may have sent it. Machines show certificates, people tokens, browsers a cookie that a token was given for. Services and pages
 //! know nothing of any of this.
 
 mod admit;
@@ -9,16 +9,18 @@ mod entrance;
 mod local;
 mod machine;
 mod needs;
+mod origin;
 mod sessions;
 mod tokens;
 
 pub(crate) use admit::{Door, admit};
 pub use entrance::{Entrance, EntranceError, Tls};
 pub(crate) use local::{Local, local_token};
-pub(crate) use machine::Machine;
+pub(crate) use machine::{Machine, Origin, origin};
 pub use needs::Role;
-pub(crate) use sessions::{COOKIE, LIFETIME, Sessions};
-pub(crate) use tokens::entry;
+pub(crate) use origin::Hosts;
+pub(crate) use sessions::{Session, Sessions};
+pub(crate) use tokens::{HolderName, entry};
 pub use tokens::{Tokens, TokensError};
 
 use machine::Certificate;
@@ -69,7 +71,7 @@ pub(crate) enum Refusal {
     #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
     Role {
         /// Whose token it is.
-        name: String,
+        name: HolderName,
         /// What the token is good for.
         has: Role,
         /// What would be needed.
@@ -78,6 +80,24 @@ pub(crate) enum Refusal {
     /// It is one of too many.
     #[error("too many requests on one connection: try again in a second")]
     Rate,
+    /// It has more headers than there may be.
+    #[error(
+        "the request's headers and address have more than {} bytes together",
+        crate::limits::MAX_HEADER_BYTES
+    )]
+    Headers,
+    /// It names a host that may be somebody else's.
+    #[error(
+        "this coordinator asks nobody for a token, so it answers under its address and as localhost alone: under \
+         another name it could be a part of somebody's web site (`serve --tokens FILE`, or TLS, allows any name)"
+    )]
+    Host,
+    /// It comes from another site's page, or does not say that it comes from one of ours.
+    #[error("only pages of this coordinator may ask for that: the header Origin must be theirs")]
+    Origin,
+    /// It is not what gRPC clients send.
+    #[error("gRPC methods take requests of the content type application/grpc alone")]
+    ContentType,
 }
 
 impl Access {
@@ -117,7 +137,7 @@ impl Access {
     }
 
     /// Whose token this is: name and role, if it is somebody's.
-    pub(crate) fn whose(&self, token: TokenDigest) -> Option<(&str, Role)> {
+    pub(crate) fn whose(&self, token: TokenDigest) -> Option<(&HolderName, Role)> {
         let holder = self.tokens.as_ref()?.holder(token)?;
         Some((&holder.name, holder.role))
     }
@@ -138,7 +158,7 @@ mod tests {
     fn access(tokens: &[(Role, &Token)], certificates: bool) -> Access {
         let holders = tokens
             .iter()
-            .map(|(role, token)| (role.to_string(), *role, token.digest()));
+            .map(|(role, token)| (role.to_string().parse().unwrap(), *role, token.digest()));
         Access {
             tokens: Some(Arc::new(Tokens::of(holders))),
             certificates,

@@ -2,16 +2,22 @@
 
 use super::Role;
 use murmuration_link::TokenDigest;
-use serde::Deserialize;
+use murmuration_proto::Invalid;
+use serde::{Deserialize, Serialize};
 use std::{
-    fs, io,
+    fmt, fs, io,
     path::{Path, PathBuf},
+    str::FromStr,
 };
 
 /// Most entries of a tokens file: every request is compared with all of them.
 const MAX_HOLDERS: usize = 1000;
-/// Longest name, in bytes.
+/// Most characters of a name.
 const MAX_NAME: usize = 64;
+
+/// Whom a token is for: 1 to 64 characters of any script that can be seen, no space at either end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct HolderName(String);
 
 /// Everybody who may come in with a token.
 #[derive(Debug, Default)]
@@ -23,7 +29,7 @@ pub struct Tokens {
 #[derive(Debug)]
 pub(crate) struct Holder {
     /// For people who read the file, and for refusals.
-    pub(crate) name: String,
+    pub(crate) name: HolderName,
     pub(crate) role: Role,
     digest: TokenDigest,
 }
@@ -49,14 +55,14 @@ pub enum TokensError {
     },
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     #[serde(default)]
     token: Vec<Entry>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     name: String,
@@ -81,7 +87,7 @@ impl Tokens {
     }
 
     /// These alone: name, role, digest.
-    pub(crate) fn of(holders: impl IntoIterator<Item = (String, Role, TokenDigest)>) -> Self {
+    pub(crate) fn of(holders: impl IntoIterator<Item = (HolderName, Role, TokenDigest)>) -> Self {
         let holders = holders.into_iter();
         Self {
             holders: holders
@@ -103,10 +109,64 @@ impl Tokens {
     }
 }
 
+/// What joins letters in scripts of India and Persia, and compound emoji.
+const JOINERS: [char; 2] = ['\u{200c}', '\u{200d}'];
+
+/// Whether a character shows nothing, or turns the text around it.
+fn is_hidden(c: char) -> bool {
+    c.is_control()
+        || matches!(
+            c,
+            '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}' | '\u{200e}' | '\u{200f}' | '\u{feff}'
+        )
+        || matches!(c, '\u{115f}' | '\u{1160}' | '\u{3164}' | '\u{ffa0}' | '\u{2800}')
+        || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{fff0}'..='\u{fffb}')
+        || matches!(c, '\u{e0000}'..='\u{e0fff}')
+}
+
+impl HolderName {
+    /// The holder of the token that a data directory has for its own machine.
+    pub(super) fn this_machine() -> Self {
+        Self("this machine".to_owned())
+    }
+}
+
+impl FromStr for HolderName {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        let trimmed = name.trim();
+        let fits = (1..=MAX_NAME).contains(&trimmed.chars().count());
+        if fits && !trimmed.chars().any(is_hidden) && !trimmed.ends_with(JOINERS) {
+            return Ok(Self(trimmed.to_owned()));
+        }
+        let beginning: String = name.chars().take(MAX_NAME).collect();
+        let allowed = format!("1 to {MAX_NAME} characters on one line, all of which can be seen");
+        Err(Invalid::new(
+            "name",
+            format!("\"{}\"", beginning.escape_debug()),
+            allowed,
+        ))
+    }
+}
+
+impl fmt::Display for HolderName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
 /// An entry of a tokens file.
-pub(crate) fn entry(name: &str, role: Role, digest: TokenDigest) -> Result<String, String> {
-    let text = format!("[[token]]\nname = {name:?}\nrole = \"{role}\"\ndigest = \"{digest}\"\n");
-    parse(&text).map(|_| text)
+///
+/// # Errors
+/// Where it cannot be written as TOML.
+pub(crate) fn entry(name: &HolderName, role: Role, digest: TokenDigest) -> Result<String, toml::ser::Error> {
+    let entry = Entry {
+        name: name.to_string(),
+        role,
+        digest: digest.to_string(),
+    };
+    toml::to_string(&File { token: vec![entry] })
 }
 
 fn parse(text: &str) -> Result<Tokens, String> {
@@ -118,16 +178,11 @@ fn parse(text: &str) -> Result<Tokens, String> {
         ));
     }
     let holders = file.token.into_iter().map(|Entry { name, role, digest }| {
-        let fits = (1..=MAX_NAME).contains(&name.len()) && !name.chars().any(char::is_control);
-        if !fits {
-            return Err(format!(
-                "name = {name:?}: must be 1 to {MAX_NAME} bytes on one line"
-            ));
-        }
+        let name: HolderName = name.parse().map_err(|error: Invalid| error.to_string())?;
         let digest = digest
             .parse()
-            .map_err(|error| format!("the digest of {name:?}: {error}"))?;
-        Ok((name, role, digest))
+            .map_err(|error| format!("the digest of \"{name}\": {error}"))?;
+        Ok::<_, String>((name, role, digest))
     });
     Ok(Tokens::of(holders.collect::<Result<Vec<_>, _>>()?))
 }
@@ -140,18 +195,56 @@ mod tests {
     #[test]
     fn an_entry_reads_back_and_knows_its_token_alone() {
         let (ana, bo) = (Token::generate().unwrap(), Token::generate().unwrap());
-        let mut text = entry("ana \"a\"", Role::Annotator, ana.digest()).unwrap();
-        text += &entry("bo", Role::Operator, bo.digest()).unwrap();
+        let mut text = written("ana \"a\"", Role::Annotator, &ana);
+        text += &written("bo", Role::Operator, &bo);
         assert!(!text.contains(&ana.reveal()[4..]), "{text}");
         let tokens = parse(&text).unwrap();
         let whose = |token: &Token| {
             tokens
                 .holder(token.digest())
-                .map(|holder| (holder.name.as_str(), holder.role))
+                .map(|holder| (holder.name.to_string(), holder.role))
         };
-        assert_eq!(whose(&ana), Some(("ana \"a\"", Role::Annotator)));
-        assert_eq!(whose(&bo), Some(("bo", Role::Operator)));
+        assert_eq!(whose(&ana), Some(("ana \"a\"".to_owned(), Role::Annotator)));
+        assert_eq!(whose(&bo), Some(("bo".to_owned(), Role::Operator)));
         assert_eq!(whose(&Token::generate().unwrap()), None);
+    }
+
+    fn written(name: &str, role: Role, token: &Token) -> String {
+        entry(&name.parse().unwrap(), role, token.digest()).unwrap()
+    }
+
+    #[test]
+    fn a_name_is_of_any_script_and_can_be_seen() {
+        let token = Token::generate().unwrap();
+        for name in [
+            "Ana",
+            "Ang\u{e9}lique",
+            // The same as macOS and some keyboards write it: a letter and a mark.
+            "Ange\u{301}lique",
+            "अनीता शर्मा",
+            "क्\u{200d}षमा",
+            "สมชาย ใจดี",
+            "مريم",
+            "می\u{200c}خواهم",
+            "山田太郎",
+            "O'Brien-Smith, 2nd \\ 👩\u{200d}🚀",
+            &"अ".repeat(64),
+        ] {
+            let tokens = parse(&written(name, Role::Viewer, &token)).unwrap();
+            let holder = tokens.holder(token.digest()).unwrap();
+            assert_eq!(holder.name.to_string(), name);
+        }
+        for name in [
+            "",
+            " ",
+            "a\u{202e}nimda",
+            "admin\u{200b}",
+            "a\nb",
+            "\u{1b}[2J",
+            &"a".repeat(65),
+        ] {
+            assert_eq!(name.parse::<HolderName>().unwrap_err().field, "name", "{name:?}");
+        }
     }
 
     #[test]
@@ -169,7 +262,7 @@ mod tests {
             ),
             (
                 &format!("[[token]]\nname = \"\"\nrole = \"viewer\"\ndigest = \"{digest}\""),
-                "must be 1 to 64 bytes",
+                "be seen",
             ),
             ("[[token]]\nsecret = 1", "unknown field `secret`"),
         ];

@@ -1,138 +1,77 @@
-//! Labelled sets: a CSV file of behaviours and, beside it, their images.
-
-mod swarms;
+//! Labelled sets: a file of labels and, beside it, pictures, or what it takes to simulate them again.
 
 use super::grey_image::pixels;
-use csv::{ReaderBuilder, StringRecord};
-use murmuration_proto::{FEATURE_NAMES, Features};
+use crate::{
+    judge::Class,
+    labels::{Answer, ClassKey, LabelFile, LabelFileError, Row},
+};
+use murmuration_proto::{Features, Invalid, World};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use rayon::prelude::*;
 use std::{
-    collections::BTreeSet,
+    collections::BTreeMap,
+    fs,
     path::{Component, Path, PathBuf},
 };
 
-/// The behaviours of a labelled set that have a class.
-///
-/// The file has a line of column names, among them `id` and `class`; the features are columns too
-/// ([`FEATURE_NAMES`]). Rows whose class is empty are left out.
+mod swarms;
+
+pub use swarms::Swarm;
+
+/// The behaviours of a file of labels that have a class, each once.
 #[derive(Debug, Clone)]
 pub struct Labels {
-    file: PathBuf,
-    columns: StringRecord,
-    rows: Vec<Row>,
+    file: LabelFile,
+    behaviours: Vec<Behaviour>,
 }
 
 #[derive(Debug, Clone)]
-struct Row {
-    line: u64,
+struct Behaviour {
+    /// The place of its row.
+    row: usize,
     id: String,
     class: String,
-    values: StringRecord,
-}
-
-/// What is wrong with a labelled set.
-#[derive(Debug, thiserror::Error)]
-pub enum LabelsError {
-    /// The file cannot be read, or is not CSV.
-    #[error("{}: {error}", file.display())]
-    Csv {
-        /// The file.
-        file: PathBuf,
-        /// What is wrong; it names the line where there is one.
-        error: csv::Error,
-    },
-    /// A column is missing.
-    #[error("{}, line 1: there is no column {column:?}", file.display())]
-    Column {
-        /// The file.
-        file: PathBuf,
-        /// The column's name.
-        column: String,
-    },
-    /// A value cannot be used.
-    #[error("{}, line {line}, column {column:?}: {value:?} {problem}", file.display())]
-    Value {
-        /// The file.
-        file: PathBuf,
-        /// Its line, from 1.
-        line: u64,
-        /// The column's name.
-        column: String,
-        /// The value.
-        value: String,
-        /// What is wrong with it.
-        problem: &'static str,
-    },
-    /// No row has a class.
-    #[error("{}: no row has a class", .0.display())]
-    Empty(PathBuf),
-    /// A behaviour's image cannot be used.
-    #[error("{}: {problem}", image.display())]
-    Image {
-        /// The image's file.
-        image: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-    },
+    annotator: String,
+    time_ms: u64,
 }
 
 impl Labels {
-    /// Reads a CSV file.
+    /// Reads a file. Rows without a class, or that say `not sure` or `skip`, are passed over. Of a behaviour that several
+    /// annotators labelled, the newest label counts by its time, of equally new ones the last. Classes are spelled as the
+    /// judge spells them, others as they are spelled first.
     ///
     /// # Errors
-    /// Where the file cannot be read, has no `id` or `class`, an id that is there twice or is no file name, or no row
-    /// with a class.
-    pub fn read(file: impl Into<PathBuf>) -> Result<Self, LabelsError> {
-        let file = file.into();
-        let refused = |error| LabelsError::Csv {
-            file: file.clone(),
-            error,
-        };
-        let mut reader = ReaderBuilder::new().from_path(&file).map_err(refused)?;
-        let columns = reader.headers().map_err(refused)?.clone();
-        let mut labels = Self {
-            file: file.clone(),
-            columns,
-            rows: Vec::new(),
-        };
-        let (id, class) = (labels.column("id")?, labels.column("class")?);
-        let mut ids = BTreeSet::new();
-        for record in reader.into_records() {
-            let values = record.map_err(refused)?;
-            let row = Row {
-                line: values.position().map_or(0, csv::Position::line),
-                id: values[id].to_owned(),
-                class: values[class].to_owned(),
-                values,
-            };
-            if !is_file_name(&row.id) {
-                return Err(labels.value(&row, "id", "is not the name of an image"));
-            }
-            if !ids.insert(row.id.clone()) {
-                return Err(labels.value(&row, "id", "is there twice"));
-            }
-            if !row.class.is_empty() {
-                labels.rows.push(row);
-            }
+    /// Where the file cannot be read, has no `id` or `class`, an id that is there twice of one annotator, or no row with a
+    /// class.
+    pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
+        let path = path.into();
+        let text = fs::read(&path).map_err(|error| LabelFileError::Unreadable {
+            path: path.clone(),
+            error: error.to_string(),
+        })?;
+        let file = LabelFile::parse(&path, text)?;
+        let behaviours = behaviours(&file)?;
+        if behaviours.is_empty() {
+            return Err(LabelFileError::NoClass(path));
         }
-        if labels.rows.is_empty() {
-            return Err(LabelsError::Empty(file));
-        }
-        Ok(labels)
+        Ok(Self { file, behaviours })
     }
 
     /// The classes, one for each behaviour, in the file's order.
     pub fn classes(&self) -> impl Iterator<Item = &str> {
-        self.rows.iter().map(|row| row.class.as_str())
+        self.behaviours.iter().map(|behaviour| behaviour.class.as_str())
     }
 
     /// The patterns that people saw in each behaviour, in the file's order (column `pattern`, several joined by `|`);
     /// empty where they saw none, and where the file does not have the column.
     pub fn patterns(&self) -> impl Iterator<Item = &str> {
-        let column = self.column("pattern").ok();
-        self.rows.iter().map(move |row| {
-            let pattern = column.and_then(|column| row.values.get(column));
-            pattern.unwrap_or_default()
-        })
+        self.rows().map(|(_, row)| row.cell("pattern"))
+    }
+
+    /// Whether the file says how each behaviour can be simulated again: its controller, and the seed of its start.
+    #[must_use]
+    pub fn can_be_simulated(&self) -> bool {
+        self.file.has("seed") && self.file.has("v1")
     }
 
     /// The five hand-crafted features of each behaviour, their absolute values, as the authors compare them: which way
@@ -140,29 +79,9 @@ impl Labels {
     ///
     /// # Errors
     /// Where a column is missing, or a value is not a finite number.
-    pub fn absolute_features(&self) -> Result<Vec<Features>, LabelsError> {
-        let mut columns = [0; FEATURE_NAMES.len()];
-        for (column, name) in columns.iter_mut().zip(FEATURE_NAMES) {
-            *column = self.column(name)?;
-        }
-        self.rows
-            .iter()
-            .map(|row| self.features_of(row, columns))
-            .collect()
-    }
-
-    fn features_of(&self, row: &Row, columns: [usize; 5]) -> Result<Features, LabelsError> {
-        let mut features = [0.0; 5];
-        for ((feature, column), name) in features.iter_mut().zip(columns).zip(FEATURE_NAMES) {
-            let parsed = row.values[column]
-                .parse()
-                .ok()
-                .filter(|value: &f64| value.is_finite());
-            *feature = parsed
-                .ok_or_else(|| self.value(row, name, "is not a finite number"))?
-                .abs();
-        }
-        Ok(features)
+    pub fn absolute_features(&self) -> Result<Vec<Features>, LabelFileError> {
+        let features = self.rows().map(|(_, row)| row.features());
+        features.map(|features| Ok(features?.map(f64::abs))).collect()
     }
 
     /// The grey image of each behaviour, `folder/ID.png` with 8 bits a pixel: `height` rows (axis 0, which is x) of
@@ -170,34 +89,77 @@ impl Labels {
     ///
     /// # Errors
     /// Names the first image that is missing or is something else.
-    pub fn images(&self, folder: &Path, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelsError> {
-        let image = |row: &Row| {
-            let image = folder.join(format!("{}.png", row.id));
-            pixels(&image, height, width).map_err(|problem| LabelsError::Image { image, problem })
+    pub fn images(&self, folder: &Path, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+        let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
+            if !is_file_name(&behaviour.id) {
+                return Err(row.refuse("id", "the name of an image"));
+            }
+            let image = folder.join(format!("{}.png", behaviour.id));
+            pixels(&image, height, width).map_err(|problem| LabelFileError::Image { image, problem })
         };
-        self.rows.iter().map(image).collect()
+        self.rows().map(image).collect()
     }
 
-    fn column(&self, name: &str) -> Result<usize, LabelsError> {
-        self.columns
-            .iter()
-            .position(|column| column == name)
-            .ok_or_else(|| LabelsError::Column {
-                file: self.file.clone(),
-                column: name.to_owned(),
-            })
+    /// The grey image of each behaviour as [`Labels::images`] gives it, simulated again.
+    ///
+    /// # Errors
+    /// Where a column is missing, a value is out of range, or the file's images are of another size.
+    pub fn simulated_images(&self, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+        let rows: Vec<_> = self.rows().collect();
+        let image = |(_, row): &(&Behaviour, Row<'_>)| {
+            let world = row.world()?;
+            let format = row.image_format(&world)?;
+            let side = format.resolution() as usize;
+            if (side, side) != (height, width) {
+                let allowed = format!("that of the embedder, whose images have {height} rows of {width}");
+                return Err(row.refused(Invalid::new("resolution", side, allowed)));
+            }
+            let (controller, start) = (row.controller()?, Start::seeded(row.seed()?));
+            let evaluated = Evaluator::new(&world, &format)
+                .and_then(|mut evaluator| evaluator.evaluate(&controller, &start));
+            Ok(evaluated.map_err(|error| row.refused(error))?.into_image())
+        };
+        rows.par_iter().map(image).collect()
     }
 
-    fn value(&self, row: &Row, column: &str, problem: &'static str) -> LabelsError {
-        let value = self.column(column).ok().and_then(|column| row.values.get(column));
-        LabelsError::Value {
-            file: self.file.clone(),
-            line: row.line,
-            column: column.to_owned(),
-            value: value.unwrap_or_default().to_owned(),
-            problem,
+    /// Each behaviour with its row.
+    fn rows(&self) -> impl Iterator<Item = (&Behaviour, Row<'_>)> {
+        let rows = self.behaviours.iter();
+        rows.filter_map(|behaviour| Some((behaviour, self.file.row(behaviour.row)?)))
+    }
+}
+
+/// The behaviours of a file that have a class, in the order in which they are first there.
+fn behaviours(file: &LabelFile) -> Result<Vec<Behaviour>, LabelFileError> {
+    let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
+    let mut spelled: BTreeMap<ClassKey, String> = known.into_iter().collect();
+    let mut behaviours: Vec<Behaviour> = Vec::new();
+    let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+    for (place, row) in file.rows().enumerate() {
+        let Some(Answer::Class(class)) = row.answer()? else {
+            continue;
+        };
+        let spelled = spelled.entry(class.key()).or_insert_with(|| class.to_string());
+        let labelled = Behaviour {
+            row: place,
+            id: row.cell("id").to_owned(),
+            class: spelled.clone(),
+            annotator: row.cell("annotator").to_owned(),
+            time_ms: row.time_ms()?,
+        };
+        match places.get(row.cell("id")) {
+            None => {
+                places.insert(row.cell("id"), behaviours.len());
+                behaviours.push(labelled);
+            }
+            Some(&before) if behaviours[before].annotator == labelled.annotator => {
+                return Err(row.refuse("id", "there once, or once for each annotator"));
+            }
+            Some(&before) if behaviours[before].time_ms <= labelled.time_ms => behaviours[before] = labelled,
+            Some(_) => {}
         }
     }
+    Ok(behaviours)
 }
 
 /// Whether `id` names a file in a folder, and not one elsewhere.
@@ -215,7 +177,7 @@ mod tests {
     const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";
 
     /// Writes a CSV file of these lines and reads it.
-    fn read(lines: &str) -> Result<Labels, LabelsError> {
+    fn read(lines: &str) -> Result<Labels, LabelFileError> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("labels.csv");
         fs::write(&file, lines).unwrap();
@@ -232,10 +194,10 @@ mod tests {
     #[test]
     fn rows_with_a_class_are_taken() {
         let labels = read(&format!(
-            "{HEAD}7,ring,1,-2,3,-0.5,0\n8,,,,,,\n\"9\",\"clump\",5,4,3,2,1\n"
+            "{HEAD}7,ring,1,-2,3,-0.5,0\n8,,,,,,\n\"9\",\"'=clump\",5,4,3,2,1\n"
         ))
         .unwrap();
-        assert_eq!(labels.classes().collect::<Vec<_>>(), ["ring", "clump"]);
+        assert_eq!(labels.classes().collect::<Vec<_>>(), ["ring", "=clump"]);
         let features = labels.absolute_features().unwrap();
         assert_eq!(features, [[1.0, 2.0, 3.0, 0.5, 0.0], [5.0, 4.0, 3.0, 2.0, 1.0]]);
     }
@@ -245,25 +207,33 @@ mod tests {
         check_refused("id,klass\n1,ring\n", "line 1: there is no column \"class\"");
         check_refused(
             "id,class\n1,ring\n",
-            "line 1: there is no column \"average_speed\"",
+            "line 1: there is no column \"average_speed\"; its columns are id, class",
         );
         check_refused(
             &format!("{HEAD}1,ring,0,0,fast,0,0\n"),
-            "line 2, column \"radial_variance_x20\": \"fast\" is",
+            "line 2: radial_variance_x20 = \"fast\": must be a finite number",
         );
         check_refused(
             &format!("{HEAD}1,ring,0,0,0,0,NaN\n"),
-            "column \"group_rotation\": \"NaN\" is not a finite",
+            "line 2: group_rotation = \"NaN\": must be a finite number",
         );
         check_refused(
-            &format!("{HEAD}1,,,,,,\n1,ring,0,0,0,0,0\n"),
-            "line 3, column \"id\": \"1\" is there twice",
+            &format!("{HEAD}1,,,,,,\n1,ring,0,0,0,0,0\n1,ring,0,0,0,0,0\n"),
+            "line 4: id = \"1\": must be there once",
+        );
+        let elsewhere = read(&format!("{HEAD}../1,ring,0,0,0,0,0\n")).unwrap();
+        let error = elsewhere
+            .images(Path::new("images"), 1, 1)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("line 2: id = \"../1\": must be the name of an image"),
+            "{error}"
         );
         check_refused(
-            &format!("{HEAD}../1,ring,0,0,0,0,0\n"),
-            "\"../1\" is not the name of an image",
+            &format!("{HEAD}1,ring\n"),
+            "line 2: 2 cells under 7 names of columns",
         );
-        check_refused(&format!("{HEAD}1,ring\n"), "line: 2");
         check_refused(&format!("{HEAD}1,,,,,,\n"), "no row has a class");
         check_refused("", "no column \"id\"");
         assert!(
@@ -271,6 +241,19 @@ mod tests {
                 .unwrap_err()
                 .to_string()
                 .starts_with("/nowhere.csv: ")
+        );
+    }
+
+    #[test]
+    fn a_behaviour_of_several_annotators_counts_once_with_its_newest_class() {
+        let labels = read(
+            "id,class,annotator,time\n7,ring,ana,5\n7,clump,ben,4\n8,Wall Following,ana,1\n8,skip,ben,2\n\
+             9,Ring,ana,1\n9,not sure,ben,1\n5,ring,ana,3\n5,clump,ben,3\n",
+        );
+        let labels = labels.unwrap();
+        assert_eq!(
+            labels.classes().collect::<Vec<_>>(),
+            ["ring", "wall_following", "ring", "clump"]
         );
     }
 

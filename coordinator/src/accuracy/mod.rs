@@ -8,6 +8,6 @@ mod labels;
 mod summary;
 mod triplets;
 
-pub use labels::{Labels, LabelsError};
+pub use labels::{Labels, Swarm};
 pub use summary::Summary;
 pub use triplets::{Accuracy, RANDOM, Tally};

@@ -1,27 +1,23 @@
-//! The registry: every campaign of the store, and those at work in this process.
+//! Every campaign of the store, and those at work in this process.
 
 use super::{
     CampaignError, CampaignId, CampaignState, Stage, Weight,
+    decisions::check_simulator,
     live::{Live, Progress},
+    registry::{AtWork, Deciding, Registry, Snapshot},
     run::{self, Means, blocking},
 };
 use crate::{
     checkpoints::Checkpoints,
     dispatch::{Quarantined, Trainers},
+    interrupt::Interrupt,
     metrics::Metrics,
-    store::{CampaignRecord, Notice, Store, StoreError},
+    store::{CampaignRecord, Notice, StoreError},
     synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{CampaignSpec, EmbedderSource, SIMULATOR_VERSION, v1};
-use std::{
-    collections::BTreeMap,
-    sync::Arc,
-    time::{Duration, SystemTime, UNIX_EPOCH},
-};
-use tokio::{
-    sync::{Mutex, watch},
-    task::JoinHandle,
-};
+use murmuration_proto::{CampaignSpec, EmbedderSource, v1};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tokio::sync::watch;
 use tracing::Instrument as _;
 
 /// A campaign as it stands: what is on disk, and what is happening.
@@ -39,7 +35,7 @@ pub struct CampaignStatus {
     pub per_second: f64,
     /// How far the training has come, while there is one.
     pub training: Option<v1::TrainingProgress>,
-    /// What it waits for before it goes on by itself, such as room on the disk.
+    /// What it waits for before it goes on by itself, such as room on the disk, or a worker.
     pub waiting: Option<String>,
     /// Workers connected to this coordinator.
     pub workers: usize,
@@ -49,33 +45,24 @@ pub struct CampaignStatus {
     pub notices: Vec<Notice>,
 }
 
-/// Handle on the registry; cheap to clone.
+/// Every campaign of a store; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Campaigns {
     pub(super) means: Means,
-    /// Campaigns that were started in this process, until somebody looks after they ended. Held while one is
-    /// started or stopped, so that no campaign is ever searched twice at once.
-    pub(super) at_work: Arc<Mutex<AtWorkById>>,
-}
-
-/// Those at work, and those that ended since somebody looked.
-pub(super) type AtWorkById = BTreeMap<CampaignId, AtWork>;
-
-#[derive(Debug)]
-pub(super) struct AtWork {
-    stop: watch::Sender<bool>,
-    pub(super) progress: watch::Receiver<Progress>,
-    task: JoinHandle<()>,
+    pub(super) registry: Registry,
+    /// Ends what campaigns compute.
+    interrupt: Interrupt,
 }
 
 impl Campaigns {
-    /// A registry over a store, with nothing at work.
+    /// The campaigns of a store, with nothing at work; what they compute ends early once `interrupt` is raised.
     #[must_use]
     pub fn new(
         trainers: Trainers,
         checkpoints: Checkpoints,
         annotator: SyntheticAnnotator,
         metrics: Metrics,
+        interrupt: Interrupt,
     ) -> Self {
         let means = Means {
             store: annotator.store.clone(),
@@ -87,7 +74,8 @@ impl Campaigns {
         };
         Self {
             means,
-            at_work: Arc::default(),
+            registry: Registry::default(),
+            interrupt,
         }
     }
 
@@ -99,36 +87,38 @@ impl Campaigns {
         if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
             self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
         }
-        let store = self.means.store.clone();
         let created_ms = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_millis() as u64);
-        let record = blocking(move || {
-            let id = store.create_campaign(&spec, weight, created_ms)?;
-            store.campaign(id.as_str())
-        })
-        .await??;
-        let id = record.id.clone();
-        tracing::info!(campaign = %id, "created");
-        self.start(&mut *self.at_work.lock().await, record)?;
-        self.status(id.as_str()).await
+        let campaigns = self.clone();
+        // Of its own: what was stored also starts where who asked is gone before.
+        let creating = async move {
+            let store = campaigns.means.store.clone();
+            let id = blocking(move || store.create_campaign(&spec, weight, created_ms)).await??;
+            tracing::info!(campaign = %id, "created");
+            // Somebody may have cancelled it by now.
+            campaigns.go_on(&campaigns.registry.deciding(&id).await).await?;
+            campaigns.status(id.as_str()).await
+        };
+        let created = tokio::spawn(creating.in_current_span()).await;
+        created.map_err(|_| CampaignError::Broken)?
     }
 
-    /// Continues every campaign that was running when its coordinator ended.
+    /// Continues every campaign that was running when its coordinator ended, and still is to.
     ///
     /// # Errors
     /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
     pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
         let store = self.means.store.clone();
         let records = blocking(move || store.campaigns()).await??;
-        let mut at_work = self.at_work.lock().await;
-        for record in records
+        let running = records
             .into_iter()
-            .filter(|record| record.state == CampaignState::Running)
-        {
-            let id = record.id.clone();
-            match self.start(&mut at_work, record) {
-                Ok(()) => tracing::info!(campaign = %id, "resumed"),
+            .filter(|record| record.state == CampaignState::Running);
+        for CampaignRecord { id, .. } in running {
+            // People may have decided about it since.
+            match self.go_on(&self.registry.deciding(&id).await).await {
+                Ok(true) => tracing::info!(campaign = %id, "resumed"),
+                Ok(false) => {}
                 Err(error) => tracing::error!(campaign = %id, %error, "cannot be resumed"),
             }
         }
@@ -154,8 +144,8 @@ impl Campaigns {
 
     async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
         let store = self.means.store.clone();
-        let mut at_work = self.at_work.lock().await;
         let concerned = blocking(move || {
+            // Before they are looked at: a campaign that completes from now on looks at them itself.
             store.quarantine(&wrong)?;
             let mut concerned = Vec::new();
             for record in store.campaigns()? {
@@ -168,8 +158,20 @@ impl Campaigns {
         .await??;
         for record in concerned {
             tracing::warn!(campaign = %record.id, "rests on what a wrong worker did: checked again");
-            let run = |store: &Store, id: &CampaignId| store.set_state(id, CampaignState::Running, "");
-            self.decide(&mut at_work, record, run).await?;
+            if let Err(error) = self.check_again(&record).await {
+                tracing::error!(campaign = %record.id, %error, "cannot be checked again");
+            }
+        }
+        Ok(())
+    }
+
+    async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {
+        check_simulator(record)?;
+        let deciding = self.registry.deciding(&record.id).await;
+        let (store, id) = (self.means.store.clone(), record.id.clone());
+        if blocking(move || store.reopen(&id)).await?? {
+            self.registry.stop(&deciding);
+            self.go_on(&deciding).await?;
         }
         Ok(())
     }
@@ -180,13 +182,7 @@ impl Campaigns {
     /// If the store cannot be read.
     pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
         let store = self.means.store.clone();
-        let at_work: BTreeMap<_, _> = self
-            .at_work
-            .lock()
-            .await
-            .iter()
-            .map(|(id, work)| (id.clone(), work.snapshot()))
-            .collect();
+        let at_work = self.registry.snapshots();
         let read = move || {
             let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
             store
@@ -198,7 +194,10 @@ impl Campaigns {
         let records = blocking(read).await??;
         Ok(records
             .into_iter()
-            .map(|(notices, record)| self.merged(at_work.get(&record.id).cloned(), record, notices))
+            .map(|(notices, record)| {
+                let snapshot = at_work.get(&record.id).cloned().unwrap_or_default();
+                self.merged(snapshot, record, notices)
+            })
             .collect())
     }
 
@@ -208,7 +207,7 @@ impl Campaigns {
     /// If there is none of that id or the store cannot be read.
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
-        let snapshot = self.at_work.lock().await.get(&id).map(AtWork::snapshot);
+        let snapshot = self.registry.snapshot(&id);
         let store = self.means.store.clone();
         let (record, notices) = blocking(move || {
             let record = store.campaign(id.as_str())?;
@@ -221,12 +220,7 @@ impl Campaigns {
 
     /// Waits until a campaign's status may have changed, at most a second.
     pub async fn changed(&self, id: &CampaignId) {
-        let progress = self
-            .at_work
-            .lock()
-            .await
-            .get(id)
-            .map(|work| work.progress.clone());
+        let progress = self.registry.progress(id);
         let change = async {
             match progress {
                 Some(mut progress) if progress.has_changed().is_ok() => {
@@ -241,10 +235,7 @@ impl Campaigns {
 
     /// Stops everything at work without changing what the store says of it: it resumes with the next coordinator.
     pub async fn stop(&self) {
-        let mut at_work = self.at_work.lock().await;
-        while let Some((_, work)) = at_work.pop_first() {
-            work.end().await;
-        }
+        self.registry.end().await;
     }
 
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
@@ -252,27 +243,32 @@ impl Campaigns {
         Ok(blocking(move || store.campaign(&id)).await??)
     }
 
-    pub(super) fn start(
-        &self,
-        at_work: &mut AtWorkById,
-        record: CampaignRecord,
-    ) -> Result<(), CampaignError> {
-        if record.simulator_version != SIMULATOR_VERSION {
-            return Err(CampaignError::OtherSimulator {
-                id: record.id,
-                theirs: record.simulator_version,
-            });
-        }
+    /// Begins a run of a campaign, once the former one has ended.
+    pub(super) fn start(&self, deciding: &Deciding, record: &CampaignRecord) -> Result<(), CampaignError> {
+        check_simulator(record)?;
         let (stop, stopped) = watch::channel(false);
         let (sender, progress) = watch::channel(Progress::default());
-        let live = Live::new(sender, stopped);
+        let interrupt = self.interrupt.child();
+        let live = Live::new(sender, stopped, self.means.dispatch.workers(), interrupt.clone());
+        let run = record.run_id();
+        let means = self.means.during(run.clone());
         // Of nobody's request: it goes on after the one that started it, and says itself whose it is.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
-        let task = run::run(self.means.clone(), record.id.clone(), live).instrument(span);
-        let task = tokio::spawn(task);
-        // Of those that have ended nothing is left to tell, but where the store could not take it.
-        at_work.retain(|_, work| work.is_busy() || work.progress.borrow().failed.is_some());
-        at_work.insert(record.id, AtWork { stop, progress, task });
+        self.registry.start(deciding, |former| {
+            let work = async move {
+                if let Some(former) = former {
+                    // One that panicked has ended too.
+                    let _ = former.await;
+                }
+                run::run(means, run, live).await;
+            };
+            AtWork {
+                stop,
+                interrupt,
+                progress,
+                task: tokio::spawn(work.instrument(span)),
+            }
+        });
         Ok(())
     }
 
@@ -280,12 +276,14 @@ impl Campaigns {
     /// of the snapshot has its last word in the record.
     fn merged(
         &self,
-        snapshot: Option<Snapshot>,
+        Snapshot { active, progress }: Snapshot,
         mut record: CampaignRecord,
         notices: Vec<Notice>,
     ) -> CampaignStatus {
-        let Snapshot { active, progress } = snapshot.unwrap_or_default();
-        if let Some(error) = progress.failed {
+        // What the store could not take. Where it says something else, that was decided later.
+        if let Some(error) = progress.failed
+            && record.state == CampaignState::Running
+        {
             record.state = CampaignState::Failed;
             record.error = error;
         }
@@ -301,33 +299,5 @@ impl Campaigns {
             notices,
             record,
         }
-    }
-}
-
-/// A search at work, at one instant.
-#[derive(Debug, Clone, Default)]
-struct Snapshot {
-    active: bool,
-    progress: Progress,
-}
-
-impl AtWork {
-    fn snapshot(&self) -> Snapshot {
-        Snapshot {
-            active: self.is_busy(),
-            progress: self.progress.borrow().clone(),
-        }
-    }
-
-    /// Whether it has not ended.
-    pub(super) fn is_busy(&self) -> bool {
-        !self.task.is_finished()
-    }
-
-    /// Stops the search between two commits and waits until it has stopped.
-    pub(super) async fn end(self) {
-        self.stop.send_replace(true);
-        // A search that panicked has ended too.
-        let _ = self.task.await;
     }
 }

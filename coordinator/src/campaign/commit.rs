@@ -16,19 +16,19 @@ impl Means {
     /// Makes a change to the store. Where the disk refuses it for now (it is full, read-only, or failing), the campaign
     /// waits, says so, and makes it again: what workers have evaluated is not thrown away. `None` if the campaign is to
     /// stop while it waits; then nothing has changed.
-    pub(super) async fn commit<E: Into<CampaignError> + Send + 'static>(
+    pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
         &self,
         live: &Live,
-        change: impl Fn(&Store) -> Result<(), E> + Send + Sync + 'static,
-    ) -> Result<Option<()>, CampaignError> {
+        change: impl Fn(&Store) -> Result<T, E> + Send + Sync + 'static,
+    ) -> Result<Option<T>, CampaignError> {
         let change = Arc::new(change);
         let mut pause = FIRST_PAUSE;
         loop {
             let (store, once) = (self.store.clone(), change.clone());
             let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
-                Ok(()) => {
+                Ok(made) => {
                     live.waiting(None);
-                    return Ok(Some(()));
+                    return Ok(Some(made));
                 }
                 Err(error) if error.may_pass() => error.to_string(),
                 Err(error) => return Err(error),

@@ -4,7 +4,7 @@ use super::{
     CampaignError,
     evaluate::{Placed, evaluate},
     live::Live,
-    run::{Means, Outcome},
+    run::{Means, Outcome, pictures_at_once},
 };
 use crate::{
     breeding::{self, ProposeError},
@@ -14,7 +14,7 @@ use crate::{
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
 use std::ops::Range;
 
-/// Controllers whose pictures are simulated and committed together.
+/// Controllers whose pictures are simulated and committed together, where so many fit.
 const CHUNK: u64 = 500;
 
 /// Simulates what the dataset still lacks.
@@ -33,9 +33,11 @@ pub(super) async fn collect(
         ..
     } = &record;
     let starts = u64::from(dataset.starts());
+    let most = pictures_at_once(spec.image(), (CHUNK * starts) as usize) as u64;
+    let at_once = (most / starts).max(1);
     let mut next = *pictures_done / starts;
     while next < u64::from(dataset.controllers()) {
-        let chunk = next..u64::from(dataset.controllers()).min(next + CHUNK);
+        let chunk = next..u64::from(dataset.controllers()).min(next + at_once);
         let tasks = tasks(spec, &dataset, chunk.clone())?;
         let job = EvaluationJob::of(&record, None, tasks);
         let substitute =

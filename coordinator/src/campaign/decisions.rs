@@ -1,95 +1,156 @@
-//! What people decide about a campaign: stopped, the decision written, going on from there.
+//! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
+//! that the former run still does can change the campaign, so nobody has to wait for its end.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, CampaignStatus, Campaigns, Change, NotAllowed,
-    campaigns::{AtWork, AtWorkById},
+    CampaignError, CampaignId, CampaignStatus, Campaigns, Change, NotAllowed, registry::Deciding,
     run::blocking,
 };
-use crate::store::{CampaignRecord, Store, StoreError};
+use crate::{
+    campaign::CampaignState,
+    labels::Labels,
+    store::{CampaignRecord, Decision},
+};
+use murmuration_proto::{CheckpointDigest, SIMULATOR_VERSION};
+use std::collections::BTreeSet;
+use tracing::Instrument as _;
 
 impl Campaigns {
-    /// Pauses, resumes or cancels a campaign; its new status is on disk when this returns.
+    /// Stops a campaign, to be continued; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign or its state does not allow the change.
-    pub async fn change(&self, id: &str, change: Change) -> Result<CampaignStatus, CampaignError> {
-        let mut at_work = self.at_work.lock().await;
+    /// If there is no such campaign or its state does not allow it.
+    pub async fn pause(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.record(id).await?;
-        let id = record.id.clone();
-        let failed = at_work
-            .get(&id)
-            .is_some_and(|work| work.progress.borrow().failed.is_some());
-        let from = if failed {
-            CampaignState::Failed
-        } else {
-            record.state
-        };
-        let state = from.after(change).ok_or_else(|| NotAllowed {
-            id: id.clone(),
-            change,
-            state: from,
-        })?;
-        let busy = at_work.get(&id).is_some_and(AtWork::is_busy);
-        if change == Change::Resume && busy {
-            drop(at_work);
-            return self.status(id.as_str()).await;
-        }
-        let decision = move |store: &Store, id: &CampaignId| {
-            // It may have completed while it was being stopped.
-            if store.campaign(id.as_str())?.state != CampaignState::Completed {
-                store.set_state(id, state, "")?;
-            }
-            Ok(())
-        };
-        self.decide(&mut at_work, record, decision).await?;
-        drop(at_work);
-        tracing::info!(campaign = %id, change = change.name(), "changed");
-        self.status(id.as_str()).await
+        self.decide(record.id, Decision::Pause).await
     }
 
-    /// Stops a campaign, writes the decision about it, and has it go on if it is running then. Where the decision cannot
-    /// be written, it goes on as if there had been none.
-    pub(super) async fn decide(
+    /// Has a campaign go on; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, its state does not allow it, or it was begun with another simulator.
+    pub async fn resume(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        // What may not be resumed at all is told so first.
+        if record.state.after(Change::Resume).is_some() {
+            check_simulator(&record)?;
+        }
+        self.decide(record.id, Decision::Resume).await
+    }
+
+    /// Ends a campaign for good; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or its state does not allow it.
+    pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        self.decide(record.id, Decision::Cancel).await
+    }
+
+    /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
+    pub async fn adopt(
         &self,
-        at_work: &mut AtWorkById,
-        record: CampaignRecord,
-        decision: impl FnOnce(&Store, &CampaignId) -> Result<(), StoreError> + Send + 'static,
-    ) -> Result<(), CampaignError> {
-        let id = record.id.clone();
-        let busy = at_work.get(&id).is_some_and(AtWork::is_busy);
-        if busy && let Some(work) = at_work.remove(&id) {
-            work.end().await;
-        }
-        let store = self.means.store.clone();
-        let decided = blocking(move || {
-            decision(&store, &id)?;
-            store.campaign(id.as_str())
-        })
-        .await?;
-        match decided {
-            Ok(record) => {
-                // What was left of a search that had ended.
-                at_work.remove(&record.id);
-                if record.state == CampaignState::Running {
-                    self.start(at_work, record)?;
-                }
-                Ok(())
-            }
-            Err(error) => {
-                if busy {
-                    self.go_on(at_work, &record.id).await?;
-                }
-                Err(error.into())
-            }
-        }
+        id: &str,
+        checkpoint: CheckpointDigest,
+    ) -> Result<CampaignStatus, CampaignError> {
+        let record = self.movable(id, Change::Adopt).await?;
+        let image = record.spec.image();
+        self.means.checkpoints.embedder(checkpoint, image).await?;
+        self.decide(record.id, Decision::Adopt(checkpoint)).await
     }
 
-    /// Has a campaign that was stopped go on, unless it has ended.
-    async fn go_on(&self, at_work: &mut AtWorkById, id: &CampaignId) -> Result<(), CampaignError> {
-        let record = self.record(id.as_str()).await?;
-        match record.state {
-            CampaignState::Running => self.start(at_work, record),
-            _ => Ok(()),
+    /// Begins a round of feedback: has a campaign fine-tuned on its labels as they stand, and its search go on after
+    /// that; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
+    pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.movable(id, Change::Refine).await?;
+        if record.checkpoint.is_none() {
+            return Err(CampaignError::NoEmbedder(record.id));
         }
+        let (store, labelled) = (self.means.store.clone(), record.id.clone());
+        let labels = blocking(move || store.labels(&labelled)).await??;
+        check_lesson(&record.id, &labels)?;
+        self.decide(record.id, Decision::Refine(labels.entries())).await
+    }
+
+    /// A campaign that may move to another space.
+    async fn movable(&self, id: &str, change: Change) -> Result<CampaignRecord, CampaignError> {
+        let record = self.record(id).await?;
+        let CampaignRecord { id, spec, state, .. } = &record;
+        if *state == CampaignState::Cancelled {
+            let (id, state) = (id.clone(), *state);
+            return Err(NotAllowed { id, change, state }.into());
+        }
+        if !spec.method().embeds() {
+            let (id, method) = (id.clone(), spec.method());
+            return Err(CampaignError::NoEmbedding { id, method });
+        }
+        check_simulator(&record)?;
+        Ok(record)
+    }
+
+    /// Writes a decision, ends the run that there is, and begins another if the campaign is to run; the status after that.
+    async fn decide(&self, id: CampaignId, decision: Decision) -> Result<CampaignStatus, CampaignError> {
+        let campaigns = self.clone();
+        // Of its own: what is decided is also done where who asked is gone before.
+        let deciding = async move {
+            let deciding = campaigns.registry.deciding(&id).await;
+            campaigns.decide_alone(&deciding, decision).await?;
+            drop(deciding);
+            campaigns.status(id.as_str()).await
+        };
+        let decided = tokio::spawn(deciding.in_current_span()).await;
+        decided.map_err(|_| CampaignError::Broken)?
+    }
+
+    async fn decide_alone(&self, deciding: &Deciding, decision: Decision) -> Result<(), CampaignError> {
+        let run = self.registry.snapshot(deciding.id());
+        let has_failed = run.progress.failed.is_some();
+        if decision == Decision::Resume && run.active && !has_failed {
+            return Ok(());
+        }
+        let (store, id) = (self.means.store.clone(), deciding.id().clone());
+        blocking(move || store.decide(&id, decision, has_failed)).await??;
+        tracing::info!(campaign = %deciding.id(), change = decision.change().name(), "decided");
+        self.registry.stop(deciding);
+        self.go_on(deciding).await?;
+        Ok(())
+    }
+
+    /// Starts a run of a campaign that is to run and has none here; whether it did.
+    pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
+        let record = self.record(deciding.id().as_str()).await?;
+        if record.state != CampaignState::Running || self.registry.snapshot(deciding.id()).active {
+            return Ok(false);
+        }
+        self.start(deciding, &record)?;
+        Ok(true)
+    }
+}
+
+/// Whether its archive can go on to grow with the evaluations of this simulator.
+pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignError> {
+    match record.simulator_version == SIMULATOR_VERSION {
+        true => Ok(()),
+        false => Err(CampaignError::OtherSimulator {
+            id: record.id.clone(),
+            theirs: record.simulator_version.clone(),
+        }),
+    }
+}
+
+/// Whether there is something to learn from labels.
+pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
+    let classes: BTreeSet<u32> = labels.lesson().into_iter().map(|(_, class)| class).collect();
+    match classes.len() {
+        2.. => Ok(()),
+        classes => Err(CampaignError::TooFewClasses {
+            id: id.clone(),
+            classes,
+        }),
     }
 }

@@ -4,17 +4,18 @@
 use super::{
     CampaignError, CampaignId,
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome, blocking, pictures_at_once},
 };
 use crate::{
     dispatch::EmbeddingJob,
+    interrupt::Interrupt,
     novelty::{self, Behaviours},
     store::{CampaignRecord, GenerationRecord, Provenance, Store, Switch},
 };
 use murmuration_proto::CampaignSpec;
 
-/// Pictures embedded and committed together.
-const CHUNK: u64 = 2048;
+/// Pictures embedded and committed together, where so many fit.
+const CHUNK: usize = 2048;
 
 /// Embeds what is not embedded yet, measures novelty anew, and switches.
 pub(super) async fn embed(
@@ -34,9 +35,10 @@ pub(super) async fn embed(
         return Ok(Outcome::Done);
     };
     let embedder = means.checkpoints.embedder(checkpoint, spec.image()).await?;
+    let at_once = pictures_at_once(spec.image(), CHUNK) as u64;
     loop {
         let (store, of, model) = (means.store.clone(), id.clone(), spec.model());
-        let range = embedded..embedded + CHUNK;
+        let range = embedded..embedded + at_once;
         let individuals = blocking(move || store.individuals(&of, model, range, true)).await??;
         if individuals.is_empty() {
             break;
@@ -57,9 +59,9 @@ pub(super) async fn embed(
         else {
             return Ok(Outcome::Stopped);
         };
-        let (embeddings, unaudited): (Vec<_>, Vec<_>) = embeddings?.into_iter().unzip();
+        let (embeddings, makers): (Vec<_>, Vec<_>) = embeddings?.into_iter().unzip();
         let provenance = Provenance {
-            unaudited,
+            makers,
             notices: Vec::new(),
         };
         let count = embeddings.len() as u64;
@@ -71,8 +73,8 @@ pub(super) async fn embed(
         embedded += count;
         live.committed(count);
     }
-    let (store, of) = (means.store.clone(), id.clone());
-    let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions)).await??;
+    let (store, of, interrupt) = (means.store.clone(), id.clone(), live.interrupt().clone());
+    let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
     let switched = means
         .commit(live, move |store| store.switch(&id, &measured))
         .await?;
@@ -85,6 +87,7 @@ fn measure(
     id: &CampaignId,
     spec: &CampaignSpec,
     dimensions: usize,
+    interrupt: &Interrupt,
 ) -> Result<Switch, CampaignError> {
     let embeddings = store.next_embeddings(id)?;
     let features = store.individuals(id, spec.model(), 0..embeddings.len() as u64, false)?;
@@ -103,7 +106,7 @@ fn measure(
             behaviours.push(&method.behaviour(&individual.features, embedding))?;
         }
         let neighbours = spec.search().neighbours() as usize;
-        let novelty = novelty::novelty(&behaviours, first..behaviours.len(), neighbours);
+        let novelty = novelty::novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;
         measured
             .generations
             .push(GenerationRecord::of(record.generation, &novelty, record.filtered));

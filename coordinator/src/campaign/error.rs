@@ -5,9 +5,11 @@ use crate::{
     breeding::ProposeError,
     checkpoints::CheckpointError,
     dispatch::JobError,
+    interrupt::Interrupted,
     novelty::Misfit,
     queries::{QueryError, UnviewedError},
-    store::{LabelError, StoreError},
+    space::SpaceError,
+    store::{DecisionError, LabelError, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
 
@@ -98,6 +100,9 @@ pub enum CampaignError {
         /// Version of the simulator that it was begun with.
         theirs: String,
     },
+    /// It was told to stop, or the coordinator ends.
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
     /// A bug: the search itself broke off.
     #[error(
         "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
@@ -109,12 +114,33 @@ impl From<QueryError> for CampaignError {
     fn from(error: QueryError) -> Self {
         match error {
             QueryError::Committee(UnviewedError::Job(error)) => Self::Job(error),
+            QueryError::Space(SpaceError::Interrupted(interrupted)) => Self::Interrupted(interrupted),
             error => Self::Query(error),
         }
     }
 }
 
+impl From<DecisionError> for CampaignError {
+    fn from(error: DecisionError) -> Self {
+        match error {
+            DecisionError::Store(error) => Self::Store(error),
+            DecisionError::NotAllowed(error) => Self::NotAllowed(error),
+        }
+    }
+}
+
 impl CampaignError {
+    /// Whether nothing is wrong with the campaign: somebody decided about it, or the coordinator ends.
+    pub(super) const fn is_stop(&self) -> bool {
+        matches!(
+            self,
+            Self::Job(JobError::ShuttingDown)
+                | Self::Interrupted(_)
+                | Self::Store(StoreError::Superseded(_))
+                | Self::Label(LabelError::Store(StoreError::Superseded(_)))
+        )
+    }
+
     /// Whether the disk is why, so that the same may be done later.
     #[must_use]
     pub const fn may_pass(&self) -> bool {

@@ -3,8 +3,7 @@
 use super::{CampaignError, live::Live};
 use crate::{
     breeding::ProposeError,
-    dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside},
-    leases::Instance,
+    dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, Maker, SetAside},
     store::{Picture, Provenance},
 };
 use murmuration_proto::{Controller, Evaluation};
@@ -20,8 +19,8 @@ pub(super) struct Done {
     pub(super) tasks: Vec<(Controller, u64)>,
     /// One a task.
     pub(super) evaluations: Vec<Evaluation>,
-    /// For each task, who alone says what came of it.
-    pub(super) unaudited: Vec<Option<Instance>>,
+    /// Who made each.
+    pub(super) makers: Vec<Maker>,
     /// The places that were set aside, and why.
     pub(super) set_aside: Vec<(usize, SetAside)>,
 }
@@ -44,7 +43,7 @@ impl Done {
             .map(|(place, reason)| notice(*place, reason));
         let provenance = Provenance {
             notices: notices.collect(),
-            unaudited: self.unaudited,
+            makers: self.makers,
         };
         let pictures = self.tasks.into_iter().zip(self.evaluations).map(picture);
         (pictures.collect(), provenance)
@@ -63,7 +62,7 @@ pub(super) async fn evaluate(
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
 ) -> Result<Option<Done>, CampaignError> {
     let mut tasks = job.tasks.clone();
-    let mut results: Vec<Option<(Evaluation, Option<Instance>)>> = vec![None; tasks.len()];
+    let mut results: Vec<Option<(Evaluation, Maker)>> = vec![None; tasks.len()];
     let mut set_aside = Vec::new();
     let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
     for attempt in 1.. {
@@ -81,10 +80,7 @@ pub(super) async fn evaluate(
         let mut substitutes = BTreeMap::new();
         for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
             match evaluated {
-                Evaluated::Done {
-                    evaluation,
-                    unaudited,
-                } => results[place] = Some((evaluation, unaudited)),
+                Evaluated::Done { evaluation, maker } => results[place] = Some((evaluation, maker)),
                 Evaluated::SetAside(reason) if attempt == MOST_ATTEMPTS => {
                     return Err(JobError::SetAside(reason).into());
                 }
@@ -103,11 +99,11 @@ pub(super) async fn evaluate(
             break;
         }
     }
-    let (evaluations, unaudited) = results.into_iter().flatten().unzip();
+    let (evaluations, makers) = results.into_iter().flatten().unzip();
     Ok(Some(Done {
         tasks,
         evaluations,
-        unaudited,
+        makers,
         set_aside,
     }))
 }

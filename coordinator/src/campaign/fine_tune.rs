@@ -5,7 +5,7 @@ use super::{
     CampaignError,
     evaluate::evaluate,
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome, blocking, pictures_at_once},
     train::train,
 };
 use crate::{
@@ -73,7 +73,7 @@ async fn further_starts(
 ) -> Result<Outcome, CampaignError> {
     let missing = read(means, record, entries).await?.missing;
     let mut place = record.pictures_done;
-    for starts in missing.chunks(CHUNK) {
+    for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
         let tasks = starts
             .iter()
             .map(|start| (start.controller, start.seed))

@@ -20,9 +20,12 @@ pub(super) async fn label(
         return Ok(Outcome::Done);
     };
     let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
-    let answered = live
-        .until_stopped(|headway| means.annotator.answers(&record, strategy, count, headway))
-        .await;
+    let interrupt = live.interrupt().clone();
+    let answers = |headway| {
+        let annotator = &means.annotator;
+        annotator.answers(&record, strategy, count, headway, &interrupt)
+    };
+    let answered = live.until_stopped(answers).await;
     let Some(answers) = answered else {
         return Ok(Outcome::Stopped);
     };
@@ -36,7 +39,7 @@ pub(super) async fn label(
     let store = means.store.clone();
     blocking(move || {
         let labels = store.labels(&record.id)?;
-        super::moves::check_lesson(&record.id, &labels)
+        super::decisions::check_lesson(&record.id, &labels)
     })
     .await??;
     Ok(Outcome::Done)

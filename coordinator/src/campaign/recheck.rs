@@ -1,22 +1,22 @@
-//! When a worker is found wrong, what rests on its word alone is done again by others; what differs is taken back, with
-//! all that came of it.
+//! When a machine is found wrong, what rests on its word alone is done again by others; what differs is taken back, with
+//! all that came of it. What counts as different is what audits go by.
 //!
 //! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be taken back without what
 //! people said. Such a campaign fails aloud.
 
 use super::{
     CampaignError, CampaignId,
-    evaluate::evaluate,
+    evaluate::{Done, evaluate},
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome, blocking, pictures_at_once},
 };
 use crate::{
     dispatch::{EmbeddingJob, EvaluationJob},
-    store::{ArchivedIndividual, CampaignRecord, Store, StoreError, Suspects},
+    store::{ArchivedIndividual, CampaignRecord, Store, StoreError, Suspect, Suspects},
 };
-use murmuration_proto::{Controller, EmbedderSource, Evaluation, same_embedding};
+use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
 
-/// Results that are done again at a time.
+/// Results that are done again at a time, where so many fit.
 const CHUNK: usize = 1024;
 
 /// What was found to be wrong.
@@ -38,7 +38,7 @@ enum Remedy {
     EmbedAgain { kept: u64 },
 }
 
-/// Does again what rests on the word of workers that were found wrong.
+/// Does again what rests on the word of machines that were found wrong.
 pub(super) async fn recheck(
     means: &Means,
     record: &CampaignRecord,
@@ -46,9 +46,9 @@ pub(super) async fn recheck(
     live: &mut Live,
 ) -> Result<Outcome, CampaignError> {
     let names: Vec<_> = suspects
-        .workers
+        .machines
         .iter()
-        .map(|worker| worker.name.as_str())
+        .map(|machine| machine.name.as_str())
         .collect();
     let begins = format!(
         "worker {} returned wrong results and is quarantined; what it alone had done here was done again",
@@ -60,8 +60,9 @@ pub(super) async fn recheck(
     };
     let id = record.id.clone();
     let Some(wrong) = wrong else {
-        let said = format!("{begins}: all {} results are right", suspects.len());
-        let confirm = move |store: &Store| store.confirm(&id, &suspects.workers, &said);
+        let results = counted(suspects.len() as u64, "result");
+        let said = format!("{begins}: of {results} none was wrong");
+        let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
         return Ok(Outcome::of(means.commit(live, confirm).await?));
     };
     let remedy = remedy(means, record, wrong, names.join(", ")).await?;
@@ -78,20 +79,22 @@ async fn first_wrong(
     suspects: &Suspects,
     live: &mut Live,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
-    for chunk in suspects.pictures.chunks(CHUNK) {
+    // What is stored and what is found again.
+    let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
+    for chunk in suspects.pictures.chunks(at_once) {
         match wrong_picture(means, record, chunk, live).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
     // Before individuals, which are not to blame for what was made of them later.
-    for chunk in suspects.embeddings.chunks(CHUNK) {
+    for chunk in suspects.embeddings.chunks(at_once) {
         match wrong_embedding(means, record, chunk, live).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
-    for chunk in suspects.individuals.chunks(CHUNK) {
+    for chunk in suspects.individuals.chunks(at_once) {
         match wrong_individual(means, record, chunk, live).await? {
             Some(None) => {}
             found => return Ok(found),
@@ -103,11 +106,11 @@ async fn first_wrong(
 async fn wrong_picture(
     means: &Means,
     record: &CampaignRecord,
-    places: &[u64],
+    suspects: &[Suspect],
     live: &mut Live,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     let (id, model) = (record.id.clone(), record.spec.model());
-    let pictures = read_all(means, places, move |store, place| {
+    let pictures = read_all(means, suspects, move |store, place| {
         store.picture(&id, model, place)
     })
     .await?;
@@ -116,31 +119,35 @@ async fn wrong_picture(
     let Some(again) = evaluated_again(means, job, live).await? else {
         return Ok(None);
     };
-    let mut both = places.iter().zip(pictures.iter().zip(&again));
+    let mut both = suspects.iter().zip(pictures.iter().zip(&again.evaluations));
     let differs = both.find(|(_, (old, new))| old.image != new.image());
-    Ok(Some(differs.map(|(&place, _)| Wrong::Picture(place))))
+    Ok(Some(differs.map(|(suspect, _)| Wrong::Picture(suspect.place))))
 }
 
 async fn wrong_individual(
     means: &Means,
     record: &CampaignRecord,
-    indices: &[u64],
+    suspects: &[Suspect],
     live: &mut Live,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
-    let archived = archived(means, record, indices).await?;
+    let archived = archived(means, record, suspects).await?;
     let embedder = means.embedder(record).await?;
+    let moved = moved(means, record).await?;
     let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
     let job = EvaluationJob::of(record, embedder, tasks);
     let Some(again) = evaluated_again(means, job, live).await? else {
         return Ok(None);
     };
-    let mut both = archived.iter().zip(&again);
-    let differs = both.find(|(old, new)| {
+    let new = again.evaluations.iter().zip(&again.makers);
+    let mut both = suspects.iter().zip(&archived).zip(new);
+    let differs = both.find(|((suspect, old), (new, maker))| {
+        // What was there when the archive moved was embedded again then, maybe by others.
+        let embedded = embedder.is_some() && old.index >= moved;
         old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
             || old.image.as_deref() != Some(new.image())
-            || (embedder.is_some() && !same_embedding(&old.embedding, new.embedding()))
+            || (embedded && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
     });
-    Ok(Some(differs.map(|(old, _)| Wrong::Individual {
+    Ok(Some(differs.map(|((_, old), _)| Wrong::Individual {
         index: old.index,
         generation: old.generation,
     })))
@@ -149,14 +156,16 @@ async fn wrong_individual(
 async fn wrong_embedding(
     means: &Means,
     record: &CampaignRecord,
-    indices: &[u64],
+    suspects: &[Suspect],
     live: &mut Live,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     // Those of a move that has not ended are made anew, whoever made them.
     let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
-        return Ok(Some(indices.first().map(|&index| Wrong::Embedding(index))));
+        return Ok(Some(
+            suspects.first().map(|suspect| Wrong::Embedding(suspect.place)),
+        ));
     };
-    let archived = archived(means, record, indices).await?;
+    let archived = archived(means, record, suspects).await?;
     let job = EmbeddingJob {
         campaign: record.id.clone(),
         weight: record.weight,
@@ -174,18 +183,20 @@ async fn wrong_embedding(
         return Ok(None);
     };
     let again = again?;
-    let mut both = archived.iter().zip(&again);
-    let differs = both.find(|(old, (new, _))| !same_embedding(&old.embedding, new));
-    Ok(Some(differs.map(|(old, _)| Wrong::Embedding(old.index))))
+    let mut both = suspects.iter().zip(&archived).zip(&again);
+    let differs = both.find(|((suspect, old), (new, maker))| {
+        !embeddings_agree((&old.embedding, suspect.kind), (new, maker.kind))
+    });
+    Ok(Some(differs.map(|((_, old), _)| Wrong::Embedding(old.index))))
 }
 
 async fn archived(
     means: &Means,
     record: &CampaignRecord,
-    indices: &[u64],
+    suspects: &[Suspect],
 ) -> Result<Vec<ArchivedIndividual>, CampaignError> {
     let (id, model) = (record.id.clone(), record.spec.model());
-    read_all(means, indices, move |store, index| {
+    read_all(means, suspects, move |store, index| {
         store.individual(&id, model, index)
     })
     .await
@@ -194,25 +205,36 @@ async fn archived(
 /// Reads what the store has at these places.
 async fn read_all<T: Send + 'static>(
     means: &Means,
-    places: &[u64],
+    suspects: &[Suspect],
     read: impl Fn(&Store, u64) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<Vec<T>, CampaignError> {
-    let (store, places) = (means.store.clone(), places.to_vec());
-    let read = move || places.into_iter().map(|place| read(&store, place)).collect();
+    let (store, suspects) = (means.store.clone(), suspects.to_vec());
+    let read = move || {
+        let read = |suspect: Suspect| read(&store, suspect.place);
+        suspects.into_iter().map(read).collect()
+    };
     let read: Result<Vec<T>, StoreError> = blocking(read).await?;
     Ok(read?)
 }
 
-/// The evaluations of a job by workers that nobody mistrusts; `None` if the campaign is to stop.
+/// How many individuals an archive had when it moved to the embedder that it has; 0 while it moves to another.
+async fn moved(means: &Means, record: &CampaignRecord) -> Result<u64, CampaignError> {
+    if record.next_checkpoint.is_some() {
+        return Ok(0);
+    }
+    let (store, id) = (means.store.clone(), record.id.clone());
+    Ok(blocking(move || store.embedded_when_moved(&id)).await??)
+}
+
+/// The evaluations of a job by machines that nobody mistrusts; `None` if the campaign is to stop.
 async fn evaluated_again(
     means: &Means,
     job: EvaluationJob,
     live: &mut Live,
-) -> Result<Option<Vec<Evaluation>>, CampaignError> {
+) -> Result<Option<Done>, CampaignError> {
     let tasks: Vec<(Controller, u64)> = job.tasks.clone();
     let same = |place: usize, _| Ok(vec![(place, tasks[place])]);
-    let done = evaluate(&means.dispatch, live, job, same).await?;
-    Ok(done.map(|done| done.evaluations))
+    evaluate(&means.dispatch, live, job, same).await
 }
 
 /// What is to be taken back because of something wrong.

@@ -6,15 +6,17 @@ use super::{
 };
 use crate::{
     checkpoints::Checkpoints,
-    dispatch::{Dispatch, Embedder, JobError, Trainers},
+    dispatch::{Dispatch, Embedder, Trainers},
     metrics::Metrics,
-    store::{CampaignRecord, Store, Suspects},
+    store::{CampaignRecord, RunId, Store, Suspects},
     synthetic::SyntheticAnnotator,
 };
+use murmuration_proto::ImageFormat;
 
 /// What the stages of a campaign work with.
 #[derive(Debug, Clone)]
 pub(super) struct Means {
+    /// That of the run: it takes no change once the run is over.
     pub(super) store: Store,
     pub(super) dispatch: Dispatch,
     pub(super) trainers: Trainers,
@@ -24,6 +26,14 @@ pub(super) struct Means {
 }
 
 impl Means {
+    /// The same for a run of a campaign.
+    pub(super) fn during(&self, run: RunId) -> Self {
+        Self {
+            store: self.store.during(run),
+            ..self.clone()
+        }
+    }
+
     /// What embeds a campaign's individuals, if anything.
     pub(super) async fn embedder(&self, record: &CampaignRecord) -> Result<Option<Embedder>, CampaignError> {
         Ok(match record.checkpoint {
@@ -31,6 +41,14 @@ impl Means {
             None => None,
         })
     }
+}
+
+/// Bytes of pictures that a stage holds at a time, where it need not hold more.
+const PICTURE_BYTES: usize = 256 << 20;
+
+/// Pictures that a stage handles at a time: `most`, or as many as fit.
+pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
+    (PICTURE_BYTES / image.pixels()).clamp(1, most)
 }
 
 /// How a stage ended.
@@ -52,12 +70,15 @@ impl Outcome {
     }
 }
 
-/// Runs the campaign from where it stands until it is complete, failed or stopped.
-pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
-    match stages(&means, &id, &mut live).await {
+/// Runs the campaign from where it stands until it is complete, failed or stopped; `means` are those of the run.
+pub(super) async fn run(means: Means, run: RunId, mut live: Live) {
+    let id = run.campaign().clone();
+    match stages(&means, &run, &mut live).await {
         Ok(Outcome::Done) => tracing::info!(campaign = %id, "completed"),
-        // Whoever shuts the coordinator down wants the campaign to go on with the next one.
-        Ok(Outcome::Stopped) | Err(CampaignError::Job(JobError::ShuttingDown)) => {}
+        Ok(Outcome::Stopped) => {}
+        // Whoever decided something about it has told people; whoever shuts the coordinator down wants the campaign to go on
+        // with the next one.
+        Err(error) if error.is_stop() => {}
         Err(error) => {
             let said = error.to_string();
             tracing::error!(campaign = %id, error = said, "failed");
@@ -71,13 +92,18 @@ pub(super) async fn run(means: Means, id: CampaignId, mut live: Live) {
     }
 }
 
-async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outcome, CampaignError> {
+async fn stages(means: &Means, run: &RunId, live: &mut Live) -> Result<Outcome, CampaignError> {
+    let id = run.campaign();
     let mut before = None;
     loop {
+        live.interrupt().check()?;
         let Some((suspects, seen)) = suspects(means, id, live).await? else {
             return Ok(Outcome::Stopped);
         };
         let record = read(&means.store, id).await?;
+        if record.state != CampaignState::Running || record.run_id() != *run {
+            return Ok(Outcome::Stopped);
+        }
         live.begin();
         if !suspects.is_empty() {
             match recheck::recheck(means, &record, suspects, live).await? {
@@ -100,7 +126,12 @@ async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outco
             Stage::Committee => committee::train_member(means, record, live).await?,
             Stage::FineTune => fine_tune::fine_tune(means, record, live).await?,
             Stage::Evolve => search::evolve(means, record, seen, live).await?,
-            Stage::Taxonomy => return search::complete(means, record, live).await,
+            Stage::Taxonomy => match search::complete(means, record, live).await? {
+                Some(true) => return Ok(Outcome::Done),
+                // A worker was found wrong meanwhile.
+                Some(false) => Outcome::Done,
+                None => Outcome::Stopped,
+            },
         };
         if outcome == Outcome::Stopped {
             return Ok(Outcome::Stopped);
@@ -108,7 +139,7 @@ async fn stages(means: &Means, id: &CampaignId, live: &mut Live) -> Result<Outco
     }
 }
 
-/// What of a campaign rests on the word of workers that were found wrong, and how many those are; on disk too. `None` if
+/// What of a campaign rests on the word of machines that were found wrong, and how many those are; on disk too. `None` if
 /// the campaign is to stop.
 async fn suspects(
     means: &Means,

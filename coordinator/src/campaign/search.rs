@@ -9,10 +9,14 @@ use super::{
 use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
     dispatch::{Embedder, EvaluationJob},
+    interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
     metrics::Metrics,
     novelty::{self, Behaviours},
-    store::{ArchivedIndividual, CampaignRecord, GenerationRecord, Provenance, Store, StoreError},
+    store::{
+        ArchivedIndividual, CampaignRecord, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError,
+    },
+    taxonomy,
 };
 use murmuration_proto::{Method, Purpose, Stream};
 use std::{sync::Arc, time::Instant};
@@ -31,6 +35,8 @@ struct Generation {
 struct Search {
     store: Store,
     metrics: Metrics,
+    /// Ends what it computes.
+    interrupt: Interrupt,
     campaign: Arc<CampaignRecord>,
     embedder: Option<Embedder>,
     behaviours: Behaviours,
@@ -48,7 +54,7 @@ pub(super) async fn evolve(
     live: &mut Live,
 ) -> Result<Outcome, CampaignError> {
     let generations = record.generations();
-    let mut search = restore(means, record).await?;
+    let mut search = restore(means, record, live).await?;
     let quarantined = means.dispatch.quarantined();
     loop {
         // What they did may be in this archive: that is looked at between stages.
@@ -95,17 +101,18 @@ pub(super) async fn evolve(
     }
 }
 
-/// Clusters the archive and completes the campaign.
+/// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`]. `None` if the campaign is
+/// to stop.
 pub(super) async fn complete(
     means: &Means,
     record: CampaignRecord,
     live: &Live,
-) -> Result<Outcome, CampaignError> {
-    let search = restore(means, record).await?;
+) -> Result<Option<bool>, CampaignError> {
+    let search = restore(means, record, live).await?;
     let id = search.campaign.id.clone();
-    let taxonomy = blocking(move || search.taxonomy()).await?;
-    let complete = move |store: &Store| store.complete(&id, &taxonomy);
-    Ok(Outcome::of(means.commit(live, complete).await?))
+    let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
+    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
+    means.commit(live, complete).await
 }
 
 /// Numbers in a behaviour vector.
@@ -118,32 +125,31 @@ pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usiz
 }
 
 /// The search as the store left it.
-async fn restore(means: &Means, record: CampaignRecord) -> Result<Search, CampaignError> {
+async fn restore(means: &Means, record: CampaignRecord, live: &Live) -> Result<Search, CampaignError> {
+    let method = record.spec.method();
     let embedder = means.embedder(&record).await?;
-    let (store, metrics) = (means.store.clone(), means.metrics.clone());
-    blocking(move || Search::restore(store, metrics, record, embedder)).await?
+    let search = Search {
+        behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
+        parents: Vec::new(),
+        next_generation: record.generations_done,
+        store: means.store.clone(),
+        metrics: means.metrics.clone(),
+        interrupt: live.interrupt().clone(),
+        campaign: Arc::new(record),
+        embedder,
+    };
+    blocking(move || search.restored()).await?
 }
 
 impl Search {
-    fn restore(
-        store: Store,
-        metrics: Metrics,
-        record: CampaignRecord,
-        embedder: Option<Embedder>,
-    ) -> Result<Self, CampaignError> {
-        let population = u64::from(record.spec.search().population());
-        let method = record.spec.method();
-        let len = u64::from(record.generations_done) * population;
-        let mut search = Self {
-            behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
-            parents: Vec::new(),
-            next_generation: record.generations_done,
-            store,
-            metrics,
-            campaign: Arc::new(record),
-            embedder,
-        };
+    /// With the archive as it is on disk.
+    fn restored(self) -> Result<Self, CampaignError> {
+        let mut search = self;
+        let population = u64::from(search.campaign.spec.search().population());
+        let method = search.campaign.spec.method();
+        let len = search.campaign.individuals();
         for start in (0..len).step_by(CHUNK as usize) {
+            search.interrupt.check()?;
             let range = start..len.min(start + CHUNK);
             for individual in
                 search
@@ -213,7 +219,8 @@ impl Search {
             self.behaviours.push(&behaviour)?;
         }
         let neighbours = self.campaign.spec.search().neighbours() as usize;
-        let novelty = novelty::novelty(&self.behaviours, first..self.behaviours.len(), neighbours);
+        let all = first..self.behaviours.len();
+        let novelty = novelty::novelty(&self.behaviours, all, neighbours, &self.interrupt)?;
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
             format!(
@@ -222,7 +229,7 @@ impl Search {
             )
         };
         let provenance = Provenance {
-            unaudited: done.unaudited,
+            makers: done.makers,
             notices: done.set_aside.iter().map(notice).collect(),
         };
         let individuals: Vec<_> = (first as u64..)
@@ -253,13 +260,13 @@ impl Search {
         Ok((self, generation))
     }
 
-    /// Clusters the archive.
-    fn taxonomy(&self) -> Clustering {
-        let mut stream = Stream::derive(self.campaign.spec.seed(), Purpose::Medoids, 0);
-        medoids::cluster(
-            &self.behaviours,
-            self.campaign.spec.medoids() as usize,
-            &mut stream,
-        )
+    /// Clusters the archive, and measures the clusters.
+    fn taxonomy(&self) -> Result<(Clustering, Vec<ClusterMeasures>), Interrupted> {
+        let (spec, interrupt) = (&self.campaign.spec, &self.interrupt);
+        let mut stream = Stream::derive(spec.seed(), Purpose::Medoids, 0);
+        let clustering = medoids::cluster(&self.behaviours, spec.medoids() as usize, &mut stream, interrupt)?;
+        let neighbours = spec.search().neighbours() as usize;
+        let measures = taxonomy::measure(&self.behaviours, &clustering, neighbours, interrupt)?;
+        Ok((clustering, measures))
     }
 }

@@ -1,10 +1,10 @@
 //! Where a campaign stands, and which changes are allowed from there.
 
-use murmuration_proto::v1;
-use std::fmt;
+use murmuration_proto::{CampaignName, Invalid, text, v1};
+use std::{fmt, str::FromStr};
 
 /// A campaign's id, `NAME-N`, unique in its store.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CampaignId(String);
 
 impl CampaignId {
@@ -17,6 +17,21 @@ impl CampaignId {
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+}
+
+impl FromStr for CampaignId {
+    type Err = Invalid;
+
+    /// An id from outside: nothing that is read as one can be a path to another folder.
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let refused = || Invalid::new("campaign", text::quoted(text), "an id, NAME-N");
+        let (name, number) = text.rsplit_once('-').ok_or_else(refused)?;
+        let is_number = (1..=20).contains(&number.len()) && number.bytes().all(|byte| byte.is_ascii_digit());
+        if !is_number || CampaignName::try_from(name.to_owned()).is_err() {
+            return Err(refused());
+        }
+        Ok(Self(text.to_owned()))
     }
 }
 
@@ -58,7 +73,7 @@ pub enum Change {
 
 /// A change that a campaign's state does not allow.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("cannot {} campaign {id}: it is {}", .change.name(), .state.name())]
+#[error("cannot {} campaign {id}: it {} {}", .change.name(), .state.verb(), .state.name())]
 pub struct NotAllowed {
     /// The campaign.
     pub id: CampaignId,
@@ -100,6 +115,14 @@ impl CampaignState {
             Self::Completed => "completed",
             Self::Failed => "failed",
             Self::Cancelled => "cancelled",
+        }
+    }
+
+    /// How to say that a campaign is in it: of the end of a campaign that it has come before whatever is asked now.
+    const fn verb(self) -> &'static str {
+        match self {
+            Self::Completed | Self::Cancelled => "was already",
+            Self::Running | Self::Paused | Self::Failed => "is",
         }
     }
 

@@ -2,15 +2,15 @@
 
 use super::{
     CampaignError, CampaignId,
-    live::{COUNTING_INTERVAL, Live},
+    live::{COUNTING_INTERVAL, Hands, Live, held_up_by},
     run::{Means, blocking},
 };
 use crate::{
     dispatch::{Headway, Lesson, TrainingJob},
-    store::{CampaignRecord, SavedTraining, Store, TrainingPictures},
+    store::{CampaignRecord, SavedTraining, Store, StoreError, TrainingPictures},
 };
 use murmuration_proto::{CheckpointDigest, training::Configuration};
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
 
 /// Has an embedder trained and published; `None` if the campaign is to stop.
@@ -37,6 +37,7 @@ pub(super) async fn train(
         let headway = Arc::<Headway>::default();
         let training = means.trainers.train(job, headway.clone());
         tokio::pin!(training);
+        let mut trainers = Hands::trainers(means.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
@@ -44,7 +45,10 @@ pub(super) async fn train(
                 () = live.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
                 Ok(()) = reports.changed() => live.training(*reports.borrow_and_update()),
-                _ = tick.tick() => live.waiting(headway.trouble()),
+                _ = tick.tick() => {
+                    let missing = trainers.missing(Instant::now());
+                    live.waiting(held_up_by(missing, headway.trouble()));
+                }
             }
         }
     };
@@ -67,7 +71,8 @@ async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Optio
         };
         let (store, id) = (store.clone(), id.clone());
         match blocking(move || store.save_training(&id, &training)).await {
-            Ok(Ok(())) => {}
+            // The run is over: another goes on from the snapshot before.
+            Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
             // Only time would be lost: the training goes on, and a later snapshot may fit.
             Ok(Err(error)) => tracing::warn!(%error, "a training could not be put aside"),
             Err(error) => tracing::warn!(%error, "a training could not be put aside"),

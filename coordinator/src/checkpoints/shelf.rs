@@ -1,16 +1,23 @@
-//! The shelf: bytes under their digest, in a folder of the data directory or in a bucket.
+//! The shelf: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
 
 use super::CheckpointError;
-use crate::store::StoreError;
+use crate::{files::is_there, store::StoreError};
 use bytes::Bytes;
 use murmuration_proto::CheckpointDigest;
-use object_store::{ObjectStore, ObjectStoreExt as _, local::LocalFileSystem, path::Path as ObjectPath};
+use object_store::{
+    ObjectStore, ObjectStoreExt as _, ObjectStoreScheme, local::LocalFileSystem, path::Path as ObjectPath,
+};
 use std::{
     error::Error,
-    fs, io,
+    fs::{self, File},
+    io,
     path::{Path, PathBuf},
     sync::Arc,
+    time::Duration,
 };
+
+/// How long a bucket may take to answer when it is tried out.
+const TRIAL_LIMIT: Duration = Duration::from_secs(30);
 
 /// Where the bytes of checkpoints are; cheap to clone.
 #[derive(Debug, Clone)]
@@ -45,16 +52,25 @@ impl Shelf {
     pub const FOLDER: &str = "checkpoints";
 
     /// The shelf at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
-    /// variables), or, if there is none, a folder of the data directory, which is made where it is missing.
+    /// variables) or `file:///FOLDER`, or, if there is none, a folder of the data directory. A folder is made where it is
+    /// missing.
     ///
     /// # Errors
     /// [`CheckpointError::Location`] where that is no place for checkpoints.
     pub fn open(data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
         let Some(location) = location else {
             let folder = data.join(Self::FOLDER);
-            fs::create_dir_all(&folder).map_err(|error| refused(folder.display(), &error))?;
+            make_folder(&folder).map_err(|error| refused(folder.display(), &error))?;
             return Self::folder(folder);
         };
+        if let Some(folder) = folder_of(location)? {
+            make_folder(&folder).map_err(|error| refused(location, &error))?;
+            return Self::folder(folder);
+        }
+        Self::bucket(location)
+    }
+
+    fn bucket(location: &str) -> Result<Self, CheckpointError> {
         let url = location.parse().map_err(|error| refused(location, &error))?;
         let variables = std::env::vars().filter(|(name, _)| name.starts_with("AWS_"));
         let variables = variables.map(|(name, value)| (name.to_ascii_lowercase(), value));
@@ -72,10 +88,16 @@ impl Shelf {
     /// # Errors
     /// As [`Shelf::open`].
     pub fn look(data: &Path, location: Option<&str>) -> Result<Option<Self>, CheckpointError> {
-        match location {
-            None if !data.join(Self::FOLDER).exists() => Ok(None),
-            location => Self::open(data, location).map(Some),
+        let folder = match location {
+            None => Some(data.join(Self::FOLDER)),
+            Some(location) => folder_of(location)?,
+        };
+        if let Some(folder) = folder
+            && !is_there(&folder).map_err(|error| refused(folder.display(), &error))?
+        {
+            return Ok(None);
         }
+        Self::open(data, location).map(Some)
     }
 
     fn folder(folder: PathBuf) -> Result<Self, CheckpointError> {
@@ -88,7 +110,49 @@ impl Shelf {
         })
     }
 
-    /// Whether it is a folder of the data directory.
+    /// Tries the shelf out: puts an object there, reads it back, and removes it.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Location`] where that fails, or takes longer than 30 seconds.
+    pub async fn try_out(&self) -> Result<(), CheckpointError> {
+        let place = match &self.place {
+            Place::Folder(folder) => folder.display().to_string(),
+            Place::Url(url) => url.clone(),
+        };
+        match tokio::time::timeout(TRIAL_LIMIT, self.write_and_read()).await {
+            Ok(tried) => tried.map_err(|error| refused(place, &error)),
+            Err(_) => {
+                let limit = TRIAL_LIMIT.as_secs();
+                Err(refused(
+                    place,
+                    &format!("it has not answered for {limit} seconds"),
+                ))
+            }
+        }
+    }
+
+    async fn write_and_read(&self) -> Result<(), object_store::Error> {
+        let object = self
+            .prefix
+            .clone()
+            .join(format!("trial-{:016x}", getrandom::u64().unwrap_or(0)));
+        let written = Bytes::from_static(b"murmuration tries whether checkpoints can be kept here");
+        self.objects.put(&object, written.clone().into()).await?;
+        let read = self.objects.get(&object).await?.bytes().await?;
+        // Checkpoints are never removed: a store that does not allow it will do.
+        if let Err(error) = self.objects.delete(&object).await {
+            tracing::warn!(%error, %object, "what the checkpoint store was tried with stays there");
+        }
+        match read == written {
+            true => Ok(()),
+            false => Err(object_store::Error::Generic {
+                store: "checkpoint store",
+                source: "it does not give back what was written".into(),
+            }),
+        }
+    }
+
+    /// Whether it is a folder.
     #[must_use]
     pub const fn is_folder(&self) -> bool {
         matches!(self.place, Place::Folder(_))
@@ -156,6 +220,37 @@ impl Shelf {
         }
         error.into()
     }
+}
+
+/// The folder that a `file://` URL names; `None` for the URL of a bucket.
+fn folder_of(location: &str) -> Result<Option<PathBuf>, CheckpointError> {
+    let url = location.parse().map_err(|error| refused(location, &error))?;
+    let (scheme, _) = ObjectStoreScheme::parse(&url).map_err(|error| refused(location, &error))?;
+    match scheme {
+        ObjectStoreScheme::Local => match url.to_file_path() {
+            Ok(folder) => Ok(Some(folder)),
+            Err(()) => Err(refused(location, &"it names no folder of this machine")),
+        },
+        ObjectStoreScheme::Memory => Err(refused(location, &"memory does not outlast the coordinator")),
+        _ => Ok(None),
+    }
+}
+
+/// Makes a folder, and those above it, where they are missing; their entries are on disk when this returns.
+fn make_folder(folder: &Path) -> io::Result<()> {
+    if is_there(folder)? && folder.is_dir() {
+        return Ok(());
+    }
+    let above = match folder.parent() {
+        Some(above) if above != Path::new("") => above,
+        _ => Path::new("."),
+    };
+    make_folder(above)?;
+    match fs::create_dir(folder) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists || !folder.is_dir() => return Err(error),
+        _ => {}
+    }
+    File::open(above)?.sync_all()
 }
 
 /// What the system said, if it did.

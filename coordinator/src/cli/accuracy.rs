@@ -1,13 +1,18 @@
 //! `accuracy`: how well an embedding agrees with classes that people gave.
 
-use super::{CliError, Global, checkpoints, connection::Connection, json};
+use super::{
+    CliError, Global, checkpoints,
+    connection::{self, Connection},
+    json,
+};
 use crate::{
-    accuracy::{Accuracy, Labels, LabelsError, Summary, Tally},
+    accuracy::{Accuracy, Labels, Summary, Tally},
     local::Crew,
 };
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
+use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::{
-    CheckpointDigest, ImageFormat, SeenPictures, onnx::EmbedderModel, training::Architecture, v1,
+    CheckpointDigest, ImageFormat, SeenPictures, counted, onnx::EmbedderModel, training::Architecture, v1,
 };
 use murmuration_trainer::network::Network;
 use serde_json::{Map, Value, json};
@@ -24,16 +29,19 @@ const DIMENSIONS: usize = 5;
 Of all triplets of behaviours (a, p, n) with a and p of one class and n of another: how often is a nearer to p than to n?
 Counted with anchors a of every class, and with anchors of every class but `random`.
 
+A file has columns id and class; with --features the five features too; to have pictures simulated again seed, v1, ... as
+well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md).
+
 Examples:
   murmuration accuracy --labels single_sensor/validation.csv --features
   murmuration accuracy --labels two_sensor/validation.csv --labels rare/validation.csv --checkpoint 1f0c
   murmuration accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
 )]
 pub(super) struct AccuracyCommand {
-    /// Labelled behaviours (columns id and class, rows without a class are skipped); repeat it to join sets
+    /// Labelled behaviours, such as `murmuration labels --csv` writes; repeat it to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Folder of the images ID.png, one for each --labels [default: `images` beside the CSV]
+    /// Folder of the images ID.png, one for each --labels [default: `images` beside the CSV, or simulated again]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
     /// Compare embeddings by this ONNX file, or by the checkpoint of this digest (or enough of its beginning)
@@ -85,10 +93,10 @@ impl AccuracyCommand {
                 .map(|(class, tally)| (class.to_owned(), tally_json(tally)))
                 .collect();
             value.insert("by_class_of_anchor".to_owned(), classes.into());
-            json::print(&value.into());
+            json::print(&value.into())?;
         } else {
-            print_table(&accuracy);
-            eprintln!("{behaviours} labelled behaviours");
+            print_table(&accuracy)?;
+            errln!("{}", counted(behaviours as u64, "labelled behaviour"));
         }
         Ok(())
     }
@@ -119,20 +127,23 @@ impl AccuracyCommand {
             value.insert("networks".to_owned(), networks.get().into());
             value.insert("anchor_not_random".to_owned(), summary_json(not_random));
             value.insert("every_anchor".to_owned(), summary_json(every));
-            json::print(&value.into());
+            json::print(&value.into())?;
         } else {
-            println!(
+            outln!(
                 "{:<24}{:>14}{:>14}{:>12}",
-                "ANCHORS", "NETWORKS", "ACCURACY", "DEVIATION"
-            );
+                "ANCHORS",
+                "NETWORKS",
+                "ACCURACY",
+                "DEVIATION"
+            )?;
             for (anchors, summary) in [("all but random", not_random), ("all", every)] {
                 let percent =
                     |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2} %"));
                 let mean = percent(summary.map(|summary| summary.mean));
                 let deviation = percent(summary.and_then(|summary| summary.deviation));
-                println!("{anchors:<24}{networks:>14}{mean:>14}{deviation:>12}");
+                outln!("{anchors:<24}{networks:>14}{mean:>14}{deviation:>12}")?;
             }
-            eprintln!("{behaviours} labelled behaviours");
+            errln!("{}", counted(behaviours as u64, "labelled behaviour"));
         }
         Ok(())
     }
@@ -148,9 +159,8 @@ impl AccuracyCommand {
         let known = images.iter().filter(|image| seen.has(image)).count();
         if known > 0 {
             return Err(CliError::Input(format!(
-                "{known} of the {} pictures are among those whose classes the checkpoint, or one that it goes on from, was \
-                 told: judge it by others",
-                images.len()
+                "the checkpoint, or one that it goes on from, was told the classes of {known} of the {}: judge it by others",
+                counted(images.len() as u64, "picture")
             )));
         }
         let embeddings = embedder.embed(&images)?;
@@ -161,7 +171,11 @@ impl AccuracyCommand {
     fn images(&self, sets: &[Labels], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
-            images.extend(set.images(&folder, height, width)?);
+            let simulates = self.images.is_empty() && set.can_be_simulated() && !folder.exists();
+            images.extend(match simulates {
+                true => set.simulated_images(height, width)?,
+                false => set.images(&folder, height, width)?,
+            });
         }
         Ok(images)
     }
@@ -235,10 +249,8 @@ async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
     let (file, seen) = if is_digest && !path.exists() {
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let fetched = fetch(&mut connection, named).await;
-        connection.close().await?;
-        fetched?
+        let fetch = async |connection: &mut Connection| fetch(connection, named).await;
+        connection::with(global, Crew::NONE, fetch).await?
     } else {
         let file = fs::read(path).map_err(|error| CliError::unreadable(path, &error))?;
         (file, SeenPictures::default())
@@ -273,11 +285,14 @@ fn summary_json(summary: Option<Summary>) -> Value {
     })
 }
 
-fn print_table(accuracy: &Accuracy) {
-    println!(
+fn print_table(accuracy: &Accuracy) -> Result<(), OutputError> {
+    outln!(
         "{:<24}{:>14}{:>14}{:>12}",
-        "ANCHORS", "TRIPLETS", "CORRECT", "ACCURACY"
-    );
+        "ANCHORS",
+        "TRIPLETS",
+        "CORRECT",
+        "ACCURACY"
+    )?;
     let totals = [
         ("all but random", accuracy.anchor_not_random()),
         ("all", accuracy.every_anchor()),
@@ -285,14 +300,9 @@ fn print_table(accuracy: &Accuracy) {
     for (anchors, Tally { correct, triplets }) in totals.into_iter().chain(accuracy.classes()) {
         let percent = Tally { correct, triplets }.percent();
         let percent = percent.map_or("-".to_owned(), |percent| format!("{percent:.2} %"));
-        println!("{anchors:<24}{triplets:>14}{correct:>14}{percent:>12}");
+        outln!("{anchors:<24}{triplets:>14}{correct:>14}{percent:>12}")?;
     }
-}
-
-impl From<LabelsError> for CliError {
-    fn from(error: LabelsError) -> Self {
-        Self::Input(error.to_string())
-    }
+    Ok(())
 }
 
 impl From<RuntimeError> for CliError {

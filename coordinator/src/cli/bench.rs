@@ -3,6 +3,7 @@
 mod labels;
 
 use super::{CliError, json};
+use murmuration_link::{OutputError, outln};
 use murmuration_proto::{
     CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, Stream, World, v1,
 };
@@ -47,20 +48,25 @@ impl Bench {
 
 fn trainings(behaviours: usize, as_json: bool) -> Result<(), CliError> {
     if !as_json {
-        println!(
+        outln!(
             "{:<10} {:<10} {:>9} {:>14} {:>9} {:>9} {:>14}",
-            "NETWORK", "RECIPE", "WEIGHTS", "TRIPLETS/STEP", "S/STEP", "S/EPOCH", "PEAK MEMORY"
-        );
+            "NETWORK",
+            "RECIPE",
+            "WEIGHTS",
+            "TRIPLETS/STEP",
+            "S/STEP",
+            "S/EPOCH",
+            "PEAK MEMORY"
+        )?;
     }
-    let report = |figures: train::Figures| {
+    let print = |figures: &train::Figures| -> Result<(), OutputError> {
         if as_json {
-            json::print(&json::bench_train(&figures));
-            return;
+            return json::print(&json::bench_train(figures));
         }
         let memory = figures
             .peak_memory
             .map_or("-".to_owned(), |bytes| format!("{} MiB", bytes >> 20));
-        println!(
+        outln!(
             "{:<10} {:<10} {:>9} {:>14} {:>9.3} {:>9.2} {memory:>14}",
             figures.network,
             figures.recipe,
@@ -68,31 +74,41 @@ fn trainings(behaviours: usize, as_json: bool) -> Result<(), CliError> {
             figures.triplets_per_step,
             figures.step_seconds,
             figures.epoch_seconds,
-        );
+        )
     };
-    train::train(behaviours, report).map_err(|error| CliError::Input(error.to_string()))
+    let mut printed = Ok(());
+    let report = |figures: train::Figures| {
+        if printed.is_ok() {
+            printed = print(&figures);
+        }
+    };
+    train::train(behaviours, report).map_err(|error| CliError::Input(error.to_string()))?;
+    Ok(printed?)
 }
 
 fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
     let span = Duration::try_from_secs_f64(seconds)
         .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a number of seconds")))?;
     if !as_json {
-        println!(
+        outln!(
             "{:<14} {:<34} {:>16} {:>10}",
-            "MODEL", "WHAT", "EVALUATIONS/S", "x SCALAR"
-        );
+            "MODEL",
+            "WHAT",
+            "EVALUATIONS/S",
+            "x SCALAR"
+        )?;
     }
     for model in CapabilityModel::ALL {
         for (what, full) in [("simulation", false), ("simulation + features + image", true)] {
             let [scalar, fast] = alternately(model, full, span)?;
             if as_json {
-                json::print(&json::bench_simulate(model, what, fast, fast / scalar));
+                json::print(&json::bench_simulate(model, what, fast, fast / scalar))?;
             } else {
-                println!(
+                outln!(
                     "{:<14} {what:<34} {fast:>16.0} {:>10.2}",
                     model.name(),
                     fast / scalar
-                );
+                )?;
             }
         }
     }

@@ -2,15 +2,16 @@
 
 use super::{
     CliError, Global,
-    connection::{Client, Connection},
+    connection::{self, Client, Connection},
     follow::{Show as FollowShow, follow},
+    heard::{Heard as _, heard},
     json,
-    run::{CrewSize, read_spec},
+    run::{CrewSize, go_on, read_spec},
 };
 use crate::{campaign::Weight, local::Crew};
-use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, v1};
+use murmuration_link::{OutputError, errln, outln, print};
+use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
 use std::path::PathBuf;
-use tonic::Status;
 
 /// A campaign's name on the command line.
 #[derive(Debug, clap::Args)]
@@ -67,91 +68,95 @@ pub(super) struct Show {
 impl Submit {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let spec = read_spec(&self.spec, self.seed)?;
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        if connection.is_own() {
-            connection.close().await?;
-            let said = "no coordinator is running: start `murmuration serve`, or use `murmuration run`";
-            return Err(CliError::Failed(said.to_owned()));
-        }
-        let request = v1::CreateCampaignRequest {
-            spec: Some((&spec).into()),
-            weight: Some(self.weight.get()),
+        let submit = async |connection: &mut Connection| {
+            if connection.is_own() {
+                let said = "no coordinator is running: start `murmuration serve`, or use `murmuration run`";
+                return Err(CliError::Failed(said.to_owned()));
+            }
+            let request = v1::CreateCampaignRequest {
+                spec: Some((&spec).into()),
+                weight: Some(self.weight.get()),
+            };
+            heard(connection.client.create_campaign(request).await?)
         };
-        let campaign = connection.client.create_campaign(request).await?.into_inner();
-        changed(
-            global,
-            &campaign,
-            "submitted",
-            &format!("murmuration watch {}", campaign.id),
-        );
-        Ok(())
+        let campaign = connection::with(global, Crew::NONE, submit).await?;
+        let next = format!("murmuration watch {}", campaign.id);
+        Ok(changed(global, &campaign, campaign.state(), "submitted", &next)?)
     }
 }
 
 impl Adopt {
     /// Has a campaign move to another checkpoint; where this process runs the coordinator, to the end.
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, CrewSize::default().count()).await?;
-        let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
-        let request = v1::AdoptCheckpointRequest {
-            campaign: self.campaign,
-            checkpoint: checkpoint.digest,
+        let adopt = async |connection: &mut Connection| {
+            let checkpoint = super::checkpoints::find(&mut connection.checkpoints, &self.checkpoint).await?;
+            let request = v1::AdoptCheckpointRequest {
+                campaign: self.campaign,
+                checkpoint: checkpoint.digest,
+            };
+            heard(connection.client.adopt_checkpoint(request).await?)
         };
-        let campaign = connection.client.adopt_checkpoint(request).await?.into_inner();
-        if connection.is_own() {
-            return super::run::to_report(connection, global, &campaign.id).await;
-        }
-        let next = format!("murmuration watch {}", campaign.id);
-        changed(global, &campaign, "moves to that checkpoint", &next);
-        Ok(())
+        go_on(
+            global,
+            CrewSize::default().count(),
+            "moves to that checkpoint",
+            adopt,
+        )
+        .await
     }
 }
 
 impl Refine {
     /// Begins a round of feedback; where this process runs the coordinator, to the end.
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, CrewSize::default().count()).await?;
-        let request = v1::RefineCampaignRequest {
-            campaign: self.campaign,
-        };
-        let refined = connection.client.refine_campaign(request).await;
-        if connection.is_own() {
-            return match refined {
-                Ok(campaign) => super::run::to_report(connection, global, &campaign.get_ref().id).await,
-                Err(status) => {
-                    connection.close().await?;
-                    Err(status.into())
-                }
+        let refine = async |connection: &mut Connection| {
+            let request = v1::RefineCampaignRequest {
+                campaign: self.campaign,
             };
-        }
-        let campaign = refined?.into_inner();
-        let next = format!("murmuration watch {}", campaign.id);
-        changed(global, &campaign, "learns from its labels", &next);
-        Ok(())
+            heard(connection.client.refine_campaign(request).await?)
+        };
+        go_on(
+            global,
+            CrewSize::default().count(),
+            "learns from its labels",
+            refine,
+        )
+        .await
     }
 }
 
-/// Tells what a command changed, and what to type next.
-pub(super) fn changed(global: &Global, campaign: &v1::Campaign, what: &str, next: &str) {
+/// Tells what a command changed, and what to type next; or the state that the campaign is in, where that is not (or no
+/// longer) the `expected` one.
+pub(super) fn changed(
+    global: &Global,
+    campaign: &v1::Campaign,
+    expected: v1::CampaignState,
+    what: &str,
+    next: &str,
+) -> Result<(), OutputError> {
     if global.json {
-        json::print(&json::campaign(campaign));
-    } else {
-        println!("{}", campaign.id);
-        eprintln!("campaign {} {what}; next: {next}", campaign.id);
+        return json::print(&json::campaign(campaign));
     }
+    outln!("{}", campaign.id)?;
+    if campaign.state() == expected {
+        errln!("campaign {} {what}; next: {next}", campaign.id);
+    } else {
+        errln!("campaign {} is {} by now", campaign.id, state(campaign));
+    }
+    Ok(())
 }
 
 pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Crew::NONE).await?;
     let show = if global.json {
         FollowShow::Lines
     } else {
         FollowShow::Person
     };
-    let last = follow(&mut connection.client, campaign, show).await;
-    let own = connection.is_own();
-    connection.close().await?;
-    let last = last?;
+    let watch = async |connection: &mut Connection| {
+        let last = follow(&mut connection.client, campaign, show).await?;
+        Ok((last, connection.is_own()))
+    };
+    let (last, own) = connection::with(global, Crew::NONE, watch).await?;
     match last.state() {
         v1::CampaignState::Failed => Err(CliError::Failed(format!("campaign {}: {}", last.id, last.error))),
         v1::CampaignState::Running if own => {
@@ -162,44 +167,47 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
             Err(CliError::Failed(said))
         }
         _ => {
-            eprintln!("campaign {} is {}", last.id, state(&last));
+            errln!("campaign {} is {}", last.id, state(&last));
             Ok(())
         }
     }
 }
 
 pub(super) async fn list(global: &Global) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Crew::NONE).await?;
-    let listed = connection
-        .client
-        .list_campaigns(v1::ListCampaignsRequest {})
-        .await;
-    connection.close().await?;
-    let campaigns = listed?.into_inner().campaigns;
+    let list = async |connection: &mut Connection| {
+        let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
+        whole(listed.await?.into_inner()).await?.campaigns.heard()
+    };
+    let campaigns = connection::with(global, Crew::NONE, list).await?;
     if global.json {
         campaigns
             .iter()
             .map(json::campaign)
-            .for_each(|campaign| json::print(&campaign));
+            .try_for_each(|campaign| json::print(&campaign))?;
         return Ok(());
     }
-    println!(
+    outln!(
         "{:<28} {:<12} {:<9} {:>13} {:<13} {:<13}",
-        "CAMPAIGN", "STATE", "STAGE", "GENERATIONS", "MODEL", "METHOD"
-    );
+        "CAMPAIGN",
+        "STATE",
+        "STAGE",
+        "GENERATIONS",
+        "MODEL",
+        "METHOD"
+    )?;
     for campaign in campaigns {
         let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
             continue;
         };
         let progress = format!("{}/{}", campaign.generations_done, campaign.generations);
-        println!(
+        outln!(
             "{:<28} {:<12} {:<9} {progress:>13} {:<13} {:<13}",
             campaign.id,
             state(&campaign),
             stage(&campaign),
             spec.model().name(),
             spec.method().name(),
-        );
+        )?;
     }
     Ok(())
 }
@@ -226,56 +234,54 @@ fn state(campaign: &v1::Campaign) -> String {
 
 impl Show {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let request = v1::GetCampaignRequest {
-            campaign: self.campaign,
+        let get = async |connection: &mut Connection| {
+            let request = v1::GetCampaignRequest {
+                campaign: self.campaign,
+            };
+            let campaign = heard(connection.client.get_campaign(request).await?)?;
+            let Some(index) = self.index else {
+                return Ok((campaign, None));
+            };
+            let request = v1::GetIndividualRequest {
+                campaign: campaign.id.clone(),
+                index,
+            };
+            let individual = connection.client.get_individual(request).await?.into_inner();
+            Ok((campaign, Some(individual)))
         };
-        let campaign = connection.client.get_campaign(request).await;
-        let individual = match (&campaign, self.index) {
-            (Ok(campaign), Some(index)) => {
-                let request = v1::GetIndividualRequest {
-                    campaign: campaign.get_ref().id.clone(),
-                    index,
-                };
-                Some(connection.client.get_individual(request).await)
-            }
-            _ => None,
-        };
-        connection.close().await?;
-        let campaign = campaign?.into_inner();
-        match individual {
-            Some(individual) => show_individual(global, &campaign, &individual?.into_inner()),
-            None => show_campaign(global, &campaign),
+        match connection::with(global, Crew::NONE, get).await? {
+            (campaign, Some(individual)) => show_individual(global, &campaign, &individual),
+            (campaign, None) => show_campaign(global, &campaign),
         }
     }
 }
 
 fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliError> {
     if global.json {
-        json::print(&json::campaign(campaign));
+        json::print(&json::campaign(campaign))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
-    println!(
+    outln!(
         "# {} is {} (stage: {})",
         campaign.id,
         state(campaign),
         stage(campaign)
-    );
+    )?;
     for said in [&campaign.error, &campaign.waiting] {
         if !said.is_empty() {
-            println!("# {said}");
+            outln!("# {said}")?;
         }
     }
-    println!(
-        "# {} of {} generations are complete",
-        campaign.generations_done, campaign.generations
-    );
+    outln!(
+        "# {} of {} complete",
+        campaign.generations_done,
+        counted(campaign.generations.into(), "generation")
+    )?;
     if !campaign.checkpoint.is_empty() {
-        println!("# embedded by checkpoint {}", campaign.checkpoint);
+        outln!("# embedded by checkpoint {}", campaign.checkpoint)?;
     }
-    print!("{}", spec.to_toml());
-    Ok(())
+    Ok(print(spec.to_toml())?)
 }
 
 fn show_individual(
@@ -284,66 +290,66 @@ fn show_individual(
     individual: &v1::Individual,
 ) -> Result<(), CliError> {
     if global.json {
-        json::print(&json::individual(individual));
+        json::print(&json::individual(individual))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
     let controller = Controller::new(spec.model(), &individual.controller)?;
-    println!(
+    outln!(
         "individual  {} of {} (generation {})",
-        individual.index, campaign.id, individual.generation
-    );
-    println!("controller  {controller}");
-    println!("seed        {}", individual.seed);
-    println!("novelty     {}", individual.novelty);
-    for (name, value) in FEATURE_NAMES.iter().zip(&individual.features) {
-        println!("{name:<20} {value}");
+        individual.index,
+        campaign.id,
+        individual.generation
+    )?;
+    outln!("controller  {controller}")?;
+    outln!("seed        {}", individual.seed)?;
+    let novelty = [("novelty when evaluated", &individual.novelty)];
+    let features = FEATURE_NAMES.iter().copied().zip(&individual.features);
+    for (name, value) in novelty.into_iter().chain(features) {
+        outln!("{name:<22} {value}")?;
     }
     Ok(())
 }
 
 pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Crew::NONE).await?;
-    let request = v1::PauseCampaignRequest {
-        campaign: campaign.to_owned(),
+    let pause = async |connection: &mut Connection| {
+        let request = v1::PauseCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        heard(connection.client.pause_campaign(request).await?)
     };
-    let paused = connection.client.pause_campaign(request).await;
-    connection.close().await?;
-    let campaign = paused?.into_inner();
-    changed(
-        global,
-        &campaign,
-        "is paused",
-        &format!("murmuration resume {}", campaign.id),
-    );
-    Ok(())
+    let campaign = connection::with(global, Crew::NONE, pause).await?;
+    let next = format!("murmuration resume {}", campaign.id);
+    let paused = v1::CampaignState::Paused;
+    Ok(changed(global, &campaign, paused, "is paused", &next)?)
 }
 
 pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Crew::NONE).await?;
-    let request = v1::CancelCampaignRequest {
-        campaign: campaign.to_owned(),
+    let cancel = async |connection: &mut Connection| {
+        let request = v1::CancelCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        heard(connection.client.cancel_campaign(request).await?)
     };
-    let cancelled = connection.client.cancel_campaign(request).await;
-    connection.close().await?;
-    changed(
+    let campaign = connection::with(global, Crew::NONE, cancel).await?;
+    let cancelled = v1::CampaignState::Cancelled;
+    Ok(changed(
         global,
-        &cancelled?.into_inner(),
+        &campaign,
+        cancelled,
         "is cancelled",
         "murmuration list",
-    );
-    Ok(())
+    )?)
 }
 
 pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
-    let mut connection = Connection::open(global, Crew::NONE).await?;
-    let answer = id_and_digest(&mut connection.client, campaign).await;
-    connection.close().await?;
-    let (id, digest) = answer?;
+    let answer =
+        async |connection: &mut Connection| Ok(id_and_digest(&mut connection.client, campaign).await?);
+    let (id, digest) = connection::with(global, Crew::NONE, answer).await?;
     if global.json {
-        json::print(&json::digest(&id, &digest));
+        json::print(&json::digest(&id, &digest))?;
     } else {
-        println!("{}", digest.digest);
+        outln!("{}", digest.digest)?;
     }
     Ok(())
 }
@@ -352,11 +358,11 @@ pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliErr
 async fn id_and_digest(
     client: &mut Client,
     campaign: &str,
-) -> Result<(String, v1::GetDigestResponse), Status> {
+) -> Result<(String, v1::GetDigestResponse), CliError> {
     let request = v1::GetCampaignRequest {
         campaign: campaign.to_owned(),
     };
-    let id = client.get_campaign(request).await?.into_inner().id;
+    let id = heard(client.get_campaign(request).await?)?.id;
     let request = v1::GetDigestRequest { campaign: id.clone() };
-    Ok((id, client.get_digest(request).await?.into_inner()))
+    Ok((id, heard(client.get_digest(request).await?)?))
 }

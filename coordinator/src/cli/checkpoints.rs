@@ -2,11 +2,14 @@
 
 use super::{
     CliError, Global,
-    connection::{CheckpointClient, Connection},
+    connection::{self, CheckpointClient, Connection},
+    files::write,
+    heard::{Heard as _, heard},
     json,
 };
-use crate::{local::Crew, store::DataDirectory};
-use murmuration_proto::{CheckpointDigest, Lineage, v1};
+use crate::{files::is_there, local::Crew, store::DataDirectory};
+use murmuration_link::{OutputError, outln, print};
+use murmuration_proto::{CheckpointDigest, Lineage, counted, onnx::MAX_MODEL_BYTES, parts::whole, v1};
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -38,15 +41,16 @@ pub(super) enum CheckpointsCommand {
 
 impl CheckpointsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = match &self {
-            Self::Import { .. } if global.coordinator.is_none() && !global.data.exists() => {
-                Connection::start(global, DataDirectory::hold(&global.data)?, Crew::NONE).await?
-            }
-            _ => Connection::open(global, Crew::NONE).await?,
-        };
-        let done = self.with(&mut connection.checkpoints, global.json).await;
-        connection.close().await?;
-        done
+        let makes_data = matches!(self, Self::Import { .. })
+            && global.coordinator.is_none()
+            && !is_there(&global.data).map_err(|error| CliError::unreadable(&global.data, &error))?;
+        let ask =
+            async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
+        if makes_data {
+            let data = DataDirectory::hold(&global.data)?;
+            return connection::with_own(global, data, Crew::NONE, ask).await;
+        }
+        connection::with(global, Crew::NONE, ask).await
     }
 
     async fn with(self, client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {
@@ -54,8 +58,7 @@ impl CheckpointsCommand {
             Self::List => list(client, as_json).await,
             Self::Show { digest } => {
                 let checkpoint = find(client, &digest).await?;
-                print_whole(&checkpoint, as_json);
-                Ok(())
+                Ok(print_whole(&checkpoint, as_json)?)
             }
             Self::Export { digest, file } => export(client, &digest, &file).await,
             Self::Import { file } => import(client, &file, as_json).await,
@@ -69,45 +72,46 @@ async fn list(client: &mut CheckpointClient, as_json: bool) -> Result<(), CliErr
         checkpoints
             .iter()
             .map(json::checkpoint)
-            .for_each(|checkpoint| json::print(&checkpoint));
+            .try_for_each(|checkpoint| json::print(&checkpoint))?;
         return Ok(());
     }
-    println!("{:<64} {:>9}  PARENT", "CHECKPOINT", "BYTES");
+    outln!("{:<64} {:>9}  PARENT", "CHECKPOINT", "BYTES")?;
     for checkpoint in checkpoints {
         let parent: String = checkpoint.parent.chars().take(12).collect();
-        println!("{} {:>9}  {parent}", checkpoint.digest, checkpoint.size);
+        outln!("{} {:>9}  {parent}", checkpoint.digest, checkpoint.size)?;
     }
     Ok(())
 }
 
-fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) {
+fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputError> {
     if as_json {
-        json::print(&json::checkpoint(checkpoint));
-        return;
+        return json::print(&json::checkpoint(checkpoint));
     }
-    println!("# checkpoint {}, {} bytes", checkpoint.digest, checkpoint.size);
+    outln!(
+        "# checkpoint {}, {}",
+        checkpoint.digest,
+        counted(checkpoint.size, "byte")
+    )?;
     for (what, digest) in [
         ("trained on from", &checkpoint.parent),
         ("images", &checkpoint.data_digest),
         ("labels", &checkpoint.label_digest),
     ] {
         if !digest.is_empty() {
-            println!("# {what}: {digest}");
+            outln!("# {what}: {digest}")?;
         }
     }
     let mut metrics: Vec<_> = checkpoint.metrics.iter().collect();
     metrics.sort_by_key(|(name, _)| *name);
     for (name, value) in metrics {
-        println!("# {name}: {value}");
+        outln!("# {name}: {value}")?;
     }
-    print!("{}", checkpoint.configuration);
+    print(&checkpoint.configuration)
 }
 
 async fn export(client: &mut CheckpointClient, digest: &str, file: &Path) -> Result<(), CliError> {
     let bytes = fetch(client, digest).await?;
-    fs::write(file, bytes).map_err(|error| CliError::unwritable(file, &error))?;
-    eprintln!("wrote {}", file.display());
-    Ok(())
+    write(file, bytes)
 }
 
 /// The model of the one checkpoint whose digest begins like this.
@@ -120,6 +124,10 @@ pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Res
     let mut bytes = Vec::new();
     while let Some(chunk) = chunks.message().await? {
         bytes.extend(chunk.data);
+        if bytes.len() > MAX_MODEL_BYTES {
+            let said = format!("checkpoint {digest} is longer than {MAX_MODEL_BYTES} bytes");
+            return Err(CliError::Failed(said));
+        }
     }
     if CheckpointDigest::of(&bytes).to_string() != digest {
         return Err(CliError::Failed(format!(
@@ -132,24 +140,19 @@ pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Res
 async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {
     let bytes = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
     let parts = Lineage::default().publish_requests(&bytes);
-    let checkpoint = client
-        .publish_checkpoint(tokio_stream::iter(parts))
-        .await?
-        .into_inner();
+    let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
+    let checkpoint = heard(checkpoint)?;
     if as_json {
-        json::print(&json::checkpoint(&checkpoint));
+        json::print(&json::checkpoint(&checkpoint))?;
     } else {
-        println!("{}", checkpoint.digest);
+        outln!("{}", checkpoint.digest)?;
     }
     Ok(())
 }
 
 async fn all(client: &mut CheckpointClient) -> Result<Vec<v1::Checkpoint>, CliError> {
-    Ok(client
-        .list_checkpoints(v1::ListCheckpointsRequest {})
-        .await?
-        .into_inner()
-        .checkpoints)
+    let parts = client.list_checkpoints(v1::ListCheckpointsRequest {}).await?;
+    whole(parts.into_inner()).await?.checkpoints.heard()
 }
 
 /// The one checkpoint whose digest begins like this.
@@ -162,9 +165,9 @@ pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Resu
             "there is no checkpoint \"{beginning}\": `murmuration checkpoints list` shows those there are"
         ))),
         (Some(_), others) => {
-            let count = others + 1;
+            let found = counted(others as u64 + 1, "checkpoint");
             Err(CliError::Input(format!(
-                "\"{beginning}\" is the beginning of {count} checkpoints: give more of it"
+                "\"{beginning}\" is the beginning of {found}: give more of it"
             )))
         }
     }

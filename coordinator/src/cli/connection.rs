@@ -1,4 +1,7 @@
 //! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
+//!
+//! Nothing but [`with`] and [`with_own`] opens a connection, so that no command can leave a coordinator that it started
+//! without an end.
 
 use super::{CliError, Global};
 use crate::{
@@ -16,9 +19,6 @@ use murmuration_proto::v1::{
 use std::time::Duration;
 use tonic::service::interceptor::InterceptedService;
 
-/// Largest message taken from a coordinator: a replay of many agents, or all labels of a large archive.
-const MAX_MESSAGE: usize = 128 << 20;
-
 pub(super) type Client = CampaignServiceClient<Coordinator>;
 pub(super) type CheckpointClient = CheckpointServiceClient<Coordinator>;
 pub(super) type LabelClient = LabelServiceClient<Coordinator>;
@@ -33,59 +33,95 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    /// Reaches the coordinator that was named, or the one that holds the data directory, or starts one over it
-    /// with this crew (which goes on with no campaign by itself).
-    pub(super) async fn open(global: &Global, crew: Crew) -> Result<Self, CliError> {
+    async fn open(global: &Global, crew: Crew) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
-            return Self::to(url, &global.credentials()?, None).await;
+            return Self::to(url, &global.credentials()?).await;
         }
         match DataDirectory::hold_existing(&global.data) {
             Ok(data) => Self::start(global, data, crew).await,
             Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
                 let token = local_token(&global.data)?;
                 let credentials = token.map_or_else(Credentials::default, Credentials::token);
-                Self::to(&holder.address, &credentials, None).await
+                Self::to(&holder.address, &credentials).await
             }
             Err(error) => Err(error.into()),
         }
     }
 
     /// Starts a coordinator over a data directory that this process holds.
-    pub(super) async fn start(global: &Global, data: DataDirectory, crew: Crew) -> Result<Self, CliError> {
+    async fn start(global: &Global, data: DataDirectory, crew: Crew) -> Result<Self, CliError> {
         let options = Options {
             data,
             entrance: Entrance::loopback(0),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
+            tries_checkpoints: crew != Crew::NONE,
             dispatch: dispatch::Options::default(),
         };
         let own = LocalCluster::start(options, crew).await?;
         let way = own.coordinator().local().clone();
-        Self::to(&way.url, &way.credentials, Some(own)).await
+        match Self::to(&way.url, &way.credentials).await {
+            Ok(connection) => Ok(Self {
+                own: Some(own),
+                ..connection
+            }),
+            Err(error) => {
+                own.shutdown().await?;
+                Err(error)
+            }
+        }
     }
 
-    async fn to(url: &str, credentials: &Credentials, own: Option<LocalCluster>) -> Result<Self, CliError> {
+    async fn to(url: &str, credentials: &Credentials) -> Result<Self, CliError> {
         let channel = connect(url, credentials).await?;
         Ok(Self {
-            client: Client::new(channel.clone()).max_decoding_message_size(MAX_MESSAGE),
+            client: Client::new(channel.clone()),
             checkpoints: CheckpointClient::new(channel.clone()),
-            labels: LabelClient::new(channel).max_decoding_message_size(MAX_MESSAGE),
-            own,
+            labels: LabelClient::new(channel),
+            own: None,
         })
+    }
+
+    /// Asks, then ends what was started, whatever came of the asking.
+    async fn asked<T>(
+        mut self,
+        ask: impl AsyncFnOnce(&mut Self) -> Result<T, CliError>,
+    ) -> Result<T, CliError> {
+        let answer = ask(&mut self).await;
+        let ended = match self.own {
+            Some(own) => own.shutdown().await.map_err(CliError::from),
+            None => Ok(()),
+        };
+        // Why the command failed is what the person who typed it wants to know first.
+        let answer = answer?;
+        ended?;
+        Ok(answer)
     }
 
     /// Whether this process runs the coordinator, so that nothing goes on after it.
     pub(super) const fn is_own(&self) -> bool {
         self.own.is_some()
     }
+}
 
-    /// Ends what was started.
-    pub(super) async fn close(self) -> Result<(), CliError> {
-        match self.own {
-            Some(own) => Ok(own.shutdown().await?),
-            None => Ok(()),
-        }
-    }
+/// Has `ask` ask the coordinator that was named, or the one that holds the data directory, or one that is started over it for
+/// as long as that takes, with this crew (and goes on with no campaign by itself).
+pub(super) async fn with<T>(
+    global: &Global,
+    crew: Crew,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    Connection::open(global, crew).await?.asked(ask).await
+}
+
+/// Has `ask` ask a coordinator that is started, for as long as that takes, over a data directory that this process holds.
+pub(super) async fn with_own<T>(
+    global: &Global,
+    data: DataDirectory,
+    crew: Crew,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    Connection::start(global, data, crew).await?.asked(ask).await
 }
 
 /// A connection to a coordinator's URL.
@@ -94,4 +130,53 @@ pub(super) async fn connect(url: &str, credentials: &Credentials) -> Result<Coor
     let channel = endpoint.connect().await;
     let channel = channel.map_err(|error| CliError::no_coordinator(url, &error))?;
     Ok(InterceptedService::new(channel, credentials.bearer()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser as _;
+    use murmuration_proto::{CampaignSpec, v1};
+
+    #[derive(Debug, clap::Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        global: Global,
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_coordinator_that_a_command_started_ends_with_it_whatever_came_of_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("data");
+        let Arguments { global } = Arguments::parse_from(["test", "--data", data.to_str().unwrap()]);
+        let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+        // SQLite's log lies beside the database for as long as somebody has it open.
+        let log = data.join("murmuration.sqlite-wal");
+        for fails in [false, true] {
+            let ask = async |connection: &mut Connection| {
+                // It waits for workers, until it is told to stop.
+                let request = v1::CreateCampaignRequest {
+                    spec: Some((&spec).into()),
+                    weight: None,
+                };
+                connection.client.create_campaign(request).await?;
+                assert!(connection.is_own() && log.exists());
+                match fails {
+                    true => Err(CliError::Failed("as asked".to_owned())),
+                    false => Ok(()),
+                }
+            };
+            let held = DataDirectory::hold(&data).unwrap();
+            let asked = with_own(&global, held, Crew::NONE, ask).await;
+            assert_eq!(
+                asked.map_err(|error| error.to_string()).err(),
+                fails.then(|| "as asked".to_owned())
+            );
+            assert!(!log.exists(), "the database is still open");
+            assert!(
+                DataDirectory::hold(&data).is_ok(),
+                "the data directory is still held"
+            );
+        }
+    }
 }

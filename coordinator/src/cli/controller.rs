@@ -1,7 +1,7 @@
 //! Controllers as people type them.
 
 use super::CliError;
-use murmuration_proto::{CapabilityModel, Controller, Invalid};
+use murmuration_proto::{CapabilityModel, Controller, Invalid, counted};
 use std::f64::consts::PI;
 
 /// Reads `0.6,1,0.4,0.5` or `[0.6, 1.0, 0.4, 0.5]`; nine values make a two-sensor controller, whose angle may be
@@ -16,7 +16,7 @@ pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
     let model = CapabilityModel::ALL
         .into_iter()
         .find(|model| model.genes() == genes.len())
-        .ok_or_else(|| Invalid::new("controller", format!("{} values", genes.len()), FORM))?;
+        .ok_or_else(|| Invalid::new("controller", counted(genes.len() as u64, "value"), FORM))?;
     Ok(Controller::new(model, &genes)?)
 }
 

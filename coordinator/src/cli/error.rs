@@ -3,15 +3,16 @@
 use crate::{
     access::{EntranceError, TokensError},
     backup::BackupError,
+    campaign::CampaignId,
     gather::GatherError,
-    labels::TableError,
+    labels::LabelFileError,
     picture::PictureError,
     report::ReportError,
     server::ServerError,
     store::StoreError,
 };
-use murmuration_link::{CredentialsError, root_cause};
-use murmuration_proto::{Invalid, SpecFileError};
+use murmuration_link::{CredentialsError, OutputError, root_cause};
+use murmuration_proto::{Invalid, SpecFileError, Text};
 use std::{
     error::Error as _,
     fmt, io,
@@ -27,6 +28,8 @@ pub enum CliError {
     Input(String),
     /// It was asked well and failed: exit code 1.
     Failed(String),
+    /// What it had to say did not reach standard output.
+    Output(OutputError),
 }
 
 impl CliError {
@@ -65,6 +68,7 @@ impl CliError {
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
+            Self::Output(error) => error.exit_code(),
             Self::Failed(_) => ExitCode::from(1),
             Self::Input(_) => ExitCode::from(2),
         }
@@ -75,7 +79,14 @@ impl fmt::Display for CliError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Input(said) | Self::Failed(said) => f.write_str(said),
+            Self::Output(error) => error.fmt(f),
         }
+    }
+}
+
+impl From<OutputError> for CliError {
+    fn from(error: OutputError) -> Self {
+        Self::Output(error)
     }
 }
 
@@ -107,7 +118,9 @@ impl From<GatherError> for CliError {
     fn from(error: GatherError) -> Self {
         match error {
             GatherError::Service(status) => status.into(),
-            GatherError::Answer(_) | GatherError::Misfit(_) => Self::Failed(error.to_string()),
+            GatherError::Answer(_) | GatherError::Misfit(_) | GatherError::Interrupted(_) => {
+                Self::Failed(error.to_string())
+            }
         }
     }
 }
@@ -135,8 +148,8 @@ impl From<BackupError> for CliError {
     }
 }
 
-impl From<TableError> for CliError {
-    fn from(error: TableError) -> Self {
+impl From<LabelFileError> for CliError {
+    fn from(error: LabelFileError) -> Self {
         Self::Input(error.to_string())
     }
 }
@@ -165,13 +178,14 @@ impl From<ServerError> for CliError {
 
 impl From<Status> for CliError {
     fn from(status: Status) -> Self {
+        let message = Text::line(status.message());
         let said = match (status.code(), status.source()) {
-            (Code::Unavailable, _) => format!("the coordinator cannot be reached: {}", status.message()),
+            (Code::Unavailable, _) => format!("the coordinator cannot be reached: {message}"),
             (_, Some(source)) => format!(
                 "the connection to the coordinator broke ({}); an encrypted coordinator's URL begins with https://",
                 root_cause(source)
             ),
-            (_, None) => status.message().to_owned(),
+            (_, None) => message.into(),
         };
         match status.code() {
             Code::InvalidArgument | Code::NotFound => Self::Input(said),
@@ -181,6 +195,6 @@ impl From<Status> for CliError {
 }
 
 /// Where `murmuration` keeps the report of a campaign.
-pub(super) fn report_folder(data: &Path, campaign: &str) -> PathBuf {
-    data.join("reports").join(campaign)
+pub(super) fn report_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
+    data.join("reports").join(campaign.as_str())
 }

@@ -2,6 +2,7 @@
 
 use super::{CliError, controller, json};
 use crate::filter::{CUTOFF, METRICS, Score};
+use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::Controller;
 use serde_json::{Map, Value, json};
 use std::{
@@ -39,9 +40,9 @@ impl Filter {
             controllers
                 .iter()
                 .map(to_json)
-                .for_each(|scored| json::print(&scored));
+                .try_for_each(|scored| json::print(&scored))?;
         } else {
-            print_table(&controllers);
+            print_table(&controllers)?;
         }
         Ok(())
     }
@@ -80,17 +81,19 @@ fn to_json(controller: &Controller) -> Value {
 }
 
 /// Each metric, a star where it is under its threshold.
-fn print_table(controllers: &[Controller]) {
+fn print_table(controllers: &[Controller]) -> Result<(), OutputError> {
     let names = METRICS.map(|metric| format!("{:>17}", metric.name)).concat();
-    println!("{names}{:>9}  {:<9}CONTROLLER", "score", "");
+    outln!("{names}{:>9}  {:<9}CONTROLLER", "score", "")?;
     for controller in controllers {
         let score = Score::of(controller);
-        for (metric, value) in METRICS.iter().zip(score.metrics()) {
+        let metrics = METRICS.iter().zip(score.metrics()).map(|(metric, value)| {
             let star = if *value < metric.threshold { "*" } else { " " };
-            print!("{value:>16.3}{star}");
-        }
+            format!("{value:>16.3}{star}")
+        });
+        let metrics: String = metrics.collect();
         let verdict = if score.passes() { "passes" } else { "discarded" };
-        println!("{:>9.3}  {verdict:<9} {controller}", score.total());
+        outln!("{metrics}{:>9.3}  {verdict:<9} {controller}", score.total())?;
     }
-    eprintln!("* under its threshold: counts as -5; a score under {CUTOFF} is discarded");
+    errln!("* under its threshold: counts as -5; a score under {CUTOFF} is discarded");
+    Ok(())
 }

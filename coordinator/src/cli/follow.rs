@@ -2,9 +2,10 @@
 
 mod news;
 
-use super::{CliError, connection::Client, json};
-use indicatif::{HumanCount, HumanDuration, ProgressBar, ProgressStyle};
-use murmuration_proto::v1;
+use super::{CliError, connection::Client, heard::Heard as _, json};
+use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use murmuration_link::{OutputError, errln};
+use murmuration_proto::{counted, grouped, v1};
 use news::News;
 pub(super) use news::name as stage_name;
 use std::{
@@ -37,7 +38,8 @@ pub(super) async fn follow(
     let mut view = View::new(show);
     let mut last = None;
     while let Some(status) = statuses.message().await? {
-        view.draw(&status);
+        let status = status.heard()?;
+        view.draw(&status)?;
         last = Some(status);
     }
     view.end();
@@ -49,8 +51,8 @@ struct View {
     to: Screen,
     /// The stage that was last heard of, and since when.
     stage: Option<(v1::CampaignStage, Instant)>,
-    /// Notices up to then have been shown.
-    noticed_ms: u64,
+    /// Notices up to this number have been shown.
+    noticed: u64,
 }
 
 enum Screen {
@@ -76,46 +78,50 @@ impl View {
         Self {
             to,
             stage: None,
-            noticed_ms: 0,
+            noticed: 0,
         }
     }
 
-    fn draw(&mut self, status: &v1::Campaign) {
+    fn draw(&mut self, status: &v1::Campaign) -> Result<(), OutputError> {
         let news = News::of(status);
         self.end_stage(status.stage());
         self.notice(&status.notices);
         match &mut self.to {
-            Screen::Json => json::print(&json::campaign(status)),
+            Screen::Json => json::print(&json::campaign(status))?,
             Screen::Bar(bar) => {
                 bar.set_length(news.total);
                 bar.set_position(news.done);
+                bar.set_prefix(match news.total {
+                    0 => String::new(),
+                    total => format!("{}/{}", grouped(news.done), grouped(total)),
+                });
                 bar.set_message(news.text);
             }
             Screen::Plain { next, shown } => {
                 let step = Some((status.stage(), news.step, !status.waiting.is_empty()));
                 let due = step != *shown && Instant::now() >= *next;
                 if due || !status.active {
-                    let (done, total) = (HumanCount(news.done), HumanCount(news.total));
-                    eprintln!("{done}/{total} {} · {}", news.unit, news.text);
+                    errln!("{}{}", how_far(&news), news.text);
                     *next = Instant::now() + LINE_INTERVAL;
                     *shown = step;
                 }
             }
         }
+        Ok(())
     }
 
     /// Says what was not said yet of what befell the campaign.
     fn notice(&mut self, notices: &[v1::Notice]) {
-        for notice in notices.iter().filter(|notice| notice.time_ms > self.noticed_ms) {
+        for notice in notices.iter().filter(|notice| notice.number > self.noticed) {
             let line = format!("notice: {}", notice.text);
             match &self.to {
                 Screen::Bar(bar) => bar.println(line),
-                Screen::Plain { .. } => eprintln!("{line}"),
+                Screen::Plain { .. } => errln!("{line}"),
                 Screen::Json => {}
             }
         }
-        let latest = notices.last().map_or(0, |notice| notice.time_ms);
-        self.noticed_ms = self.noticed_ms.max(latest);
+        let latest = notices.last().map_or(0, |notice| notice.number);
+        self.noticed = self.noticed.max(latest);
     }
 
     /// Says of a stage that is over how long it took.
@@ -134,7 +140,7 @@ impl View {
         );
         match &self.to {
             Screen::Bar(bar) => bar.println(line),
-            Screen::Plain { .. } => eprintln!("{line}"),
+            Screen::Plain { .. } => errln!("{line}"),
             Screen::Json => {}
         }
     }
@@ -146,9 +152,17 @@ impl View {
     }
 }
 
+/// How far a stage has come; nothing before anybody has said how much there is to do.
+fn how_far(news: &News) -> String {
+    if news.total == 0 {
+        return String::new();
+    }
+    format!("{}/{} · ", grouped(news.done), counted(news.total, news.unit))
+}
+
 fn bar() -> ProgressBar {
     let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar:.cyan/dim} {human_pos}/{human_len}\n{msg}") {
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar:.cyan/dim} {prefix}\n{msg}") {
         bar.set_style(style);
     }
     bar

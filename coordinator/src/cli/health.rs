@@ -2,7 +2,7 @@
 
 use super::{CliError, Global, connection};
 use crate::store::{DataDirectory, StoreError};
-use murmuration_link::{Credentials, READY};
+use murmuration_link::{Credentials, READY, outln};
 use std::time::Duration;
 use tonic_health::pb::{
     HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
@@ -33,7 +33,7 @@ impl Health {
         if answer.into_inner().status() != ServingStatus::Serving {
             return Err(CliError::Failed(format!("{url} is not ready")));
         }
-        println!("{}", if self.alive { "alive" } else { "ready" });
+        outln!("{}", if self.alive { "alive" } else { "ready" })?;
         Ok(())
     }
 }

@@ -3,9 +3,10 @@
 use crate::{
     backup::Manifest,
     checkpoints::Condition,
-    doctor::{CampaignFindings, Findings, Prospect},
+    doctor::{CampaignFindings, Findings, Prospect, Salvaged},
     store::Remains,
 };
+use murmuration_link::{OutputError, outln};
 use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Dataset, EmbedderSource, v1};
 use serde_json::{Value, json};
 
@@ -21,8 +22,8 @@ fn dataset(spec: &CampaignSpec) -> Option<&Dataset> {
 }
 
 /// Prints one value on one line.
-pub(super) fn print(value: &Value) {
-    println!("{value}");
+pub(super) fn print(value: &Value) -> Result<(), OutputError> {
+    outln!("{value}")
 }
 
 pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
@@ -89,7 +90,7 @@ pub(super) fn individual(individual: &v1::Individual) -> Value {
         "controller": individual.controller,
         "seed": individual.seed,
         "features": individual.features,
-        "novelty": individual.novelty,
+        "novelty_when_evaluated": individual.novelty,
         "embedding": individual.embedding,
         "image": individual.image.as_deref().map(|image| STANDARD.encode(image)),
     })
@@ -168,6 +169,7 @@ pub(super) fn label_class(class: &v1::LabelClass) -> Value {
         "class": class.name,
         "colour": class.colour,
         "labels": class.labels,
+        "near": class.near,
     })
 }
 
@@ -208,8 +210,8 @@ pub(super) fn backup(folder: &str, manifest: &Manifest) -> Value {
     })
 }
 
-/// What the doctor found.
-pub(super) fn findings(found: &Findings) -> Value {
+/// What the doctor found, and what of it was saved.
+pub(super) fn findings(found: &Findings, salvaged: Option<&Salvaged>) -> Value {
     let remains = |remains: &Remains| {
         json!({
             "pictures": remains.pictures,
@@ -254,6 +256,18 @@ pub(super) fn findings(found: &Findings) -> Value {
         "faults": found.faults,
         "checkpoints": found.checkpoints.iter().map(checkpoint).collect::<Vec<_>>(),
         "campaigns": found.campaigns.iter().map(campaign).collect::<Vec<_>>(),
+        "salvaged": salvaged.map(salvaged_json),
+    })
+}
+
+fn salvaged_json(salvaged: &Salvaged) -> Value {
+    let lost = salvaged.lost.iter();
+    let lost = lost.map(|(campaign, reason)| json!({ "campaign": campaign.as_str(), "reason": reason }));
+    let checkpoints = salvaged.checkpoints.iter().map(ToString::to_string);
+    json!({
+        "campaigns": salvaged.campaigns.iter().map(|campaign| campaign.as_str()).collect::<Vec<_>>(),
+        "lost": lost.collect::<Vec<_>>(),
+        "checkpoints": checkpoints.collect::<Vec<_>>(),
     })
 }
 

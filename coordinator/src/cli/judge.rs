@@ -2,12 +2,12 @@
 
 use super::{CliError, Global, json};
 use crate::{
-    accuracy::Labels,
+    accuracy::{Labels, Swarm},
     judge::{Pattern, Verdict, judge},
     labels::ConfusionMatrix,
 };
-use murmuration_proto::{Controller, World};
-use murmuration_worker::{replay::replay, simulate::Start};
+use murmuration_link::{OutputError, outln};
+use murmuration_worker::replay::replay;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::{num::NonZeroU32, path::PathBuf};
@@ -18,30 +18,39 @@ const STRIDE: NonZeroU32 = NonZeroU32::new(4).unwrap();
 /// Arguments of `judge`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Simulates the labelled swarms again, in the paper's world, and lets the rule-based judge name the class of each.
+Simulates the labelled swarms again and lets the rule-based judge name the class of each. A file has columns id, class,
+v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the world is the paper's where it does not say
+(docs/labels.md).
 
 Examples:
+  murmuration labels latest --csv my.csv && murmuration judge --labels my.csv
   murmuration judge --labels single_sensor/validation.csv
   murmuration judge --labels two_sensor/validation.csv --labels rare/validation.csv --json")]
 pub(super) struct JudgeCommand {
-    /// Labelled behaviours (columns id, class and the controller's); repeat it to join sets
+    /// Labelled behaviours, such as `murmuration labels --csv` writes; repeat it to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Where their swarms start, one for each --labels [default: `starts.csv` beside the CSV]
+    /// Where their swarms start, one for each --labels [default: column seed, or else `starts.csv` beside the CSV]
     #[arg(long, value_name = "CSV")]
     starts: Vec<PathBuf>,
 }
 
 impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
+        self.check_starts()?;
         let mut answers = Vec::new();
         let mut patterns = Pattern::ALL.map(PatternCounts::of);
-        for (file, starts) in self.labels.iter().zip(self.start_files()?) {
+        for (place, file) in self.labels.iter().enumerate() {
             let labels = Labels::read(file)?;
+            let beside = file.with_file_name("starts.csv");
+            let starts = match self.starts.get(place) {
+                Some(starts) => Some(starts),
+                None => (!labels.can_be_simulated() && beside.exists()).then_some(&beside),
+            };
             let verdicts = labels
-                .swarms(&starts)?
+                .swarms(starts.map(PathBuf::as_path))?
                 .par_iter()
-                .map(|(controller, start)| verdict(controller, start))
+                .map(verdict)
                 .collect::<Result<Vec<_>, _>>()?;
             for (seen, verdict) in labels.patterns().zip(&verdicts) {
                 patterns.iter_mut().for_each(|counts| counts.count(seen, verdict));
@@ -52,27 +61,23 @@ impl JudgeCommand {
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(&self.to_json(&matrix, &patterns));
+            json::print(&self.to_json(&matrix, &patterns))?;
         } else {
-            print_table(&matrix);
-            print_patterns(&patterns);
+            print_table(&matrix)?;
+            print_patterns(&patterns)?;
         }
         Ok(())
     }
 
-    fn start_files(&self) -> Result<Vec<PathBuf>, CliError> {
-        if self.starts.is_empty() {
-            let beside = |labels: &PathBuf| labels.with_file_name("starts.csv");
-            return Ok(self.labels.iter().map(beside).collect());
+    fn check_starts(&self) -> Result<(), CliError> {
+        if self.starts.is_empty() || self.starts.len() == self.labels.len() {
+            return Ok(());
         }
-        if self.starts.len() != self.labels.len() {
-            return Err(CliError::Input(format!(
-                "{} --starts for {} --labels: give one for each, in the same order",
-                self.starts.len(),
-                self.labels.len()
-            )));
-        }
-        Ok(self.starts.clone())
+        Err(CliError::Input(format!(
+            "{} --starts for {} --labels: give one for each, in the same order",
+            self.starts.len(),
+            self.labels.len()
+        )))
     }
 
     fn to_json(&self, matrix: &ConfusionMatrix<&str>, patterns: &[PatternCounts]) -> Value {
@@ -140,41 +145,52 @@ impl PatternCounts {
     }
 }
 
-fn verdict(controller: &Controller, start: &Start) -> Result<Verdict, CliError> {
-    let world = World::default();
-    Ok(judge(&replay(controller, &world, start, STRIDE)?, &world))
+fn verdict(swarm: &Swarm) -> Result<Verdict, CliError> {
+    let world = &swarm.world;
+    Ok(judge(
+        &replay(&swarm.controller, world, &swarm.start, STRIDE)?,
+        world,
+    ))
 }
 
 /// For each class that people gave, what the judge said.
-fn print_table(matrix: &ConfusionMatrix<&str>) {
+fn print_table(matrix: &ConfusionMatrix<&str>) -> Result<(), OutputError> {
     let answers = matrix.answers();
-    print!("{:<16}{:>8}{:>8}{:>10}", "CLASS", "GIVEN", "AGREED", "SHARE");
-    for judge in &answers {
-        print!("{judge:>16}");
-    }
-    println!();
+    let row = |cell: &dyn Fn(&str) -> String| answers.iter().map(|judge| cell(judge)).collect::<String>();
+    let judged = row(&|judge| format!("{judge:>16}"));
+    outln!(
+        "{:<16}{:>8}{:>8}{:>10}{judged}",
+        "CLASS",
+        "GIVEN",
+        "AGREED",
+        "SHARE"
+    )?;
     for class in &answers {
         let (given, agreed) = (matrix.said(class), matrix.count(class, class));
-        print!("{class:<16}{given:>8}{agreed:>8}{:>10}", percent(agreed, given));
-        for judge in &answers {
-            print!("{:>16}", matrix.count(class, judge));
-        }
-        println!();
+        let judged = row(&|judge| format!("{:>16}", matrix.count(class, judge)));
+        outln!(
+            "{class:<16}{given:>8}{agreed:>8}{:>10}{judged}",
+            percent(agreed, given)
+        )?;
     }
     let (all, same) = (matrix.total(), matrix.same());
-    println!("{:<16}{all:>8}{same:>8}{:>10}", "all", percent(same, all));
+    outln!("{:<16}{all:>8}{same:>8}{:>10}", "all", percent(same, all))?;
     let kappa = matrix
         .kappa()
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
-    println!("Cohen's kappa {kappa}");
+    outln!("Cohen's kappa {kappa}")
 }
 
 /// The patterns among what belongs to no class, where people named them.
-fn print_patterns(patterns: &[PatternCounts]) {
-    println!(
+fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
+    outln!(
         "\n{:<16}{:>8}{:>8}{:>10}{:>16}",
-        "PATTERN", "GIVEN", "AGREED", "SHARE", "JUDGED"
-    );
+        "PATTERN",
+        "GIVEN",
+        "AGREED",
+        "SHARE",
+        "JUDGED"
+    )?;
     for PatternCounts {
         pattern,
         given,
@@ -183,8 +199,9 @@ fn print_patterns(patterns: &[PatternCounts]) {
     } in patterns
     {
         let share = percent(*agreed, *given);
-        println!("{pattern:<16}{given:>8}{agreed:>8}{share:>10}{judged:>16}");
+        outln!("{pattern:<16}{given:>8}{agreed:>8}{share:>10}{judged:>16}")?;
     }
+    Ok(())
 }
 
 fn percent(part: u64, whole: u64) -> String {

@@ -4,9 +4,11 @@ use super::{CliError, Global, json};
 use crate::{
     backup::{self, Manifest},
     checkpoints::Condition,
-    doctor::{self, CampaignFindings, Findings, Prospect},
+    doctor::{self, CampaignFindings, Findings, Prospect, Salvaged},
     store::StoreError,
 };
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::counted;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `backup`.
@@ -38,8 +40,9 @@ pub(super) struct Restore {
 /// Arguments of `doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. What is
-lost of an archive is made anew when its campaign is resumed from what was saved.
+Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. With
+--salvage, 0: what is whole was copied, and what is lost was named; 1: nothing could be saved, and no new folder was made.
+What is lost of an archive is made anew when its campaign is resumed from what was saved.
 
 Example:
   murmuration doctor || murmuration doctor --salvage saved-data")]
@@ -53,8 +56,7 @@ impl Backup {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         of_this_machine(global)?;
         let manifest = backup::backup(&global.data, global.checkpoint_store.as_deref(), &self.folder).await?;
-        tell(global, &manifest, &self.folder, "backed up");
-        Ok(())
+        Ok(tell(global, &manifest, &self.folder, "backed up")?)
     }
 }
 
@@ -62,27 +64,30 @@ impl Restore {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         of_this_machine(global)?;
         let manifest = backup::restore(&self.folder, &global.data).await?;
-        tell(global, &manifest, &global.data, "restored");
-        Ok(())
+        Ok(tell(global, &manifest, &global.data, "restored")?)
     }
 }
 
-fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) {
+fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) -> Result<(), OutputError> {
     if global.json {
-        json::print(&json::backup(&folder.display().to_string(), manifest));
+        json::print(&json::backup(&folder.display().to_string(), manifest))?;
     } else {
-        println!("{}", folder.display());
-        eprintln!(
-            "{done}: the database, and {} checkpoints",
-            match manifest.checkpoint_store {
-                Some(_) => 0,
-                None => manifest.checkpoints.len(),
-            }
+        outln!("{}", folder.display())?;
+        errln!(
+            "{done}: the database, and {}",
+            counted(
+                match manifest.checkpoint_store {
+                    Some(_) => 0,
+                    None => manifest.checkpoints.len() as u64,
+                },
+                "checkpoint"
+            )
         );
     }
     if let Some(bucket) = &manifest.checkpoint_store {
-        eprintln!("checkpoints are kept at {bucket}: back that up where it is (--checkpoint-store names it)");
+        errln!("checkpoints are kept at {bucket}: back that up where it is (--checkpoint-store names it)");
     }
+    Ok(())
 }
 
 impl Doctor {
@@ -99,44 +104,77 @@ impl Doctor {
             )),
             error => error.into(),
         };
-        let found =
-            match &self.salvage {
-                Some(target) => doctor::salvage(&global.data, location, target)
-                    .await
-                    .map_err(|error| match error {
-                        doctor::SalvageError::Store(error) => held(error),
-                        error => CliError::Failed(error.to_string()),
-                    })?,
-                None => doctor::examine(&global.data, location)
-                    .await
-                    .map_err(|error| match error {
-                        crate::checkpoints::CheckpointError::Store(error) => held(error),
-                        error => CliError::Failed(error.to_string()),
-                    })?,
-            };
-        if global.json {
-            json::print(&json::findings(&found));
-        } else {
-            print(&found);
-        }
-        match self.salvage {
+        match &self.salvage {
             Some(target) => {
-                eprintln!(
-                    "what is whole was copied; next: murmuration list --data {}",
-                    target.display()
-                );
-                Ok(())
+                let salvaged = doctor::salvage(&global.data, location, target).await;
+                let salvaged = salvaged.map_err(|error| match error {
+                    doctor::SalvageError::Store(error) => held(error),
+                    error => CliError::Failed(error.to_string()),
+                })?;
+                show(global, &salvaged.findings, Some(&salvaged))?;
+                tell_saved(&salvaged, &global.data, target)
             }
-            None if found.is_healthy() => Ok(()),
-            None => Err(CliError::Failed(format!(
-                "{} is damaged: `murmuration doctor --salvage NEW_DIR` copies what is whole into a new data directory",
-                global.data.display()
-            ))),
+            None => {
+                let found = doctor::examine(&global.data, location).await;
+                let found = found.map_err(|error| match error {
+                    crate::checkpoints::CheckpointError::Store(error) => held(error),
+                    error => CliError::Failed(error.to_string()),
+                })?;
+                show(global, &found, None)?;
+                if found.is_healthy() {
+                    return Ok(());
+                }
+                Err(CliError::Failed(format!(
+                    "{} is damaged: `murmuration doctor --salvage NEW_DIR` copies what is whole into a new data directory",
+                    global.data.display()
+                )))
+            }
         }
     }
 }
 
-fn of_this_machine(global: &Global) -> Result<(), CliError> {
+fn show(global: &Global, found: &Findings, salvaged: Option<&Salvaged>) -> Result<(), OutputError> {
+    if global.json {
+        json::print(&json::findings(found, salvaged))
+    } else {
+        print(found)
+    }
+}
+
+/// Says what is in the new data directory, what is not, and what to type next.
+fn tell_saved(salvaged: &Salvaged, data: &Path, target: &Path) -> Result<(), CliError> {
+    let found = &salvaged.findings;
+    for (campaign, why) in &salvaged.lost {
+        errln!("lost: campaign {campaign} ({why})");
+    }
+    if salvaged.is_empty() {
+        if found.is_healthy() {
+            errln!(
+                "there is nothing to save: {} holds no campaign and no checkpoint",
+                data.display()
+            );
+            return Ok(());
+        }
+        let why = found.faults.first().map_or("", String::as_str);
+        let said = format!("nothing of {} could be saved", found.database.display());
+        let remedy = "`murmuration restore` puts a backup back";
+        return Err(CliError::Failed(match why {
+            "" => format!("{said}: {remedy}"),
+            why => format!("{said} ({why}): {remedy}"),
+        }));
+    }
+    errln!(
+        "saved {} of {} and {} of {}; next: murmuration list --data {}",
+        salvaged.campaigns.len(),
+        counted(found.campaigns.len() as u64, "campaign"),
+        salvaged.checkpoints.len(),
+        counted(found.checkpoints.len() as u64, "checkpoint"),
+        target.display()
+    );
+    Ok(())
+}
+
+pub(super) fn of_this_machine(global: &Global) -> Result<(), CliError> {
     match &global.coordinator {
         Some(url) => Err(CliError::Input(format!(
             "this reads a data directory, not the coordinator at {url}: run it on that machine, with --data DIR"
@@ -145,39 +183,44 @@ fn of_this_machine(global: &Global) -> Result<(), CliError> {
     }
 }
 
-fn print(found: &Findings) {
+fn print(found: &Findings) -> Result<(), OutputError> {
     let state = if found.faults.is_empty() {
         "sound"
     } else {
         "damaged"
     };
-    println!(
+    outln!(
         "database {}: {state}, schema {}",
         found.database.display(),
         found.schema
-    );
+    )?;
     for fault in &found.faults {
-        println!("  {fault}");
+        outln!("  {fault}")?;
     }
     for (digest, condition) in &found.checkpoints {
-        println!("checkpoint {digest}: {}", condition_name(condition));
+        outln!("checkpoint {digest}: {}", condition_name(condition))?;
     }
     for campaign in &found.campaigns {
-        print_campaign(campaign);
+        print_campaign(campaign)?;
     }
+    Ok(())
 }
 
-fn print_campaign(campaign: &CampaignFindings) {
+fn print_campaign(campaign: &CampaignFindings) -> Result<(), OutputError> {
     let CampaignFindings { stored, remains, .. } = campaign;
     let state = campaign.state.map_or("unreadable", |state| state.name());
     let amount = format!(
-        "{} of {} generations and {} of {} labels are whole",
-        remains.generations, stored.generations, remains.labels, stored.labels
+        "{} of {} and {} of {} are whole",
+        remains.generations,
+        counted(stored.generations.into(), "generation"),
+        remains.labels,
+        counted(stored.labels, "label"),
     );
     let verdict = match campaign.prospect {
         Prospect::Whole => format!(
-            "whole ({} generations, {} labels)",
-            stored.generations, stored.labels
+            "whole ({}, {})",
+            counted(stored.generations.into(), "generation"),
+            counted(stored.labels, "label"),
         ),
         Prospect::LacksCheckpoint => "whole, but it cannot go on without its checkpoint".to_owned(),
         Prospect::Partly => {
@@ -185,10 +228,11 @@ fn print_campaign(campaign: &CampaignFindings) {
         }
         Prospect::Lost => "lost: nobody knows any more what it was asked to do".to_owned(),
     };
-    println!("campaign {} ({state}): {verdict}", campaign.id);
+    outln!("campaign {} ({state}): {verdict}", campaign.id)?;
     for problem in campaign.problems.iter().chain(&campaign.note) {
-        println!("  {problem}");
+        outln!("  {problem}")?;
     }
+    Ok(())
 }
 
 /// How a checkpoint is, in a word or two.

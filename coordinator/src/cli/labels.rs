@@ -2,16 +2,20 @@
 
 use super::{
     CliError, Global,
-    connection::{Connection, LabelClient},
+    connection::{self, Connection, LabelClient},
+    files::write,
+    heard::{Heard as _, heard},
     json,
     run::CrewSize,
 };
 use crate::{
-    labels::{Annotator, Table, to_csv},
+    labels::{Annotator, Labelled, Table, to_csv},
     local::Crew,
 };
-use murmuration_proto::{CampaignSpec, Strategy, v1};
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::{CampaignSpec, Strategy, Text, counted, parts::whole, v1};
 use std::{
+    collections::BTreeMap,
     fs,
     path::PathBuf,
     time::{SystemTime, UNIX_EPOCH},
@@ -21,7 +25,9 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The file has a line of column names, among them id (index of an individual) and class (or `not sure`, or `skip`); and
-perhaps annotator and time (milliseconds since 1970). Rows without a class are passed over. All rows are stored, or none.
+perhaps annotator and time (milliseconds since 1970): it is what `murmuration labels --csv` writes (docs/labels.md). Rows
+without a class are passed over. Where there are columns seed or v1, ..., they must be those of the individuals. All rows are
+stored, or none.
 
 With --synthetic the rule-based judge answers instead, from the motion of each individual; `murmuration judge` says how
 well it agrees with people.
@@ -51,7 +57,8 @@ pub(super) struct LabelCommand {
 pub(super) struct LabelsCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Write them to this file, which `murmuration label` reads
+    /// Write them to this file, which `label`, `accuracy` and `judge` read. What a spreadsheet would take for a formula (it
+    /// begins with =, +, -, @ or ') has a ' in front there, which they take off again
     #[arg(long, value_name = "OUT")]
     csv: Option<PathBuf>,
 }
@@ -112,75 +119,121 @@ impl LabelCommand {
                 ..CrewSize::default().count()
             },
         };
-        let mut connection = Connection::open(global, crew).await?;
-        let added = match table {
-            Some(table) => add(&mut connection, self.campaign, table).await,
-            None => self.add_synthetic(&mut connection).await,
+        let label = async |connection: &mut Connection| {
+            let (campaign, count) = match table {
+                Some(table) => add(connection, self.campaign, table).await?,
+                None => self.add_synthetic(connection).await?,
+            };
+            Added::look(connection, campaign, count).await
         };
-        connection.close().await?;
-        let (campaign, count, digest) = added?;
+        let Added {
+            campaign,
+            count,
+            digest,
+            classes,
+        } = connection::with(global, crew, label).await?;
+        warn_of_near_names(&campaign, &classes);
         if global.json {
-            json::print(&json::labelled(&campaign, count, &digest));
+            json::print(&json::labelled(&campaign, count, &digest))?;
         } else {
-            println!("{count}");
-            eprintln!("campaign {campaign} has {count} answers more; next: murmuration classes {campaign}");
+            let answers = counted(count as u64, "answer");
+            errln!("campaign {campaign} has {answers} more; next: murmuration classes {campaign}");
         }
         Ok(())
     }
 }
 
 impl LabelCommand {
-    /// Has the judge answer; the campaign's id, the number of answers, and the digest of what stands then.
-    async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize, String), CliError> {
+    /// Has the judge answer; the campaign's id, and the number of answers.
+    async fn add_synthetic(self, connection: &mut Connection) -> Result<(String, usize), CliError> {
         let request = v1::GetCampaignRequest {
             campaign: self.campaign,
         };
-        let campaign = connection.client.get_campaign(request).await?.into_inner().id;
+        let campaign = heard(connection.client.get_campaign(request).await?)?.id;
         let request = v1::AppendSyntheticLabelsRequest {
             campaign: campaign.clone(),
             request_id: request_id(),
             strategy: v1::QueryStrategy::from(self.strategy) as i32,
             count: self.synthetic.unwrap_or_default(),
         };
-        let added = connection
-            .labels
-            .append_synthetic_labels(request)
-            .await?
-            .into_inner();
-        let digest = digest(connection, &campaign).await?;
-        Ok((campaign, added.entries.len(), digest))
+        let added = connection.labels.append_synthetic_labels(request).await?;
+        let added = whole(added.into_inner()).await?;
+        Ok((campaign, added.entries.len()))
     }
 }
 
-/// The digest of the labels that stand.
-async fn digest(connection: &mut Connection, campaign: &str) -> Result<String, CliError> {
-    let request = v1::ListLabelsRequest {
-        campaign: campaign.to_owned(),
-    };
-    Ok(connection.labels.list_labels(request).await?.into_inner().digest)
+/// What was added, and what stands then.
+struct Added {
+    campaign: String,
+    count: usize,
+    /// The digest of the labels that stand.
+    digest: String,
+    classes: Vec<v1::LabelClass>,
 }
 
-/// Adds all rows of a file; the campaign's id, their number, and the digest of what stands then.
+impl Added {
+    async fn look(connection: &mut Connection, campaign: String, count: usize) -> Result<Self, CliError> {
+        let request = v1::ListLabelsRequest {
+            campaign: campaign.clone(),
+        };
+        let listed = connection.labels.list_labels(request).await?;
+        let listed = whole(listed.into_inner()).await?;
+        let request = v1::ListClassesRequest {
+            campaign: campaign.clone(),
+        };
+        let classes = heard(connection.labels.list_classes(request).await?)?.classes;
+        Ok(Self {
+            campaign,
+            count,
+            digest: Text::line(&listed.digest).into(),
+            classes,
+        })
+    }
+}
+
+/// Adds all rows of a file; the campaign's id, and their number.
 async fn add(
     connection: &mut Connection,
     campaign: String,
     table: Table,
-) -> Result<(String, usize, String), CliError> {
+) -> Result<(String, usize), CliError> {
     let request = v1::GetCampaignRequest { campaign };
-    let status = connection.client.get_campaign(request).await?.into_inner();
+    let status = heard(connection.client.get_campaign(request).await?)?;
     let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
     let len = u64::from(status.generations_done) * u64::from(spec.search().population());
     // The coordinator would refuse them too, but knows no lines.
     table.check_indices(&status.id, len)?;
     let campaign = status.id;
+    if table.describes() {
+        let individuals = individuals(connection, &campaign).await?;
+        table.check_individuals(&campaign, |index| individuals.get(&index))?;
+    }
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),
         request_id: request_id(),
         answers: table.into_answers(),
     };
-    let added = connection.labels.append_labels(request).await?.into_inner();
-    let digest = digest(connection, &campaign).await?;
-    Ok((campaign, added.entries.len(), digest))
+    let added = connection.labels.append_labels(request).await?;
+    let added = whole(added.into_inner()).await?;
+    Ok((campaign, added.entries.len()))
+}
+
+/// The individuals of an archive, by index.
+async fn individuals(
+    connection: &mut Connection,
+    campaign: &str,
+) -> Result<BTreeMap<u64, v1::Individual>, CliError> {
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: false,
+    };
+    let mut chunks = connection.client.get_archive(request).await?.into_inner();
+    let mut individuals = BTreeMap::new();
+    while let Some(chunk) = chunks.message().await? {
+        let chunk = chunk.individuals.into_iter();
+        individuals.extend(chunk.map(|individual| (individual.index, individual)));
+    }
+    Ok(individuals)
 }
 
 /// A name that no other request has: when, and by which process.
@@ -193,51 +246,87 @@ fn request_id() -> String {
 
 impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let request = v1::ListLabelsRequest {
-            campaign: self.campaign,
-        };
-        let listed = connection.labels.list_labels(request).await;
-        connection.close().await?;
-        let v1::ListLabelsResponse { labels, digest } = listed?.into_inner();
+        let list = async |connection: &mut Connection| self.list(connection).await;
+        let (v1::ListLabelsResponse { labels, digest }, text) =
+            connection::with(global, Crew::NONE, list).await?;
         let answers = || labels.iter().filter_map(|label| label.answer.as_ref());
-        if let Some(file) = &self.csv {
-            let text = to_csv(answers()).map_err(|error| CliError::Failed(error.to_string()))?;
-            fs::write(file, text).map_err(|error| CliError::unwritable(file, &error))?;
-            eprintln!("wrote {}", file.display());
+        if let (Some(file), Some(text)) = (&self.csv, text) {
+            write(file, text)?;
         }
         if global.json {
             labels
                 .iter()
                 .map(json::label)
-                .for_each(|label| json::print(&label));
+                .try_for_each(|label| json::print(&label))?;
         } else if self.csv.is_none() {
-            println!("{:>8}  {:<24} ANNOTATOR", "INDEX", "CLASS");
+            outln!("{:>8}  {:<24} ANNOTATOR", "INDEX", "CLASS")?;
             for answer in answers() {
-                println!("{:>8}  {:<24} {}", answer.index, answer.answer, answer.annotator);
+                outln!("{:>8}  {:<24} {}", answer.index, answer.answer, answer.annotator)?;
             }
-            eprintln!("{} answers; digest of their classes {digest}", labels.len());
+            let answers = counted(labels.len() as u64, "answer");
+            errln!("{answers}; digest of their classes {digest}");
         }
         Ok(())
+    }
+
+    /// The labels, and the text of the file if one is wanted.
+    async fn list(
+        &self,
+        connection: &mut Connection,
+    ) -> Result<(v1::ListLabelsResponse, Option<Vec<u8>>), CliError> {
+        let request = v1::GetCampaignRequest {
+            campaign: self.campaign.clone(),
+        };
+        let status = heard(connection.client.get_campaign(request).await?)?;
+        let request = v1::ListLabelsRequest {
+            campaign: status.id.clone(),
+        };
+        let listed = connection.labels.list_labels(request).await?;
+        let v1::ListLabelsResponse { labels, digest } = whole(listed.into_inner()).await?;
+        let listed = v1::ListLabelsResponse {
+            labels: labels.heard()?,
+            digest: Text::line(&digest).into(),
+        };
+        if self.csv.is_none() {
+            return Ok((listed, None));
+        }
+        let spec = CampaignSpec::try_from(status.spec.unwrap_or_default())?;
+        let individuals = individuals(connection, &status.id).await?;
+        let answers = listed.labels.iter().filter_map(|label| label.answer.as_ref());
+        let labelled = answers.map(|answer| {
+            let individual = individuals.get(&answer.index);
+            individual.map(|individual| Labelled { answer, individual })
+        });
+        // Between the two questions something of the archive was taken back.
+        let moved = || {
+            CliError::Failed(format!(
+                "the archive of {} has just changed: try again",
+                status.id
+            ))
+        };
+        let labelled = labelled.collect::<Option<Vec<_>>>().ok_or_else(moved)?;
+        let text = to_csv(&spec, labelled.into_iter());
+        let text = text.map_err(|error| CliError::Failed(error.to_string()))?;
+        Ok((listed, Some(text)))
     }
 }
 
 impl ClassesCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let listed = self.with(&mut connection.labels).await;
-        connection.close().await?;
-        let classes = listed?.classes;
+        let campaign = self.campaign.clone();
+        let ask = async |connection: &mut Connection| self.with(&mut connection.labels).await;
+        let classes = connection::with(global, Crew::NONE, ask).await?.classes;
+        warn_of_near_names(&campaign, &classes);
         if global.json {
             classes
                 .iter()
                 .map(json::label_class)
-                .for_each(|class| json::print(&class));
+                .try_for_each(|class| json::print(&class))?;
             return Ok(());
         }
-        println!("{:<24} {:<7} {:>8}", "CLASS", "COLOUR", "LABELS");
+        outln!("{:<24} {:<7} {:>8}", "CLASS", "COLOUR", "LABELS")?;
         for class in classes {
-            println!("{:<24} {:<7} {:>8}", class.name, class.colour, class.labels);
+            outln!("{:<24} {:<7} {:>8}", class.name, class.colour, class.labels)?;
         }
         Ok(())
     }
@@ -257,7 +346,7 @@ impl ClassesCommand {
             let request = v1::ListClassesRequest {
                 campaign: self.campaign,
             };
-            return Ok(client.list_classes(request).await?.into_inner());
+            return heard(client.list_classes(request).await?);
         };
         let request = v1::ChangeClassRequest {
             campaign: self.campaign,
@@ -265,7 +354,22 @@ impl ClassesCommand {
             annotator: self.annotator,
             change: Some(change),
         };
-        Ok(client.change_class(request).await?.into_inner())
+        heard(client.change_class(request).await?)
+    }
+}
+
+/// Says which classes have nearly the same name, and how to make one of two.
+fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
+    for (place, class) in classes.iter().enumerate() {
+        let later = |name: &&String| classes[place..].iter().any(|other| other.name == **name);
+        for other in class.near.iter().filter(later) {
+            errln!(
+                "warning: classes {:?} and {other:?} have nearly the same name; to make one of them: murmuration classes \
+                 {campaign} --merge {other:?} {:?}",
+                class.name,
+                class.name
+            );
+        }
     }
 }
 
@@ -273,47 +377,57 @@ impl AgreementCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let [first, second] = <[String; 2]>::try_from(self.annotators)
             .map_err(|_| CliError::Input("--annotators: name two".to_owned()))?;
-        let mut connection = Connection::open(global, Crew::NONE).await?;
-        let request = v1::GetAgreementRequest {
-            campaign: self.campaign,
-            first: first.clone(),
-            second: second.clone(),
+        let ask = async |connection: &mut Connection| {
+            let request = v1::GetAgreementRequest {
+                campaign: self.campaign,
+                first: first.clone(),
+                second: second.clone(),
+            };
+            let parts = connection.labels.get_agreement(request).await?;
+            whole(parts.into_inner()).await?.heard()
         };
-        let answered = connection.labels.get_agreement(request).await;
-        connection.close().await?;
-        let agreement = answered?.into_inner();
+        let agreement = connection::with(global, Crew::NONE, ask).await?;
         if global.json {
-            json::print(&json::agreement(&first, &second, &agreement));
+            json::print(&json::agreement(&first, &second, &agreement))?;
         } else {
-            print_agreement(&first, &second, &agreement);
+            print_agreement(&first, &second, &agreement)?;
         }
         Ok(())
     }
 }
 
-fn print_agreement(first: &str, second: &str, agreement: &v1::Agreement) {
+fn print_agreement(first: &str, second: &str, agreement: &v1::Agreement) -> Result<(), OutputError> {
+    if agreement.both == 0 {
+        return outln!("{first} and {second} have given no individual in common a class");
+    }
     let kappa = agreement
         .kappa
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
-    println!(
+    outln!(
         "{first} and {second} agree on {} of {}; Cohen's kappa {kappa}",
-        agreement.agreed, agreement.both
-    );
+        agreement.agreed,
+        agreement.both
+    )?;
     if agreement.disagreements.is_empty() {
-        return;
+        return Ok(());
     }
-    println!("\n{first:<24} {second:<24} {:>11}", "INDIVIDUALS");
+    outln!("\n{first:<24} {second:<24} {:>11}", "INDIVIDUALS")?;
     for confusion in &agreement.confusions {
-        println!(
+        outln!(
             "{:<24} {:<24} {:>11}",
-            confusion.first, confusion.second, confusion.individuals
-        );
+            confusion.first,
+            confusion.second,
+            confusion.individuals
+        )?;
     }
-    println!("\n{:>8}  {first:<24} {second}", "INDEX");
+    outln!("\n{:>8}  {first:<24} {second}", "INDEX")?;
     for difference in &agreement.disagreements {
-        println!(
+        outln!(
             "{:>8}  {:<24} {}",
-            difference.index, difference.first, difference.second
-        );
+            difference.index,
+            difference.first,
+            difference.second
+        )?;
     }
+    Ok(())
 }

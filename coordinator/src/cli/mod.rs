@@ -1,6 +1,7 @@
 //! The command line. stdout is data, everything else goes to stderr.
 //!
-//! Exit codes: 0 done; 1 failed; 2 bad usage or input.
+//! Exit codes: 0 done; 1 failed; 2 bad usage or input. A command whose output nobody reads any more (`list | head -1`) ends
+//! with 0 and without a word.
 
 mod accuracy;
 mod bench;
@@ -10,13 +11,16 @@ mod checkpoints;
 mod connection;
 mod controller;
 mod error;
+mod files;
 mod filter;
 mod follow;
 mod health;
+mod heard;
 mod json;
 mod judge;
 mod keeping;
 mod labels;
+mod quarantine;
 mod report;
 mod run;
 mod serve;
@@ -26,7 +30,10 @@ mod token;
 pub use error::CliError;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
-use murmuration_link::{Credentials, CredentialsError, IdentityFiles, Telemetry, TrustFiles, telemetry};
+use murmuration_link::{
+    Credentials, CredentialsError, IdentityFiles, OutputError, Telemetry, TrustFiles, errln, parse_arguments,
+    print, telemetry,
+};
 use std::{path::PathBuf, process::ExitCode};
 
 const EXAMPLES: &str = "\
@@ -67,7 +74,7 @@ struct Global {
     coordinator: Option<String>,
     #[command(flatten)]
     trust: TrustFiles,
-    /// Where checkpoints are kept, such as s3://BUCKET/PREFIX [default: a folder in the data directory]
+    /// Where checkpoints are kept, such as s3://BUCKET/PREFIX or file:///FOLDER [default: a folder in the data directory]
     #[arg(long, global = true, env = "MURMURATION_CHECKPOINT_STORE", value_name = "URL")]
     checkpoint_store: Option<String>,
     /// Print JSON on stdout, for programs
@@ -141,6 +148,8 @@ enum Command {
     Restore(keeping::Restore),
     /// Say what is whole in a data directory and what is not; save what can be saved
     Doctor(keeping::Doctor),
+    /// List the machines whose results were found wrong; listen to one of them again
+    Quarantine(quarantine::QuarantineCommand),
     /// Measure this machine
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -151,10 +160,19 @@ enum Command {
     },
 }
 
+/// The command line as clap knows it: for completions, and to check what documents say of it.
+#[must_use]
+pub fn command() -> clap::Command {
+    Arguments::command()
+}
+
 /// Parses the command line and does what it says.
 #[must_use]
 pub fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments: Arguments = match parse_arguments() {
+        Ok(arguments) => arguments,
+        Err(code) => return code,
+    };
     let done = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
@@ -170,7 +188,9 @@ pub fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            if !matches!(error, CliError::Output(OutputError::Closed)) {
+                errln!("error: {error}");
+            }
             error.exit_code()
         }
     }
@@ -206,15 +226,13 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Backup(backup) => backup.execute(&global).await,
         Command::Restore(restore) => restore.execute(&global).await,
         Command::Doctor(doctor) => doctor.execute(&global).await,
+        Command::Quarantine(quarantine) => quarantine.execute(&global),
         Command::Bench(bench) => bench.execute(global.json),
         Command::Completions { shell } => {
-            clap_complete::generate(
-                shell,
-                &mut Arguments::command(),
-                "murmuration",
-                &mut std::io::stdout(),
-            );
-            Ok(())
+            // To memory first: it panics where it cannot write.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "murmuration", &mut script);
+            Ok(print(String::from_utf8_lossy(&script))?)
         }
     }
 }

@@ -1,7 +1,13 @@
 //! `report`: has what the report shows gathered from the coordinator, and written.
 
-use super::{CliError, Global, connection::Connection, error::report_folder};
-use crate::{gather, local::Crew, report};
+use super::{
+    CliError, Global,
+    connection::{self, Connection},
+    error::report_folder,
+    heard::{self, heard},
+};
+use crate::{campaign::CampaignId, gather, local::Crew, report};
+use murmuration_link::outln;
 use murmuration_proto::v1;
 use std::path::{Path, PathBuf};
 
@@ -17,21 +23,16 @@ pub(super) struct ReportCommand {
 
 impl ReportCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(
-            global,
-            Crew {
-                workers: 1,
-                trainers: 0,
-            },
-        )
-        .await?;
-        let written = self.write(&mut connection, global).await;
-        connection.close().await?;
-        let page = written?.display().to_string();
+        let crew = Crew {
+            workers: 1,
+            trainers: 0,
+        };
+        let write = async |connection: &mut Connection| self.write(connection, global).await;
+        let page = connection::with(global, crew, write).await?.display().to_string();
         if global.json {
-            super::json::print(&serde_json::json!({ "schema": 1, "report": page }));
+            super::json::print(&serde_json::json!({ "schema": 1, "report": page }))?;
         } else {
-            println!("{page}");
+            outln!("{page}")?;
         }
         Ok(())
     }
@@ -40,7 +41,7 @@ impl ReportCommand {
         let request = v1::GetCampaignRequest {
             campaign: self.campaign.clone(),
         };
-        let id = connection.client.get_campaign(request).await?.into_inner().id;
+        let id = heard::id(&heard(connection.client.get_campaign(request).await?)?)?;
         let folder = self
             .out
             .clone()
@@ -52,11 +53,11 @@ impl ReportCommand {
 /// Writes the report of a completed campaign into `folder`; the path of its page.
 pub(super) async fn write_report(
     connection: &mut Connection,
-    campaign: &str,
+    campaign: &CampaignId,
     folder: &Path,
 ) -> Result<PathBuf, CliError> {
-    let names = gather::names(&mut connection.labels, campaign).await?;
-    let report = gather::report(&mut connection.client, campaign, names).await?;
+    let names = gather::names(&mut connection.labels, campaign.as_str()).await?;
+    let report = gather::report(&mut connection.client, campaign.as_str(), names).await?;
     let folder = folder.to_owned();
     let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
     match written {

@@ -2,16 +2,16 @@
 
 use super::{
     CliError, Global,
-    connection::Connection,
+    connection::{self, Connection},
     follow::{Show, follow, stage_name},
+    heard::{self, heard},
     json,
     report::write_report,
 };
 use crate::{local::Crew, store::DataDirectory};
-use indicatif::HumanCount;
 use murmuration_embed::Runtime;
-use murmuration_link::termination;
-use murmuration_proto::{CampaignSpec, v1};
+use murmuration_link::{OutputError, errln, outln, termination};
+use murmuration_proto::{CampaignSpec, counted, v1};
 use std::{
     fs,
     num::NonZeroUsize,
@@ -45,10 +45,10 @@ pub(super) struct Resume {
 #[derive(Debug, Default, clap::Args)]
 pub(super) struct CrewSize {
     /// Workers in this process, one thread each [default: number of cores]
-    #[arg(long, value_name = "N")]
+    #[arg(long, env = "MURMURATION_WORKERS", value_name = "N")]
     workers: Option<usize>,
     /// Trainers in this process [default: 1, or 0 with --workers 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, env = "MURMURATION_TRAINERS", value_name = "N")]
     trainers: Option<usize>,
 }
 
@@ -92,48 +92,75 @@ impl Run {
             // To be told after the dataset is simulated would be late.
             Runtime::load()?;
         }
-        let mut connection = Connection::start(global, data, crew).await?;
-        let request = v1::CreateCampaignRequest {
-            spec: Some((&spec).into()),
-            weight: None,
+        let run = async |connection: &mut Connection| {
+            let request = v1::CreateCampaignRequest {
+                spec: Some((&spec).into()),
+                weight: None,
+            };
+            let campaign = heard(connection.client.create_campaign(request).await?)?;
+            errln!(
+                "campaign {} · {} · {} · {} · {}",
+                campaign.id,
+                spec.model(),
+                spec.method(),
+                counted(spec.evaluations(), "evaluation"),
+                counted(crew.workers as u64, "worker"),
+            );
+            to_report(connection, global, &campaign.id).await
         };
-        let campaign = connection.client.create_campaign(request).await?.into_inner();
-        eprintln!(
-            "campaign {} · {} · {} · {} evaluations · {} workers",
-            campaign.id,
-            spec.model(),
-            spec.method(),
-            HumanCount(spec.evaluations()),
-            crew.workers,
-        );
-        to_report(connection, global, &campaign.id).await
+        let reported = connection::with_own(global, data, crew, run).await?;
+        Ok(reported.print(global)?)
     }
 }
 
 impl Resume {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let mut connection = Connection::open(global, self.crew.some()?).await?;
-        let request = v1::ResumeCampaignRequest {
-            campaign: self.campaign,
+        let crew = self.crew.some()?;
+        let resume = async |connection: &mut Connection| {
+            let request = v1::ResumeCampaignRequest {
+                campaign: self.campaign,
+            };
+            let campaign = heard(connection.client.resume_campaign(request).await?)?;
+            if connection.is_own() {
+                errln!(
+                    "campaign {} goes on with its stage {} after generation {}",
+                    campaign.id,
+                    stage_name(campaign.stage()),
+                    campaign.generations_done
+                );
+            }
+            Ok(campaign)
         };
-        let campaign = connection.client.resume_campaign(request).await?.into_inner();
-        if connection.is_own() {
-            eprintln!(
-                "campaign {} goes on with its stage {} after generation {}",
-                campaign.id,
-                stage_name(campaign.stage()),
-                campaign.generations_done
-            );
-            return to_report(connection, global, &campaign.id).await;
-        }
-        super::campaigns::changed(
-            global,
-            &campaign,
-            "goes on",
-            &format!("murmuration watch {}", campaign.id),
-        );
-        Ok(())
+        go_on(global, crew, "goes on", resume).await
     }
+}
+
+/// Has a campaign go on by a `change`; where this process runs the coordinator, to its report. `what` says of the campaign
+/// what it does then.
+pub(super) async fn go_on(
+    global: &Global,
+    crew: Crew,
+    what: &str,
+    change: impl AsyncFnOnce(&mut Connection) -> Result<v1::Campaign, CliError>,
+) -> Result<(), CliError> {
+    let changed = async |connection: &mut Connection| {
+        let campaign = change(connection).await?;
+        let reported = match connection.is_own() {
+            true => Some(to_report(connection, global, &campaign.id).await?),
+            false => None,
+        };
+        Ok((campaign, reported))
+    };
+    let (campaign, reported) = connection::with(global, crew, changed).await?;
+    match reported {
+        Some(reported) => reported.print(global)?,
+        None => {
+            let next = format!("murmuration watch {}", campaign.id);
+            let running = v1::CampaignState::Running;
+            super::campaigns::changed(global, &campaign, running, what, &next)?;
+        }
+    }
+    Ok(())
 }
 
 /// Reads a campaign file, with another seed if there is one.
@@ -146,32 +173,52 @@ pub(super) fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, 
     })
 }
 
-/// Follows a campaign of this process to its end, writes its report and says where.
-pub(super) async fn to_report(
-    mut connection: Connection,
+/// A campaign that this process has brought to its report.
+struct Reported {
+    campaign: String,
+    digest: v1::GetDigestResponse,
+    path: String,
+    seconds: f64,
+}
+
+impl Reported {
+    fn print(&self, global: &Global) -> Result<(), OutputError> {
+        let Self {
+            campaign,
+            digest,
+            path,
+            seconds,
+        } = self;
+        if global.json {
+            return json::print(&json::outcome(campaign, digest, Some(path), *seconds));
+        }
+        outln!("campaign  {campaign}")?;
+        outln!("digest    {}", digest.digest)?;
+        outln!("report    {path}")?;
+        errln!("{seconds:.1} s; open the report in a browser");
+        Ok(())
+    }
+}
+
+/// Follows a campaign of this process to its end, and writes its report.
+async fn to_report(
+    connection: &mut Connection,
     global: &Global,
     campaign: &str,
-) -> Result<(), CliError> {
+) -> Result<Reported, CliError> {
     let begun = Instant::now();
-    let outcome = tokio::select! {
-        last = follow(&mut connection.client, campaign, Show::Person) => finish(&mut connection, global, last?).await,
-        signal = termination() => Err(CliError::Failed(format!(
+    let (digest, report) = tokio::select! {
+        last = follow(&mut connection.client, campaign, Show::Person) => finish(connection, global, last?).await?,
+        signal = termination() => return Err(CliError::Failed(format!(
             "{signal}; everything up to the last complete generation is kept: `murmuration resume {campaign}`"
         ))),
     };
-    connection.close().await?;
-    let (digest, report) = outcome?;
-    let seconds = begun.elapsed().as_secs_f64();
-    let path = report.display().to_string();
-    if global.json {
-        json::print(&json::outcome(campaign, &digest, Some(&path), seconds));
-    } else {
-        println!("campaign  {campaign}");
-        println!("digest    {}", digest.digest);
-        println!("report    {path}");
-        eprintln!("{seconds:.1} s; open the report in a browser");
-    }
-    Ok(())
+    Ok(Reported {
+        campaign: campaign.to_owned(),
+        digest,
+        path: report.display().to_string(),
+        seconds: begun.elapsed().as_secs_f64(),
+    })
 }
 
 async fn finish(
@@ -191,8 +238,9 @@ async fn finish(
             )));
         }
     }
-    let folder = super::error::report_folder(&global.data, &last.id);
-    let report = write_report(connection, &last.id, &folder).await?;
+    let id = heard::id(&last)?;
+    let folder = super::error::report_folder(&global.data, &id);
+    let report = write_report(connection, &id, &folder).await?;
     let request = v1::GetDigestRequest { campaign: last.id };
-    Ok((connection.client.get_digest(request).await?.into_inner(), report))
+    Ok((heard(connection.client.get_digest(request).await?)?, report))
 }

@@ -9,7 +9,7 @@ use crate::{
     store::DataDirectory,
 };
 use clap::builder::BoolishValueParser;
-use murmuration_link::termination;
+use murmuration_link::{errln, termination};
 use std::{
     net::{Ipv4Addr, SocketAddr},
     path::PathBuf,
@@ -54,7 +54,7 @@ pub(super) struct Serve {
     )]
     insecure_listen: bool,
     /// Share of the evaluations that a second worker repeats, to find workers that compute wrongly
-    #[arg(long, default_value_t = Share::default(), value_name = "0..1")]
+    #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
     #[command(flatten)]
     crew: CrewSize,
@@ -70,6 +70,7 @@ impl Serve {
             entrance,
             resume: true,
             checkpoints: global.checkpoint_store.clone(),
+            tries_checkpoints: true,
             dispatch: dispatch::Options {
                 audited: self.audit,
                 ..dispatch::Options::default()
@@ -77,10 +78,10 @@ impl Serve {
         };
         let cluster = LocalCluster::start(options, self.crew.count()).await?;
         let url = cluster.coordinator().url();
-        eprintln!("serving {} at {url}", global.data.display());
+        errln!("serving {} at {url}", global.data.display());
         self.say_how_to_reach(&url);
         let signal = termination().await;
-        eprintln!("{signal}; running campaigns go on with the next `murmuration serve`");
+        errln!("{signal}; running campaigns go on with the next `murmuration serve`");
         cluster.shutdown().await?;
         Ok(())
     }
@@ -110,18 +111,18 @@ impl Serve {
         } else {
             ""
         };
-        eprintln!("  pages:     {url} in a browser");
-        eprintln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}{ca}{person}");
-        eprintln!("  workers:   murmuration-worker --coordinator {url}{ca}{machine}");
-        eprintln!("  trainers:  murmuration-trainer --coordinator {url}{ca}{machine}");
+        errln!("  pages:     {url} in a browser");
+        errln!("  campaigns: murmuration submit SPEC.toml --coordinator {url}{ca}{person}");
+        errln!("  workers:   murmuration-worker --coordinator {url}{ca}{machine}");
+        errln!("  trainers:  murmuration-trainer --coordinator {url}{ca}{machine}");
         let beyond = !self.listen.ip().to_canonical().is_loopback();
         if beyond && self.certificate.is_none() {
-            eprintln!(
+            errln!(
                 "  warning:   nothing is encrypted: whoever is on the network reads along, tokens included"
             );
         }
         if beyond && self.tokens.is_none() {
-            eprintln!("  warning:   no tokens are asked for: whoever reaches {url} may do anything");
+            errln!("  warning:   no tokens are asked for: whoever reaches {url} may do anything");
         }
     }
 }

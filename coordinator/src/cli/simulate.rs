@@ -1,7 +1,8 @@
 //! `simulate`: one controller, or a reference case, on this machine.
 
-use super::{CliError, controller, json, run::read_spec};
+use super::{CliError, controller, files::write, json, run::read_spec};
 use crate::picture::{self, Animation, Paper};
+use murmuration_link::outln;
 use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World, v1};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
@@ -82,11 +83,11 @@ impl Simulate {
                 features: evaluation.features().to_vec(),
                 image: Some(evaluation.into_image()),
                 ..v1::Individual::default()
-            }));
+            }))?;
         } else {
-            println!("controller           {controller}");
+            outln!("controller           {controller}")?;
             for (name, value) in FEATURE_NAMES.iter().zip(evaluation.features()) {
-                println!("{name:<20} {value}");
+                outln!("{name:<20} {value}")?;
             }
         }
         Ok(())
@@ -124,17 +125,11 @@ impl Simulate {
 fn simulate_case(path: &Path) -> Result<(), CliError> {
     let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
     let named = |error| CliError::Input(format!("{}: {error}", path.display()));
-    println!(
+    outln!(
         "{}",
         Case::from_json(&text)
             .and_then(|case| case.run())
             .map_err(named)?
-    );
-    Ok(())
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
-    fs::write(path, bytes).map_err(|error| CliError::unwritable(path, &error))?;
-    eprintln!("wrote {}", path.display());
+    )?;
     Ok(())
 }

@@ -1,8 +1,8 @@
 //! `token`: a secret for somebody, shown once.
 
 use super::{CliError, json};
-use crate::access::{Role, entry};
-use murmuration_link::Token;
+use crate::access::{HolderName, Role, entry};
+use murmuration_link::{Token, errln, print};
 use serde_json::json;
 
 const EXAMPLES: &str = "\
@@ -15,8 +15,8 @@ The token is shown this once. Keep it in a file that you alone can read, and nam
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct TokenCommand {
-    /// Whom it is for
-    name: String,
+    /// Whom it is for: 1 to 64 characters of any script
+    name: HolderName,
     /// What it is good for
     #[arg(long)]
     role: Role,
@@ -26,20 +26,21 @@ impl TokenCommand {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         let token =
             Token::generate().map_err(|error| CliError::Failed(format!("no random numbers: {error}")))?;
-        let entry = entry(&self.name, self.role, token.digest()).map_err(CliError::Input)?;
+        let entry = entry(&self.name, self.role, token.digest())
+            .map_err(|error| CliError::Failed(format!("the entry cannot be written: {error}")))?;
         if as_json {
             json::print(&json!({
                 "schema": json::SCHEMA,
-                "name": self.name,
+                "name": self.name.to_string(),
                 "role": self.role,
                 "token": token.reveal(),
                 "digest": token.digest().to_string(),
-            }));
+            }))?;
             return Ok(());
         }
-        print!("{entry}");
-        eprintln!("the token of {}, shown this once: {}", self.name, token.reveal());
-        eprintln!("what went to stdout is for the file that `murmuration serve --tokens` names");
+        print(entry)?;
+        errln!("the token of {}, shown this once: {}", self.name, token.reveal());
+        errln!("what went to stdout is for the file that `murmuration serve --tokens` names");
         Ok(())
     }
 }

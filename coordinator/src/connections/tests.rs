@@ -52,7 +52,7 @@ fn a_process_has_room_for_many() {
 
 #[test]
 fn requests_come_in_bursts_and_then_at_a_pace() {
-    let visit = Visit::new();
+    let visit = Visit::new([127, 0, 0, 1].into());
     let burst = REQUEST_BURST.get();
     assert!((0..burst).all(|_| visit.may_ask()));
     // Some time may have passed, and made room for a few.

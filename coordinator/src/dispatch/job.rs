@@ -2,12 +2,12 @@
 
 use crate::{
     campaign::{CampaignId, Weight},
-    leases::Instance,
+    leases::MachineId,
     store::{CampaignRecord, SavedTraining, TrainingPictures},
 };
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, World, training::Configuration,
-    v1,
+    CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Evaluation, Frames, ImageFormat, World,
+    training::Configuration, v1,
 };
 use tokio::sync::watch;
 
@@ -92,6 +92,14 @@ pub struct TrainingJob {
     pub saved: watch::Sender<Option<SavedTraining>>,
 }
 
+impl TrainingJob {
+    /// Most bytes of the training, put aside; 0 if its network does not suit its pictures, and nothing can be trained.
+    pub(super) fn saved_bytes(&self) -> usize {
+        let bytes = self.configuration.saved_bytes(self.side as usize);
+        bytes.unwrap_or(0)
+    }
+}
+
 /// What a training on labels begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Lesson {
@@ -114,8 +122,17 @@ pub struct ReplayJob {
     pub world: World,
     /// Seed of the start.
     pub seed: u64,
-    /// Steps between frames, 1 or more.
-    pub stride: u32,
+    /// The frames that are wanted of its motion.
+    pub frames: Frames,
+}
+
+/// Who made a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Maker {
+    /// How its machine embeds; unknown for one that does not, and for results of older versions.
+    pub kind: EmbeddingKind,
+    /// Its machine, where that alone says so; `None` where another machine found the same.
+    pub unaudited: Option<MachineId>,
 }
 
 /// What became of a controller that was to be evaluated.
@@ -125,8 +142,8 @@ pub enum Evaluated {
     Done {
         /// What came of it.
         evaluation: Evaluation,
-        /// Who did it; `None` where another worker found the same.
-        unaudited: Option<Instance>,
+        /// Who did it.
+        maker: Maker,
     },
     /// It was given up.
     SetAside(SetAside),
@@ -143,13 +160,13 @@ pub struct SetAside {
 /// Why a job has no results.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum JobError {
-    /// A worker or trainer says that it cannot be done by anyone.
+    /// Workers or trainers say that it cannot be done by anyone: of two machines, or of one where there was no other.
     #[error("{0}")]
     Fatal(String),
-    /// Workers computed different results for the same task.
+    /// Machines computed different results for the same task.
     #[error(
-        "workers disagree about task {task} of a job ({}), and there is no other who could say which is right: \
-         one of them is broken; start a third, and resume", .workers.join(" and ")
+        "workers disagree about task {task} of a job ({}), and there is no other machine that could say which is right: \
+         one of them is broken; start a worker on another machine, and resume", .workers.join(" and ")
     )]
     Disagreement {
         /// Place of the task in the job.

@@ -3,11 +3,12 @@
 mod results;
 
 use super::{
-    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, WorkerReport,
+    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, Room,
+    WorkerReport,
     work::{Output, Work},
 };
 use crate::{
-    leases::{Grant, Instance, JobId, LeaseNumber, LeaseTable, WorkerId},
+    leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
     metrics::DispatchMetrics,
 };
 use murmuration_link::trace_parent;
@@ -36,9 +37,9 @@ pub(super) struct Service {
     table: LeaseTable<Output>,
     jobs: BTreeMap<JobId, Job>,
     workers: BTreeMap<WorkerId, Worker>,
-    /// What processes are called, also those that are gone.
-    names: BTreeMap<Instance, String>,
-    /// Which tasks are audited, and what processes are called that do not say who they are.
+    /// Names and addresses of processes, also of those that are gone.
+    names: BTreeMap<WorkerProcessId, String>,
+    /// Which tasks are audited, and what tells processes apart that do not say.
     chance: Stream,
     count: watch::Sender<usize>,
     wrong: watch::Sender<Vec<Quarantined>>,
@@ -58,6 +59,8 @@ struct Given {
 struct Job {
     work: Work,
     headway: Arc<Headway>,
+    /// Why somebody says that nobody can do it.
+    refusal: Option<String>,
     reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
 }
 
@@ -65,6 +68,8 @@ struct Worker {
     name: String,
     kind: EmbeddingKind,
     outbox: Outbox,
+    /// The trainings that it was given, by their leases.
+    trainings: BTreeSet<LeaseNumber>,
 }
 
 impl Service {
@@ -80,8 +85,8 @@ impl Service {
             .duration_since(UNIX_EPOCH)
             .map_or(0, |age| age.as_nanos() as u64);
         let mut table = LeaseTable::new(options.silence_limit);
-        for worker in wrong.borrow().iter() {
-            table.mistrust(worker.instance);
+        for wrong in wrong.borrow().iter() {
+            table.mistrust(wrong.machine);
         }
         Self {
             options,
@@ -113,6 +118,7 @@ impl Service {
             self.forget_withdrawn_jobs();
             self.send_leases();
             self.tell_news();
+            self.tell_lacks();
             let count = self.table.workers();
             self.metrics.stand(count, self.table.waiting(), self.table.out());
             self.count
@@ -132,9 +138,24 @@ impl Service {
             Request::Submit { work, headway, reply } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
                 let id = self.table.submit(work.terms(|| chance.chance(share)));
-                self.jobs.insert(id, Job { work, headway, reply });
+                let job = Job {
+                    work,
+                    headway,
+                    refusal: None,
+                    reply,
+                };
+                self.jobs.insert(id, job);
             }
             Request::Join { newcomer, reply } => self.welcome(newcomer, reply),
+            Request::Room {
+                worker,
+                epoch,
+                lease,
+                reply,
+            } => {
+                // Whoever asked may be gone.
+                let _ = reply.send(self.room(worker, epoch, lease));
+            }
             Request::Report { worker, report } => {
                 self.table.hear(worker, Instant::now());
                 match report {
@@ -176,15 +197,23 @@ impl Service {
     fn welcome(&mut self, newcomer: Newcomer, reply: oneshot::Sender<Result<WorkerId, NotWelcome>>) {
         let Newcomer {
             name,
+            origin,
             instance,
             capacity,
             kind,
             outbox,
         } = newcomer;
-        let instance = instance.unwrap_or_else(|| Instance(self.chance.bits()));
-        let Some(id) = self.table.join(instance, capacity, Instant::now()) else {
+        let process = WorkerProcessId {
+            machine: origin.machine,
+            instance: instance.unwrap_or_else(|| self.chance.bits()),
+        };
+        let abilities = Abilities {
+            capacity,
+            embeds: kind.is_known(),
+        };
+        let Some(id) = self.table.join(process, abilities, Instant::now()) else {
             // It is told, if it still listens.
-            let _ = reply.send(Err(NotWelcome::Quarantined));
+            let _ = reply.send(Err(NotWelcome::Quarantined(process.machine)));
             return;
         };
         let welcome = v1::coordinator_message::Message::Welcome(v1::Welcome {
@@ -193,24 +222,41 @@ impl Service {
             silence_limit_ms: self.options.silence_limit.as_millis() as u32,
         });
         tracing::info!(worker = name, capacity, "worker joined");
-        self.remember(instance, &name);
-        self.workers.insert(id, Worker { name, kind, outbox });
+        self.remember(process, format!("{name} at {}", origin.address));
+        let trainings = BTreeSet::new();
+        self.workers.insert(
+            id,
+            Worker {
+                name,
+                kind,
+                outbox,
+                trainings,
+            },
+        );
         self.send(id, welcome);
         if reply.send(Ok(id)).is_err() {
             self.lose(id, None);
         }
     }
 
-    fn remember(&mut self, instance: Instance, name: &str) {
+    fn remember(&mut self, process: WorkerProcessId, name: String) {
         if self.names.len() >= MOST_NAMES {
             let here: BTreeSet<_> = self
                 .workers
                 .keys()
-                .filter_map(|&id| self.table.instance(id))
+                .filter_map(|&id| self.table.process(id))
                 .collect();
-            self.names.retain(|instance, _| here.contains(instance));
+            self.names.retain(|process, _| here.contains(process));
         }
-        self.names.insert(instance, name.to_owned());
+        self.names.insert(process, name);
+    }
+
+    /// Tells jobs that embed whether those who are there could do them.
+    fn tell_lacks(&self) {
+        let lacks = self.table.lacks_embedders();
+        for job in self.jobs.values().filter(|job| job.work.embeds()) {
+            job.headway.set_lacks_embedder(lacks);
+        }
     }
 
     fn forget_withdrawn_jobs(&mut self) {
@@ -281,6 +327,10 @@ impl Service {
                 continue;
             };
             let (id, campaign) = (self.lease_id(lease), content.work.campaign().to_string());
+            let is_training = matches!(content.work, Work::Training(_));
+            if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
+                holder.trainings.insert(lease);
+            }
             let holder = self.workers.get(&worker).map(|worker| &worker.name);
             let span = tracing::info_span!(parent: None, "lease", %id, campaign, worker = holder);
             span.in_scope(|| tracing::debug!(tasks = tasks.len(), "given"));
@@ -293,6 +343,23 @@ impl Service {
             let at = Instant::now();
             self.given.insert(lease, Given { job, at, span });
             self.send(worker, message);
+        }
+    }
+
+    /// How large the training under a lease may be that is put aside.
+    fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+        let given = self
+            .workers
+            .get(&worker)
+            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains(&lease));
+        let job = self.table.leased(worker, lease).filter(|_| given);
+        match job.and_then(|id| self.jobs.get(&id)) {
+            Some(Job {
+                work: Work::Training(job),
+                ..
+            }) => Room::Bytes(job.saved_bytes()),
+            _ if given => Room::Over,
+            _ => Room::Never,
         }
     }
 

@@ -1,14 +1,14 @@
 //! The work of a job as the lease table, the wire and the dispatcher have it: terms, batches, results.
 
-use super::job::{EmbeddingJob, Evaluated, EvaluationJob, ReplayJob, TrainingJob};
+use super::job::{EmbeddingJob, Evaluated, EvaluationJob, Maker, ReplayJob, TrainingJob};
 use crate::{
     campaign::{CampaignId, Weight},
-    leases::{Agree, Instance, Terms},
+    leases::{Agree, Terms},
     metrics::WorkKind,
 };
 use murmuration_proto::{
     CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, World, check_embedding,
-    near_embedding, same_embedding, v1,
+    embeddings_agree, v1,
 };
 use std::collections::BTreeSet;
 
@@ -32,8 +32,8 @@ pub(super) enum Output {
     Evaluated(Evaluated),
     Replay(Replay),
     Embedding(Vec<f32>, EmbeddingKind),
-    /// An embedding once nothing can change it any more, and who alone says so.
-    Embedded(Vec<f32>, Option<Instance>),
+    /// An embedding once nothing can change it any more, and who made it.
+    Embedded(Vec<f32>, Maker),
     Checkpoint(CheckpointDigest),
 }
 
@@ -54,15 +54,6 @@ impl Agree for Output {
     }
 }
 
-/// Machines of one kind find the same bits.
-fn embeddings_agree((one, kind): (&[f32], EmbeddingKind), (other, others): (&[f32], EmbeddingKind)) -> bool {
-    if kind == others {
-        same_embedding(one, other)
-    } else {
-        near_embedding(one, other)
-    }
-}
-
 impl Output {
     pub(super) fn into_evaluated(self) -> Option<Evaluated> {
         match self {
@@ -78,9 +69,9 @@ impl Output {
         }
     }
 
-    pub(super) fn into_embedded(self) -> Option<(Vec<f32>, Option<Instance>)> {
+    pub(super) fn into_embedded(self) -> Option<(Vec<f32>, Maker)> {
         match self {
-            Self::Embedded(embedding, unaudited) => Some((embedding, unaudited)),
+            Self::Embedded(embedding, maker) => Some((embedding, maker)),
             _ => None,
         }
     }
@@ -102,7 +93,7 @@ impl Work {
         }
     }
 
-    /// How it is to be leased: `audited` says of which tasks a second worker is asked, if of any.
+    /// How it is to be leased: `audited` says of which tasks a second machine is asked, if of any.
     pub(super) fn terms(&self, audited: impl FnMut() -> bool) -> Terms {
         let tasks = self.tasks();
         let mut audited = audited;
@@ -120,7 +111,18 @@ impl Work {
             tasks,
             effort: weight.charge(effort),
             audited,
+            embeds: self.embeds(),
             hurried,
+        }
+    }
+
+    /// Whether it takes a worker that embeds.
+    pub(super) const fn embeds(&self) -> bool {
+        match self {
+            Self::Evaluations(job) => job.embedder.is_some(),
+            Self::Embeddings(_) => true,
+            // A trainer embeds to check what it publishes; that is its own affair.
+            Self::Replay(_) | Self::Training(_) => false,
         }
     }
 
@@ -184,7 +186,8 @@ impl Work {
                 model: v1::CapabilityModel::from(job.controller.model()) as i32,
                 world: Some(job.world.into()),
                 task: Some(task(&job.controller, job.seed)),
-                stride: job.stride,
+                stride: job.frames.stride().get(),
+                first: job.frames.first(),
             }),
         }
     }
@@ -215,6 +218,10 @@ impl Work {
             (Self::Training(_), Outcome::Checkpoint(digest)) => Ok(vec![Output::Checkpoint(digest.parse()?)]),
             (Self::Replay(job), Outcome::Replay(message)) => {
                 let replay = Replay::try_from(message)?;
+                if !job.frames.steps(&job.world).eq(replay.steps().iter().copied()) {
+                    let value = format!("{} frames", replay.steps().len());
+                    return Err(Invalid::new("replay.steps", value, "those that were asked for"));
+                }
                 if replay.agents() != job.world.agents() as usize {
                     return Err(Invalid::new(
                         "replay.agents",
@@ -250,7 +257,10 @@ mod tests {
         assert!(agree(1.0, one, 1.01, other));
         assert!(!agree(1.0, one, 1.03, other), "a thousandth of 20 apart at most");
         let unknown = EmbeddingKind::UNKNOWN;
-        assert!(!agree(1.0, unknown, 1.0 + f32::EPSILON, unknown));
+        assert!(
+            agree(1.0, unknown, 1.0 + f32::EPSILON, unknown),
+            "nobody knows that they are alike"
+        );
     }
 
     #[test]

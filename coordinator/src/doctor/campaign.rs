@@ -219,6 +219,7 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
             let len = record.individuals();
             let medoids = taxonomy.medoids.len();
             let about = taxonomy.clusters.len() as u64 == len
+                && (taxonomy.measures.is_empty() || taxonomy.measures.len() == medoids)
                 && taxonomy.medoids.iter().all(|&index| index < len)
                 && taxonomy
                     .clusters

@@ -8,10 +8,11 @@ mod salvage;
 
 pub use campaign::{CampaignFindings, Prospect};
 pub(crate) use salvage::is_empty;
-pub use salvage::{SalvageError, salvage};
+pub use salvage::{SalvageError, Salvaged, salvage};
 
 use crate::{
     checkpoints::{CheckpointError, Condition, Shelf},
+    files::is_there,
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_proto::CheckpointDigest;
@@ -81,9 +82,14 @@ impl Drop for Watched {
 fn watch(data: &Path) -> Result<(Watched, Store, u32), StoreError> {
     let lock = DataDirectory::watch(data)?;
     let index = data.join(format!("{}-shm", Store::FILE));
+    let is_there = is_there(&index).map_err(|source| StoreError::File {
+        doing: "find",
+        path: index.clone(),
+        source,
+    })?;
     let watched = Watched {
         _lock: lock,
-        index: (!index.exists()).then_some(index),
+        index: (!is_there).then_some(index),
     };
     let (store, schema) = Store::look(data, true)?;
     Ok((watched, store, schema))

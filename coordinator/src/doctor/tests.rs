@@ -49,7 +49,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         clusters: vec![0; 6],
         loss: 1.0,
     };
-    store.complete(&id, &taxonomy).unwrap();
+    store.complete(&id, &taxonomy, &[]).unwrap();
     (folder, id)
 }
 
@@ -61,7 +61,13 @@ async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
     drop(connection);
     let found = examine(folder.path(), None).await.unwrap();
     let target = folder.path().join("saved");
-    salvage(folder.path(), None, &target).await.unwrap();
+    let salvaged = salvage(folder.path(), None, &target).await.unwrap();
+    if salvaged.is_empty() {
+        assert!(!target.exists());
+        assert_eq!(salvaged.lost[0].0, id);
+        return (found, None);
+    }
+    assert_eq!((salvaged.campaigns, salvaged.lost.len()), (vec![id.clone()], 0));
     assert!(examine(&target, None).await.unwrap().is_healthy());
     let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
     let kept = store.campaign(id.as_str()).ok();

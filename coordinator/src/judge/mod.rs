@@ -21,7 +21,7 @@ pub use measures::{Measures, Scale};
 pub use motion::Motion;
 pub use walls::Walls;
 
-use murmuration_proto::{Replay, World};
+use murmuration_proto::{Frames, Replay, World};
 
 /// What the judge says of a motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,12 @@ pub struct Verdict {
     pub pattern: Option<Pattern>,
     /// What was measured.
     pub measures: Measures,
+}
+
+/// The frames of a motion in `world` that a verdict rests on: every fourth of its last 160 steps, however long it is.
+#[must_use]
+pub fn frames(world: &World) -> Frames {
+    Frames::of_end(window::WINDOW_STEPS, window::STRIDE, world)
 }
 
 /// Judges the end of a motion in `world`: its last 160 steps, of which every fourth is enough.

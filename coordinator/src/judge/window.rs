@@ -1,11 +1,14 @@
 //! The last steps of a swarm's motion, at evenly spaced times.
 
 use murmuration_proto::{Pose, Replay};
+use std::num::NonZeroU32;
 
 /// Steps that are looked at, as many as the pictures show that people judge; fewer where the motion is shorter.
-const WINDOW_STEPS: u32 = 160;
+pub(super) const WINDOW_STEPS: u32 = 160;
+/// Steps between two times of the window, where the motion is long enough.
+pub(super) const STRIDE: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
 /// Stretches that the window is cut into: one for every four of its steps.
-const STRETCHES: u32 = 40;
+const STRETCHES: u32 = WINDOW_STEPS / STRIDE.get();
 
 /// A point or a vector, world units; y points down the screen.
 pub(super) type Point = [f64; 2];

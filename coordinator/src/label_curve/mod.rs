@@ -13,6 +13,7 @@ pub use sets::{Behaviours, Overlap, Sets};
 
 use crate::{
     accuracy::Accuracy,
+    interrupt::{Interrupt, Interrupted},
     medoids,
     novelty::{self, Misfit},
     queries::{Committee, NoCommittee, by_committee, by_doubt, by_lot},
@@ -73,6 +74,9 @@ pub enum CurveError {
     /// An embedding is no behaviour.
     #[error("{0}")]
     Misfit(#[from] Misfit),
+    /// Nobody waits for the curve any more.
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
     /// There is only one seed.
     #[error("strategy \"committee\": {0}: give more seeds")]
     Committee(#[from] NoCommittee),
@@ -154,7 +158,7 @@ impl Curves<'_> {
             Strategy::Medoids => {
                 let points = points(&embedders[0], train)?;
                 let mut stream = Stream::derive(seed, Purpose::Medoids, 0);
-                let clustering = medoids::cluster(&points, self.medoids, &mut stream);
+                let clustering = medoids::cluster(&points, self.medoids, &mut stream, &Interrupt::default())?;
                 by_doubt(&points, &clustering)
             }
             Strategy::Committee => {

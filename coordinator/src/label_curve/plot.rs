@@ -1,7 +1,7 @@
 //! The curves as a picture.
 
 use super::Point;
-use crate::accuracy::Summary;
+use crate::{accuracy::Summary, picture::axis::axis_number};
 use murmuration_proto::Strategy;
 use plotters::prelude::*;
 use std::collections::BTreeMap;
@@ -33,6 +33,7 @@ fn draw(
     area.fill(&WHITE)?;
     let figures = || points.iter().filter_map(|point| point.not_random);
     let lowest = figures().fold(100.0, f64::min);
+    let lowest = (lowest - 2.0).max(0.0);
     let most = points.iter().map(|point| point.labels).max().unwrap_or(1).max(1) as f64;
     let text = |size: u32| ("sans-serif", size).into_font().color(&INK);
     let mut chart = ChartBuilder::on(area)
@@ -40,15 +41,15 @@ fn draw(
         .caption(title, text(20))
         .x_label_area_size(44)
         .y_label_area_size(60)
-        .build_cartesian_2d(0.0..most * 1.03, (lowest - 2.0).max(0.0)..100.0)?;
+        .build_cartesian_2d(0.0..most * 1.03, lowest..100.0)?;
     chart
         .configure_mesh()
         .bold_line_style(GRID)
         .light_line_style(TRANSPARENT)
         .axis_style(GRID)
         .label_style(text(15))
-        .x_label_formatter(&|labels| format!("{labels:.0}"))
-        .y_label_formatter(&|percent| format!("{percent:.0} %"))
+        .x_label_formatter(&|labels| axis_number(*labels, most))
+        .y_label_formatter(&|percent| format!("{} %", axis_number(*percent, 100.0 - lowest)))
         .x_desc("labels")
         .y_desc("triplets told apart, anchor not random")
         .draw()?;

@@ -4,6 +4,7 @@ use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, Refusal,
     classes::{ClassNumber, Classes},
     lesson::class_numbers,
+    near::near,
 };
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -13,7 +14,8 @@ use std::{
 /// The labels of a campaign as they stand: a function of its log.
 ///
 /// Each annotator has at most one standing answer about an individual. Classes are followed through renaming and
-/// merging, whatever they were called when an answer was given.
+/// merging, whatever they were called when an answer was given. One that no standing answer names is not there, until one
+/// does again, unless somebody created it for its own sake.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Labels {
     entries: u64,
@@ -62,12 +64,14 @@ pub struct Label {
 /// A class as it stands.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Class {
-    /// Its name.
+    /// Its name, as it was first spelled or last renamed.
     pub name: ClassName,
     /// Its colour: that which it was given, or one of its own.
     pub colour: Colour,
     /// Number of standing answers that name it.
     pub labels: u64,
+    /// Other classes with nearly the same name: perhaps it was typed wrongly.
+    pub near: Vec<ClassName>,
 }
 
 /// A log that nobody could have written entry by entry.
@@ -116,7 +120,7 @@ impl Labels {
     /// [`BrokenLog`] at the first entry that could not follow those before it; these labels are of no use then.
     pub fn follow(&mut self, log: Vec<Entry>) -> Result<(), BrokenLog> {
         for entry in log {
-            match self.record(entry.change) {
+            match self.take_in(entry.change) {
                 Ok(again) if (again.number, again.supersedes) == (entry.number, entry.supersedes) => {}
                 _ => return Err(BrokenLog(entry.number)),
             }
@@ -129,11 +133,51 @@ impl Labels {
     /// # Errors
     /// See [`Refusal`]; nothing has changed then.
     pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
+        self.check(&change.action)?;
+        self.take_in(change)
+    }
+
+    /// Whether the classes are as somebody who says this believes.
+    fn check(&self, action: &Action) -> Result<(), Refusal> {
+        let classes = &self.classes;
+        // A class that nobody sees is in nobody's way.
+        let taken = |number: ClassNumber| match self.is_there(number) {
+            true => Err(Refusal::ClassExists(classes.name(number).clone())),
+            false => Ok(()),
+        };
+        match action {
+            Action::Answer {
+                answer: Answer::Class(class),
+                ..
+            } => classes.has_room_for(class),
+            Action::Create { class } => {
+                classes.has_room_for(class)?;
+                classes.find(class).map_or(Ok(()), taken)
+            }
+            Action::Rename { class, to } => {
+                let number = classes.find(class)?;
+                let other = classes.find(to).ok().filter(|other| *other != number);
+                other.map_or(Ok(()), taken)
+            }
+            Action::Merge { class, into } => match classes.find(class)? == classes.find(into)? {
+                true => Err(Refusal::IntoItself(class.clone())),
+                false => Ok(()),
+            },
+            Action::Colour { class, .. } => classes.find(class).map(drop),
+            Action::Answer { .. } | Action::Undo | Action::Withdraw { .. } => Ok(()),
+        }
+    }
+
+    /// Takes in an entry of the log, however it came there.
+    fn take_in(&mut self, change: Change) -> Result<Entry, Refusal> {
         let supersedes = match &change.action {
-            Action::Answer { index, answer } => self.answer(*index, answer, &change)?,
+            Action::Answer { index, answer } => self.answer(*index, answer, &change),
             Action::Undo => Some(self.undo(&change.annotator)?),
             Action::Withdraw { index } => Some(self.withdraw(*index, &change.annotator)?),
-            Action::Create { class } => self.classes.create(class).map(|_| None)?,
+            Action::Create { class } => {
+                self.classes.make(class);
+                None
+            }
             Action::Rename { class, to } => self.classes.rename(class, to).map(|()| None)?,
             Action::Merge { class, into } => self.classes.merge(class, into).map(|()| None)?,
             Action::Colour { class, colour } => self.classes.colour(class, *colour).map(|()| None)?,
@@ -147,9 +191,9 @@ impl Labels {
         })
     }
 
-    fn answer(&mut self, index: u64, answer: &Answer, change: &Change) -> Result<Option<u64>, Refusal> {
+    fn answer(&mut self, index: u64, answer: &Answer, change: &Change) -> Option<u64> {
         let verdict = match answer {
-            Answer::Class(class) => Verdict::Class(self.classes.find_or_create(class)?),
+            Answer::Class(class) => Verdict::Class(self.classes.find_or_add(class)),
             Answer::NotSure => Verdict::NotSure,
             Answer::Skip => Verdict::Skip,
         };
@@ -167,7 +211,7 @@ impl Labels {
         };
         self.given.insert(self.entries, given);
         self.stand(self.entries);
-        Ok(supersedes)
+        supersedes
     }
 
     fn undo(&mut self, annotator: &Annotator) -> Result<u64, Refusal> {
@@ -274,21 +318,57 @@ impl Labels {
             .is_some_and(|given| matches!(given.verdict, Verdict::Class(_)))
     }
 
-    /// The classes, in the order in which they were created.
+    /// Who has ever answered, whether any of it stands or not.
+    pub fn annotators(&self) -> impl Iterator<Item = &Annotator> {
+        self.own.keys()
+    }
+
+    /// The classes that there are, in the order in which they were first named.
     #[must_use]
     pub fn classes(&self) -> Vec<Class> {
+        let labels = self.labels_of_classes();
+        let there = self.classes.iter().filter_map(|(number, name, colour)| {
+            let labels = labels.get(&number).copied().unwrap_or_default();
+            (labels > 0 || self.classes.is_made(number)).then(|| Class {
+                name: name.clone(),
+                colour,
+                labels,
+                near: Vec::new(),
+            })
+        });
+        let mut there: Vec<Class> = there.collect();
+        let keys: Vec<_> = there.iter().map(|class| class.name.key()).collect();
+        for (place, key) in keys.iter().enumerate() {
+            for (before, _) in keys[..place]
+                .iter()
+                .enumerate()
+                .filter(|(_, other)| near(key, other))
+            {
+                let names = [place, before].map(|class| there[class].name.clone());
+                let [name, other] = names;
+                there[place].near.push(other);
+                there[before].near.push(name);
+            }
+        }
+        there
+    }
+
+    /// How many standing answers name each class that goes on.
+    fn labels_of_classes(&self) -> BTreeMap<ClassNumber, u64> {
         let mut labels: BTreeMap<ClassNumber, u64> = BTreeMap::new();
         for (class, named) in &self.named {
             *labels.entry(self.classes.today(*class)).or_default() += named;
         }
-        self.classes
-            .iter()
-            .map(|(number, name, colour)| Class {
-                name: name.clone(),
-                colour,
-                labels: labels.get(&number).copied().unwrap_or_default(),
-            })
-            .collect()
+        labels
+    }
+
+    /// Whether a class is among [`Labels::classes`].
+    fn is_there(&self, class: ClassNumber) -> bool {
+        self.classes.is_made(class)
+            || self
+                .labels_of_classes()
+                .get(&class)
+                .is_some_and(|&labels| labels > 0)
     }
 
     /// The class of each individual that has one: where annotators differ, what was said last.

@@ -31,16 +31,16 @@ pub enum Action {
         /// Index that the individual had.
         index: u64,
     },
-    /// Adds a class.
+    /// Adds a class, which is there also while no answer names it.
     Create {
-        /// Its name, which no class has.
+        /// Its name, which no class that is there has.
         class: ClassName,
     },
     /// Gives a class another name.
     Rename {
         /// The class.
         class: ClassName,
-        /// Its name from now on, which no class has.
+        /// Its name from now on, which no other class that is there has.
         to: ClassName,
     },
     /// Makes one class of two.

@@ -5,21 +5,26 @@
 //! next is [`queries`](crate::queries)'.
 
 mod agreement;
+mod cells;
 mod classes;
 mod confusion_matrix;
 mod current;
+mod file;
 mod lesson;
 mod log;
 mod names;
+mod near;
 mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
+pub use cells::{of_cell, to_cell};
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, Label, LabelDigest, Labels, newest_classes};
+pub use file::{LabelFile, LabelFileError, Row};
 pub use lesson::class_numbers;
 pub use log::{Action, Change, Entry, Refusal};
-pub use names::{Annotator, Answer, ClassName, Colour, RequestId};
-pub use table::{Table, TableError, to_csv};
+pub use names::{Annotator, Answer, ClassKey, ClassName, Colour, RequestId};
+pub use table::{Labelled, Table, to_csv};
 
 #[cfg(test)]
 mod tests;

@@ -1,27 +1,36 @@
 //! What people write: names of classes, of themselves and of requests, answers, colours.
 
 use crate::judge::Class;
-use murmuration_proto::Invalid;
+use murmuration_proto::{
+    Invalid,
+    text::{name, quoted},
+};
 use std::{fmt, str::FromStr};
 
 /// Most characters of a name.
 const MAX_CHARS: usize = 64;
 
-/// The name of a class: 1 to 64 characters, none a control character, no space at either end, and neither of the words
-/// for [`Answer::NotSure`] and [`Answer::Skip`].
+/// The name of a class as it is shown: 1 to 64 characters that can be seen, no space at either end, and neither of the
+/// words for [`Answer::NotSure`] and [`Answer::Skip`]. Which class it means is its [`ClassKey`].
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassName(String);
 
-/// Who answered: 1 to 64 characters, none a control character, no space at either end.
+/// Which class a name means: names that differ in case alone, or in what stands between their words (spaces, hyphens,
+/// underscores), mean the same.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClassKey(String);
+
+/// Who answered: 1 to 64 characters that can be seen, no space at either end.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
-/// What a client calls a request, so that a repetition is known as one: 1 to 64 characters, none a control character,
-/// no space at either end.
+/// What a client calls a request, so that a repetition is known as one: 1 to 64 characters that can be seen, no space at
+/// either end, and not beginning as the coordinator's own do: `synthetic-round-` and `withdrawal`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RequestId(String);
 
-/// What somebody answered when asked for the class of a behaviour. As text it is a class, `not sure` or `skip`.
+/// What somebody answered when asked for the class of a behaviour. As text it is a class, `not sure` or `skip`, these two in
+/// any spelling that means the same (see [`ClassKey`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Answer {
     /// It is of this class.
@@ -36,21 +45,18 @@ pub enum Answer {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour([u8; 3]);
 
-/// `text` without the space about it, if it can be a name.
-fn name(field: &str, text: &str) -> Result<String, Invalid> {
-    let trimmed = text.trim();
-    let count = trimmed.chars().count();
-    if (1..=MAX_CHARS).contains(&count) && !trimmed.chars().any(char::is_control) {
-        return Ok(trimmed.to_owned());
+/// `text` in lower case, with `_` between its words.
+fn folded(text: &str) -> String {
+    let words = text.split(|letter: char| letter.is_whitespace() || letter == '-' || letter == '_');
+    let words: Vec<String> = words
+        .filter(|word| !word.is_empty())
+        .map(str::to_lowercase)
+        .collect();
+    match words.is_empty() {
+        // Nothing but what stands between words.
+        true => text.to_owned(),
+        false => words.join("_"),
     }
-    let allowed = format!("1 to {MAX_CHARS} characters, none a control character");
-    Err(Invalid::new(field, shown(text), allowed))
-}
-
-/// The beginning of a text that came from outside.
-fn shown(text: &str) -> String {
-    let beginning: String = text.chars().take(80).collect();
-    format!("\"{}\"", beginning.escape_debug())
 }
 
 macro_rules! names {
@@ -73,6 +79,37 @@ macro_rules! names {
 
 names!(ClassName, Annotator, RequestId);
 
+impl ClassKey {
+    /// The key as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl ClassName {
+    /// Which class it means.
+    #[must_use]
+    pub fn key(&self) -> ClassKey {
+        ClassKey(folded(&self.0))
+    }
+
+    /// A name from a log that is on disk: it may be one that [`str::parse`] has come to refuse.
+    ///
+    /// # Errors
+    /// If it could never have been a name.
+    pub fn stored(text: &str) -> Result<Self, Invalid> {
+        name("class", text, MAX_CHARS).map(Self)
+    }
+}
+
+impl From<&str> for ClassKey {
+    /// What a text would mean as a name.
+    fn from(text: &str) -> Self {
+        Self(folded(text))
+    }
+}
+
 impl Annotator {
     /// The synthetic annotator: the judge that answers in a person's place.
     #[must_use]
@@ -82,16 +119,19 @@ impl Annotator {
 }
 
 impl RequestId {
+    const ROUND: &str = "synthetic-round-";
+    const WITHDRAWAL: &str = "withdrawal";
+
     /// What the synthetic annotator calls its answers in a round (from 1) that nobody attends.
     #[must_use]
     pub fn of_round(round: u32) -> Self {
-        Self(format!("synthetic-round-{round}"))
+        Self(format!("{}{round}", Self::ROUND))
     }
 
     /// What answers are withdrawn by that are about individuals which are not there any more: nobody asked for it.
     #[must_use]
     pub fn of_withdrawal() -> Self {
-        Self("withdrawal".to_owned())
+        Self(Self::WITHDRAWAL.to_owned())
     }
 }
 
@@ -113,7 +153,7 @@ impl FromStr for ClassName {
                     Answer::NOT_SURE,
                     Answer::SKIP
                 );
-                Err(Invalid::new("class", shown(text), allowed))
+                Err(Invalid::new("class", quoted(text), allowed))
             }
         }
     }
@@ -123,7 +163,7 @@ impl FromStr for Annotator {
     type Err = Invalid;
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
-        name("annotator", text).map(Self)
+        name("annotator", text, MAX_CHARS).map(Self)
     }
 }
 
@@ -131,7 +171,19 @@ impl FromStr for RequestId {
     type Err = Invalid;
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
-        name("request_id", text).map(Self)
+        let id = name("request_id", text, MAX_CHARS)?;
+        // A request that was made with one of these would be taken for the coordinator's own, which it then could not make.
+        match [Self::ROUND, Self::WITHDRAWAL]
+            .iter()
+            .find(|own| id.starts_with(**own))
+        {
+            Some(own) => {
+                let allowed =
+                    format!("one that does not begin with \"{own}\": those are the coordinator's own");
+                Err(Invalid::new("request_id", quoted(text), allowed))
+            }
+            None => Ok(Self(id)),
+        }
     }
 }
 
@@ -160,9 +212,9 @@ impl FromStr for Answer {
     type Err = Invalid;
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
-        Ok(match name("class", text)? {
-            word if word == Self::NOT_SURE => Self::NotSure,
-            word if word == Self::SKIP => Self::Skip,
+        Ok(match name("class", text, MAX_CHARS)? {
+            word if folded(&word) == folded(Self::NOT_SURE) => Self::NotSure,
+            word if folded(&word) == Self::SKIP => Self::Skip,
             class => Self::Class(ClassName(class)),
         })
     }
@@ -193,7 +245,7 @@ impl FromStr for Colour {
             Some([_, red, green, blue]) => Ok(Self([red, green, blue])),
             None => Err(Invalid::new(
                 "colour",
-                shown(text),
+                quoted(text),
                 "#rrggbb, six hexadecimal digits",
             )),
         }
@@ -209,7 +261,17 @@ mod tests {
     fn names_are_trimmed_and_bounded() {
         assert_eq!(" a ring ".parse::<ClassName>().unwrap().as_str(), "a ring");
         assert_eq!("é".repeat(64).parse::<Annotator>().unwrap().as_str().len(), 128);
-        for bad in ["", "  ", &"x".repeat(65), "a\nb", "a\0"] {
+        for bad in [
+            "",
+            "  ",
+            &"x".repeat(65),
+            "a\nb",
+            "a\0",
+            "\u{200b}",
+            "ring\u{200b}",
+            "gn\u{202e}ir",
+            "\u{2066}a",
+        ] {
             assert_eq!(bad.parse::<ClassName>().unwrap_err().field, "class");
             assert_eq!(bad.parse::<Annotator>().unwrap_err().field, "annotator");
             assert_eq!(bad.parse::<RequestId>().unwrap_err().field, "request_id");
@@ -218,12 +280,52 @@ mod tests {
 
     #[test]
     fn answers_that_are_no_class_are_no_names_of_classes() {
-        for (word, answer) in [("not sure", Answer::NotSure), (" skip", Answer::Skip)] {
+        for (word, answer) in [
+            ("not sure", Answer::NotSure),
+            ("Not_Sure", Answer::NotSure),
+            (" skip", Answer::Skip),
+            ("SKIP", Answer::Skip),
+        ] {
             assert_eq!(word.parse::<Answer>().unwrap(), answer);
             let said = word.parse::<ClassName>().unwrap_err().to_string();
             assert!(said.contains("another word than"), "{said}");
         }
         assert!(matches!("skipping".parse(), Ok(Answer::Class(_))));
+    }
+
+    #[test]
+    fn what_the_coordinator_calls_its_own_requests_nobody_else_may() {
+        for own in [
+            RequestId::of_round(1),
+            RequestId::of_round(u32::MAX),
+            RequestId::of_withdrawal(),
+        ] {
+            for taken in [own.to_string(), format!(" {own} "), format!("{own}-more")] {
+                let error = taken.parse::<RequestId>().unwrap_err();
+                assert_eq!(error.field, "request_id");
+                assert!(error.allowed.contains("the coordinator's own"), "{error}");
+            }
+        }
+        for free in ["synthetic", "a withdrawal", "synthetic-rounds"] {
+            assert_eq!(free.parse::<RequestId>().unwrap().as_str(), free);
+        }
+    }
+
+    #[test]
+    fn case_and_what_stands_between_words_do_not_tell_classes_apart() {
+        let key = |name: &str| name.parse::<ClassName>().unwrap().key();
+        for same in [
+            "wall following",
+            "Wall-Following",
+            "wall__following",
+            " WALL _following-",
+        ] {
+            assert_eq!(key(same), key("wall_following"), "{same}");
+        }
+        for other in ["wallfollowing", "wall_followed", "-", "_"] {
+            assert_ne!(key(other), key("wall_following"), "{other}");
+        }
+        assert_ne!(key("-"), key("_"));
     }
 
     #[test]

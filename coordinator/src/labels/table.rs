@@ -1,175 +1,162 @@
-//! Labels as CSV: `id, class, annotator, time`.
+//! Answers out of a [`LabelFile`], and into one.
 //!
 //! Limits: text in and out, no files.
 
-use super::{Annotator, Answer};
-use csv::{ErrorKind, ReaderBuilder, StringRecord};
-use murmuration_proto::{Invalid, v1};
-use std::path::{Path, PathBuf};
+use super::{
+    Annotator, LabelFile, LabelFileError,
+    file::{ANGLE, Row, SPEEDS, settings},
+    to_cell,
+};
+use murmuration_proto::{CampaignSpec, FEATURE_NAMES, ImageFormat, Invalid, World, counted, v1};
+use std::path::Path;
 
-const COLUMNS: [&str; 4] = ["id", "class", "annotator", "time"];
+/// What a file says of every label, whatever it is about.
+const COLUMNS: [&str; 5] = ["id", "class", "annotator", "time", "seed"];
 
 /// A file of answers, read and understood.
 #[derive(Debug)]
 pub struct Table {
-    file: PathBuf,
-    text: Vec<u8>,
-    rows: Vec<Row>,
+    file: LabelFile,
+    /// Each with the place of its row.
+    answers: Vec<(usize, v1::Answer)>,
 }
 
-/// What is wrong with a file of answers: the file, its line where there is one, and what is allowed there.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct TableError(String);
-
-/// An answer, and where in the text its row begins.
-#[derive(Debug)]
-struct Row {
-    byte: usize,
-    answer: v1::Answer,
-}
-
-/// Where the columns are; a file without the last two takes them from elsewhere.
-struct Places {
-    id: usize,
-    class: usize,
-    annotator: Option<usize>,
-    time: Option<usize>,
+/// An answer, and the individual that it is about.
+#[derive(Debug, Clone, Copy)]
+pub struct Labelled<'a> {
+    /// The answer.
+    pub answer: &'a v1::Answer,
+    /// The individual.
+    pub individual: &'a v1::Individual,
 }
 
 impl Table {
-    /// Reads the answers in the text of `file`; rows without a class are passed over. `annotator` is who gave those that do
-    /// not say.
+    /// Reads the answers in the text of the file at `path`; rows without a class are passed over. `annotator` is who gave
+    /// those that do not say.
     ///
     /// # Errors
     /// Where the text is not CSV, a column or a value is missing or not allowed, or no row has a class.
-    pub fn parse(file: &Path, text: Vec<u8>, annotator: Option<&Annotator>) -> Result<Self, TableError> {
-        let mut table = Self {
-            file: file.to_owned(),
-            text,
-            rows: Vec::new(),
-        };
-        table.rows = table.answers(annotator)?;
-        if table.rows.is_empty() {
-            return Err(TableError(format!("{}: no row has a class", file.display())));
+    pub fn parse(path: &Path, text: Vec<u8>, annotator: Option<&Annotator>) -> Result<Self, LabelFileError> {
+        let file = LabelFile::parse(path, text)?;
+        let mut answers = Vec::new();
+        for (place, row) in file.rows().enumerate() {
+            let Some(answer) = row.answer()? else { continue };
+            let answer = v1::Answer {
+                index: row.index()?,
+                answer: answer.to_string(),
+                annotator: row.annotator(annotator)?.to_string(),
+                time_ms: row.time_ms()?,
+            };
+            answers.push((place, answer));
         }
-        Ok(table)
-    }
-
-    fn answers(&self, annotator: Option<&Annotator>) -> Result<Vec<Row>, TableError> {
-        let mut reader = ReaderBuilder::new().from_reader(self.text.as_slice());
-        let places = Places::of(reader.headers().map_err(|error| self.not_csv(&error))?)
-            .map_err(|column| self.error(0, &format!("there is no column \"{column}\"")))?;
-        let mut rows = Vec::new();
-        for record in reader.into_records() {
-            let record = record.map_err(|error| self.not_csv(&error))?;
-            let byte = record.position().map_or(0, |position| position.byte() as usize);
-            if record[places.class].trim().is_empty() {
-                continue;
-            }
-            let answer = places.answer(&record, annotator);
-            let answer = answer.map_err(|error| self.error(byte, &error))?;
-            rows.push(Row { byte, answer });
+        if answers.is_empty() {
+            return Err(LabelFileError::NoClass(path.to_owned()));
         }
-        Ok(rows)
+        Ok(Self { file, answers })
     }
 
     /// Checks that all of them are about individuals of an archive of `len`.
     ///
     /// # Errors
     /// Names the first that is not.
-    pub fn check_indices(&self, campaign: &str, len: u64) -> Result<(), TableError> {
-        let beyond = self.rows.iter().find(|row| row.answer.index >= len);
-        beyond.map_or(Ok(()), |row| {
-            let allowed = format!("the index of one of the {len} individuals in the archive of {campaign}");
-            Err(self.error(row.byte, &Invalid::new("id", row.answer.index, allowed)))
+    pub fn check_indices(&self, campaign: &str, len: u64) -> Result<(), LabelFileError> {
+        let allowed = || {
+            let individuals = counted(len, "individual");
+            format!("the index of one of the {individuals} in the archive of {campaign}")
+        };
+        self.check(|_, answer| Ok((answer.index >= len).then(&allowed)))
+    }
+
+    /// Whether the file says which individuals it is about by more than their indices.
+    #[must_use]
+    pub fn describes(&self) -> bool {
+        self.file.has("seed") || self.file.has(SPEEDS[0])
+    }
+
+    /// Checks that the individuals, where the file says what their controllers and seeds are, have just these in the archive
+    /// of `campaign`, in which `individual` looks them up.
+    ///
+    /// # Errors
+    /// Names the first that has not: the file is of another archive.
+    pub fn check_individuals<'a>(
+        &self,
+        campaign: &str,
+        individual: impl Fn(u64) -> Option<&'a v1::Individual>,
+    ) -> Result<(), LabelFileError> {
+        let has_controller = self.file.has(SPEEDS[0]);
+        let has_seed = self.file.has("seed");
+        self.check(|row, answer| {
+            let found = individual(answer.index);
+            let same = match found {
+                None => false,
+                Some(found) => {
+                    (!has_controller || row.controller()?.genes() == found.controller)
+                        && (!has_seed || row.seed()? == found.seed)
+                }
+            };
+            Ok((!same).then(|| {
+                format!("an individual of {campaign} with this controller and seed: the file is of another archive")
+            }))
         })
+    }
+
+    /// Refuses the first answer that there is an `objection` to: what would be allowed in place of its id.
+    fn check(
+        &self,
+        objection: impl Fn(Row<'_>, &v1::Answer) -> Result<Option<String>, LabelFileError>,
+    ) -> Result<(), LabelFileError> {
+        for (place, answer) in &self.answers {
+            let Some(row) = self.file.row(*place) else {
+                continue;
+            };
+            if let Some(allowed) = objection(row, answer)? {
+                return Err(row.refused(Invalid::new("id", answer.index, allowed)));
+            }
+        }
+        Ok(())
     }
 
     /// The answers, in their order.
     #[must_use]
     pub fn into_answers(self) -> Vec<v1::Answer> {
-        self.rows.into_iter().map(|row| row.answer).collect()
-    }
-
-    fn not_csv(&self, error: &csv::Error) -> TableError {
-        match error.kind() {
-            ErrorKind::UnequalLengths {
-                pos: Some(position),
-                expected_len,
-                len,
-            } => {
-                let said = format!("{len} cells under {expected_len} names of columns");
-                self.error(position.byte() as usize, &said)
-            }
-            _ => TableError(format!("{}: {error}", self.file.display())),
-        }
-    }
-
-    /// An error about the row at `byte`, or after the empty lines there.
-    fn error(&self, byte: usize, error: &dyn std::fmt::Display) -> TableError {
-        let (before, rest) = self.text.split_at(byte.min(self.text.len()));
-        let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
-        let line = 1 + before
-            .iter()
-            .chain(empty)
-            .filter(|&&character| character == b'\n')
-            .count();
-        TableError(format!("{}, line {line}: {error}", self.file.display()))
+        self.answers.into_iter().map(|(_, answer)| answer).collect()
     }
 }
 
-impl Places {
-    /// Names the column that is missing.
-    fn of(columns: &StringRecord) -> Result<Self, &'static str> {
-        let [id, class, annotator, time] =
-            COLUMNS.map(|name| columns.iter().position(|column| column == name));
-        Ok(Self {
-            id: id.ok_or(COLUMNS[0])?,
-            class: class.ok_or(COLUMNS[1])?,
-            annotator,
-            time,
-        })
-    }
-
-    fn answer(&self, record: &StringRecord, annotator: Option<&Annotator>) -> Result<v1::Answer, Invalid> {
-        let whole = |field: &str, text: &str| {
-            let number = text.trim().parse::<u64>();
-            let shown = || format!("\"{}\"", text.escape_debug());
-            number.map_err(|_| Invalid::new(field, shown(), "a whole number"))
-        };
-        let cell = |place: Option<usize>| place.map_or("", |place| record[place].trim());
-        let annotator = match (cell(self.annotator), annotator) {
-            ("", Some(annotator)) => annotator.to_string(),
-            ("", None) => {
-                let allowed = "a name, here or with --annotator";
-                return Err(Invalid::new("annotator", "nothing", allowed));
-            }
-            (named, _) => named.parse::<Annotator>()?.to_string(),
-        };
-        Ok(v1::Answer {
-            index: whole("id", &record[self.id])?,
-            answer: record[self.class].parse::<Answer>()?.to_string(),
-            annotator,
-            time_ms: match cell(self.time) {
-                "" => 0,
-                time => whole("time", time)?,
-            },
-        })
-    }
-}
-
-/// Answers as a text that [`Table::parse`] understands.
+/// Answers about a campaign as a text that [`LabelFile::parse`] understands: with each, the individual's seed, controller and
+/// features, and what of its world and picture is not the paper's.
 ///
 /// # Errors
 /// Where the answers cannot be written as CSV.
-pub fn to_csv<'a>(answers: impl Iterator<Item = &'a v1::Answer>) -> Result<Vec<u8>, csv::Error> {
+pub fn to_csv<'a>(
+    spec: &CampaignSpec,
+    labels: impl Iterator<Item = Labelled<'a>>,
+) -> Result<Vec<u8>, csv::Error> {
+    let model = spec.model();
+    let genes = SPEEDS[..model.speeds()]
+        .iter()
+        .chain((model.angles() > 0).then_some(&ANGLE));
+    let papers = settings(World::default(), ImageFormat::default());
+    let own = settings(*spec.world(), *spec.image());
+    let differing: Vec<_> = own
+        .into_iter()
+        .zip(papers)
+        .filter(|(own, papers)| own != papers)
+        .collect();
+    let named = COLUMNS.iter().chain(genes).copied().chain(FEATURE_NAMES);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS)?;
-    for answer in answers {
-        let (index, time) = (answer.index.to_string(), answer.time_ms.to_string());
-        let cells = [&index, &answer.answer, &answer.annotator, &time];
-        writer.write_record(cells)?;
+    writer.write_record(named.chain(differing.iter().map(|((name, _), _)| *name)))?;
+    for Labelled { answer, individual } in labels {
+        let own = [
+            answer.index.to_string(),
+            to_cell(&answer.answer).into_owned(),
+            to_cell(&answer.annotator).into_owned(),
+            answer.time_ms.to_string(),
+            individual.seed.to_string(),
+        ];
+        let numbers = individual.controller.iter().chain(&individual.features);
+        let settings = differing.iter().map(|((_, value), _)| value.clone());
+        writer.write_record(own.into_iter().chain(numbers.map(f64::to_string)).chain(settings))?;
     }
     writer.into_inner().map_err(|error| error.into_error().into())
 }
@@ -178,6 +165,7 @@ pub fn to_csv<'a>(answers: impl Iterator<Item = &'a v1::Answer>) -> Result<Vec<u
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::BTreeMap;
 
     fn read_text(text: &str, annotator: Option<&str>) -> Result<Table, String> {
         let annotator = annotator.map(|name| name.parse::<Annotator>().unwrap());
@@ -223,12 +211,49 @@ mod tests {
             "line 5: 2 cells under 4 names of columns",
         );
         check_refused(&format!("{head}\n2,\"a\nb\",ana,\n"), "line 4: class = \"a\\nb\"");
-        check_refused("id,klass\n1,ring\n", "line 1: there is no column \"class\"");
+        check_refused(
+            "id,klass\n1,ring\n",
+            "line 1: there is no column \"class\"; its columns are id, klass",
+        );
+        check_refused("id,class,id\n1,ring,2\n", "there is more than one column \"id\"");
         check_refused("id,class\n1,\n", "no row has a class");
     }
 
+    #[test]
+    fn a_file_of_another_archive_is_refused() {
+        let individual = |controller: [f64; 4], seed| v1::Individual {
+            controller: controller.to_vec(),
+            seed,
+            ..v1::Individual::default()
+        };
+        let archive = BTreeMap::from([(3, individual([0.1, 0.2, 0.3, 0.4], 7))]);
+        let check = |row: &str| {
+            let text = format!("seed,v1,v2,v3,v4,id,class,annotator\n{row},ring,ana\n");
+            let table = read_text(&text, None).unwrap();
+            assert!(table.describes());
+            table.check_individuals("small-1", |index| archive.get(&index))
+        };
+        assert_eq!(check("7,0.1,0.2,0.3,0.4,3"), Ok(()));
+        for other in [
+            "8,0.1,0.2,0.3,0.4,3",
+            "7,0.1,0.2,0.3,0.5,3",
+            "7,0.1,0.2,0.3,0.4,4",
+        ] {
+            let said = check(other).unwrap_err().to_string();
+            assert!(
+                said.contains("line 2: id = ") && said.contains("of another archive"),
+                "{said}"
+            );
+        }
+        assert!(
+            !read_text("id,class,annotator\n3,ring,ana\n", None)
+                .unwrap()
+                .describes()
+        );
+    }
+
     fn answers() -> impl Strategy<Value = Vec<v1::Answer>> {
-        let word = || "[a-z,\"' é]{0,8}[a-z\"]";
+        let word = || "[a-z=+@,\"' é-]{0,8}[a-z\"]";
         let answer =
             (any::<u64>(), word(), word(), any::<u64>()).prop_map(|(index, class, annotator, time_ms)| {
                 v1::Answer {
@@ -243,9 +268,34 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_reads_back(answers in answers()) {
-            let text = to_csv(answers.iter()).unwrap();
+        fn what_is_written_reads_back(
+            answers in answers(), genes in prop::collection::vec(-1.0..=1.0, 9), two in any::<bool>(),
+            features in prop::collection::vec(-1e3..1e3, 5), seed in any::<u64>(), horizon in 1..2000_u32,
+        ) {
+            let model = if two { "two-sensor" } else { "single-sensor" };
+            let text = format!("model = \"{model}\"\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5");
+            let spec = CampaignSpec::from_toml(&text).unwrap();
+            let individual = v1::Individual {
+                controller: genes[..spec.model().genes()].to_vec(),
+                features: features.clone(),
+                seed,
+                ..v1::Individual::default()
+            };
+            let labelled = answers.iter().map(|answer| Labelled { answer, individual: &individual });
+            let text = to_csv(&spec, labelled).unwrap();
             let table = Table::parse(Path::new("labels.csv"), text, None).unwrap();
+            for row in table.file.rows() {
+                let formula = |column| row.cell(column).starts_with(['=', '+', '-', '@']);
+                prop_assert!(!formula("class") && !formula("annotator"));
+            }
+            let row = table.file.row(0).unwrap();
+            let controller = row.controller().unwrap();
+            prop_assert_eq!(controller.genes(), individual.controller.as_slice());
+            prop_assert_eq!(row.features().unwrap().to_vec(), features);
+            prop_assert_eq!(row.seed(), Ok(seed));
+            let world = row.world().unwrap();
+            prop_assert_eq!(&world, spec.world());
+            prop_assert_eq!(&row.image_format(&world).unwrap(), spec.image());
             prop_assert_eq!(table.into_answers(), answers);
         }
     }

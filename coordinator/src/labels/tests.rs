@@ -78,7 +78,8 @@ fn the_last_answer_of_each_annotator_stands() {
     );
     let superseded: Vec<_> = log.iter().map(|entry| entry.supersedes).collect();
     assert_eq!(superseded, [None, None, None, Some(0)]);
-    assert_eq!(classes(&labels), [("ring".into(), 0), ("clump".into(), 2)]);
+    // Nobody says that anything is a ring any more.
+    assert_eq!(classes(&labels), [("clump".into(), 2)]);
     assert_eq!(labels.by_individual(), BTreeMap::from([(3, class("clump"))]));
     assert_eq!(labels.individuals(), 2);
 }
@@ -128,6 +129,125 @@ fn answers_follow_their_class_through_renaming_and_merging() {
         &[(1, "ana", "mill"), (2, "ana", "mill"), (3, "ana", "ring")],
     );
     assert_eq!(classes(&labels), [("mill".into(), 2), ("ring".into(), 1)]);
+}
+
+#[test]
+fn spellings_of_a_name_are_one_class_that_is_shown_as_it_was_first() {
+    let (labels, _) = check(
+        &[
+            answer("ana", 1, "wall_following"),
+            answer("ben", 2, "Wall following"),
+            answer("ben", 3, "WALL-FOLLOWING"),
+        ],
+        &[
+            (1, "ana", "wall_following"),
+            (2, "ben", "wall_following"),
+            (3, "ben", "wall_following"),
+        ],
+    );
+    assert_eq!(classes(&labels), [("wall_following".into(), 3)]);
+    let mut labels = labels;
+    let refused = labels.record(change(
+        "ana",
+        Action::Create {
+            class: class("Wall Following"),
+        },
+    ));
+    assert_eq!(refused, Err(Refusal::ClassExists(class("wall_following"))));
+    let itself = merge("Wall following", "wall_following");
+    assert_eq!(
+        labels.record(itself),
+        Err(Refusal::IntoItself(class("Wall following")))
+    );
+    // A person decides how it is spelled.
+    labels.record(rename("wall following", "Wall following")).unwrap();
+    assert_eq!(classes(&labels), [("Wall following".into(), 3)]);
+}
+
+#[test]
+fn a_log_that_told_spellings_apart_is_still_followed() {
+    let create = Action::Create { class: class("RING") };
+    let colour = Action::Colour {
+        class: class("Ring"),
+        colour: "#010203".parse().unwrap(),
+    };
+    let said = [
+        answer("ana", 1, "ring"),
+        answer("ana", 2, "Ring"),
+        change("ana", create),
+        merge("Ring", "RING"),
+        rename("ring", "milling"),
+        answer("ana", 3, "clump"),
+        rename("clump", "Milling"),
+        change("ana", colour),
+    ];
+    let entries = (0..).zip(said).map(|(number, change)| Entry {
+        number,
+        change,
+        supersedes: None,
+    });
+    let entries: Vec<Entry> = entries.collect();
+    let labels = replay(&entries).unwrap();
+    assert_eq!(classes(&labels), [("Milling".into(), 3)]);
+
+    // A class that nobody ever named cannot be renamed.
+    let never = Entry {
+        number: 0,
+        change: rename("wall", "x"),
+        supersedes: None,
+    };
+    assert_eq!(replay(&[never]), Err(BrokenLog(0)));
+}
+
+#[test]
+fn a_class_without_an_answer_is_gone_and_comes_back_with_its_colour() {
+    let clump = |labels: &Labels| {
+        labels
+            .classes()
+            .into_iter()
+            .find(|known| known.name == class("clump"))
+    };
+    let (mut labels, _) = check(
+        &[answer("ana", 1, "ring"), answer("ana", 2, "clump")],
+        &[(1, "ana", "ring"), (2, "ana", "clump")],
+    );
+    let colour = "#010203".parse().unwrap();
+    let class = class("clump");
+    labels
+        .record(change("ana", Action::Colour { class, colour }))
+        .unwrap();
+    labels.record(answer("ana", 2, "ring")).unwrap();
+    assert_eq!(clump(&labels), None);
+    labels.record(undo("ana")).unwrap();
+    assert_eq!(clump(&labels).unwrap().colour, colour);
+
+    // Nobody sees it, so its name is free.
+    labels.record(answer("ana", 2, "ring")).unwrap();
+    labels.record(rename("ring", "clump")).unwrap();
+    assert_eq!(classes(&labels), [("clump".into(), 2)]);
+
+    // One that somebody made for its own sake stays.
+    let class = "wall".parse().unwrap();
+    labels.record(change("ana", Action::Create { class })).unwrap();
+    assert_eq!(classes(&labels), [("clump".into(), 2), ("wall".into(), 0)]);
+}
+
+#[test]
+fn classes_with_nearly_the_same_name_know_of_each_other() {
+    let (labels, _) = check(
+        &[
+            answer("ana", 1, "dispersal"),
+            answer("ana", 2, "dispresal"),
+            answer("ana", 3, "ring"),
+        ],
+        &[
+            (1, "ana", "dispersal"),
+            (2, "ana", "dispresal"),
+            (3, "ana", "ring"),
+        ],
+    );
+    let near: Vec<Vec<ClassName>> = labels.classes().into_iter().map(|class| class.near).collect();
+    assert_eq!(near, [vec![class("dispresal")], vec![class("dispersal")], vec![]]);
 }
 
 #[test]
@@ -221,8 +341,8 @@ fn a_log_that_nobody_could_have_written_is_noticed() {
 
 fn anything() -> impl Strategy<Value = Change> {
     let who = prop::sample::select(vec!["ana", "ben"]);
-    let class = prop::sample::select(vec!["a", "b", "c"]);
-    let word = prop::sample::select(vec!["a", "b", "c", "not sure", "skip"]);
+    let class = prop::sample::select(vec!["a", "b", "c", "A"]);
+    let word = prop::sample::select(vec!["a", "b", "c", "B", "not sure", "skip"]);
     prop_oneof![
         6 => (who.clone(), 0u64..4, word).prop_map(|(who, index, word)| answer(who, index, word)),
         3 => who.prop_map(undo),

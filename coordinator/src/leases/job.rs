@@ -1,7 +1,7 @@
 //! The tasks of one job: what is heard of them changes where they wait, and how many are settled.
 
 use super::{
-    Agree, Instance,
+    Agree, MachineId, WorkerProcessId,
     task::{Task, Verdict},
     turns::Queues,
 };
@@ -15,11 +15,19 @@ pub(super) struct Job<R> {
     pub(super) served: u64,
     pub(super) effort: u64,
     pub(super) hurried: bool,
+    /// Whether only workers that embed can do it.
+    pub(super) embeds: bool,
 }
 
 impl<R: Agree> Job<R> {
     /// Takes in what a worker says about a task, who had it in hand if `held`; who that shows to be wrong.
-    pub(super) fn hear(&mut self, place: usize, by: Instance, result: R, held: bool) -> Vec<Instance> {
+    pub(super) fn hear(
+        &mut self,
+        place: usize,
+        by: WorkerProcessId,
+        result: R,
+        held: bool,
+    ) -> Vec<WorkerProcessId> {
         let task = &mut self.tasks[place];
         let before = task.verdict();
         task.out -= usize::from(held);
@@ -32,32 +40,32 @@ impl<R: Agree> Job<R> {
     }
 
     /// A lease on a task came back undone, from a worker that the task may have taken with it.
-    pub(super) fn come_back(&mut self, place: usize, broke: Option<Instance>) {
+    pub(super) fn come_back(&mut self, place: usize, broke: Option<WorkerProcessId>) {
         let task = &mut self.tasks[place];
         let before = task.verdict();
         task.out -= 1;
-        if let Some(instance) = broke {
-            task.lost.insert(instance);
+        if let Some(process) = broke {
+            task.lose(process);
         }
         self.file(place, before);
     }
 
     /// A worker that was given up for lost is back: no task took it.
-    pub(super) fn acquit(&mut self, instance: Instance) {
+    pub(super) fn acquit(&mut self, process: WorkerProcessId) {
         for place in 0..self.tasks.len() {
             let before = self.tasks[place].verdict();
-            if self.tasks[place].lost.remove(&instance) {
+            if self.tasks[place].acquit(process) {
                 self.file(place, before);
             }
         }
     }
 
-    /// Forgets what a worker said, but for what another found too; how many tasks that opens again.
-    pub(super) fn unhear(&mut self, instance: Instance) -> usize {
+    /// Forgets what a machine said, but for what another found too; how many tasks that opens again.
+    pub(super) fn unhear(&mut self, machine: MachineId) -> usize {
         let before = self.settled;
         for place in 0..self.tasks.len() {
             let verdict = self.tasks[place].verdict();
-            if self.tasks[place].unhear(instance) {
+            if self.tasks[place].unhear(machine) {
                 self.file(place, verdict);
             }
         }
@@ -65,7 +73,7 @@ impl<R: Agree> Job<R> {
     }
 
     /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
-    pub(super) fn file(&mut self, place: usize, before: Verdict) -> Vec<Instance> {
+    pub(super) fn file(&mut self, place: usize, before: Verdict) -> Vec<WorkerProcessId> {
         let task = &self.tasks[place];
         let verdict = task.verdict();
         self.settled = self.settled - usize::from(before.is_settled()) + usize::from(verdict.is_settled());
@@ -76,6 +84,7 @@ impl<R: Agree> Job<R> {
             Verdict::Open if task.out > 0 => {}
             Verdict::Open if !task.votes.is_empty() => self.queues.want_second(place),
             Verdict::Open if !task.lost.is_empty() => self.queues.want_alone(place),
+            Verdict::Open if !task.refused.is_empty() => self.queues.want_second(place),
             Verdict::Open => self.queues.want_next(place),
         }
         Vec::new()

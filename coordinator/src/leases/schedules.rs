@@ -1,4 +1,5 @@
-//! The lease table under random schedules of everything that a cluster does, wrong workers and deadly tasks included.
+//! The lease table under random schedules of everything that a cluster does: machines that run several workers, lie with all
+//! of them, or find everything impossible; workers that hang; deadly and impossible tasks.
 //!
 //! `MURMURATION_SCHEDULES` says how many, `MURMURATION_SEED` where they begin: a failure names the seed of its own.
 
@@ -20,17 +21,21 @@ fn truth(job: JobId, place: usize) -> u64 {
     job.0 << 20 | place as u64
 }
 
+/// What all workers of a machine are like.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Character {
     Honest,
-    /// Says what no other worker says, every now and then.
+    /// Every now and then its workers say what no other machine says, mostly all the same.
     Liar,
-    /// Is heard, and never answers.
-    Hung,
+    /// Says of what it could do, every now and then, that nobody can.
+    Unfit,
 }
 
 struct Process {
     character: Character,
+    /// Whether it is heard, and never answers.
+    hangs: bool,
+    embeds: bool,
     /// Its connection, if it has one.
     worker: Option<WorkerId>,
     /// What it was given and has not answered, on whichever connection.
@@ -41,6 +46,9 @@ struct Submitted {
     tasks: usize,
     /// Tasks that take their worker with them.
     deadly: BTreeSet<usize>,
+    /// Tasks that nobody can do.
+    impossible: BTreeSet<usize>,
+    embeds: bool,
     /// How often somebody was lost while they held a task.
     lost: BTreeMap<usize, usize>,
 }
@@ -50,10 +58,11 @@ struct Cluster {
     die: ChaCha8Rng,
     now: Instant,
     table: LeaseTable<u64>,
-    processes: BTreeMap<Instance, Process>,
+    processes: BTreeMap<WorkerProcessId, Process>,
+    machines: BTreeMap<MachineId, Character>,
     jobs: BTreeMap<JobId, Submitted>,
     next_instance: u64,
-    /// How many tasks were settled, set aside, disputed: that the schedules reach all of it.
+    /// How often each thing came to pass: that the schedules reach all of it.
     seen: Seen,
 }
 
@@ -63,6 +72,7 @@ struct Seen {
     set_aside: u64,
     disagreements: u64,
     quarantines: u64,
+    impossible: u64,
     late: u64,
 }
 
@@ -73,6 +83,7 @@ impl Cluster {
             now: Instant::now(),
             table: LeaseTable::new(DISPUTE_PATIENCE),
             processes: BTreeMap::new(),
+            machines: BTreeMap::new(),
             jobs: BTreeMap::new(),
             next_instance: 0,
             seen: Seen::default(),
@@ -87,7 +98,7 @@ impl Cluster {
         self.below(one_in) == 0
     }
 
-    fn pick(&mut self) -> Option<Instance> {
+    fn pick(&mut self) -> Option<WorkerProcessId> {
         let place = self.below(self.processes.len());
         self.processes.keys().nth(place).copied()
     }
@@ -96,47 +107,89 @@ impl Cluster {
         let tasks = 1 + self.below(30);
         let audited = (0..tasks).filter(|_| self.chance(5)).collect();
         let deadly = (0..tasks).filter(|_| self.chance(40)).collect();
+        let impossible = (0..tasks).filter(|_| self.chance(150)).collect();
+        let embeds = self.chance(3);
         let terms = Terms {
             tasks,
             effort: 1 + self.below(5) as u64,
             audited,
+            embeds,
             hurried: !self.chance(4),
         };
         let job = self.table.submit(terms);
-        let lost = BTreeMap::new();
-        self.jobs.insert(job, Submitted { tasks, deadly, lost });
+        let submitted = Submitted {
+            tasks,
+            deadly,
+            impossible,
+            embeds,
+            lost: BTreeMap::new(),
+        };
+        self.jobs.insert(job, submitted);
     }
 
-    fn start(&mut self, character: Character) -> Instance {
+    /// A machine that was never heard of.
+    fn new_machine(&mut self, character: Character) -> MachineId {
+        let machine = MachineId(1 + self.machines.len() as u64);
+        self.machines.insert(machine, character);
+        machine
+    }
+
+    /// Some machine, every other time a new one.
+    fn some_machine(&mut self) -> MachineId {
+        if !self.machines.is_empty() && self.chance(2) {
+            let place = self.below(self.machines.len());
+            return *self.machines.keys().nth(place).unwrap();
+        }
+        let character = match self.below(6) {
+            0 | 1 => Character::Liar,
+            2 => Character::Unfit,
+            _ => Character::Honest,
+        };
+        self.new_machine(character)
+    }
+
+    fn start(&mut self, machine: MachineId, hangs: bool, embeds: bool) {
         self.next_instance += 1;
-        let instance = Instance(self.next_instance);
+        let id = WorkerProcessId {
+            machine,
+            instance: self.next_instance,
+        };
         let process = Process {
-            character,
+            character: self.machines[&machine],
+            hangs,
+            embeds,
             worker: None,
             has: Vec::new(),
         };
-        self.processes.insert(instance, process);
-        self.connect(instance);
-        instance
+        self.processes.insert(id, process);
+        self.connect(id);
     }
 
-    fn connect(&mut self, instance: Instance) {
+    fn connect(&mut self, id: WorkerProcessId) {
         let capacity = 1 + self.below(4);
         let credits = 1 + self.below(12);
-        let process = self.processes.get_mut(&instance).unwrap();
+        let process = self.processes.get_mut(&id).unwrap();
         if process.worker.is_some() {
             return;
         }
-        process.worker = self.table.join(instance, capacity, self.now);
+        let abilities = Abilities {
+            capacity,
+            embeds: process.embeds,
+        };
+        process.worker = self.table.join(id, abilities, self.now);
         match process.worker {
             Some(worker) => self.table.add_credits(worker, credits),
-            None => assert_eq!(process.character, Character::Liar, "an honest worker was refused"),
+            None => assert_eq!(
+                process.character,
+                Character::Liar,
+                "an honest machine was refused"
+            ),
         }
     }
 
     /// Its connection breaks; the process goes on with what it has.
-    fn cut(&mut self, instance: Instance) {
-        let Some(worker) = self.processes.get_mut(&instance).unwrap().worker.take() else {
+    fn cut(&mut self, id: WorkerProcessId) {
+        let Some(worker) = self.processes.get_mut(&id).unwrap().worker.take() else {
             return;
         };
         for lease in &self.table.workers[&worker].holds {
@@ -149,17 +202,18 @@ impl Cluster {
         self.table.lose(worker);
     }
 
-    fn die(&mut self, instance: Instance) {
-        self.cut(instance);
-        self.processes.remove(&instance);
+    fn die(&mut self, id: WorkerProcessId) {
+        self.cut(id);
+        self.processes.remove(&id);
     }
 
     fn grant(&mut self) {
         while let Some(grant) = self.table.grant(self.now) {
             assert!(grant.tasks.len() <= MAX_BATCH && !grant.tasks.is_empty());
-            let instance = self.table.instance(grant.worker).unwrap();
-            let process = self.processes.get_mut(&instance).unwrap();
+            let id = self.table.process(grant.worker).unwrap();
+            let process = self.processes.get_mut(&id).unwrap();
             assert_eq!(process.worker, Some(grant.worker));
+            assert!(process.embeds || !self.jobs[&grant.job].embeds);
             self.seen.late += u64::from(
                 grant
                     .tasks
@@ -172,26 +226,42 @@ impl Cluster {
     }
 
     /// A process does the next thing that it has; false if it has nothing, or never will.
-    fn work(&mut self, instance: Instance) -> bool {
-        let process = &self.processes[&instance];
+    fn work(&mut self, id: WorkerProcessId) -> bool {
+        let process = &self.processes[&id];
         let (Some(worker), false) = (process.worker, process.has.is_empty()) else {
             return false;
         };
-        if process.character == Character::Hung {
+        if process.hangs {
             return false;
         }
         let (character, count) = (process.character, process.has.len());
         let place = self.below(count);
-        let grant = self.processes.get_mut(&instance).unwrap().has.swap_remove(place);
-        let job = self.jobs.get(&grant.job);
-        if job.is_some_and(|job| grant.tasks.iter().any(|place| job.deadly.contains(place))) {
-            self.die(instance);
+        let grant = self.processes.get_mut(&id).unwrap().has.swap_remove(place);
+        let meets = |tasks: fn(&Submitted) -> &BTreeSet<usize>| {
+            let job = self.jobs.get(&grant.job);
+            job.is_some_and(|job| grant.tasks.iter().any(|place| tasks(job).contains(place)))
+        };
+        let (is_deadly, is_impossible) = (meets(|job| &job.deadly), meets(|job| &job.impossible));
+        if is_deadly {
+            self.die(id);
+            self.hear_news();
+            return true;
+        }
+        let refuses = match character {
+            Character::Honest => is_impossible,
+            Character::Unfit => is_impossible || self.chance(3),
+            Character::Liar => self.chance(8),
+        };
+        if refuses {
+            self.table.refuse(worker, grant.lease, self.now);
+            self.table.add_credits(worker, grant.tasks.len());
             self.hear_news();
             return true;
         }
         let lies = character == Character::Liar && self.chance(3);
+        let contradicts = u64::from(self.chance(6));
         let say = |&place: &usize| match lies {
-            true => u64::MAX - instance.0,
+            true => u64::MAX - id.machine.0 - 1000 * contradicts,
             false => truth(grant.job, place),
         };
         let results = grant.tasks.iter().map(say).collect();
@@ -215,43 +285,58 @@ impl Cluster {
                 }
                 News::Disagreement { job, between, .. } => {
                     self.jobs.remove(&job).expect("a job ended twice");
-                    let honest = |by: &Instance| {
-                        self.processes
-                            .get(by)
-                            .is_some_and(|p| p.character == Character::Liar)
-                    };
-                    let gone = |by: &Instance| !self.processes.contains_key(by);
-                    assert!(
-                        between.iter().any(|by| honest(by) || gone(by)),
-                        "honest workers differ"
-                    );
+                    assert!(self.are_several(&between), "a machine differs from itself");
+                    let lies = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Liar;
+                    assert!(between.iter().any(lies), "honest machines differ");
                     self.seen.disagreements += 1;
                 }
-                News::Quarantined {
-                    instance, workers, ..
-                } => {
+                News::Impossible { job, by } => {
+                    let submitted = self.jobs.remove(&job).expect("a job ended twice");
+                    assert!(by.len() == 1 || self.are_several(&by));
+                    let honest = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Honest;
+                    assert!(
+                        !submitted.impossible.is_empty() || !by.iter().any(honest),
+                        "an honest machine refuses"
+                    );
+                    self.seen.impossible += 1;
+                }
+                News::Quarantined { process, workers, .. } => {
                     self.seen.quarantines += 1;
-                    if let Some(process) = self.processes.get_mut(&instance) {
-                        assert_eq!(
-                            process.character,
-                            Character::Liar,
-                            "an honest worker was found wrong"
-                        );
-                        assert_eq!(process.worker.take().as_slice(), workers);
-                    }
+                    let machine = process.machine;
+                    assert_eq!(
+                        self.machines[&machine],
+                        Character::Liar,
+                        "an honest machine was found wrong"
+                    );
+                    let of_machine = self.processes.iter_mut().filter(|(id, _)| id.machine == machine);
+                    let mut connected: Vec<_> = of_machine
+                        .filter_map(|(_, process)| process.worker.take())
+                        .collect();
+                    connected.sort_unstable();
+                    assert_eq!(connected, workers);
                 }
             }
         }
+    }
+
+    fn are_several(&self, processes: &[WorkerProcessId]) -> bool {
+        let machines: BTreeSet<_> = processes.iter().map(|process| process.machine).collect();
+        machines.len() == processes.len() && machines.len() > 1
     }
 
     fn check(&mut self, job: JobId, submitted: &Submitted, place: usize, settled: Settled<u64>) {
         match settled {
             Settled::Result { value, by, audited } => {
                 self.seen.settled += 1;
+                let is_liar = self.machines[&by.machine] == Character::Liar;
                 assert!(!submitted.deadly.contains(&place), "a deadly task was done");
+                assert!(
+                    is_liar || !submitted.impossible.contains(&place),
+                    "an impossible task was done"
+                );
                 if value != truth(job, place) {
                     assert!(
-                        !audited && !self.table.quarantined.contains(&by),
+                        !audited && is_liar && !self.table.quarantined.contains(&by.machine),
                         "a lie was kept"
                     );
                 }
@@ -270,13 +355,10 @@ impl Cluster {
         let picked = self.pick();
         match (self.below(16), picked) {
             (0, _) => self.submit(),
-            (1, _) if self.processes.len() < 6 => {
-                let character = match self.below(6) {
-                    0 => Character::Liar,
-                    1 => Character::Hung,
-                    _ => Character::Honest,
-                };
-                self.start(character);
+            (1, _) if self.processes.len() < 8 => {
+                let machine = self.some_machine();
+                let (hangs, embeds) = (self.chance(8), !self.chance(4));
+                self.start(machine, hangs, embeds);
             }
             (2, Some(instance)) => self.connect(instance),
             (3, Some(instance)) => self.cut(instance),
@@ -302,8 +384,8 @@ impl Cluster {
         self.grant();
     }
 
-    fn give_back(&mut self, instance: Instance) {
-        let process = self.processes.get_mut(&instance).unwrap();
+    fn give_back(&mut self, id: WorkerProcessId) {
+        let process = self.processes.get_mut(&id).unwrap();
         if let Some(worker) = process.worker
             && let Some(grant) = process.has.pop()
         {
@@ -312,15 +394,11 @@ impl Cluster {
     }
 
     /// Answers a lease of another, and one that was never given.
-    fn meddle(&mut self, instance: Instance) {
-        let Some(worker) = self.processes[&instance].worker else {
+    fn meddle(&mut self, id: WorkerProcessId) {
+        let Some(worker) = self.processes[&id].worker else {
             return;
         };
-        let foreign = self
-            .table
-            .leases
-            .iter()
-            .find(|(_, lease)| lease.instance != instance);
+        let foreign = self.table.leases.iter().find(|(_, lease)| lease.process != id);
         if let Some((&lease, Lease { tasks, .. })) = foreign {
             let lies = vec![0; tasks.len()];
             assert_eq!(
@@ -335,7 +413,7 @@ impl Cluster {
         );
     }
 
-    /// Honest workers come for as long as there is work: all of it ends.
+    /// Honest machines come for as long as there is work: all of it ends.
     fn finish(&mut self) {
         let leaves = |worker: WorkerId| self.table.workers[&worker].capacity == 0;
         let leaving = self
@@ -347,10 +425,7 @@ impl Cluster {
         }
         if self.table.jobs.values().any(|job| !job.hurried) {
             // What is not given twice waits for its worker until somebody ends it.
-            let hung = self
-                .processes
-                .iter()
-                .filter(|(_, process)| process.character == Character::Hung);
+            let hung = self.processes.iter().filter(|(_, process)| process.hangs);
             for instance in hung.map(|(&instance, _)| instance).collect::<Vec<_>>() {
                 self.die(instance);
             }
@@ -358,14 +433,9 @@ impl Cluster {
         for round in 0.. {
             assert!(round < 10_000, "no progress: {:?}", self.table);
             self.now += Duration::from_secs(10);
-            while self
-                .processes
-                .values()
-                .filter(|p| p.worker.is_some() && p.character == Character::Honest)
-                .count()
-                < 3
-            {
-                self.start(Character::Honest);
+            while self.honest_machines() < 3 {
+                let machine = self.new_machine(Character::Honest);
+                self.start(machine, false, true);
             }
             self.grant();
             if self.jobs.is_empty() {
@@ -383,6 +453,18 @@ impl Cluster {
         assert!(self.table.leases.is_empty(), "leases leak");
         assert!(self.table.jobs.is_empty(), "jobs leak");
         assert_eq!((self.table.waiting(), self.table.out()), (0, 0));
+    }
+}
+
+impl Cluster {
+    /// Machines with a worker that does whatever there is to do.
+    fn honest_machines(&self) -> usize {
+        let works = |process: &Process| {
+            let is_sound = process.character == Character::Honest && !process.hangs;
+            is_sound && process.embeds && process.worker.is_some()
+        };
+        let working = self.processes.iter().filter(|(_, process)| works(process));
+        working.map(|(id, _)| id.machine).collect::<BTreeSet<_>>().len()
     }
 }
 
@@ -409,6 +491,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
         seen.set_aside += one.set_aside;
         seen.disagreements += one.disagreements;
         seen.quarantines += one.quarantines;
+        seen.impossible += one.impossible;
         seen.late += one.late;
     }
     eprintln!("{count} schedules from seed {first}: {seen:?}");
@@ -417,6 +500,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
         seen.set_aside,
         seen.disagreements,
         seen.quarantines,
+        seen.impossible,
         seen.late,
     ];
     assert!(

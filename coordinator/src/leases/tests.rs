@@ -2,7 +2,32 @@
 
 use super::*;
 
+mod machines;
+
 const DISPUTE_PATIENCE: Duration = Duration::from_secs(5);
+const ABLE: Abilities = Abilities {
+    capacity: 1,
+    embeds: true,
+};
+
+/// A process on a machine of its own.
+fn process(number: u64) -> WorkerProcessId {
+    worker_of(number, number)
+}
+
+fn worker_of(machine: u64, instance: u64) -> WorkerProcessId {
+    WorkerProcessId {
+        machine: MachineId(machine),
+        instance,
+    }
+}
+
+/// Connects a worker that has so many credits.
+fn join(table: &mut LeaseTable<u64>, process: WorkerProcessId, credits: usize) -> WorkerId {
+    let worker = table.join(process, ABLE, now()).unwrap();
+    table.add_credits(worker, credits);
+    worker
+}
 
 fn now() -> Instant {
     Instant::now()
@@ -25,6 +50,7 @@ fn terms(tasks: usize) -> Terms {
         tasks,
         effort: 1,
         audited: BTreeSet::new(),
+        embeds: false,
         hurried: true,
     }
 }
@@ -36,13 +62,13 @@ fn audited(tasks: usize) -> Terms {
     }
 }
 
-/// A table with workers that have so many credits; their instances are 1, 2, ...
+/// A table with workers that have so many credits, on machines 1, 2, ...
 fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; N]) {
     let mut table = LeaseTable::new(DISPUTE_PATIENCE);
     let mut instance = 0;
     let ids = credits.map(|credits| {
         instance += 1;
-        let id = table.join(Instance(instance), 1, now()).unwrap();
+        let id = table.join(process(instance), ABLE, now()).unwrap();
         table.add_credits(id, credits);
         id
     });
@@ -77,11 +103,11 @@ fn a_lost_workers_tasks_go_out_again_and_its_late_result_still_counts() {
     table.add_credits(second, 1);
     let again = table.grant(now()).unwrap();
     assert_eq!((again.worker, &again.tasks), (second, &lost.tasks));
-    let back = table.join(Instance(1), 1, now()).unwrap();
+    let back = table.join(process(1), ABLE, now()).unwrap();
     table.complete(back, lost.lease, answers(&lost), now()).unwrap();
     let expected = Settled::Result {
         value: answer(job, 0),
-        by: Instance(1),
+        by: process(1),
         audited: false,
     };
     assert_eq!(results(table.take_news()), [expected]);
@@ -125,7 +151,7 @@ fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
         .unwrap();
     let wrong = table.grant(now()).unwrap();
     assert_ne!(wrong.worker, right.worker);
-    let liar = table.instance(wrong.worker).unwrap();
+    let liar = table.process(wrong.worker).unwrap();
     table
         .complete(wrong.worker, wrong.lease, vec![13], now())
         .unwrap();
@@ -136,7 +162,7 @@ fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
         .unwrap();
     let news = table.take_news();
     let quarantined = News::Quarantined {
-        instance: liar,
+        process: liar,
         workers: vec![wrong.worker],
         again: 0,
     };
@@ -145,8 +171,8 @@ fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
         results(news)[..],
         [Settled::Result { audited: true, .. }]
     ));
-    assert_eq!(table.join(liar, 1, now()), None);
-    assert!(table.quarantined.contains(&liar) && table.instance(honest).is_some());
+    assert_eq!(table.join(liar, ABLE, now()), None);
+    assert!(table.quarantined.contains(&liar.machine) && table.process(honest).is_some());
 }
 
 #[test]
@@ -155,7 +181,7 @@ fn what_a_quarantined_worker_did_unaudited_is_done_again() {
     let job = table.submit(terms(2));
     let grant = table.grant(now()).unwrap();
     table.complete(first, grant.lease, vec![13], now()).unwrap();
-    table.quarantine(Instance(1));
+    table.quarantine(process(1));
     let news = table.take_news();
     assert!(news.contains(&News::Progress { job, settled: 1 }));
     assert!(news.contains(&News::Progress { job, settled: 0 }));
@@ -200,6 +226,59 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs() {
 }
 
 #[test]
+fn an_audit_does_not_wait_for_a_worker_that_hangs_and_takes_nothing_more() {
+    let (mut table, [_]) = workers([1]);
+    let start = now();
+    table.submit(terms(1));
+    table.grant(start).expect("what it hangs over");
+    table.submit(audited(1));
+    let sound = join(&mut table, process(2), 1);
+    let first = table.grant(start).unwrap();
+    assert_eq!(first.worker, sound);
+    table
+        .complete(sound, first.lease, answers(&first), start)
+        .unwrap();
+    assert_eq!(table.grant(start), None);
+    assert_eq!(table.jobs.len(), 2, "it may be done in time");
+    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert_eq!(table.jobs.len(), 1);
+}
+
+#[test]
+fn an_audit_does_not_wait_for_a_worker_that_asks_for_nothing() {
+    let (mut table, [sound, _]) = workers([1, 0]);
+    let start = now();
+    table.submit(audited(1));
+    let first = table.grant(start).unwrap();
+    table
+        .complete(sound, first.lease, answers(&first), start)
+        .unwrap();
+    assert_eq!(table.grant(start), None);
+    assert_eq!(table.jobs.len(), 1, "it may have only just come");
+    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert_eq!(table.jobs.len(), 0);
+}
+
+#[test]
+fn an_audit_does_not_wait_for_a_machine_that_gives_work_back() {
+    let (mut table, [sound]) = workers([1]);
+    table.submit(audited(1));
+    let first = table.grant(now()).unwrap();
+    let unfit = join(&mut table, process(2), 1);
+    table
+        .complete(sound, first.lease, answers(&first), now())
+        .unwrap();
+    let second = table.grant(now()).unwrap();
+    assert_eq!(second.worker, unfit);
+    table.give_back(unfit, second.lease, now());
+    assert_eq!(table.grant(now()), None);
+    assert!(matches!(
+        results(table.take_news())[..],
+        [Settled::Result { audited: false, .. }]
+    ));
+}
+
+#[test]
 fn two_that_differ_with_no_third_end_the_job() {
     let (mut table, _) = workers([1, 1]);
     let job = table.submit(audited(1));
@@ -212,8 +291,8 @@ fn two_that_differ_with_no_third_end_the_job() {
     assert_eq!(table.grant(now()), None);
     assert!(table.jobs.contains_key(&job), "a third may come");
     assert_eq!(table.grant(now() + 2 * DISPUTE_PATIENCE), None);
-    let between = vec![Instance(2), Instance(1)];
-    let expected = |between: &[Instance]| News::Disagreement {
+    let between = vec![process(2), process(1)];
+    let expected = |between: &[WorkerProcessId]| News::Disagreement {
         job,
         task: 0,
         between: between.to_vec(),
@@ -233,15 +312,15 @@ fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
     while table.grant(now()).is_some() {}
     table.lose(first);
     let deadly = 2;
-    let mut lost = vec![Instance(1)];
+    let mut lost = vec![process(1)];
     for instance in 2.. {
-        let worker = table.join(Instance(instance), 1, now()).unwrap();
+        let worker = table.join(process(instance), ABLE, now()).unwrap();
         table.add_credits(worker, 100);
         while let Some(grant) = table.grant(now()) {
             assert_eq!(grant.tasks.len(), 1, "suspects go out alone");
             assert_eq!(table.grant(now()), None, "and with nothing beside them");
             if grant.tasks == [deadly] {
-                lost.push(Instance(instance));
+                lost.push(process(instance));
                 table.lose(worker);
                 break;
             }
@@ -253,7 +332,7 @@ fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
             break;
         }
     }
-    let worker = table.join(Instance(99), 1, now()).unwrap();
+    let worker = table.join(process(99), ABLE, now()).unwrap();
     table.add_credits(worker, 100);
     while let Some(grant) = table.grant(now()) {
         table
@@ -276,7 +355,7 @@ fn a_worker_that_comes_back_was_not_taken_by_what_it_held() {
     let mut connection = worker;
     for _ in 0..10 {
         table.lose(connection);
-        connection = table.join(Instance(1), 1, now()).unwrap();
+        connection = table.join(process(1), ABLE, now()).unwrap();
         table.add_credits(connection, 1);
         held = table.grant(now()).expect("it is tried again");
     }
@@ -291,7 +370,7 @@ fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
     let (mut table, _) = workers([]);
     table.submit(terms(1));
     for instance in 1..10 {
-        let worker = table.join(Instance(instance), 1, now()).unwrap();
+        let worker = table.join(process(instance), ABLE, now()).unwrap();
         table.add_credits(worker, 1);
         let held = table.grant(now()).expect("it is tried again");
         table.get_on(held.lease);

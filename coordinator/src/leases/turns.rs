@@ -1,7 +1,7 @@
 //! Who is next: which task of a job, which job, and which worker for it.
 
 use super::{
-    Agree, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, News, PATIENCE, WorkerId,
+    Agree, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, News, PATIENCE, WorkerId, job::Job,
     workers::Worker,
 };
 use std::{
@@ -17,7 +17,7 @@ pub(super) struct Queues {
     first: BTreeSet<usize>,
     /// Any worker.
     next: BTreeSet<usize>,
-    /// A worker that has not said yet what they are.
+    /// A worker on a machine that has not said yet what they are.
     second: BTreeSet<usize>,
     /// A worker that has nothing else to lose.
     alone: BTreeSet<usize>,
@@ -82,7 +82,7 @@ impl<R: Agree> LeaseTable<R> {
     /// The job that has had the least effort is next. A batch is half an even share of what its job has waiting, so that
     /// batches shrink towards a job's end; where nothing waits, an idle worker gets what is late with another.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
-        self.waive_second_voices(now);
+        self.decide_without_others(now);
         let mut turns: Vec<(u64, JobId)> = self
             .jobs
             .iter()
@@ -120,7 +120,7 @@ impl<R: Agree> LeaseTable<R> {
         let entry = Lease {
             job: id,
             tasks: choice.tasks.clone(),
-            instance: worker.instance,
+            process: worker.process,
             given: now,
             holder: Some(choice.worker),
         };
@@ -136,41 +136,60 @@ impl<R: Agree> LeaseTable<R> {
     /// Who gets what of a job.
     fn choose(&self, id: JobId, reserved: Option<WorkerId>, now: Instant) -> Option<Choice> {
         let job = self.jobs.get(&id)?;
-        for &place in &job.queues.second {
-            let fits = |worker: &Worker| !job.tasks[place].has_voice(worker.instance);
-            if let Some((
-                worker,
-                Worker {
-                    instance, credits, ..
-                },
-            )) = self.free(id, reserved, now, fits)
-            {
-                let voiceless = |place: &usize| !job.tasks[*place].has_voice(*instance);
-                let tasks = job.queues.second.iter().copied().filter(voiceless);
-                return Some(Choice {
-                    worker,
-                    tasks: tasks.take((*credits).min(MAX_BATCH)).collect(),
-                    alone: false,
-                });
-            }
-        }
-        if let Some(&place) = job.queues.alone.first()
-            && let Some((worker, _)) = self.free(id, None, now, |worker| worker.holds.is_empty())
-        {
-            return Some(Choice {
-                worker,
-                tasks: vec![place],
-                alone: true,
-            });
+        let choice = self.choose_second(id, job, reserved, now);
+        if let Some(choice) = choice.or_else(|| self.choose_alone(id, job, now)) {
+            return Some(choice);
         }
         let waiting = job.queues.ready_len();
         let (worker, Worker { credits, .. }) = self.free(id, reserved, now, |_| waiting > 0)?;
-        let capacity: usize = self.workers.values().map(|worker| worker.capacity).sum();
+        let suitable = self.workers.values().filter(|worker| worker.suits(job));
+        let capacity: usize = suitable.map(|worker| worker.capacity).sum();
         let share = waiting.div_ceil(2 * capacity.max(1)).clamp(1, MAX_BATCH);
         Some(Choice {
             worker,
             tasks: job.queues.ready().take(share.min(*credits)).collect(),
             alone: false,
+        })
+    }
+
+    /// Who gets tasks that another machine has met.
+    fn choose_second(
+        &self,
+        id: JobId,
+        job: &Job<R>,
+        reserved: Option<WorkerId>,
+        now: Instant,
+    ) -> Option<Choice> {
+        if job.queues.second.is_empty() || self.free(id, reserved, now, |_| true).is_none() {
+            return None;
+        }
+        job.queues.second.iter().find_map(|&place| {
+            let fits = |worker: &Worker| job.tasks[place].wants(worker.machine());
+            let (id, worker) = self.free(id, reserved, now, fits)?;
+            let wanted = |place: &usize| job.tasks[*place].wants(worker.machine());
+            let tasks = job.queues.second.iter().copied().filter(wanted);
+            Some(Choice {
+                worker: id,
+                tasks: tasks.take(worker.credits.min(MAX_BATCH)).collect(),
+                alone: false,
+            })
+        })
+    }
+
+    /// Who gets a task that may take its worker with it.
+    fn choose_alone(&self, id: JobId, job: &Job<R>, now: Instant) -> Option<Choice> {
+        let idle = |worker: &Worker| worker.holds.is_empty();
+        if job.queues.alone.is_empty() || self.free(id, None, now, idle).is_none() {
+            return None;
+        }
+        job.queues.alone.iter().find_map(|&place| {
+            let fits = |worker: &Worker| idle(worker) && job.tasks[place].wants(worker.machine());
+            let (worker, _) = self.free(id, None, now, fits)?;
+            Some(Choice {
+                worker,
+                tasks: vec![place],
+                alone: true,
+            })
         })
     }
 
@@ -191,7 +210,7 @@ impl<R: Agree> LeaseTable<R> {
             };
             let alone = !job.tasks[place].lost.is_empty();
             let new_to = |worker: &Worker, place: usize| {
-                !job.tasks[place].has_voice(worker.instance) && !self.has_in_hand(worker, lease.job, place)
+                job.tasks[place].wants(worker.machine()) && !self.has_in_hand(worker, lease.job, place)
             };
             let fits = |worker: &Worker| new_to(worker, place) && (!alone || worker.holds.is_empty());
             let Some((id, worker)) = self.free(lease.job, reserved, now, fits) else {
@@ -238,101 +257,142 @@ impl<R: Agree> LeaseTable<R> {
         leases.any(|lease| lease.job == job && lease.tasks.contains(&place))
     }
 
-    /// The worker that is kept free for tasks that go out alone, where there are any and nobody is free.
+    /// The worker that is kept free for a task that goes out alone, where there is one and nobody is free.
     fn reserved(&self, now: Instant) -> Option<WorkerId> {
-        if self.jobs.values().all(|job| job.queues.alone.is_empty()) {
-            return None;
-        }
-        let takes_work = self.workers.iter().filter(|(_, worker)| worker.capacity > 0);
-        let (&id, _) =
-            takes_work.min_by_key(|(id, worker)| (self.is_behind(worker, now), worker.holds.len(), **id))?;
-        Some(id)
+        let mut alone = self.jobs.values().flat_map(|job| {
+            job.queues
+                .alone
+                .iter()
+                .map(move |&place| (job, &job.tasks[place]))
+        });
+        alone.find_map(|(job, task)| {
+            let fits = |worker: &Worker| worker.suits(job) && task.wants(worker.machine());
+            let fitting = self.workers.iter().filter(|(_, worker)| fits(worker));
+            let (&id, _) =
+                fitting.min_by_key(|(id, worker)| (self.is_behind(worker, now), worker.holds.len(), **id))?;
+            Some(id)
+        })
     }
 
     /// The worker with least in hand of those that may get more of a job, those first that are not late.
     fn free(
         &self,
-        job: JobId,
+        id: JobId,
         reserved: Option<WorkerId>,
         now: Instant,
         fits: impl Fn(&Worker) -> bool,
     ) -> Option<(WorkerId, &Worker)> {
+        let job = self.jobs.get(&id)?;
         self.workers
             .iter()
-            .map(|(&id, worker)| (id, worker))
-            .filter(|(id, worker)| {
-                let may = worker.credits > 0 && !worker.alone && reserved != Some(*id);
-                may && !worker.rests(job, now) && fits(worker)
+            .map(|(&worker, known)| (worker, known))
+            .filter(|(worker, known)| {
+                let may = known.credits > 0 && !known.alone && reserved != Some(*worker);
+                may && known.suits(job) && !known.rests(id, now) && fits(known)
             })
-            .min_by_key(|(id, worker)| {
-                let behind = self.is_behind(worker, now);
-                (behind, worker.load(), Reverse(worker.credits), *id)
+            .min_by_key(|(worker, known)| {
+                let behind = self.is_behind(known, now);
+                (behind, known.load(), Reverse(known.credits), *worker)
             })
     }
 
-    /// Where nobody is there who could say soon what else a task is: an audit is waived, and a dispute ends the job aloud
+    /// Decides about tasks that want another machine where none is there that could say anything soon: an audit is waived;
+    /// what three workers were lost with is set aside; a dispute, and what one machine finds impossible, end the job aloud
     /// unless another comes in time.
-    fn waive_second_voices(&mut self, now: Instant) {
+    fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
-        let mut disputed = BTreeMap::new();
-        for (id, place) in self.wanting_second(now) {
+        let mut over = BTreeMap::new();
+        let anybody_works = self.workers() > 0;
+        for (id, place) in self.wanting_another_machine(now) {
             let anybody = self.could_say(id, place, now);
             let Some(job) = self.jobs.get_mut(&id) else {
                 continue;
             };
             let task = &mut job.tasks[place];
+            let before = task.verdict();
             if anybody {
                 task.alone_since = None;
-            } else if !task.is_disputed() {
-                let before = task.verdict();
+            } else if task.votes.is_empty() && task.has_lost_enough() {
+                task.blame();
+                job.file(place, before);
+                concerned.insert(id);
+            } else if !task.votes.is_empty() && !task.is_disputed() {
                 task.waive_audit();
                 job.file(place, before);
                 concerned.insert(id);
+            } else if task.votes.is_empty() && !anybody_works {
+                // Whoever found it impossible may have been stopped for that, and another be on its way.
+                task.alone_since = None;
             } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
                 >= self.dispute_patience
             {
-                disputed.insert(id, place);
+                over.insert(id, place);
             }
         }
-        for (job, task) in disputed {
-            let between = self.jobs.get(&job).map(|job| job.tasks[task].voices().collect());
-            self.forget(job);
-            self.news.push(News::Disagreement {
-                job,
-                task,
-                between: between.unwrap_or_default(),
-            });
+        for (id, task) in over {
+            self.end_undecided(id, task);
         }
         for job in concerned {
             self.tell(job);
         }
     }
 
-    /// Tasks that somebody has done and another has to, whether they wait for one or are late with one.
-    fn wanting_second(&self, now: Instant) -> Vec<(JobId, usize)> {
-        let waiting = self
+    /// Ends a job of which a task is disputed, or found impossible.
+    fn end_undecided(&mut self, id: JobId, place: usize) {
+        let between: Vec<_> = self
             .jobs
-            .iter()
-            .flat_map(|(&id, job)| job.queues.second.iter().map(move |&place| (id, place)));
+            .get(&id)
+            .map(|job| job.tasks[place].voices().collect())
+            .unwrap_or_default();
+        if between.is_empty() {
+            self.end_as_impossible(id, place);
+            return;
+        }
+        self.forget(id);
+        self.news.push(News::Disagreement {
+            job: id,
+            task: place,
+            between,
+        });
+    }
+
+    /// Tasks that only another machine can bring further, whether they wait for one or are late with one.
+    fn wanting_another_machine(&self, now: Instant) -> Vec<(JobId, usize)> {
+        let waiting = self.jobs.iter().flat_map(|(&id, job)| {
+            let queues = job.queues.second.iter().chain(&job.queues.alone);
+            queues.map(move |&place| (id, place))
+        });
         let late = self
             .late(now)
             .flat_map(|lease| lease.tasks.iter().map(|&place| (lease.job, place)));
-        let half_done = |(id, place): &(JobId, usize)| {
-            let task = self.jobs.get(id).map(|job| &job.tasks[*place]);
-            task.is_some_and(|task| !task.votes.is_empty() && !task.verdict().is_settled())
+        let wants = |(id, place): &(JobId, usize)| {
+            let job = self.jobs.get(id);
+            job.is_some_and(|job| job.tasks[*place].wants_another_machine())
         };
-        waiting.chain(late).filter(half_done).collect()
+        waiting.chain(late).filter(wants).collect()
     }
 
-    /// Whether a worker is there that has not said what a task is, and is not late with it.
+    /// Whether a worker is there that could bring a task further soon: not one that is late with it, or late with others and
+    /// takes nothing more, or has long asked for nothing, or has given its job back and done nothing of it since. Where the
+    /// job would end for that, those are waited for; as is who does what takes minutes.
     fn could_say(&self, id: JobId, place: usize, now: Instant) -> bool {
         let Some(job) = self.jobs.get(&id) else {
             return false;
         };
+        let task = &job.tasks[place];
+        let is_urgent = !task.votes.is_empty() || (job.hurried && task.refused.is_empty());
+        let is_no_help = |worker: &Worker| {
+            // Late with something else, it may still be given this one, unless it takes nothing more.
+            let takes_more = worker.credits > 0 && !worker.alone;
+            let is_late =
+                || self.is_behind(worker, now) && (!takes_more || self.has_in_hand(worker, id, place));
+            is_urgent && (worker.asks_for_nothing(now) || is_late())
+        };
+        let ends_the_job = task.is_disputed() || !task.refused.is_empty();
+        let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
         self.workers.values().any(|worker| {
-            worker.capacity > 0
-                && !job.tasks[place].has_voice(worker.instance)
-                && !(self.is_behind(worker, now) && self.has_in_hand(worker, id, place))
+            let could = worker.suits(job) && task.wants(worker.machine());
+            could && !is_no_help(worker) && !gives_back(worker)
         })
     }
 

@@ -1,6 +1,9 @@
 //! Those who work: they come, are heard, fall silent, and go.
 
-use super::{Agree, Back, Instance, JobId, LeaseNumber, LeaseTable, WorkerId};
+use super::{
+    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, MachineId, PATIENCE, WorkerId, WorkerProcessId,
+    job::Job,
+};
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
@@ -8,11 +11,14 @@ use std::{
 
 #[derive(Debug)]
 pub(super) struct Worker {
-    pub(super) instance: Instance,
+    pub(super) process: WorkerProcessId,
     /// Tasks that it runs at once; 0 once it takes no more.
     pub(super) capacity: usize,
+    embeds: bool,
     pub(super) credits: usize,
     pub(super) heard: Instant,
+    /// When it came, or was last done with a lease.
+    pub(super) active: Instant,
     pub(super) holds: BTreeSet<LeaseNumber>,
     /// Tasks that it has in hand.
     pub(super) tasks: usize,
@@ -34,6 +40,15 @@ pub(super) struct Rest {
 const RESTS: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(10));
 
 impl Worker {
+    pub(super) const fn machine(&self) -> MachineId {
+        self.process.machine
+    }
+
+    /// Whether it takes work, and has what a job needs.
+    pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
+        self.capacity > 0 && (self.embeds || !job.embeds)
+    }
+
     /// Tasks in hand for each that it runs at once, in thousandths.
     pub(super) fn load(&self) -> usize {
         1000 * self.tasks / self.capacity.max(1)
@@ -46,7 +61,19 @@ impl Worker {
             .get(&job)
             .map_or(RESTS.0, |rest| RESTS.1.min(rest.length * 2));
         let until = now + length;
+        self.active = now;
         self.rests.insert(job, Rest { length, until });
+    }
+
+    /// Whether it has long had nothing to do, and asks for nothing.
+    pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
+        let idle = now.saturating_duration_since(self.active);
+        self.credits == 0 && self.holds.is_empty() && idle > PATIENCE.1
+    }
+
+    /// Whether it gave back what it was last leased of this job.
+    pub(super) fn gave_back(&self, job: JobId) -> bool {
+        self.rests.contains_key(&job)
     }
 
     pub(super) fn rests(&self, job: JobId, now: Instant) -> bool {
@@ -55,21 +82,28 @@ impl Worker {
 }
 
 impl<R: Agree> LeaseTable<R> {
-    /// A worker that runs `capacity` tasks at once came at time `now`; it has no credits yet. `None` if it was found
-    /// wrong. One that was given up for lost is not: what it held did not take it.
-    pub fn join(&mut self, instance: Instance, capacity: usize, now: Instant) -> Option<WorkerId> {
-        if self.quarantined.contains(&instance) {
+    /// A worker came at time `now`; it has no credits yet. `None` if its machine was found wrong. One that was given up for
+    /// lost is not: what it held did not take it.
+    pub fn join(
+        &mut self,
+        process: WorkerProcessId,
+        Abilities { capacity, embeds }: Abilities,
+        now: Instant,
+    ) -> Option<WorkerId> {
+        if self.quarantined.contains(&process.machine) {
             return None;
         }
         for job in self.jobs.values_mut() {
-            job.acquit(instance);
+            job.acquit(process);
         }
         let id = WorkerId(self.fresh_number());
         let worker = Worker {
-            instance,
+            process,
             capacity,
+            embeds,
             credits: 0,
             heard: now,
+            active: now,
             holds: BTreeSet::new(),
             tasks: 0,
             alone: false,
@@ -142,17 +176,28 @@ impl<R: Agree> LeaseTable<R> {
         self.workers.values().filter(|worker| worker.capacity > 0).count()
     }
 
-    /// The process at the other end of a connection.
+    /// Whether workers are there, and none of them embeds.
     #[must_use]
-    pub fn instance(&self, worker: WorkerId) -> Option<Instance> {
-        self.workers.get(&worker).map(|worker| worker.instance)
+    pub fn lacks_embedders(&self) -> bool {
+        let mut workers = self
+            .workers
+            .values()
+            .filter(|worker| worker.capacity > 0)
+            .peekable();
+        workers.peek().is_some() && workers.all(|worker| !worker.embeds)
     }
 
-    pub(super) fn of_instance(&self, instance: Instance) -> Vec<WorkerId> {
+    /// The process at the other end of a connection.
+    #[must_use]
+    pub fn process(&self, worker: WorkerId) -> Option<WorkerProcessId> {
+        self.workers.get(&worker).map(|worker| worker.process)
+    }
+
+    pub(super) fn of_machine(&self, machine: MachineId) -> Vec<WorkerId> {
         let of = self
             .workers
             .iter()
-            .filter(|(_, worker)| worker.instance == instance);
+            .filter(|(_, worker)| worker.machine() == machine);
         of.map(|(&id, _)| id).collect()
     }
 }

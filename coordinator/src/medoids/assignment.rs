@@ -1,6 +1,9 @@
 //! Which medoid every point belongs to, and what a swap would change.
 
-use crate::novelty::Behaviours;
+use crate::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::Behaviours,
+};
 use rayon::prelude::*;
 
 /// A point's nearest medoid and the next.
@@ -37,12 +40,19 @@ pub(super) struct Assignment<'p> {
 }
 
 impl<'p> Assignment<'p> {
-    pub(super) fn new(points: &'p Behaviours, medoids: Vec<usize>) -> Self {
+    pub(super) fn new(
+        points: &'p Behaviours,
+        medoids: Vec<usize>,
+        interrupt: &Interrupt,
+    ) -> Result<Self, Interrupted> {
         let ranked = (0..points.len())
             .into_par_iter()
-            .map(|point| rank(points, &medoids, point))
-            .collect();
-        Self::with_ranks(points, medoids, ranked)
+            .map(|point| {
+                interrupt.check()?;
+                Ok(rank(points, &medoids, point))
+            })
+            .collect::<Result<_, Interrupted>>()?;
+        Ok(Self::with_ranks(points, medoids, ranked))
     }
 
     fn with_ranks(points: &'p Behaviours, medoids: Vec<usize>, ranked: Vec<Ranked>) -> Self {

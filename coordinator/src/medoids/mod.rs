@@ -15,7 +15,10 @@
 mod assignment;
 mod seeding;
 
-use crate::novelty::Behaviours;
+use crate::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::Behaviours,
+};
 use assignment::{Assignment, Swap};
 use murmuration_proto::Stream;
 use rayon::prelude::*;
@@ -44,16 +47,23 @@ pub struct Clustering {
 ///
 /// There are as many medoids as points where `k` is larger, and one where `k` is 0; none where there are no
 /// points.
-#[must_use]
-pub fn cluster(points: &Behaviours, k: usize, stream: &mut Stream) -> Clustering {
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn cluster(
+    points: &Behaviours,
+    k: usize,
+    stream: &mut Stream,
+    interrupt: &Interrupt,
+) -> Result<Clustering, Interrupted> {
     let k = k.max(1).min(points.len());
-    let seeds = seeding::seed(points, k, stream);
-    let assignment = descend(Assignment::new(points, seeds));
-    arrange(points, assignment.into_medoids())
+    let seeds = seeding::seed(points, k, stream, interrupt)?;
+    let assignment = descend(Assignment::new(points, seeds, interrupt)?, interrupt)?;
+    arrange(points, assignment.into_medoids(), interrupt)
 }
 
 /// Swaps until a whole round of candidates, from whichever block on, holds none that lowers the loss.
-fn descend(mut assignment: Assignment<'_>) -> Assignment<'_> {
+fn descend<'p>(mut assignment: Assignment<'p>, interrupt: &Interrupt) -> Result<Assignment<'p>, Interrupted> {
     let count = assignment.points().len();
     let blocks: Vec<Range<usize>> = (0..count)
         .step_by(BLOCK)
@@ -61,6 +71,7 @@ fn descend(mut assignment: Assignment<'_>) -> Assignment<'_> {
         .collect();
     let mut blocks_in_vain = 0;
     for block in blocks.iter().cycle() {
+        interrupt.check()?;
         match improve(&assignment, block.clone()) {
             Some(better) => {
                 assignment = better;
@@ -72,7 +83,7 @@ fn descend(mut assignment: Assignment<'_>) -> Assignment<'_> {
             break;
         }
     }
-    assignment
+    Ok(assignment)
 }
 
 /// The assignment after the best swap with a candidate of `block`, if that lowers the loss.
@@ -96,12 +107,19 @@ fn improve<'p>(assignment: &Assignment<'p>, block: Range<usize>) -> Option<Assig
 }
 
 /// The clusters of `medoids`, the largest first.
-fn arrange(points: &Behaviours, mut medoids: Vec<usize>) -> Clustering {
+fn arrange(
+    points: &Behaviours,
+    mut medoids: Vec<usize>,
+    interrupt: &Interrupt,
+) -> Result<Clustering, Interrupted> {
     medoids.sort_unstable();
     let nearest: Vec<(usize, f64)> = (0..points.len())
         .into_par_iter()
-        .map(|point| nearest_medoid(points, &medoids, point))
-        .collect();
+        .map(|point| {
+            interrupt.check()?;
+            Ok(nearest_medoid(points, &medoids, point))
+        })
+        .collect::<Result<_, Interrupted>>()?;
     let loss = nearest.iter().fold(0.0, |sum, (_, squared)| sum + squared.sqrt());
 
     let mut sizes = vec![0usize; medoids.len()];
@@ -114,11 +132,11 @@ fn arrange(points: &Behaviours, mut medoids: Vec<usize>) -> Clustering {
     for (new, &old) in (0..).zip(&order) {
         new_place[old] = new;
     }
-    Clustering {
+    Ok(Clustering {
         medoids: order.iter().map(|&place| medoids[place]).collect(),
         clusters: nearest.iter().map(|&(place, _)| new_place[place]).collect(),
         loss,
-    }
+    })
 }
 
 /// Place (among ascending `medoids`) and squared distance of the medoid of `point`.

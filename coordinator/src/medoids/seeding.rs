@@ -1,6 +1,9 @@
 //! Medoids to begin with.
 
-use crate::novelty::Behaviours;
+use crate::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::Behaviours,
+};
 use murmuration_proto::Stream;
 
 /// `k` different points (at most as many as there are): the first uniformly, each of the others with a
@@ -9,10 +12,16 @@ use murmuration_proto::Stream;
 ///
 /// Points that coincide with a chosen one are never drawn. Where nothing else is left the lowest free indices
 /// are taken.
-pub(super) fn seed(points: &Behaviours, k: usize, stream: &mut Stream) -> Vec<usize> {
+pub(super) fn seed(
+    points: &Behaviours,
+    k: usize,
+    stream: &mut Stream,
+    interrupt: &Interrupt,
+) -> Result<Vec<usize>, Interrupted> {
     let mut seeds = Vec::with_capacity(k);
     let mut distances = vec![f64::INFINITY; points.len()];
     while seeds.len() < k {
+        interrupt.check()?;
         let drawn = match seeds.is_empty() {
             true => Some(stream.below(points.len() as u64) as usize),
             false => draw(&distances, stream),
@@ -30,7 +39,7 @@ pub(super) fn seed(points: &Behaviours, k: usize, stream: &mut Stream) -> Vec<us
         .take(k - seeds.len())
         .collect();
     seeds.extend(free);
-    seeds
+    Ok(seeds)
 }
 
 /// A point drawn with a probability proportional to its distance; `None` if all are 0.

@@ -12,6 +12,11 @@ fn behaviours(points: &[Vec<f64>]) -> Behaviours {
     behaviours
 }
 
+/// Not interrupted.
+fn cluster(points: &Behaviours, k: usize, stream: &mut Stream) -> Clustering {
+    super::cluster(points, k, stream, &Interrupt::default()).unwrap()
+}
+
 fn stream(seed: u64) -> Stream {
     Stream::derive(seed, Purpose::Medoids, 0)
 }
@@ -195,4 +200,26 @@ proptest! {
         let points = behaviours(&points);
         check(&points, k, &cluster(&points, k, &mut stream(seed)));
     }
+}
+
+#[test]
+fn an_interrupted_clustering_has_no_result() {
+    let points: Vec<Vec<f64>> = (0..3000)
+        .map(|i| vec![f64::from(i), f64::from(i * i % 97)])
+        .collect();
+    let points = behaviours(&points);
+    let interrupt = Interrupt::default();
+    interrupt.raise();
+    assert_eq!(
+        super::cluster(&points, 12, &mut stream(1), &interrupt),
+        Err(Interrupted)
+    );
+    // From another thread: left alone, it goes on for far longer than it takes to say so.
+    let interrupt = Interrupt::default();
+    let clustered = std::thread::scope(|scope| {
+        let clustering = scope.spawn(|| super::cluster(&points, 300, &mut stream(1), &interrupt));
+        interrupt.raise();
+        clustering.join().unwrap()
+    });
+    assert_eq!(clustered, Err(Interrupted));
 }

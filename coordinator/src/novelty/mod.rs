@@ -14,6 +14,7 @@ mod tree;
 
 pub use behaviours::{Behaviours, MAX_COORDINATE, Misfit};
 
+use crate::interrupt::{Interrupt, Interrupted};
 use nearest::Nearest;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -68,35 +69,71 @@ impl Lookup {
 /// A point does not count itself, but counts others that coincide with it. Where there are fewer than `k`
 /// others the mean is over those there are; it is 0 if there is none, or if `k` is 0. The part of `queries`
 /// beyond the last point is passed over.
-#[must_use]
-pub fn novelty(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn novelty(
+    behaviours: &Behaviours,
+    queries: Range<usize>,
+    k: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<f64>, Interrupted> {
     let lookup = Lookup::for_size(behaviours.len(), queries.len(), k);
-    novelty_by(lookup, behaviours, queries, k)
+    novelty_by(lookup, behaviours, queries, k, interrupt)
+}
+
+/// As [`novelty`], of these points in their order.
+///
+/// # Errors
+/// As [`novelty`].
+///
+/// # Panics
+/// If a point is not below [`Behaviours::len`].
+pub fn novelty_of(
+    behaviours: &Behaviours,
+    points: &[usize],
+    k: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<f64>, Interrupted> {
+    brute_force(behaviours, points.par_iter().copied(), k, interrupt)
 }
 
 /// As [`novelty`], the way of finding neighbours given: for measurements.
-#[must_use]
-pub fn novelty_by(lookup: Lookup, behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+///
+/// # Errors
+/// As [`novelty`].
+pub fn novelty_by(
+    lookup: Lookup,
+    behaviours: &Behaviours,
+    queries: Range<usize>,
+    k: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<f64>, Interrupted> {
     let queries = queries.start.min(behaviours.len())..queries.end.min(behaviours.len());
     match lookup {
-        Lookup::BruteForce => brute_force(behaviours, queries, k),
-        Lookup::Tree => tree::novelty(behaviours, queries.clone(), k)
-            .unwrap_or_else(|| brute_force(behaviours, queries, k)),
+        Lookup::BruteForce => brute_force(behaviours, queries.into_par_iter(), k, interrupt),
+        Lookup::Tree => tree::novelty(behaviours, queries.clone(), k, interrupt)
+            .unwrap_or_else(|| brute_force(behaviours, queries.into_par_iter(), k, interrupt)),
     }
 }
 
-fn brute_force(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+fn brute_force(
+    behaviours: &Behaviours,
+    queries: impl IndexedParallelIterator<Item = usize>,
+    k: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<f64>, Interrupted> {
     queries
-        .into_par_iter()
         .map_init(
             || Nearest::new(k),
             |nearest, query| {
+                interrupt.check()?;
                 behaviours.each_squared_distance(query, |other, squared| {
                     if other != query {
                         nearest.offer(squared);
                     }
                 });
-                nearest.take_mean()
+                Ok(nearest.take_mean())
             },
         )
         .collect()

@@ -11,6 +11,16 @@ fn behaviours(dims: usize, points: &[Vec<f64>]) -> Behaviours {
     behaviours
 }
 
+/// Not interrupted.
+fn novelty(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+    super::novelty(behaviours, queries, k, &Interrupt::default()).unwrap()
+}
+
+/// Not interrupted.
+fn novelty_by(lookup: Lookup, behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+    super::novelty_by(lookup, behaviours, queries, k, &Interrupt::default()).unwrap()
+}
+
 /// The definition, by sorting all distances.
 fn defined(points: &[Vec<f64>], query: usize, k: usize) -> f64 {
     let distance = |other: &[f64]| {
@@ -146,5 +156,18 @@ proptest! {
             let found = novelty_by(lookup, &behaviours, 0..points.len(), k);
             prop_assert_eq!(bits(&found), bits(&defined), "{:?}", lookup);
         }
+    }
+}
+
+#[test]
+fn interrupted_nothing_is_measured() {
+    let behaviours = behaviours(1, &[vec![0.0], vec![1.0]]);
+    let interrupt = Interrupt::default();
+    interrupt.raise();
+    for lookup in [Lookup::BruteForce, Lookup::Tree] {
+        assert_eq!(
+            super::novelty_by(lookup, &behaviours, 0..2, 1, &interrupt),
+            Err(Interrupted)
+        );
     }
 }

@@ -2,11 +2,11 @@
 
 use super::thinned;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use murmuration_proto::{Replay, World};
+use murmuration_proto::{Frames, Replay, World};
 use serde_json::{Value, json};
 
-/// Most frames of a motion; a screen shows no more.
-pub(crate) const MOST_FRAMES: usize = 400;
+/// Most frames of a motion.
+const MOST_FRAMES: usize = Frames::WATCHED as usize;
 const POSE_BYTES: usize = 5;
 
 /// What there is to know of a world to draw a swarm in it.

@@ -4,6 +4,7 @@
 //! are for people, so no result rests on them; still, the same input gives the same bytes.
 
 mod animation;
+pub(crate) mod axis;
 pub(crate) mod colours;
 pub(crate) mod columns;
 mod grey;

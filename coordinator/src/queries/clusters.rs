@@ -1,22 +1,24 @@
 //! The clusters of an archive, also while it grows: what questions by medoids and contact sheets go by.
 
 use crate::{
-    campaign::{CampaignId, CampaignState},
+    campaign::CampaignState,
+    interrupt::Interrupt,
+    kept::Kept,
     medoids::{self, Clustering},
-    space::{Space, SpaceError},
-    store::{CampaignRecord, Edition, Store},
+    space::{Space, SpaceError, Spaces},
+    store::{CampaignRecord, Edition},
 };
 use murmuration_proto::{Purpose, Stream};
-use std::{
-    collections::BTreeMap,
-    sync::{Arc, Mutex, PoisonError},
-};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most bytes of clusters that are kept, with the behaviours that are in them.
+const MOST_BYTES: usize = 128 << 20;
 
 /// An archive in clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustered {
     /// What was clustered.
-    pub space: Space,
+    pub space: Arc<Space>,
     /// The clusters of the taxonomy, or what they would be if the search ended here.
     pub clustering: Clustering,
     /// Whether they are the taxonomy's.
@@ -24,23 +26,21 @@ pub struct Clustered {
 }
 
 /// What was clustered lately, campaign by campaign; cheap to clone.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Clusters {
+    spaces: Spaces,
     /// One lock a campaign, so that an archive is clustered once, whoever asks meanwhile.
-    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Mutex<Kept>>>>>,
+    kept: Arc<Kept<Mutex<Option<Arc<Clustered>>>>>,
 }
-
-/// What there is of a campaign.
-type Kept = Option<Arc<Clustered>>;
 
 impl Clustered {
     /// The archive as far as `record` says that it goes.
     ///
     /// # Errors
     /// See [`SpaceError`].
-    pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
-        let space = Space::read(store, record)?;
-        Ok(match store.taxonomy(&record.id)? {
+    pub fn read(spaces: &Spaces, record: &CampaignRecord, interrupt: &Interrupt) -> Result<Self, SpaceError> {
+        let space = spaces.of(record)?;
+        Ok(match spaces.store().taxonomy(&record.id)? {
             Some(stored) if stored.clusters.len() == space.behaviours.len() => Self {
                 space,
                 clustering: stored.into(),
@@ -50,12 +50,20 @@ impl Clustered {
                 let count = record.spec.medoids() as usize;
                 let mut stream = Stream::derive(record.spec.seed(), Purpose::Medoids, 0);
                 Self {
-                    clustering: medoids::cluster(&space.behaviours, count, &mut stream),
+                    clustering: medoids::cluster(&space.behaviours, count, &mut stream, interrupt)?,
                     space,
                     is_taxonomy: false,
                 }
             }
         })
+    }
+
+    /// Bytes that it holds.
+    fn bytes(&self) -> usize {
+        let Clustering {
+            medoids, clusters, ..
+        } = &self.clustering;
+        self.space.bytes() + size_of_val(medoids.as_slice()) + size_of_val(clusters.as_slice())
     }
 
     fn serves(&self, record: &CampaignRecord) -> bool {
@@ -76,22 +84,50 @@ pub(super) fn serves(individuals: u64, edition: Edition, record: &CampaignRecord
 }
 
 impl Clusters {
+    /// Nothing has been clustered yet.
+    pub(super) fn new(spaces: Spaces) -> Self {
+        Self {
+            spaces,
+            kept: Arc::new(Kept::within(MOST_BYTES)),
+        }
+    }
+
+    /// The clusters of an archive as it stands.
+    pub(super) fn now(
+        &self,
+        record: &CampaignRecord,
+        interrupt: &Interrupt,
+    ) -> Result<Arc<Clustered>, SpaceError> {
+        Ok(Arc::new(Clustered::read(&self.spaces, record, interrupt)?))
+    }
+
     /// The clusters of an archive, anew once those that there are no longer serve. Blocks while it is clustered.
     pub(super) fn lately(
         &self,
-        store: &Store,
         record: &CampaignRecord,
+        interrupt: &Interrupt,
     ) -> Result<Arc<Clustered>, SpaceError> {
-        let campaign = {
-            let mut campaigns = self.campaigns.lock().unwrap_or_else(PoisonError::into_inner);
-            Arc::clone(campaigns.entry(record.id.clone()).or_default())
-        };
+        let campaign = self.kept.of(&record.id);
         let mut kept = campaign.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(clustered) = kept.as_ref().filter(|clustered| clustered.serves(record)) {
             return Ok(Arc::clone(clustered));
         }
-        let clustered = Arc::new(Clustered::read(store, record)?);
+        let clustered = self.now(record, interrupt)?;
         *kept = Some(Arc::clone(&clustered));
+        self.kept.weigh(&record.id, clustered.bytes());
         Ok(clustered)
+    }
+
+    #[cfg(test)]
+    pub(super) fn within(spaces: Spaces, most_bytes: usize) -> Self {
+        Self {
+            spaces,
+            kept: Arc::new(Kept::within(most_bytes)),
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> usize {
+        self.kept.bytes()
     }
 }

@@ -109,6 +109,12 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         own.into_iter().map(|(_, query)| query).collect()
     }
 
+    /// Whether nothing is with anybody any more at time `now`.
+    #[must_use]
+    pub fn are_over(&self, now: Instant) -> bool {
+        self.by_index.values().all(|lease| lease.until <= now)
+    }
+
     /// Forgets leases that are over, and renews those that stay with `holder`: these, oldest first.
     fn keep(
         &mut self,

@@ -8,8 +8,10 @@ use super::{
 };
 use crate::{
     campaign::{self, CampaignId},
+    interrupt::Interrupt,
+    kept::Kept,
     labels::{Annotator, Labels},
-    space::{Space, SpaceError},
+    space::{SpaceError, Spaces},
     store::{CampaignRecord, Edition, Store, StoreError},
 };
 use murmuration_proto::{Purpose, Strategy, Stream};
@@ -18,6 +20,9 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
+
+/// Most bytes of orders that are kept.
+const MOST_BYTES: usize = 64 << 20;
 
 /// What somebody would like to be asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,20 +74,22 @@ pub enum QueryError {
 #[derive(Debug, Clone)]
 pub struct Queries {
     viewers: Viewers,
-    campaigns: Arc<Mutex<BTreeMap<CampaignId, Arc<Open>>>>,
+    rankings: Arc<Kept<Rankings>>,
+    leases: Arc<Mutex<LeasesById>>,
     clusters: Clusters,
+    /// Ends every clustering.
+    interrupt: Interrupt,
 }
+
+/// Queries that are with somebody. They cannot be made again: those of a campaign go when all of them are over.
+type LeasesById = BTreeMap<CampaignId, Arc<Mutex<QueryLeases<Kind>>>>;
 
 /// Of a strategy, whether for agreement.
 type Kind = (Strategy, bool);
 
-/// What there is to ask about one campaign.
+/// The orders of one campaign.
 #[derive(Debug, Default)]
-struct Open {
-    rankings: Mutex<BTreeMap<Strategy, Arc<Ranking>>>,
-    /// Labels are read and queries leased under this lock, so that no two are given the same.
-    leases: Mutex<QueryLeases<Kind>>,
-}
+struct Rankings(Mutex<BTreeMap<Strategy, Arc<Ranking>>>);
 
 /// The order of a strategy.
 #[derive(Debug, Default)]
@@ -100,13 +107,16 @@ struct Ranked {
 }
 
 impl Queries {
-    /// Nobody has been asked anything yet; committees ask where what `viewers` see differs.
+    /// Nobody has been asked anything yet; committees ask where what `viewers` see differs. Archives are clustered until
+    /// `interrupt` is raised.
     #[must_use]
-    pub fn new(viewers: Viewers) -> Self {
+    pub fn new(viewers: Viewers, spaces: Spaces, interrupt: Interrupt) -> Self {
         Self {
             viewers,
-            campaigns: Arc::default(),
-            clusters: Clusters::default(),
+            rankings: Arc::new(Kept::within(MOST_BYTES)),
+            leases: Arc::default(),
+            clusters: Clusters::new(spaces),
+            interrupt,
         }
     }
 
@@ -118,14 +128,22 @@ impl Queries {
     pub async fn next(&self, campaign: &str, wish: Wish, now: Instant) -> Result<Asked, QueryError> {
         let (store, campaign) = (self.viewers.store.clone(), campaign.to_owned());
         let record = blocking(move || store.campaign(&campaign)).await??;
-        let open = Arc::clone(lock(&self.campaigns).entry(record.id.clone()).or_default());
-        let ranked = self.ranked(&record, &open, wish.strategy).await?;
-        let store = self.viewers.store.clone();
-        blocking(move || Ok(open.lease(&store, &record, &ranked, &wish, now)?)).await?
+        let ranked = self.ranked(&record, wish.strategy).await?;
+        let (store, leases) = (self.viewers.store.clone(), self.leases_of(&record.id, now));
+        blocking(move || Ok(lease(&leases, &store, &record, &ranked, &wish, now)?)).await?
+    }
+
+    /// The leases of a campaign; those of others that are over are forgotten.
+    fn leases_of(&self, campaign: &CampaignId, now: Instant) -> Arc<Mutex<QueryLeases<Kind>>> {
+        let mut by_campaign = lock(&self.leases);
+        // Who is just being given some has them too.
+        by_campaign.retain(|_, leases| Arc::strong_count(leases) > 1 || !lock(leases).are_over(now));
+        Arc::clone(by_campaign.entry(campaign.clone()).or_default())
     }
 
     /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
-    /// so many: a function of archive, committee and log alone, whoever is being asked meanwhile.
+    /// so many: a function of archive, committee and log alone, whoever is being asked meanwhile. Clustering ends early once
+    /// `interrupt` is raised.
     ///
     /// # Errors
     /// See [`QueryError`].
@@ -134,10 +152,12 @@ impl Queries {
         record: &CampaignRecord,
         strategy: Strategy,
         count: usize,
+        interrupt: &Interrupt,
     ) -> Result<Vec<usize>, QueryError> {
         let (store, id) = (self.viewers.store.clone(), record.id.clone());
         let labels = blocking(move || store.labels(&id)).await??;
-        let now = |store: &Store, record: &CampaignRecord| Ok(Arc::new(Clustered::read(store, record)?));
+        let (clusters, interrupt) = (self.clusters.clone(), interrupt.clone());
+        let now = move |record: &CampaignRecord| clusters.now(record, &interrupt);
         let order = self.rank(record.clone(), strategy, now).await?.order;
         let indices = order.into_iter().map(|query| query.index);
         let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
@@ -150,17 +170,20 @@ impl Queries {
     /// # Errors
     /// See [`SpaceError`].
     pub fn clusters(&self, record: &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> {
-        self.clusters.lately(&self.viewers.store, record)
+        self.clusters.lately(record, &self.interrupt)
+    }
+
+    /// What ends every clustering of this coordinator.
+    #[must_use]
+    pub const fn interrupt(&self) -> &Interrupt {
+        &self.interrupt
     }
 
     /// The order of a strategy, perhaps that of a while ago.
-    async fn ranked(
-        &self,
-        record: &CampaignRecord,
-        open: &Open,
-        strategy: Strategy,
-    ) -> Result<Arc<Ranked>, QueryError> {
-        let ranking = Arc::clone(lock(&open.rankings).entry(strategy).or_default());
+    async fn ranked(&self, record: &CampaignRecord, strategy: Strategy) -> Result<Arc<Ranked>, QueryError> {
+        // Not forgotten while it is in use here.
+        let rankings = self.rankings.of(&record.id);
+        let ranking = Arc::clone(lock(&rankings.0).entry(strategy).or_default());
         let newest = ranking.newest();
         if let Some(ranked) = newest.as_ref().filter(|ranked| ranked.still_fits(record)) {
             return Ok(Arc::clone(ranked));
@@ -172,12 +195,12 @@ impl Queries {
             if let Some(ranked) = ranking.newest().filter(|ranked| ranked.still_fits(record)) {
                 return Ok(ranked);
             }
-            return self.renew(&ranking, record.clone(), strategy).await;
+            return self.renew(&rankings, record.clone(), strategy).await;
         };
         if let Ok(making) = Arc::clone(&ranking.making).try_lock_owned() {
             let (queries, record) = (self.clone(), record.clone());
             tokio::spawn(async move {
-                match queries.renew(&ranking, record, strategy).await {
+                match queries.renew(&rankings, record, strategy).await {
                     // What is to be expected between a round and the end of its trainings.
                     Ok(_) | Err(QueryError::Committee(UnviewedError::Unready(_))) => {}
                     Err(error) => {
@@ -192,14 +215,19 @@ impl Queries {
 
     async fn renew(
         &self,
-        ranking: &Ranking,
+        rankings: &Rankings,
         record: CampaignRecord,
         strategy: Strategy,
     ) -> Result<Arc<Ranked>, QueryError> {
-        let clusters = self.clusters.clone();
-        let lately = move |store: &Store, record: &CampaignRecord| clusters.lately(store, record);
+        let (clusters, interrupt) = (self.clusters.clone(), self.interrupt.clone());
+        let id = record.id.clone();
+        let lately = move |record: &CampaignRecord| clusters.lately(record, &interrupt);
         let ranked = Arc::new(self.rank(record, strategy, lately).await?);
-        *lock(&ranking.newest) = Some(Arc::clone(&ranked));
+        let mut by_strategy = lock(&rankings.0);
+        *lock(&by_strategy.entry(strategy).or_default().newest) = Some(Arc::clone(&ranked));
+        let orders = by_strategy.values().filter_map(|ranking| ranking.newest());
+        let bytes = orders.map(|ranked| size_of_val(ranked.order.as_slice())).sum();
+        self.rankings.weigh(&id, bytes);
         Ok(ranked)
     }
 
@@ -208,13 +236,12 @@ impl Queries {
         &self,
         record: CampaignRecord,
         strategy: Strategy,
-        clustered: impl FnOnce(&Store, &CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
+        clustered: impl FnOnce(&CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
     ) -> Result<Ranked, QueryError> {
         let viewed = match strategy {
             Strategy::Committee => Some(self.viewers.view(&record).await?),
             Strategy::Random | Strategy::Medoids => None,
         };
-        let store = self.viewers.store.clone();
         blocking(move || {
             let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
             let (order, edition) = match viewed {
@@ -222,9 +249,9 @@ impl Queries {
                     (ranking::by_committee(&committee, &mut stream), edition)
                 }
                 None if strategy == Strategy::Medoids => {
-                    let clustered = clustered(&store, &record)?;
-                    let Space { behaviours, edition } = &clustered.space;
-                    (ranking::by_doubt(behaviours, &clustered.clustering), *edition)
+                    let clustered = clustered(&record)?;
+                    let order = ranking::by_doubt(&clustered.space.behaviours, &clustered.clustering);
+                    (order, clustered.space.edition)
                 }
                 None => {
                     let count = record.individuals() as usize;
@@ -237,36 +264,35 @@ impl Queries {
     }
 }
 
-impl Open {
-    /// Has the holder be asked what is theirs, and then what comes next in the order.
-    fn lease(
-        &self,
-        store: &Store,
-        record: &CampaignRecord,
-        ranked: &Ranked,
-        wish: &Wish,
-        now: Instant,
-    ) -> Result<Asked, StoreError> {
-        let mut leases = lock(&self.leases);
-        let labels = store.labels(&record.id)?;
-        let kind = (wish.strategy, wish.agreement);
-        let individuals = record.individuals();
-        // An order of a while ago may be of more than there is now.
-        let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, wish);
-        for &index in wish.again.iter().rev().filter(|&&index| is_open(index)) {
-            let query = Query {
-                index,
-                reason: Reason::Again,
-            };
-            leases.give_first(&wish.holder, kind, query, now);
-        }
-        let queries = leases.top_up(&wish.holder, kind, wish.count, &ranked.order, is_open, now);
-        Ok(Asked {
-            queries,
-            answered: labels.individuals() as u64,
-            individuals,
-        })
+/// Has the holder be asked what is theirs, and then what comes next in the order.
+fn lease(
+    leases: &Mutex<QueryLeases<Kind>>,
+    store: &Store,
+    record: &CampaignRecord,
+    ranked: &Ranked,
+    wish: &Wish,
+    now: Instant,
+) -> Result<Asked, StoreError> {
+    // Labels are read and queries leased under this lock, so that no two are given the same.
+    let mut leases = lock(leases);
+    let labels = store.labels(&record.id)?;
+    let kind = (wish.strategy, wish.agreement);
+    let individuals = record.individuals();
+    // An order of a while ago may be of more than there is now.
+    let is_open = |index: usize| (index as u64) < individuals && is_open(&labels, index as u64, wish);
+    for &index in wish.again.iter().rev().filter(|&&index| is_open(index)) {
+        let query = Query {
+            index,
+            reason: Reason::Again,
+        };
+        leases.give_first(&wish.holder, kind, query, now);
     }
+    let queries = leases.top_up(&wish.holder, kind, wish.count, &ranked.order, is_open, now);
+    Ok(Asked {
+        queries,
+        answered: labels.individuals() as u64,
+        individuals,
+    })
 }
 
 impl Ranking {

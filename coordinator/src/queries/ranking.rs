@@ -2,7 +2,7 @@
 
 use super::{committee::Committee, doubt};
 use crate::{medoids::Clustering, novelty::Behaviours};
-use murmuration_proto::Stream;
+use murmuration_proto::{Stream, counted};
 use std::{cmp::Reverse, fmt};
 
 /// Why a behaviour is asked about, in words for whoever is asked.
@@ -48,7 +48,11 @@ impl fmt::Display for Reason {
             Self::Lot => f.write_str("drawn by lot"),
             Self::Medoid { cluster, size: 1 } => write!(f, "cluster {cluster} on its own"),
             Self::Medoid { cluster, size } => {
-                write!(f, "stands for cluster {cluster}, {size} behaviours")
+                write!(
+                    f,
+                    "stands for cluster {cluster}, {}",
+                    counted(*size as u64, "behaviour")
+                )
             }
             Self::Doubtful {
                 cluster,

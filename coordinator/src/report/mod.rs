@@ -89,8 +89,8 @@ pub struct Entry {
     pub features: Features,
     /// The embedding of its picture by the report's checkpoint; empty if none.
     pub embedding: Vec<f32>,
-    /// Mean distance to its nearest neighbours in the whole archive.
-    pub novelty: f64,
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
+    pub novelty_when_evaluated: f64,
 }
 
 /// One behaviour of the taxonomy.
@@ -104,6 +104,8 @@ pub struct MedoidEntry {
     pub cluster_size: u64,
     /// Mean distance of the cluster's members to it, units of the behaviour space.
     pub mean_distance: f64,
+    /// Mean distance to its nearest neighbours in the whole archive, units of the behaviour space.
+    pub novelty: f64,
     /// Its motion from the start to the horizon.
     pub replay: Replay,
 }
@@ -171,7 +173,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     let pictures = draw_medoids(report)?;
     let novelty = plots::novelty(&report.generations, plots::WIDE)?;
     let map = plots::map(report)?;
-    let page = page::render(report, &pictures)?;
+    let page = page::render(report, &pictures, Files::Beside)?;
 
     let mut files = Folder::create(folder)?;
     files.text("spec.toml", &report.spec.to_toml())?;
@@ -195,13 +197,22 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     Ok(ReportFiles { page, others })
 }
 
-/// The page of a report alone, as [`write()`] would write it.
+/// The page of a report alone. It differs from the page of [`write()`] where that speaks of the files beside it.
 ///
 /// # Errors
 /// As [`write()`], but for files.
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
-    page::render(report, &draw_medoids(report)?)
+    page::render(report, &draw_medoids(report)?, Files::Absent)
+}
+
+/// Whether the other files of a report are written with its page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Files {
+    /// They are, in the same folder.
+    Beside,
+    /// The page is all there is.
+    Absent,
 }
 
 fn check(report: &Report) -> Result<(), ReportError> {

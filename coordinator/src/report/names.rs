@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 /// The classes of a campaign, and which individuals are of them.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
-    /// The classes, in the order in which they were created.
+    /// The classes that a standing answer names, in the order in which they were first named.
     pub classes: Vec<Class>,
     /// The class of each individual that has one, by index: where annotators differ, what was said last.
     pub by_individual: BTreeMap<u64, ClassName>,

@@ -1,17 +1,6 @@
 //! Numbers and dates as people read them.
 
-/// `12,345,678`.
-pub(super) fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
+pub(super) use murmuration_proto::{counted, grouped};
 
 /// Three significant digits or so: `0.0123`, `1.23`, `1,235`.
 pub(super) fn short(number: f64) -> String {

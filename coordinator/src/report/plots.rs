@@ -1,7 +1,10 @@
 //! The plots as SVG: novelty and filtering over generations, and the map of the behaviour space.
 
 use super::{GenerationSummary, Report, ReportError};
-use crate::picture::colours::{self, Rgb};
+use crate::picture::{
+    axis::axis_number,
+    colours::{self, Rgb},
+};
 use plotters::{
     coord::Shift,
     prelude::*,
@@ -32,11 +35,11 @@ pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Re
     let steps = condensed(generations);
     let best = steps
         .iter()
-        .map(|step| (f64::from(step.generation), step.best_novelty))
+        .map(|step| (step.generation, step.best_novelty))
         .collect();
     let mean = steps
         .iter()
-        .map(|step| (f64::from(step.generation), step.mean_novelty))
+        .map(|step| (step.generation, step.mean_novelty))
         .collect();
     let lines = [("best", BEST, best), ("mean", MEAN, mean)];
     draw("novelty.svg", size, |area| {
@@ -49,7 +52,7 @@ pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> R
     let steps = condensed(generations);
     let filtered = steps
         .iter()
-        .map(|step| (f64::from(step.generation), step.filtered as f64))
+        .map(|step| (step.generation, step.filtered as f64))
         .collect();
     let lines = [("", BEST, filtered)];
     draw("the filter's plot", size, |area| {
@@ -78,7 +81,7 @@ fn draw(
     Ok(svg)
 }
 
-type Line = (&'static str, RGBColor, Vec<(f64, f64)>);
+type Line = (&'static str, RGBColor, Vec<(u32, f64)>);
 
 fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), Failed> {
     let values = || {
@@ -87,7 +90,7 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
             .flat_map(|(_, _, points)| points)
             .filter(|(_, value)| value.is_finite())
     };
-    let last = values().fold(1.0, |most: f64, &(generation, _)| most.max(generation));
+    let last = values().fold(1, |most, &(generation, _)| most.max(generation));
     let top = values().fold(0.0, |most: f64, &(_, value)| most.max(value));
     let top = if top > 0.0 { top * 1.08 } else { 1.0 };
     let narrow = area.dim_in_pixel().0 < 600;
@@ -96,7 +99,8 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
         .margin_right(if lines.len() > 1 { 56 } else { 16 })
         .x_label_area_size(46)
         .y_label_area_size(68)
-        .build_cartesian_2d(0.0..last, 0.0..top)?;
+        // Whole numbers have whole ticks.
+        .build_cartesian_2d(0..last, 0.0..top)?;
     let text = |colour: RGBColor| ("sans-serif", 16).into_font().color(&colour);
     chart
         .configure_mesh()
@@ -108,8 +112,7 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
         .axis_desc_style(text(INK))
         .x_labels(if narrow { 4 } else { 10 })
         .y_labels(5)
-        .x_label_formatter(&|generation| format!("{generation:.0}"))
-        .y_label_formatter(&|value| axis_number(*value))
+        .y_label_formatter(&|value| axis_number(*value, top))
         .x_desc("generation")
         .y_desc(title)
         .draw()?;
@@ -130,16 +133,6 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
     Ok(())
 }
 
-/// At most four decimals, none that say nothing.
-fn axis_number(value: f64) -> String {
-    let text = format!("{value:.4}");
-    match text.trim_end_matches('0').trim_end_matches('.') {
-        "0" | "-0" if value == 0.0 => "0".to_owned(),
-        "0" | "-0" => format!("{value:.0e}"),
-        short => short.to_owned(),
-    }
-}
-
 fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
     area.fill(&WHITE)?;
     let points = &report.map.points;
@@ -150,20 +143,21 @@ fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
         let room = if high > low { 0.05 * (high - low) } else { 1.0 };
         low - room..high + room
     };
+    let (across, up) = (bounds(0), bounds(1));
     let text = |colour: RGBColor, size: u32| ("sans-serif", size).into_font().color(&colour);
     let mut chart = ChartBuilder::on(area)
         .margin(16)
         .x_label_area_size(44)
         .y_label_area_size(64)
-        .build_cartesian_2d(bounds(0), bounds(1))?;
+        .build_cartesian_2d(across.clone(), up.clone())?;
     chart
         .configure_mesh()
         .disable_mesh()
         .axis_style(GRID)
         .label_style(text(MUTED, 16))
         .axis_desc_style(text(INK, 17))
-        .x_label_formatter(&|value| axis_number(*value))
-        .y_label_formatter(&|value| axis_number(*value))
+        .x_label_formatter(&|value| axis_number(*value, across.end - across.start))
+        .y_label_formatter(&|value| axis_number(*value, up.end - up.start))
         .x_desc(report.map.axis_titles[0].as_str())
         .y_desc(report.map.axis_titles[1].as_str())
         .draw()?;
@@ -216,6 +210,7 @@ fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::sample;
 
     fn run(count: u32) -> Vec<GenerationSummary> {
         let step = |generation: u32| GenerationSummary {
@@ -236,6 +231,43 @@ mod tests {
         assert_eq!(short.iter().map(|step| step.filtered).sum::<u64>(), 200_000);
         assert!(short.iter().any(|step| step.best_novelty == 9.0));
         assert_eq!(condensed(&run(5)), run(5));
+    }
+
+    /// The texts of a plot that are numbers.
+    fn numbers(svg: &str) -> Vec<&str> {
+        let texts = svg.split("<text").skip(1);
+        let texts = texts.filter_map(|text| Some(text.split_once('>')?.1.split_once("</text>")?.0.trim()));
+        texts.filter(|text| text.parse::<f64>().is_ok()).collect()
+    }
+
+    #[test]
+    fn no_tick_of_a_map_is_a_rounding_error() {
+        let mut report = sample::report(&sample::SMALL);
+        let count = report.map.points.len() as f64;
+        for (places, nought) in [(-1.0..1.0, "0"), (-0.3..0.5, "0"), (-3e-7..5e-7, "0")] {
+            for (i, point) in report.map.points.iter_mut().enumerate() {
+                let place = places.start + (places.end - places.start) * i as f64 / (count - 1.0);
+                *point = [place, -place];
+            }
+            let svg = map(&report).unwrap();
+            // The marks of the medoids are numbers too, and whole ones.
+            let ticks = numbers(&svg);
+            assert!(ticks.contains(&nought), "{ticks:?}");
+            let nearest = ticks.iter().map(|tick| tick.parse::<f64>().unwrap().abs());
+            let nearest = nearest.filter(|&tick| tick != 0.0).fold(f64::INFINITY, f64::min);
+            assert!(nearest > 1e-3 * (places.end - places.start), "{ticks:?}");
+        }
+    }
+
+    #[test]
+    fn generations_are_whole_and_no_tick_is_there_twice() {
+        for count in [1, 2, 3, 20] {
+            let svg = novelty(&run(count), WIDE).unwrap();
+            let ticks = numbers(&svg);
+            let once: std::collections::BTreeSet<_> = ticks.iter().collect();
+            // Both axes begin at 0, and both may have a 1.
+            assert!(ticks.len() <= once.len() + 2, "{count} generations: {ticks:?}");
+        }
     }
 
     #[test]

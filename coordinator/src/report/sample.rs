@@ -73,7 +73,7 @@ pub(super) fn report(sample: &Sample) -> Report {
                 true => (0..5).map(|_| stream.between(-2.0, 2.0) as f32).collect(),
                 false => Vec::new(),
             },
-            novelty: 0.3 / (i / population + 2) as f64 * stream.between(0.3, 2.0),
+            novelty_when_evaluated: 0.3 / (i / population + 2) as f64 * stream.between(0.3, 2.0),
         })
         .collect();
     let size = |place: usize| {
@@ -90,6 +90,7 @@ pub(super) fn report(sample: &Sample) -> Report {
                 image: grey(&replay, spec.world(), spec.image().resolution() as usize),
                 cluster_size: size(place) as u64,
                 mean_distance: stream.between(0.01, 0.2),
+                novelty: stream.between(0.001, 0.1),
                 replay,
             }
         })
@@ -125,6 +126,7 @@ fn names() -> Names {
         name: name.parse().unwrap(),
         colour: colour.parse().unwrap(),
         labels,
+        near: Vec::new(),
     };
     let ring = "ring, or \"mill\"";
     Names {

@@ -1,6 +1,8 @@
-//! The archive, the taxonomy, the classes and the generations as CSV: a header, then numbers that read back exactly.
+//! The archive, the taxonomy, the classes and the generations as CSV: a header, then numbers that read
+//! back exactly, and names as [`to_cell`] writes them.
 
 use super::{Entry, Report};
+use crate::labels::to_cell;
 use csv::Writer;
 use murmuration_proto::FEATURE_NAMES;
 use std::io::{self, Write};
@@ -27,10 +29,10 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row a medoid, largest cluster first.
+/// One row a medoid, largest cluster first. Its novelty is measured in the whole archive.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let own = ["behaviour", "index", "cluster_size", "mean_distance"].map(str::to_owned);
+    let own = ["behaviour", "index", "cluster_size", "mean_distance", "novelty"].map(str::to_owned);
     table.write_record(columns(&own, report))?;
     for (place, medoid) in report.medoids.iter().enumerate() {
         let own = [
@@ -38,6 +40,7 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
             medoid.index.to_string(),
             medoid.cluster_size.to_string(),
             medoid.mean_distance.to_string(),
+            medoid.novelty.to_string(),
         ];
         let entry = &report.individuals[medoid.index as usize];
         table.write_record(row(&own, entry, report, medoid.index))?;
@@ -45,13 +48,13 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
     table.flush()
 }
 
-/// One row a class, in the order in which they were created: how many individuals are of it, and how many answers say so.
+/// One row a class, in the order in which they were first named: how many individuals are of it, and how many answers say so.
 pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     table.write_record(["class", "colour", "individuals", "labels"])?;
     for class in &report.names.classes {
         table.write_record([
-            class.name.to_string(),
+            to_cell(class.name.as_str()).into_owned(),
             class.colour.to_string(),
             report.names.individuals(class).to_string(),
             class.labels.to_string(),
@@ -78,7 +81,9 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
 /// The columns of a table of individuals: its own, then what is known of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
     let model = report.spec.model();
-    let known = ["generation", "seed", "novelty"].into_iter().chain(FEATURE_NAMES);
+    let known = ["generation", "seed", "novelty_when_evaluated"]
+        .into_iter()
+        .chain(FEATURE_NAMES);
     let speeds = (0..model.speeds() / 2).flat_map(|state| [format!("vl{state}"), format!("vr{state}")]);
     let angles = (0..model.angles()).map(|_| "angle".to_owned());
     let embedding = (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"));
@@ -97,10 +102,13 @@ fn row(own: &[String], entry: &Entry, report: &Report, index: u64) -> Vec<String
     let known = [
         entry.generation.to_string(),
         entry.seed.to_string(),
-        entry.novelty.to_string(),
+        entry.novelty_when_evaluated.to_string(),
     ];
     let values = entry.features.iter().chain(entry.controller.genes());
-    let class = report.names.of(index).map(|(_, class)| class.name.to_string());
+    let class = report
+        .names
+        .of(index)
+        .map(|(_, class)| to_cell(class.name.as_str()).into_owned());
     own.iter()
         .cloned()
         .chain(known)

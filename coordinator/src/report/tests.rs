@@ -67,6 +67,27 @@ fn the_page_needs_nothing_from_anywhere() {
 }
 
 #[test]
+fn a_page_speaks_of_the_files_beside_it_where_there_are_any() {
+    let report = sample::report(&SMALL);
+    let (_place, files) = written(&report);
+    let beside = fs::read_to_string(&files.page).unwrap();
+    let words = beside.split(|c: char| !(c.is_alphanumeric() || "._-".contains(c)));
+    let named: std::collections::BTreeSet<_> = words
+        .filter(|word| [".csv", ".svg", ".toml"].iter().any(|kind| word.ends_with(kind)))
+        .collect();
+    assert_eq!(named.len(), 4, "{named:?}");
+    for name in named {
+        assert!(files.page.with_file_name(name).exists(), "{name}");
+    }
+    assert_eq!(beside.matches("beside this page").count(), 3);
+
+    let alone = super::page(&report).unwrap();
+    assert!(!alone.contains("beside this page"));
+    assert!(alone.contains("<code>murmuration report sample-1</code> writes"));
+    assert!(alone.contains("Saved as spec.toml, the text below"));
+}
+
+#[test]
 fn what_comes_from_data_is_escaped() {
     let hostile = "</script><script>alert(1)</script>\"'&<img src=x>";
     let mut report = sample::report(&SMALL);
@@ -128,7 +149,11 @@ fn tables_hold_every_number_exactly() {
         let expected = [index as f64, f64::from(report.clusters[index] + 1)]
             .into_iter()
             .chain(report.map.points[index])
-            .chain([f64::from(entry.generation), entry.seed as f64, entry.novelty])
+            .chain([
+                f64::from(entry.generation),
+                entry.seed as f64,
+                entry.novelty_when_evaluated,
+            ])
             .chain(entry.features)
             .chain(entry.controller.genes().iter().copied());
         assert_eq!(
@@ -147,7 +172,8 @@ fn tables_hold_every_number_exactly() {
         taxonomy[2][3].parse::<f64>().unwrap(),
         report.medoids[1].mean_distance
     );
-    assert_eq!(taxonomy[2][5].parse::<u64>().unwrap(), report.individuals[1].seed);
+    assert_eq!(taxonomy[2][4].parse::<f64>().unwrap(), report.medoids[1].novelty);
+    assert_eq!(taxonomy[2][6].parse::<u64>().unwrap(), report.individuals[1].seed);
     assert_eq!(taxonomy[1].last().unwrap(), "ring, or \"mill\"");
     assert_eq!(
         table("classes.csv")[1..],
@@ -162,6 +188,22 @@ fn tables_hold_every_number_exactly() {
         generations[7][1].parse::<f64>().unwrap(),
         report.generations[6].best_novelty
     );
+}
+
+#[test]
+fn no_name_in_a_table_is_a_formula() {
+    let mut report = sample::report(&SMALL);
+    let name: crate::labels::ClassName = "=HYPERLINK(1)".parse().unwrap();
+    report.names.classes[0].name = name.clone();
+    report.names.by_individual = [0, 5].map(|index| (index, name.clone())).into();
+    let (_place, files) = written(&report);
+    for name in ["archive.csv", "taxonomy.csv", "classes.csv"] {
+        let text = fs::read_to_string(files.page.with_file_name(name)).unwrap();
+        assert!(
+            text.contains("'=HYPERLINK(1)") && !text.contains(",=") && !text.contains("\n="),
+            "{text}"
+        );
+    }
 }
 
 #[test]

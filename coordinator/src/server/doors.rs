@@ -2,7 +2,7 @@
 
 use super::{Options, ServerError};
 use crate::{
-    access::{Door, Local},
+    access::{Door, Hosts, Local, Sessions},
     connections::{Places, connections},
     limits,
     probes::Probes,
@@ -57,9 +57,15 @@ impl Served {
             address: entrance.address(),
             source,
         })?;
+        let own = local.token().digest();
+        // Where nobody is asked for a token, none has been taken back.
+        let sessions = Sessions::kept(data, local.token(), |token| {
+            access.tokens.is_none() || access.whose(token).is_some() || token == own
+        })?;
         let door = Door {
             access,
-            sessions: local.sessions(),
+            sessions: sessions.clone(),
+            hosts: entrance.hosts(),
             is_encrypted: tls.is_some(),
         };
         let mut servers = vec![self.at(listener, tls, door)?];
@@ -72,7 +78,8 @@ impl Served {
             let (listener, address) = listen((Ipv4Addr::LOCALHOST, 0).into()).await?;
             let door = Door {
                 access: local.access(),
-                sessions: local.sessions(),
+                sessions,
+                hosts: Hosts::Any,
                 is_encrypted: false,
             };
             servers.push(self.at(listener, None, door)?);

@@ -1,23 +1,19 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::{Seats, Streamed};
+use super::{Seats, Streamed, in_parts};
 use crate::{
-    campaign::{Campaigns, Change, Weight, blocking},
+    campaign::{Campaigns, Weight, blocking},
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
     store::{CampaignRecord, Store, StoreError},
     taxonomy::Taxonomy,
 };
-use murmuration_proto::{CampaignSpec, Invalid, v1};
+use murmuration_proto::{CampaignSpec, Frames, Invalid, PART_BYTES, parts::parts, v1};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
-/// Bytes of images in one chunk of an archive, about.
-const CHUNK_BYTES: usize = 1 << 20;
-/// Most poses in one replay (12 bytes each).
-const MAX_POSES: u64 = 4_000_000;
 /// Least time between two messages to one watcher.
 const WATCH_INTERVAL: Duration = Duration::from_millis(100);
 
@@ -37,10 +33,6 @@ pub struct CampaignApi {
 type Answer<T> = Result<Response<T>, Status>;
 
 impl CampaignApi {
-    async fn change(&self, id: &str, change: Change) -> Answer<v1::Campaign> {
-        Ok(Response::new(self.campaigns.change(id, change).await?.into()))
-    }
-
     async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
         Ok(self.campaigns.status(id).await?.record)
     }
@@ -69,12 +61,15 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         Ok(Response::new(status.into()))
     }
 
+    type ListCampaignsStream = Streamed<v1::ListCampaignsResponse>;
+
     async fn list_campaigns(
         &self,
         _: Request<v1::ListCampaignsRequest>,
-    ) -> Answer<v1::ListCampaignsResponse> {
-        let campaigns = self.campaigns.list().await?.into_iter().map(Into::into).collect();
-        Ok(Response::new(v1::ListCampaignsResponse { campaigns }))
+    ) -> Answer<Self::ListCampaignsStream> {
+        let campaigns = self.campaigns.list().await?.into_iter().map(v1::Campaign::from);
+        let part = |campaigns| v1::ListCampaignsResponse { campaigns };
+        Ok(in_parts(parts(campaigns, part)))
     }
 
     type WatchCampaignStream = Streamed<v1::Campaign>;
@@ -106,15 +101,18 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     }
 
     async fn pause_campaign(&self, request: Request<v1::PauseCampaignRequest>) -> Answer<v1::Campaign> {
-        self.change(&request.get_ref().campaign, Change::Pause).await
+        let paused = self.campaigns.pause(&request.get_ref().campaign).await?;
+        Ok(Response::new(paused.into()))
     }
 
     async fn resume_campaign(&self, request: Request<v1::ResumeCampaignRequest>) -> Answer<v1::Campaign> {
-        self.change(&request.get_ref().campaign, Change::Resume).await
+        let resumed = self.campaigns.resume(&request.get_ref().campaign).await?;
+        Ok(Response::new(resumed.into()))
     }
 
     async fn cancel_campaign(&self, request: Request<v1::CancelCampaignRequest>) -> Answer<v1::Campaign> {
-        self.change(&request.get_ref().campaign, Change::Cancel).await
+        let cancelled = self.campaigns.cancel(&request.get_ref().campaign).await?;
+        Ok(Response::new(cancelled.into()))
     }
 
     async fn adopt_checkpoint(&self, request: Request<v1::AdoptCheckpointRequest>) -> Answer<v1::Campaign> {
@@ -128,14 +126,17 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         Ok(Response::new(refined.into()))
     }
 
+    type ListGenerationsStream = Streamed<v1::ListGenerationsResponse>;
+
     async fn list_generations(
         &self,
         request: Request<v1::ListGenerationsRequest>,
-    ) -> Answer<v1::ListGenerationsResponse> {
+    ) -> Answer<Self::ListGenerationsStream> {
         let id = self.record(&request.get_ref().campaign).await?.id;
         let generations = self.read(move |store| store.generations(&id)).await?;
-        let generations = generations.into_iter().map(Into::into).collect();
-        Ok(Response::new(v1::ListGenerationsResponse { generations }))
+        let generations = generations.into_iter().map(v1::GenerationSummary::from);
+        let part = |generations| v1::ListGenerationsResponse { generations };
+        Ok(in_parts(parts(generations, part)))
     }
 
     type GetArchiveStream = Streamed<v1::ArchiveChunk>;
@@ -144,7 +145,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let v1::GetArchiveRequest { campaign, images } = request.into_inner();
         let record = self.record(&campaign).await?;
         let chunk = if images {
-            (CHUNK_BYTES / record.spec.image().pixels()).clamp(1, 1000)
+            (PART_BYTES / record.spec.image().pixels()).clamp(1, 1000)
         } else {
             1000
         } as u64;
@@ -183,7 +184,12 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         }))
     }
 
-    async fn get_taxonomy(&self, request: Request<v1::GetTaxonomyRequest>) -> Answer<v1::Taxonomy> {
+    type GetTaxonomyStream = Streamed<v1::Taxonomy>;
+
+    async fn get_taxonomy(
+        &self,
+        request: Request<v1::GetTaxonomyRequest>,
+    ) -> Answer<Self::GetTaxonomyStream> {
         let record = self.record(&request.get_ref().campaign).await?;
         let said = format!(
             "campaign {} has no taxonomy yet: it is {}",
@@ -193,9 +199,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let taxonomy = self
             .read(move |store| Taxonomy::read(store, &record.id, &record.spec))
             .await?;
-        Ok(Response::new(
-            taxonomy.ok_or_else(|| Status::failed_precondition(said))?.into(),
-        ))
+        let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(said))?;
+        Ok(in_parts(taxonomy.into_parts()))
     }
 
     async fn get_individual(&self, request: Request<v1::GetIndividualRequest>) -> Answer<v1::Individual> {
@@ -207,7 +212,9 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         Ok(Response::new(found.into()))
     }
 
-    async fn get_replay(&self, request: Request<v1::GetReplayRequest>) -> Answer<v1::Replay> {
+    type GetReplayStream = Streamed<v1::Replay>;
+
+    async fn get_replay(&self, request: Request<v1::GetReplayRequest>) -> Answer<Self::GetReplayStream> {
         let v1::GetReplayRequest {
             campaign,
             index,
@@ -215,11 +222,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         } = request.into_inner();
         let record = self.record(&campaign).await?;
         let world = *record.spec.world();
-        let poses = (u64::from(world.horizon()) / u64::from(stride.max(1)) + 2) * u64::from(world.agents());
-        if stride == 0 || poses > MAX_POSES {
-            let least = u64::from(world.horizon()) * u64::from(world.agents()) / MAX_POSES + 1;
-            return Err(Invalid::new("stride", stride, format!("{least} or more for this world")).into());
-        }
+        let frames = Frames::new(0, stride, &world)?;
         let id = record.id.clone();
         let found = self
             .read(move |store| store.individual(&id, record.spec.model(), index))
@@ -230,8 +233,8 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             controller: found.controller,
             world,
             seed: found.seed,
-            stride,
+            frames,
         };
-        Ok(Response::new(self.dispatch.replay(job).await?.into()))
+        Ok(in_parts(self.dispatch.replay(job).await?.into_parts()))
     }
 }

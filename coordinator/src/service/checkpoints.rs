@@ -1,12 +1,14 @@
 //! The service for checkpoints: trainers publish, workers fetch, people look.
 
-use super::Streamed;
+use super::{Streamed, in_parts};
 use crate::{
     checkpoints::{CheckpointError, Checkpoints},
     store::CheckpointRecord,
 };
 use bytes::{Bytes, BytesMut};
-use murmuration_proto::{CheckpointDigest, Invalid, Lineage, PART_BYTES, onnx::MAX_MODEL_BYTES, v1};
+use murmuration_proto::{
+    CheckpointDigest, Invalid, Lineage, PART_BYTES, onnx::MAX_MODEL_BYTES, parts::parts, v1,
+};
 use tonic::{Request, Response, Status, Streaming};
 
 /// Implements `murmuration.v1.CheckpointService`.
@@ -18,10 +20,12 @@ pub struct CheckpointApi {
 
 #[tonic::async_trait]
 impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
+    type ListCheckpointsStream = Streamed<v1::ListCheckpointsResponse>;
+
     async fn list_checkpoints(
         &self,
         _: Request<v1::ListCheckpointsRequest>,
-    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
+    ) -> Result<Response<Self::ListCheckpointsStream>, Status> {
         let checkpoints = self
             .checkpoints
             .list()
@@ -30,9 +34,9 @@ impl v1::checkpoint_service_server::CheckpointService for CheckpointApi {
             .map(|record| v1::Checkpoint {
                 labelled: Vec::new(),
                 ..record.into()
-            })
-            .collect();
-        Ok(Response::new(v1::ListCheckpointsResponse { checkpoints }))
+            });
+        let part = |checkpoints| v1::ListCheckpointsResponse { checkpoints };
+        Ok(in_parts(parts(checkpoints, part)))
     }
 
     async fn get_checkpoint(

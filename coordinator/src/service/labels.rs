@@ -2,6 +2,7 @@
 
 mod messages;
 
+use super::{Streamed, in_parts};
 use crate::{
     campaign::blocking,
     labels::{Agreement, Annotator, Change, Entry, Labels, RequestId},
@@ -9,7 +10,7 @@ use crate::{
     store::{LabelError, Store, StoreError},
     synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::{Invalid, parts::parts, v1};
 use std::{
     sync::Arc,
     time::{Instant, SystemTime, UNIX_EPOCH},
@@ -68,10 +69,12 @@ impl LabelApi {
 
 #[tonic::async_trait]
 impl v1::label_service_server::LabelService for LabelApi {
+    type AppendLabelsStream = Streamed<v1::AppendLabelsResponse>;
+
     async fn append_labels(
         &self,
         request: Request<v1::AppendLabelsRequest>,
-    ) -> Answered<v1::AppendLabelsResponse> {
+    ) -> Answered<Self::AppendLabelsStream> {
         let v1::AppendLabelsRequest {
             campaign,
             request_id,
@@ -90,15 +93,15 @@ impl v1::label_service_server::LabelService for LabelApi {
             })
             .collect::<std::result::Result<_, _>>()?;
         let entries = self.add(campaign, request_id.parse()?, changes).await?;
-        Ok(Response::new(v1::AppendLabelsResponse {
-            entries: entries.into_iter().map(Into::into).collect(),
-        }))
+        Ok(in_parts(messages::appended(entries)))
     }
+
+    type AppendSyntheticLabelsStream = Streamed<v1::AppendLabelsResponse>;
 
     async fn append_synthetic_labels(
         &self,
         request: Request<v1::AppendSyntheticLabelsRequest>,
-    ) -> Answered<v1::AppendLabelsResponse> {
+    ) -> Answered<Self::AppendSyntheticLabelsStream> {
         let message = request.into_inner();
         let (strategy, count) = (message.strategy().try_into()?, message.count as usize);
         let request: RequestId = message.request_id.parse()?;
@@ -116,17 +119,19 @@ impl v1::label_service_server::LabelService for LabelApi {
             .await?;
         let entries = if before.is_empty() {
             let done = Arc::default();
-            let answers = self.annotator.answers(&record, strategy, count, done).await?;
+            let interrupt = self.queries.interrupt();
+            let answers = self.annotator.answers(&record, strategy, count, done, interrupt);
+            let answers = answers.await?;
             self.add(record.id.to_string(), request, answers).await?
         } else {
             before
         };
-        Ok(Response::new(v1::AppendLabelsResponse {
-            entries: entries.into_iter().map(Into::into).collect(),
-        }))
+        Ok(in_parts(messages::appended(entries)))
     }
 
-    async fn undo_labels(&self, request: Request<v1::UndoLabelsRequest>) -> Answered<v1::UndoLabelsResponse> {
+    type UndoLabelsStream = Streamed<v1::UndoLabelsResponse>;
+
+    async fn undo_labels(&self, request: Request<v1::UndoLabelsRequest>) -> Answered<Self::UndoLabelsStream> {
         let v1::UndoLabelsRequest {
             campaign,
             request_id,
@@ -139,30 +144,31 @@ impl v1::label_service_server::LabelService for LabelApi {
                 store.undo_labels(&id, &request, &annotator, now_ms())
             })
             .await?;
-        Ok(Response::new(messages::undone(undone)))
+        Ok(in_parts(messages::undone(undone)))
     }
 
-    async fn list_labels(&self, request: Request<v1::ListLabelsRequest>) -> Answered<v1::ListLabelsResponse> {
+    type ListLabelsStream = Streamed<v1::ListLabelsResponse>;
+
+    async fn list_labels(&self, request: Request<v1::ListLabelsRequest>) -> Answered<Self::ListLabelsStream> {
         let labels = self.labels(request.into_inner().campaign).await?;
-        Ok(Response::new(v1::ListLabelsResponse {
-            labels: labels.standing().map(Into::into).collect(),
-            digest: labels.digest().to_string(),
-        }))
+        Ok(in_parts(messages::listed(&labels)))
     }
+
+    type ListLabelEntriesStream = Streamed<v1::ListLabelEntriesResponse>;
 
     async fn list_label_entries(
         &self,
         request: Request<v1::ListLabelEntriesRequest>,
-    ) -> Answered<v1::ListLabelEntriesResponse> {
+    ) -> Answered<Self::ListLabelEntriesStream> {
         let campaign = request.into_inner().campaign;
         let log = self
             .with(move |store| -> std::result::Result<_, StoreError> {
                 store.label_log(&store.campaign(&campaign)?.id)
             })
             .await?;
-        Ok(Response::new(v1::ListLabelEntriesResponse {
-            entries: log.into_iter().map(Into::into).collect(),
-        }))
+        let entries = log.into_iter().map(v1::LabelEntry::from);
+        let part = |entries| v1::ListLabelEntriesResponse { entries };
+        Ok(in_parts(parts(entries, part)))
     }
 
     async fn list_classes(
@@ -206,7 +212,12 @@ impl v1::label_service_server::LabelService for LabelApi {
         Ok(Response::new(asked.into()))
     }
 
-    async fn get_agreement(&self, request: Request<v1::GetAgreementRequest>) -> Answered<v1::Agreement> {
+    type GetAgreementStream = Streamed<v1::Agreement>;
+
+    async fn get_agreement(
+        &self,
+        request: Request<v1::GetAgreementRequest>,
+    ) -> Answered<Self::GetAgreementStream> {
         let v1::GetAgreementRequest {
             campaign,
             first,
@@ -221,9 +232,28 @@ impl v1::label_service_server::LabelService for LabelApi {
         };
         let (first, second) = (annotator("first", first)?, annotator("second", second)?);
         let labels = self.labels(campaign).await?;
+        for annotator in [&first, &second] {
+            if !labels.annotators().any(|known| known == annotator) {
+                return Err(unknown(annotator, &labels));
+            }
+        }
         let agreement = Agreement::between(&labels.by(&first), &labels.by(&second));
-        Ok(Response::new(agreement.into()))
+        Ok(in_parts(messages::agreed(agreement)))
     }
+}
+
+/// Nobody of that name has answered.
+fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
+    let known: Vec<&str> = labels.annotators().map(Annotator::as_str).collect();
+    Status::not_found(match known.as_slice() {
+        [] => format!(
+            "no annotator \"{annotator}\" has labelled anything in this campaign, and nobody else has"
+        ),
+        known => format!(
+            "no annotator \"{annotator}\" has labelled anything in this campaign; those who have: {}",
+            known.join(", ")
+        ),
+    })
 }
 
 fn now_ms() -> u64 {

@@ -6,7 +6,7 @@ use crate::{
     store::{ArchivedIndividual, GenerationRecord, Notice, StoreError},
     taxonomy::{Medoid, Taxonomy},
 };
-use murmuration_proto::{CheckpointDigest, v1};
+use murmuration_proto::{CheckpointDigest, PART_BYTES, Text, parts::parts, v1};
 use tonic::Status;
 
 impl From<CampaignStatus> for v1::Campaign {
@@ -44,7 +44,17 @@ impl From<CampaignStatus> for v1::Campaign {
             notices: status
                 .notices
                 .into_iter()
-                .map(|Notice { time_ms, text }| v1::Notice { time_ms, text })
+                .map(
+                    |Notice {
+                         number,
+                         time_ms,
+                         text,
+                     }| v1::Notice {
+                        time_ms,
+                        text,
+                        number,
+                    },
+                )
                 .collect(),
             waiting: status.waiting.unwrap_or_default(),
         }
@@ -83,23 +93,41 @@ impl From<Medoid> for v1::Medoid {
             individual: Some(medoid.individual.into()),
             cluster_size: medoid.cluster_size,
             mean_distance: medoid.mean_distance,
+            novelty: medoid.novelty,
         }
     }
 }
 
-impl From<Taxonomy> for v1::Taxonomy {
-    fn from(taxonomy: Taxonomy) -> Self {
-        Self {
-            medoids: taxonomy.medoids.into_iter().map(Into::into).collect(),
-            clusters: taxonomy.clusters,
-            loss: taxonomy.loss,
-        }
+impl Taxonomy {
+    /// The messages that carry it, part by part.
+    pub(super) fn into_parts(self) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
+        // At most five bytes each on the wire.
+        const CLUSTERS: usize = PART_BYTES / 5;
+        let loss = v1::Taxonomy {
+            loss: self.loss,
+            ..v1::Taxonomy::default()
+        };
+        let medoids = self.medoids.into_iter().map(v1::Medoid::from);
+        let medoids = parts(medoids, |medoids| v1::Taxonomy {
+            medoids,
+            ..v1::Taxonomy::default()
+        });
+        let clusters = self.clusters;
+        let clusters = (0..clusters.len()).step_by(CLUSTERS).map(move |begin| {
+            let end = clusters.len().min(begin + CLUSTERS);
+            v1::Taxonomy {
+                clusters: clusters[begin..end].to_vec(),
+                ..v1::Taxonomy::default()
+            }
+        });
+        std::iter::once(loss).chain(medoids).chain(clusters)
     }
 }
 
 impl From<StoreError> for Status {
     fn from(error: StoreError) -> Self {
-        let said = error.to_string();
+        // It repeats what was asked for, which may be of any length.
+        let said = Text::line(&error.to_string());
         match error {
             StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
                 Self::not_found(said)
@@ -108,9 +136,10 @@ impl From<StoreError> for Status {
                 Self::resource_exhausted(said)
             }
             StoreError::Damaged { .. } => Self::data_loss(said),
-            StoreError::InUse { .. } | StoreError::NoDirectory(_) | StoreError::Newer { .. } => {
-                Self::failed_precondition(said)
-            }
+            StoreError::InUse { .. }
+            | StoreError::NoDirectory(_)
+            | StoreError::Newer { .. }
+            | StoreError::Superseded(_) => Self::failed_precondition(said),
             StoreError::File { .. } | StoreError::Sqlite { .. } => Self::internal(said),
         }
     }
@@ -143,6 +172,7 @@ impl From<CampaignError> for Status {
             | CampaignError::Untrainable { .. }
             | CampaignError::Tainted { .. }
             | CampaignError::Propose(_) => Self::failed_precondition(error.to_string()),
+            CampaignError::Interrupted(_) => Self::unavailable(error.to_string()),
             CampaignError::Misfit(_) | CampaignError::Broken => Self::internal(error.to_string()),
         }
     }

@@ -5,6 +5,7 @@ mod checkpoints;
 mod labels;
 mod messages;
 mod seats;
+mod snapshots;
 mod training;
 mod work;
 
@@ -18,7 +19,14 @@ pub use work::WorkerApi;
 
 use std::pin::Pin;
 use tokio_stream::Stream;
-use tonic::Status;
+use tonic::{Response, Status};
 
 /// A server's stream of messages.
 type Streamed<T> = Pin<Box<dyn Stream<Item = Result<T, Status>> + Send>>;
+
+/// An answer in these parts.
+fn in_parts<T: Send + 'static>(
+    parts: impl IntoIterator<Item = T, IntoIter: Send + 'static>,
+) -> Response<Streamed<T>> {
+    Response::new(Box::pin(tokio_stream::iter(parts.into_iter().map(Ok))))
+}

@@ -1,12 +1,16 @@
 //! The service for trainers: their streams, and what their tasks need.
 
-use super::{Streamed, work::serve};
+use super::{
+    Streamed,
+    work::{CheckVersion, serve},
+};
 use crate::{
     campaign::blocking,
     dispatch::Trainers,
+    metrics::Party,
     store::{CampaignRecord, Store, StoreError, TrainingPictures},
 };
-use murmuration_proto::{PART_BYTES, TRAINER_VERSION, v1};
+use murmuration_proto::{PART_BYTES, TRAINER_VERSION, Text, v1};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
@@ -28,7 +32,8 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::TrainStream>, Status> {
-        serve(self.trainers.dispatch(), request.into_inner(), check_trainer).await
+        let party = (Party::Trainer, check_trainer as CheckVersion);
+        serve(self.trainers.dispatch(), request, party).await
     }
 
     type FetchTrainingStream = Streamed<v1::TrainingPart>;
@@ -58,8 +63,8 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     Err(Status::failed_precondition(format!(
         "this coordinator needs trainers of version {TRAINER_VERSION}, trainer \"{}\" has version {}: run the \
          murmuration-trainer that came with the coordinator",
-        hello.name.escape_debug(),
-        hello.trainer_version.escape_debug(),
+        hello.name,
+        Text::line(&hello.trainer_version),
     )))
 }
 

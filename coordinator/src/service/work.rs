@@ -1,11 +1,13 @@
 //! The streams of workers and trainers: one each, validated and handed to a dispatcher.
 
+use super::snapshots::Snapshots;
 use crate::{
+    access::origin,
     dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, WorkerReport},
-    leases::{Instance, LeaseNumber, WorkerId},
-    store::SavedTraining,
+    leases::{LeaseNumber, WorkerId},
+    metrics::Party,
 };
-use murmuration_proto::{Invalid, SIMULATOR_VERSION, v1};
+use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
@@ -14,12 +16,9 @@ use tracing::Instrument as _;
 
 /// Time that a new connection has to say Hello.
 const HELLO_LIMIT: Duration = Duration::from_secs(5);
-const MAX_NAME_BYTES: usize = 128;
+const MAX_NAME_CHARS: usize = 128;
 const MAX_CAPACITY: u32 = 4096;
 const MAX_CREDITS: u32 = 65_536;
-/// Largest training that is put aside: the weights of the largest network, the optimiser's two moments of each, and the
-/// best weights.
-const MAX_SNAPSHOT_BYTES: usize = 300 << 20;
 
 /// Implements `murmuration.v1.WorkerService`.
 #[derive(Debug, Clone)]
@@ -36,7 +35,8 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::WorkStream>, Status> {
-        serve(&self.dispatch, request.into_inner(), check_simulator).await
+        let party = (Party::Worker, check_simulator as CheckVersion);
+        serve(&self.dispatch, request, party).await
     }
 }
 
@@ -46,14 +46,18 @@ pub(super) type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
 /// Welcomes whoever is at the other end, and passes on what it says for as long as its stream lasts.
 pub(super) async fn serve(
     dispatch: &Dispatch,
-    mut inbox: Streaming<v1::WorkerMessage>,
-    check: CheckVersion,
+    request: Request<Streaming<v1::WorkerMessage>>,
+    (party, check): (Party, CheckVersion),
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
+    let from = origin(request.extensions());
+    let from = from.ok_or_else(|| Status::internal("this connection has no address"))?;
+    let mut inbox = request.into_inner();
     let hello = hello(&mut inbox, check).await?;
     let (outbox, stream) = mpsc::channel(OUTBOX);
     let newcomer = Newcomer {
         name: hello.name,
-        instance: (hello.instance != 0).then_some(Instance(hello.instance)),
+        origin: from,
+        instance: (hello.instance != 0).then_some(hello.instance),
         kind: hello.embedding_kind.into(),
         capacity: hello.capacity as usize,
         outbox: outbox.clone(),
@@ -61,7 +65,7 @@ pub(super) async fn serve(
     let worker = dispatch.join(newcomer).await?;
     let dispatch = dispatch.clone();
     let stream_ends = async move {
-        if let Err(status) = pass_on(&dispatch, worker, &mut inbox).await {
+        if let Err(status) = pass_on(&dispatch, (worker, party), &mut inbox).await {
             tracing::debug!(?worker, %status, "worker stream broke");
             // The worker may be gone already.
             let _ = outbox.try_send(Err(status));
@@ -76,7 +80,7 @@ impl From<NotWelcome> for Status {
     fn from(reason: NotWelcome) -> Self {
         match reason {
             NotWelcome::ShuttingDown => Self::unavailable(reason.to_string()),
-            NotWelcome::Quarantined => Self::failed_precondition(reason.to_string()),
+            NotWelcome::Quarantined(_) => Self::failed_precondition(reason.to_string()),
         }
     }
 }
@@ -88,11 +92,9 @@ async fn hello(inbox: &mut Streaming<v1::WorkerMessage>, check: CheckVersion) ->
     let Some(v1::worker_message::Message::Hello(hello)) = first.and_then(|first| first.message) else {
         return Err(Status::failed_precondition("the first message must be Hello"));
     };
+    let name = text::name("hello.name", &hello.name, MAX_NAME_CHARS)?;
+    let hello = v1::Hello { name, ..hello };
     check(&hello)?;
-    if hello.name.len() > MAX_NAME_BYTES {
-        let value = format!("{} bytes", hello.name.len());
-        return Err(Invalid::new("hello.name", value, format!("at most {MAX_NAME_BYTES} bytes")).into());
-    }
     if !(1..=MAX_CAPACITY).contains(&hello.capacity) {
         return Err(Invalid::new(
             "hello.capacity",
@@ -111,55 +113,42 @@ fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
     Err(Status::failed_precondition(format!(
         "this coordinator needs workers with simulator version {SIMULATOR_VERSION}, worker \"{}\" has version {}: run \
          the murmuration-worker that came with the coordinator",
-        hello.name.escape_debug(),
-        hello.simulator_version.escape_debug(),
+        hello.name,
+        Text::line(&hello.simulator_version),
     )))
 }
 
-/// Passes on what the worker says until its stream ends.
+/// Passes on what a worker or trainer says until its stream ends.
 async fn pass_on(
     dispatch: &Dispatch,
-    worker: WorkerId,
+    (worker, party): (WorkerId, Party),
     inbox: &mut Streaming<v1::WorkerMessage>,
 ) -> Result<(), Status> {
-    let mut snapshot = Vec::new();
+    use v1::worker_message::Message;
+    let mut snapshots = Snapshots::of(dispatch.clone(), worker);
     while let Some(message) = inbox.next().await {
-        dispatch.report(worker, report(message?, &mut snapshot)?).await;
+        let report = match (message?.message, party) {
+            (Some(Message::Snapshot(_) | Message::Training(_)), Party::Worker) => {
+                let allowed = "one of a worker's: only trainers put trainings aside and report on them";
+                return Err(Invalid::new("message", "about a training", allowed).into());
+            }
+            (Some(Message::Snapshot(part)), Party::Trainer) => snapshots.add(part).await?,
+            (message, _) => report(message)?,
+        };
+        dispatch.report(worker, report).await;
     }
     Ok(())
 }
 
-/// Adds a part of a snapshot: the whole, if it was the last, else a sign of life.
-fn saved(whole: &mut Vec<u8>, part: v1::TrainingSnapshot) -> Result<WorkerReport, Invalid> {
-    if whole.len() + part.data.len() > MAX_SNAPSHOT_BYTES {
-        let allowed = format!("at most {MAX_SNAPSHOT_BYTES} bytes");
-        return Err(Invalid::new("snapshot", "more", allowed));
-    }
-    whole.extend_from_slice(&part.data);
-    if !part.last {
-        return Ok(WorkerReport::Heartbeat);
-    }
-    let (epoch, lease) = lease_id(part.lease, "snapshot.lease")?;
-    let training = SavedTraining {
-        epoch: part.epoch,
-        bytes: std::mem::take(whole),
-    };
-    Ok(WorkerReport::Saved {
-        epoch,
-        lease,
-        training,
-    })
-}
-
-fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
+pub(super) fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
     let lease = lease.ok_or_else(|| Invalid::new(field, "nothing", "a lease id"))?;
     Ok((lease.epoch, LeaseNumber(lease.number)))
 }
 
-/// What a message says; parts of a snapshot gather in `snapshot`.
-fn report(message: v1::WorkerMessage, snapshot: &mut Vec<u8>) -> Result<WorkerReport, Invalid> {
+/// What a message says that is no part of a snapshot.
+fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, Invalid> {
     use v1::worker_message::Message;
-    match message.message {
+    match message {
         Some(Message::Credits(credits)) if (1..=MAX_CREDITS).contains(&credits.evaluations) => {
             Ok(WorkerReport::Credits(credits.evaluations as usize))
         }
@@ -176,7 +165,7 @@ fn report(message: v1::WorkerMessage, snapshot: &mut Vec<u8>) -> Result<WorkerRe
             Ok(WorkerReport::Result {
                 epoch,
                 lease,
-                outcome,
+                outcome: cleaned(outcome),
             })
         }
         Some(Message::Training(report)) => {
@@ -187,11 +176,23 @@ fn report(message: v1::WorkerMessage, snapshot: &mut Vec<u8>) -> Result<WorkerRe
                 progress: finite(report.progress.unwrap_or_default()),
             })
         }
-        Some(Message::Snapshot(part)) => saved(snapshot, part),
         Some(Message::Heartbeat(_)) => Ok(WorkerReport::Heartbeat),
         Some(Message::Drain(_)) => Ok(WorkerReport::Drain),
         Some(Message::Hello(_)) => Err(Invalid::new("message", "a second Hello", "anything else")),
-        None => Err(Invalid::new("message", "nothing", "one of WorkerMessage's kinds")),
+        Some(Message::Snapshot(_)) | None => {
+            Err(Invalid::new("message", "nothing", "one of WorkerMessage's kinds"))
+        }
+    }
+}
+
+/// A failure's words are stored, logged and shown to people.
+fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
+    match outcome {
+        v1::batch_result::Outcome::Failure(failure) => v1::batch_result::Outcome::Failure(v1::Failure {
+            message: Text::line(&failure.message).into(),
+            ..failure
+        }),
+        outcome => outcome,
     }
 }
 

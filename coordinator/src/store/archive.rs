@@ -3,7 +3,7 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
-    provenance::{Work, add_provenance},
+    provenance::{Work, add_provenance, suspects},
 };
 use crate::{
     campaign::{CampaignId, CampaignState},
@@ -28,7 +28,7 @@ pub struct ArchivedIndividual {
     pub features: Features,
     /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
     pub embedding: Vec<f32>,
-    /// Mean distance to its nearest neighbours in the archive as it stood after its generation.
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
     pub novelty: f64,
     /// Grey values, index x * resolution + y.
     pub image: Option<Vec<u8>>,
@@ -69,6 +69,17 @@ pub struct StoredTaxonomy {
     pub clusters: Vec<u32>,
     /// Sum of the distances to the nearest medoids.
     pub loss: f64,
+    /// What was measured of each cluster when the taxonomy was made; empty where an older version made it.
+    pub measures: Vec<ClusterMeasures>,
+}
+
+/// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClusterMeasures {
+    /// Mean distance of its members, the medoid included, to the medoid.
+    pub mean_distance: f64,
+    /// Mean distance of the medoid to its nearest neighbours in the whole archive.
+    pub novelty: f64,
 }
 
 impl From<StoredTaxonomy> for Clustering {
@@ -246,11 +257,17 @@ impl Store {
         })
     }
 
-    /// Stores the taxonomy and completes the campaign, in one transaction.
+    /// Stores the taxonomy, with what was measured of its clusters, and completes the campaign, in one transaction; whether it
+    /// did: not while something of the campaign rests on the word of workers that were found wrong.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn complete(&self, campaign: &CampaignId, taxonomy: &Clustering) -> Result<(), StoreError> {
+    pub fn complete(
+        &self,
+        campaign: &CampaignId,
+        taxonomy: &Clustering,
+        measures: &[ClusterMeasures],
+    ) -> Result<bool, StoreError> {
         let medoids: Vec<u8> = taxonomy
             .medoids
             .iter()
@@ -261,17 +278,26 @@ impl Store {
             .iter()
             .flat_map(|place| place.to_le_bytes())
             .collect();
+        let measures: Vec<f64> = measures
+            .iter()
+            .flat_map(|cluster| [cluster.mean_distance, cluster.novelty])
+            .collect();
+        let measures = floats_to_blob(&measures);
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
+            if !suspects(transaction, number)?.is_empty() {
+                return Ok(false);
+            }
             transaction.execute(
-                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss) VALUES (?1, ?2, ?3, ?4)",
-                params![number, medoids, clusters, taxonomy.loss],
+                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss, measures)
+                 VALUES (?1, ?2, ?3, ?4, ?5)",
+                params![number, medoids, clusters, taxonomy.loss, measures],
             )?;
             transaction.execute(
                 "UPDATE campaigns SET state = ?2, error = '' WHERE number = ?1",
                 params![number, CampaignState::Completed.name()],
             )?;
-            Ok(())
+            Ok(true)
         })
     }
 
@@ -282,30 +308,30 @@ impl Store {
     pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let found: Option<(Vec<u8>, Vec<u8>, f64)> = connection
-                .query_row(
-                    "SELECT medoids, clusters, loss FROM taxonomies WHERE campaign = ?1",
-                    [number],
-                    |row| Ok((row.get(0)?, row.get(1)?, row.get(2)?)),
-                )
-                .optional()?;
-            Ok(found.map(|(medoids, clusters, loss)| StoredTaxonomy {
-                medoids: medoids
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .map(|bytes| u64::from_le_bytes(*bytes))
-                    .collect(),
-                clusters: clusters
-                    .as_chunks()
-                    .0
-                    .iter()
-                    .map(|bytes| u32::from_le_bytes(*bytes))
-                    .collect(),
-                loss,
-            }))
+            let query = "SELECT medoids, clusters, loss, measures FROM taxonomies WHERE campaign = ?1";
+            Ok(connection
+                .query_row(query, [number], stored_taxonomy)
+                .optional()?)
         })
     }
+}
+
+fn stored_taxonomy(row: &Row<'_>) -> rusqlite::Result<StoredTaxonomy> {
+    let blob = |column| row.get::<_, Vec<u8>>(column);
+    let measures = blob_to_floats(&blob(3)?);
+    let measured = |&[mean_distance, novelty]: &[f64; 2]| ClusterMeasures {
+        mean_distance,
+        novelty,
+    };
+    let (medoids, clusters) = (blob(0)?, blob(1)?);
+    let medoids = medoids.as_chunks().0.iter();
+    let clusters = clusters.as_chunks().0.iter();
+    Ok(StoredTaxonomy {
+        medoids: medoids.map(|bytes| u64::from_le_bytes(*bytes)).collect(),
+        clusters: clusters.map(|bytes| u32::from_le_bytes(*bytes)).collect(),
+        loss: row.get(2)?,
+        measures: measures.as_chunks().0.iter().map(measured).collect(),
+    })
 }
 
 fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividual, StoreError> {

@@ -3,7 +3,7 @@
 use super::{Store, StoreError, checkpoints::checkpoint_number};
 use crate::campaign::{CampaignId, CampaignState, Stage, Weight};
 use murmuration_proto::{
-    CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION,
+    CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION, Text,
 };
 use rusqlite::{Connection, OptionalExtension as _, Row, params};
 use std::fmt;
@@ -23,8 +23,10 @@ pub struct CampaignRecord {
     pub error: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// When something of it was last taken back, milliseconds since 1970-01-01 UTC; 0 if never.
-    pub taken_back_ms: u64,
+    /// How many times something of it was taken back.
+    pub taken_back: u64,
+    /// How many decisions have been made about it since it was created.
+    pub decisions: u64,
     /// Version of the simulator that its evaluations come from.
     pub simulator_version: String,
     /// Complete generations on disk.
@@ -52,18 +54,32 @@ pub struct CampaignRecord {
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
-/// As text, for scripts to compare: `since_ms`, and the digest of the checkpoint if there is one.
+/// As text, for scripts to compare: its [`Edition::origin`], and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Edition {
-    /// When the campaign was created, or something of it was last taken back, milliseconds since 1970-01-01 UTC.
-    pub since_ms: u64,
+    /// When the campaign was created, milliseconds since 1970-01-01 UTC: it tells apart campaigns of one id in different data
+    /// directories.
+    pub created_ms: u64,
+    /// How many times something of it was taken back: counted, for a clock may be set back.
+    pub taken_back: u64,
     /// The checkpoint whose embeddings it holds.
     pub checkpoint: Option<CheckpointDigest>,
 }
 
+impl Edition {
+    /// What tells its individuals from those of any other campaign of this id, and from those that were taken back.
+    #[must_use]
+    pub fn origin(&self) -> String {
+        match self.taken_back {
+            0 => self.created_ms.to_string(),
+            count => format!("{}.{count}", self.created_ms),
+        }
+    }
+}
+
 impl fmt::Display for Edition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.since_ms)?;
+        f.write_str(&self.origin())?;
         match self.checkpoint {
             Some(checkpoint) => write!(f, "-{checkpoint}"),
             None => Ok(()),
@@ -76,7 +92,8 @@ impl CampaignRecord {
     #[must_use]
     pub fn edition(&self) -> Edition {
         Edition {
-            since_ms: self.created_ms.max(self.taken_back_ms),
+            created_ms: self.created_ms,
+            taken_back: self.taken_back,
             checkpoint: self.checkpoint,
         }
     }
@@ -127,15 +144,16 @@ impl CampaignRecord {
 
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version,
-           (SELECT count(*) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty,
+           (SELECT coalesce(max(generation) + 1, 0) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty,
            (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint),
            (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint),
            (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
             WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
-           c.rounds, c.lesson, c.weight, c.taken_back_ms, c.learned,
+           c.rounds, c.lesson, c.weight, c.taken_back, c.learned,
            (SELECT count(*) FROM committee m WHERE m.campaign = c.number),
-           (SELECT count(*) FROM committee m WHERE m.campaign = c.number AND m.rounds = c.rounds)
+           (SELECT count(*) FROM committee m WHERE m.campaign = c.number AND m.rounds = c.rounds),
+           c.decisions
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -256,10 +274,11 @@ struct Columns {
     rounds_done: u32,
     lesson: Option<i64>,
     weight: u32,
-    taken_back_ms: i64,
+    taken_back: i64,
     learned: Option<i64>,
     members: u32,
     members_ready: u32,
+    decisions: i64,
 }
 
 fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
@@ -280,10 +299,11 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         rounds_done: row.get(13)?,
         lesson: row.get(14)?,
         weight: row.get(15)?,
-        taken_back_ms: row.get(16)?,
+        taken_back: row.get(16)?,
         learned: row.get(17)?,
         members: row.get(18)?,
         members_ready: row.get(19)?,
+        decisions: row.get(20)?,
     })
 }
 
@@ -303,9 +323,11 @@ impl TryFrom<Columns> for CampaignRecord {
             spec,
             weight: Weight::try_from(columns.weight).map_err(|error| damaged(error.to_string()))?,
             state,
-            error: columns.error,
+            // Earlier versions stored the words of workers as they came.
+            error: Text::line(&columns.error).into(),
             created_ms: columns.created_ms.unsigned_abs(),
-            taken_back_ms: columns.taken_back_ms.unsigned_abs(),
+            taken_back: columns.taken_back.unsigned_abs(),
+            decisions: columns.decisions.unsigned_abs(),
             simulator_version: columns.simulator_version,
             generations_done: columns.generations_done,
             last_novelty: columns.best_novelty.zip(columns.mean_novelty),

@@ -47,6 +47,7 @@ impl DataDirectory {
             let path = path.to_path_buf();
             move |source| StoreError::File { doing, path, source }
         };
+        super::find(path)?;
         fs::create_dir_all(path).map_err(failed("create the data directory", path))?;
         let lock_path = path.join(Self::LOCK);
         let lock = fs::File::options()
@@ -105,7 +106,7 @@ impl DataDirectory {
     /// # Errors
     /// As `hold`, and [`StoreError::NoDirectory`].
     pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
-        if path.join(super::Store::FILE).exists() {
+        if super::find(&path.join(super::Store::FILE))? {
             Self::hold(path)
         } else {
             Err(StoreError::NoDirectory(path.to_path_buf()))

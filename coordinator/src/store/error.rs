@@ -2,6 +2,7 @@
 //!
 //! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
+use crate::campaign::CampaignId;
 use rusqlite::{ErrorCode, ffi};
 use std::{
     io,
@@ -100,6 +101,9 @@ pub enum StoreError {
         /// Individuals in the archive.
         len: u64,
     },
+    /// A run of a campaign is over, and may not change it any more.
+    #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
+    Superseded(CampaignId),
     /// Anything else that SQLite reports.
     #[error("{path}: {source}")]
     Sqlite {

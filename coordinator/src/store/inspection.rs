@@ -2,6 +2,7 @@
 
 use super::{Store, StoreError, campaigns::number_of, labels, open};
 use crate::{campaign::CampaignId, labels::Labels};
+use murmuration_proto::counted;
 use rusqlite::{Connection, OpenFlags, params};
 use std::path::Path;
 
@@ -43,7 +44,8 @@ impl Store {
             )?;
             let rows = statement.query_map([], |row| {
                 let (table, parent, count): (String, String, i64) = (row.get(0)?, row.get(1)?, row.get(2)?);
-                Ok(format!("{count} rows of {table} belong to {parent} that are not there"))
+                let rows = counted(count.unsigned_abs(), "row");
+                Ok(format!("{table}: {rows} that belong to {parent} which are not there"))
             })?;
             Ok(rows.collect::<Result<_, _>>()?)
         })
@@ -89,11 +91,7 @@ impl Store {
         let named = |source| StoreError::from_sqlite(source, path);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
         let mut copy = Connection::open_with_flags(path, flags).map_err(named)?;
-        let connection = self
-            .connection
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
-        open::copy_whole(&connection, &mut copy).map_err(named)?;
+        self.read(|connection| open::copy_whole(connection, &mut copy).map_err(named))?;
         copy.close().map_err(|(_, source)| named(source))
     }
 }

@@ -16,12 +16,14 @@ mod lessons;
 mod open;
 mod pictures;
 mod provenance;
+mod readers;
 mod rounds;
+mod runs;
 mod salvage;
 mod schema;
 mod taken_back;
 
-pub use archive::{ArchivedIndividual, GenerationRecord, StoredTaxonomy};
+pub use archive::{ArchivedIndividual, ClusterMeasures, GenerationRecord, StoredTaxonomy};
 pub use campaigns::{CampaignRecord, Edition};
 pub use checkpoints::CheckpointRecord;
 pub use data_directory::{DataDirectory, Holder};
@@ -30,10 +32,13 @@ pub use error::StoreError;
 pub use labels::{LabelError, Undone};
 pub use lessons::{FurtherStart, LessonPicture, LessonPictures};
 pub use pictures::{Picture, SavedTraining};
-pub use provenance::{Notice, Provenance, Suspects};
+pub use provenance::{Notice, Provenance, Suspect, Suspects};
 pub use rounds::TrainingPictures;
+pub use runs::{Decision, DecisionError, RunId};
 pub use salvage::Remains;
 
+use crate::files::is_there;
+use readers::Readers;
 use rusqlite::{Connection, Transaction};
 use std::{
     path::Path,
@@ -43,10 +48,12 @@ use std::{
     },
 };
 
-/// The open store; clones share one connection.
+/// The open store; clones share its connections.
 #[derive(Debug, Clone)]
 pub struct Store {
-    /// One connection: SQLite has one writer, and every statement here is short.
+    /// Those that read, where there is one that writes; dropped before it, which empties the log as the last to be closed.
+    readers: Option<Arc<Readers>>,
+    /// The one that writes, as SQLite has one writer; or the only one, of a store that is looked at.
     connection: Arc<Mutex<Connection>>,
     path: Arc<Path>,
     /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
@@ -54,6 +61,8 @@ pub struct Store {
     in_doubt: Arc<AtomicBool>,
     /// What the label logs come to.
     followed: Arc<labels::Followed>,
+    /// The run that this handle is for, which alone may write through it.
+    run: Option<Arc<RunId>>,
 }
 
 impl Store {
@@ -67,11 +76,15 @@ impl Store {
     /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
     pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
         let path = directory.path().join(Self::FILE);
-        if !path.exists() {
+        if !find(&path)? {
             open::create(directory.path())?;
         }
         let connection = open::to_write(&path)?;
-        Ok(Self::over(connection, &path))
+        let readers = Arc::new(Readers::open(&path)?);
+        Ok(Self {
+            readers: Some(readers),
+            ..Self::over(connection, &path)
+        })
     }
 
     /// Opens the database in `folder` to look at it, and says which version its schema is of; nothing can be changed through
@@ -81,7 +94,7 @@ impl Store {
     /// As [`Store::open`], and [`StoreError::NoDirectory`].
     pub fn look(folder: &Path, alone: bool) -> Result<(Self, u32), StoreError> {
         let path = folder.join(Self::FILE);
-        if !path.exists() {
+        if !find(&path)? {
             return Err(StoreError::NoDirectory(folder.to_path_buf()));
         }
         let (connection, version) = open::to_look(&path, alone)?;
@@ -90,10 +103,12 @@ impl Store {
 
     fn over(connection: Connection, path: &Path) -> Self {
         Self {
+            readers: None,
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
             in_doubt: Arc::default(),
             followed: Arc::default(),
+            run: None,
         }
     }
 
@@ -110,27 +125,50 @@ impl Store {
         })
     }
 
-    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`.
+    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`. Through the handle of a run it is
+    /// refused once that is over.
     fn write<T>(
         &self,
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
         if self.in_doubt.load(Ordering::Relaxed) {
+            // Whoever reads what the log holds keeps it from being emptied.
+            let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
             open::settle(&connection, &self.path)?;
             self.in_doubt.store(false, Ordering::Relaxed);
         }
-        let changed = changed(&mut connection, change).map_err(|error| error.at(&self.path));
+        let changed = changed(&mut connection, |transaction| {
+            self.check_run(transaction)?;
+            change(transaction)
+        });
+        let changed = changed.map_err(|error| error.at(&self.path));
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
             self.in_doubt.store(true, Ordering::Relaxed);
+        }
+        if changed.is_ok() && open::has_long_log(&self.path) {
+            let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
+            // The change is on disk all the same.
+            if let Err(error) = open::shorten_log(&connection) {
+                tracing::warn!(%error, "the log of the database could not be written into it");
+                self.in_doubt.store(true, Ordering::Relaxed);
+            }
         }
         changed
     }
 
     fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {
-        let connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
-        query(&connection).map_err(|error| error.at(&self.path))
+        let read = match &self.readers {
+            Some(readers) => readers.read(query),
+            None => query(&self.connection.lock().unwrap_or_else(PoisonError::into_inner)),
+        };
+        read.map_err(|error| error.at(&self.path))
     }
+}
+
+/// Whether there is something at `path`; an error where that cannot be known.
+fn find(path: &Path) -> Result<bool, StoreError> {
+    is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
 }
 
 fn changed<T>(

@@ -8,19 +8,27 @@ use rusqlite::{
 };
 use std::{
     fs::{self, File},
+    io,
     path::{Path, PathBuf},
 };
+use tempfile::TempPath;
 
 /// Up to how many bytes a database's structure is checked whenever it is opened: half a second where it is in memory.
 const CHECKED_BYTES: u64 = 1 << 30;
+
+/// Bytes of a log that is long: readers that overlap can keep SQLite from beginning it anew.
+pub(super) const LONG_LOG: u64 = if cfg!(test) { 1 << 20 } else { 64 << 20 };
 
 /// Makes an empty database of the newest schema in `folder`. It appears under its name once it is on disk, so that an
 /// empty file of that name is never taken for a new one.
 pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     let path = folder.join(format!("{}.new", Store::FILE));
     for begun in [path.clone(), with_suffix(&path, "-journal")] {
-        if begun.exists() {
-            fs::remove_file(&begun).map_err(|error| StoreError::from_io(error, "remove", &begun))?;
+        match fs::remove_file(&begun) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                return Err(StoreError::from_io(error, "remove", &begun));
+            }
+            _ => {}
         }
     }
     let named = |source| StoreError::from_sqlite(source, &path);
@@ -29,7 +37,11 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     connection.close().map_err(|(_, source)| named(source))?;
     let placed = File::open(&path)
         .and_then(|file| file.sync_all())
-        .and_then(|()| fs::rename(&path, folder.join(Store::FILE)))
+        .and_then(|()| {
+            // Never in the place of another, whatever has happened since nothing was found there.
+            let placed = TempPath::try_from_path(&path)?.persist_noclobber(folder.join(Store::FILE));
+            placed.map_err(|refused| refused.error)
+        })
         .and_then(|()| File::open(folder)?.sync_all());
     placed.map_err(|error| StoreError::from_io(error, "write", &path))
 }
@@ -46,9 +58,16 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
             "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;
              PRAGMA busy_timeout = 5000;",
         )
+        .and_then(|()| connection.pragma_update(None, "journal_size_limit", LONG_LOG.cast_signed()))
         .map_err(named)?;
     schema::migrate(&mut connection, version).map_err(named)?;
     Ok(connection)
+}
+
+/// A connection that reads a database which another connection of this process writes.
+pub(super) fn to_read(path: &Path) -> Result<Connection, StoreError> {
+    let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+    Connection::open_with_flags(path, flags).map_err(|source| StoreError::from_sqlite(source, path))
 }
 
 /// A connection through which nothing changes, and the version of the schema that was found. `alone` says that nobody else
@@ -56,7 +75,12 @@ pub(super) fn to_write(path: &Path) -> Result<Connection, StoreError> {
 pub(super) fn to_look(path: &Path, alone: bool) -> Result<(Connection, u32), StoreError> {
     let named = |source| StoreError::from_sqlite(source, path);
     let log = with_suffix(path, "-wal");
-    let unchanging = alone && !log.metadata().is_ok_and(|log| log.len() > 0);
+    let log_bytes = match log.metadata() {
+        Ok(log) => log.len(),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => 0,
+        Err(error) => return Err(StoreError::from_io(error, "read", &log)),
+    };
+    let unchanging = alone && log_bytes == 0;
     let flags =
         OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX | OpenFlags::SQLITE_OPEN_URI;
     let connection = if unchanging {
@@ -93,6 +117,18 @@ pub(super) fn settle(connection: &Connection, path: &Path) -> Result<(), StoreEr
             reason: "another process reads the database: its log cannot be emptied".to_owned(),
         }),
     }
+}
+
+/// Whether the log beside the database is long.
+pub(super) fn has_long_log(path: &Path) -> bool {
+    let log = with_suffix(path, "-wal");
+    log.metadata().is_ok_and(|log| log.len() > LONG_LOG)
+}
+
+/// Writes what the log holds into the database, as far as other processes that read allow it, so that the next change
+/// begins the log anew.
+pub(super) fn shorten_log(connection: &Connection) -> rusqlite::Result<()> {
+    connection.query_row("PRAGMA wal_checkpoint(PASSIVE)", [], |_| Ok(()))
 }
 
 /// Copies every page as it stands at one instant, whoever else writes.

@@ -137,7 +137,7 @@ impl Store {
     }
 }
 
-fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> Result<(), StoreError> {
+pub(super) fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> Result<(), StoreError> {
     transaction.execute(
         "UPDATE campaigns SET lesson = ?2, state = ?3, error = '' WHERE number = ?1",
         params![

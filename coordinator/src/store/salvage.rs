@@ -20,7 +20,7 @@ pub struct Remains {
 }
 
 impl Store {
-    /// Takes over the descriptions of all checkpoints of another store, as far as they can be read, and the workers that
+    /// Takes over the descriptions of all checkpoints of another store, as far as they can be read, and the machines that
     /// it mistrusts; how many checkpoints.
     ///
     /// # Errors
@@ -28,7 +28,7 @@ impl Store {
     pub fn take_checkpoints(&self, from: &Self) -> Result<u64, StoreError> {
         from.read(|source| {
             self.write(|target| {
-                copy(source, target, "quarantined", "ORDER BY instance", [])?;
+                copy(source, target, "quarantined", "ORDER BY machine", [])?;
                 copy(source, target, "checkpoints", "ORDER BY number", [])
             })
         })

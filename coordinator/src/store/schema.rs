@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Each entry takes the schema from its index to the next version. Entries are never edited once released.
-const MIGRATIONS: [&str; 9] = [
+const MIGRATIONS: [&str; 12] = [
     "
     CREATE TABLE campaigns (
         number INTEGER PRIMARY KEY,
@@ -152,6 +152,20 @@ const MIGRATIONS: [&str; 9] = [
         PRIMARY KEY (campaign, member)
     ) STRICT, WITHOUT ROWID;
 ",
+    "
+    ALTER TABLE taxonomies ADD COLUMN measures BLOB NOT NULL DEFAULT x'';
+",
+    "
+    ALTER TABLE campaigns ADD COLUMN decisions INTEGER NOT NULL DEFAULT 0;
+    ALTER TABLE campaigns ADD COLUMN taken_back INTEGER NOT NULL DEFAULT 0;
+    UPDATE campaigns SET taken_back = 1 WHERE taken_back_ms > 0;
+    ALTER TABLE campaigns DROP COLUMN taken_back_ms;
+",
+    "
+    ALTER TABLE quarantined RENAME COLUMN instance TO machine;
+    ALTER TABLE quarantined ADD COLUMN lifted_ms INTEGER;
+    ALTER TABLE provenance ADD COLUMN kinds BLOB NOT NULL DEFAULT x'';
+",
 ];
 
 /// The newest schema version.
@@ -228,6 +242,7 @@ mod tests {
             let check = |store: &Store| {
                 let record = store.campaign("old-1").unwrap();
                 assert_eq!((record.created_ms, record.rounds_done), (5, 0));
+                assert_eq!((record.decisions, record.taken_back), (0, 0));
                 let kept = store.individual(&record.id, record.spec.model(), 0).unwrap();
                 assert_eq!((kept.seed, kept.controller.genes()), (7, [0.5; 4].as_slice()));
             };

@@ -84,10 +84,8 @@ impl Store {
     ) -> Result<(), StoreError> {
         let taken = self.add_to_log(campaign, |transaction, number, labels| {
             change(transaction, number, labels)?;
-            let edition = "UPDATE campaigns SET taken_back_ms = ?2 WHERE number = ?1";
-            transaction
-                .execute(edition, params![number, now_ms()])
-                .map_err(StoreError::from)?;
+            let edition = "UPDATE campaigns SET taken_back = taken_back + 1 WHERE number = ?1";
+            transaction.execute(edition, [number]).map_err(StoreError::from)?;
             Ok(())
         });
         taken.map_err(|error| match error {
@@ -170,7 +168,8 @@ fn forget(transaction: &Transaction<'_>, number: i64, work: Work, first: u64) ->
         params![number, work.name(), clamped(first)],
     )?;
     transaction.execute(
-        "UPDATE provenance SET workers = substr(workers, 1, 8 * (?3 - place))
+        "UPDATE provenance SET workers = substr(workers, 1, 8 * (?3 - place)),
+             kinds = substr(kinds, 1, 8 * (?3 - place))
          WHERE campaign = ?1 AND work = ?2 AND place + length(workers) / 8 > ?3",
         params![number, work.name(), clamped(first)],
     )?;

@@ -3,11 +3,13 @@
 use super::*;
 use crate::{
     campaign::{CampaignId, CampaignState, Weight},
-    dispatch::Quarantined,
-    leases::Instance,
+    dispatch::{Maker, Quarantined},
+    leases::MachineId,
     medoids::Clustering,
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Lineage};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Lineage,
+};
 use std::fs;
 
 const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
@@ -49,6 +51,31 @@ fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreEr
         &[individual(first), individual(first + 1)],
         &Provenance::default(),
     )
+}
+
+#[test]
+fn words_that_were_stored_as_they_came_are_cleaned_when_they_are_read() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    let hostile = format!("a\u{1b}[2J\u{202e}{}", "x".repeat(1 << 20));
+    let provenance = Provenance {
+        notices: vec![hostile.clone()],
+        ..Provenance::default()
+    };
+    let record = GenerationRecord::of(0, &[0.0], 0);
+    store
+        .commit_generation(&id, &record, &[individual(0), individual(1)], &provenance)
+        .unwrap();
+    store.set_state(&id, CampaignState::Failed, &hostile).unwrap();
+    let error = store.campaigns().unwrap().remove(0).error;
+    let notice = store.notices(&id).unwrap().remove(0).text;
+    for words in [error, notice] {
+        assert!(
+            words.starts_with("a[2Jxxx") && words.len() < 3000,
+            "{} bytes",
+            words.len()
+        );
+    }
 }
 
 #[test]
@@ -100,11 +127,16 @@ fn a_taxonomy_completes_its_campaign() {
         clusters: vec![1, 0],
         loss: 0.5,
     };
-    store.complete(&id, &clustering).unwrap();
+    let measures = [(0.25, 4.0), (0.0, 3.5)].map(|(mean_distance, novelty)| ClusterMeasures {
+        mean_distance,
+        novelty,
+    });
+    store.complete(&id, &clustering, &measures).unwrap();
     let stored = StoredTaxonomy {
         medoids: vec![1, 0],
         clusters: vec![1, 0],
         loss: 0.5,
+        measures: measures.into(),
     };
     assert_eq!(store.taxonomy(&id).unwrap(), Some(stored));
     assert_eq!(
@@ -171,6 +203,46 @@ fn a_file_that_is_no_database_is_named() {
 }
 
 #[test]
+fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(Store::FILE);
+    let volume = folder.path().join("volume");
+    // A link to a volume that is not mounted, and one that the system cannot follow at all.
+    for (target, said) in [
+        (volume.join(Store::FILE), "is not there: mount its volume"),
+        (path.clone(), "oo many"),
+    ] {
+        symlink(&target, &path).unwrap();
+        let opened = Store::open(&DataDirectory::hold(folder.path()).unwrap()).map(drop);
+        let held = DataDirectory::hold_existing(folder.path()).map(drop);
+        let looked = Store::look(folder.path(), true).map(drop);
+        for error in [opened, held, looked].map(Result::unwrap_err) {
+            let error = error.to_string();
+            assert!(
+                error.contains(said) && error.contains(&target.display().to_string()),
+                "{error}"
+            );
+        }
+        assert_eq!(fs::read_link(&path).unwrap(), target);
+        assert!(!volume.exists());
+        fs::remove_file(&path).unwrap();
+    }
+}
+
+#[test]
+fn a_new_database_takes_the_place_of_no_other() {
+    let (folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    // As if it had not been found.
+    let error = open::create(folder.path()).unwrap_err().to_string();
+    assert!(error.contains(Store::FILE), "{error}");
+    drop(store);
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    assert_eq!(store.campaign("latest").unwrap().id, id);
+}
+
+#[test]
 fn a_full_disk_is_called_that_and_loses_nothing() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
@@ -179,12 +251,12 @@ fn a_full_disk_is_called_that_and_loses_nothing() {
         .read(|c| Ok(c.pragma_query_value(None, "page_count", |row| row.get(0))?))
         .unwrap();
     store
-        .read(|c| Ok(c.pragma_update(None, "max_page_count", pages)?))
+        .write(|c| Ok(c.pragma_update(None, "max_page_count", pages)?))
         .unwrap();
     assert!(matches!(commit(&store, &id, 1), Err(StoreError::DiskFull { .. })));
     assert_eq!(store.archive_len(&id).unwrap(), 2);
     store
-        .read(|c| Ok(c.pragma_update(None, "max_page_count", pages + 100)?))
+        .write(|c| Ok(c.pragma_update(None, "max_page_count", pages + 100)?))
         .unwrap();
     commit(&store, &id, 1).unwrap();
     assert_eq!(store.archive_len(&id).unwrap(), 4);
@@ -246,7 +318,7 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
         clusters: vec![0, 0],
         loss: 1.0,
     };
-    store.complete(&id, &clustering).unwrap();
+    store.complete(&id, &clustering, &[]).unwrap();
 
     store.move_to(&id, second).unwrap();
     store
@@ -284,7 +356,13 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
     let (_folder, store, id, [_, second]) = embedded();
     store.move_to(&id, second).unwrap();
     let by_7 = Provenance {
-        unaudited: vec![Some(Instance(7)); 2],
+        makers: vec![
+            Maker {
+                kind: EmbeddingKind::UNKNOWN,
+                unaudited: Some(MachineId(7)),
+            };
+            2
+        ],
         notices: Vec::new(),
     };
     let wrong = [vec![7.0], vec![8.0]];
@@ -303,11 +381,15 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
         .commit_generation(&id, &generation, &[later], &Provenance::default())
         .unwrap();
     let worker = Quarantined {
-        instance: Instance(7),
+        machine: MachineId(7),
         name: "wrong".to_owned(),
     };
     store.quarantine(&[worker]).unwrap();
-    assert_eq!(store.suspects(&id).unwrap().embeddings, [0, 1]);
+    let suspect = store.suspects(&id).unwrap().embeddings;
+    assert_eq!(
+        suspect.iter().map(|suspect| suspect.place).collect::<Vec<_>>(),
+        [0, 1]
+    );
     assert_eq!(store.embedded_when_moved(&id).unwrap(), 2);
 
     store.embed_again(&id, 2, "a worker was wrong").unwrap();

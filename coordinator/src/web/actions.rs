@@ -1,7 +1,7 @@
 //! What people ask for with a button.
 
 use super::{Web, wrong::Wrong};
-use crate::campaign::{Change, Weight};
+use crate::campaign::Weight;
 use axum::{
     Form,
     extract::{Path, State},
@@ -67,21 +67,19 @@ pub(super) async fn start(
     Ok(page_of(created.record.id.as_str()))
 }
 
-pub(super) async fn pause(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
-    change(web, id, Change::Pause).await
+pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let paused = web.campaigns.pause(&id).await?;
+    Ok(page_of(paused.record.id.as_str()))
 }
 
-pub(super) async fn resume(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
-    change(web, id, Change::Resume).await
+pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let resumed = web.campaigns.resume(&id).await?;
+    Ok(page_of(resumed.record.id.as_str()))
 }
 
-pub(super) async fn cancel(web: State<Web>, id: Path<String>) -> Result<Redirect, Wrong> {
-    change(web, id, Change::Cancel).await
-}
-
-async fn change(State(web): State<Web>, Path(id): Path<String>, change: Change) -> Result<Redirect, Wrong> {
-    let changed = web.campaigns.change(&id, change).await?;
-    Ok(page_of(changed.record.id.as_str()))
+pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let cancelled = web.campaigns.cancel(&id).await?;
+    Ok(page_of(cancelled.record.id.as_str()))
 }
 
 /// Learning begins; on the map it can be watched.

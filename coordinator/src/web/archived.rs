@@ -1,6 +1,6 @@
 //! What is archived never changes, so that a browser may keep it; but a campaign of another data directory may have the
 //! same id at the same address, and what a wrong worker did is taken back. An address that also says when its campaign was
-//! created, or last taken back, means one thing for ever.
+//! created, and how often something of it was taken back, means one thing for ever.
 
 use crate::store::CampaignRecord;
 use axum::http::{HeaderName, header::CACHE_CONTROL};
@@ -9,16 +9,19 @@ use serde::Deserialize;
 /// The part of an address that tells campaigns of one id apart.
 #[derive(Debug, Deserialize)]
 pub(super) struct Created {
-    /// Since when the campaign is of this edition, milliseconds since 1970-01-01 UTC; absent from addresses that people type.
-    created: Option<u64>,
+    /// The [`Edition::origin`] of what is meant; absent from addresses that people type.
+    ///
+    /// [`Edition::origin`]: crate::store::Edition::origin
+    created: Option<String>,
 }
 
 impl Created {
-    /// For how long a browser may keep what it was sent of this campaign.
+    /// For how long a browser, and nobody between it and here, may keep what it was sent of this campaign: who asks may
+    /// have had to show a token.
     pub(super) fn keep(&self, record: &CampaignRecord) -> (HeaderName, &'static str) {
-        let kept = match self.created == Some(record.edition().since_ms) {
-            true => "public, max-age=31536000, immutable",
-            false => "no-cache",
+        let kept = match self.created == Some(record.edition().origin()) {
+            true => "private, max-age=31536000, immutable",
+            false => "private, no-cache",
         };
         (CACHE_CONTROL, kept)
     }
@@ -26,6 +29,6 @@ impl Created {
 
 /// Where the picture of an individual is.
 pub(super) fn picture(record: &CampaignRecord, index: u64) -> String {
-    let (id, created) = (&record.id, record.edition().since_ms);
+    let (id, created) = (&record.id, record.edition().origin());
     format!("/campaigns/{id}/individuals/{index}?created={created}")
 }

@@ -11,10 +11,11 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// Name, kind and content of each.
-const ASSETS: [(&str, &str, &str); 17] = [
+const ASSETS: [(&str, &str, &str); 21] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
+    ("noscript.css", CSS, include_str!("assets/noscript.css")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),
     // What reports draw with too, as a module.
     (
@@ -25,8 +26,15 @@ const ASSETS: [(&str, &str, &str); 17] = [
             "export { Run, column, dotOf, drawSwarm, fit, stamp };\n"
         ),
     ),
+    (
+        "words.js",
+        SCRIPT,
+        concat!(include_str!("../picture/words.js"), "export { counted };\n"),
+    ),
     ("annotator.js", SCRIPT, include_str!("assets/annotator.js")),
     ("coordinator.js", SCRIPT, include_str!("assets/coordinator.js")),
+    ("events.js", SCRIPT, include_str!("assets/events.js")),
+    ("keys.js", SCRIPT, include_str!("assets/keys.js")),
     ("label.js", SCRIPT, include_str!("assets/label.js")),
     ("lasso.js", SCRIPT, include_str!("assets/lasso.js")),
     ("map.js", SCRIPT, include_str!("assets/map.js")),

@@ -26,13 +26,13 @@ pub(super) async fn one(
     let content = html! {
         div.wide-bar {
             h1 { "What does this swarm do?" }
-            p.counted { progress #share max="1" value="0" aria-label="Answered" {} span #count { "…" } }
+            p.counted.scripted { progress #share max="1" value="0" aria-label="Answered" {} span #count { "…" } }
         }
         (parts::who())
         div.desk {
-            section.watch aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
+            section.watch.scripted aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
             section.side aria-label="Your answer" {
-                div.seen {
+                div.seen.scripted {
                     img #picture width="150" height="150" alt="";
                     div aria-live="polite" { p #which { strong { "…" } } p #reason.reason {} }
                 }
@@ -41,7 +41,7 @@ pub(super) async fn one(
                 (parts::learn(&record))
             }
         }
-        details.settings {
+        details.settings.scripted {
             summary { "Settings and keys" }
             div.choices {
                 label { "Ask " select #strategy {
@@ -104,26 +104,26 @@ pub(super) async fn sheet(
     let content = html! {
         div.wide-bar {
             h1 { "Which of these differ?" }
-            div.choices {
+            div.choices.scripted {
                 button.plain #before type="button" { "Previous " kbd { "←" } }
                 label { "Cluster " select #cluster {} }
                 button.plain #after type="button" { "Next " kbd { "→" } }
             }
         }
         (parts::who())
-        p.lead {
+        p.lead.scripted {
             "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
             "rest. What differs stays for the next look. " span #so-far role="status" {} " "
             button.plain #fresh type="button" hidden { "Show them" }
         }
         div.desk.sheet-desk {
-            section.sheet aria-label="Members of the cluster" {
+            section.sheet.scripted aria-label="Members of the cluster" {
                 div #sheet {}
                 canvas #over aria-hidden="true" {}
                 p.empty hidden {}
             }
             section.side aria-label="Your answer" {
-                p #rest.reason { "…" }
+                p #rest.reason.scripted { "…" }
                 (parts::palette(false))
                 (parts::status_line())
                 (parts::learn(&record))

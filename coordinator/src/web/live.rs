@@ -4,14 +4,15 @@ use super::{Web, pages, wrong::Wrong};
 use crate::{
     campaign::{CampaignError, CampaignState, blocking},
     service::Seat,
+    store::{CampaignRecord, Edition},
 };
 use axum::{
     extract::{Path, State},
     response::sse::{Event, KeepAlive, Sse},
 };
 use serde_json::json;
-use std::{convert::Infallible, time::Duration};
-use tokio::sync::mpsc;
+use std::{convert::Infallible, sync::Arc, time::Duration};
+use tokio::sync::{Mutex, mpsc};
 use tokio_stream::wrappers::ReceiverStream;
 
 /// Least time between two messages to one page.
@@ -25,24 +26,40 @@ pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, Wrong> {
         let web = web.clone();
         async move { Ok(pages::table(&web.campaigns.list().await?).into_string()) }
     };
-    Ok(follow(seat, look, |table| async { Ok(table) }))
+    Ok(follow(seat, look))
 }
 
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
     let seat = seat(&web)?;
-    let (looking, looked_at) = (web.clone(), id.clone());
+    let shown = Arc::<Mutex<Option<Shown>>>::default();
     let look = move || {
-        let (web, id) = (looking.clone(), looked_at.clone());
-        async move { Ok(pages::figures(&web.campaigns.status(id.as_str()).await?).into_string()) }
-    };
-    Ok(follow(seat, look, move |_| {
-        let (web, id) = (web.clone(), id.clone());
+        let (web, id, shown) = (web.clone(), id.clone(), shown.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            Ok(pages::standing(&web, &status).await?.into_string())
+            let of = stands(&status.record);
+            let mut shown = shown.lock().await;
+            let taxonomy = match shown.take() {
+                Some((version, taxonomy)) if version == of => taxonomy,
+                _ => pages::taxonomy(&web, &status.record).await?.into_string(),
+            };
+            let part = format!("{}{taxonomy}", pages::figures(&status).into_string());
+            *shown = Some((of, taxonomy));
+            Ok(part)
         }
-    }))
+    };
+    Ok(follow(seat, look))
+}
+
+/// A taxonomy as a page shows it, and of which archive: it is read again when that is another.
+type Shown = (Stands, String);
+
+/// What archive there is, and whether it has a taxonomy.
+type Stands = (Edition, u64, bool);
+
+fn stands(record: &CampaignRecord) -> Stands {
+    let completed = record.state == CampaignState::Completed;
+    (record.edition(), record.individuals(), completed)
 }
 
 /// For scripts: which edition the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
@@ -57,17 +74,18 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let doing = status.active.then(|| pages::doing(&status));
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
+            let (edition, individuals, completed) = stands(&record);
             let seen = json!({
-                "edition": record.edition().to_string(),
-                "individuals": record.individuals(),
-                "completed": record.state == CampaignState::Completed,
+                "edition": edition.to_string(),
+                "individuals": individuals,
+                "completed": completed,
                 "labels": entries,
                 "doing": doing,
             });
             Ok(seen.to_string())
         }
     };
-    Ok(follow(seat, look, |seen| async { Ok(seen) }))
+    Ok(follow(seat, look))
 }
 
 fn seat(web: &Web) -> Result<Seat, Wrong> {
@@ -75,13 +93,12 @@ fn seat(web: &Web) -> Result<Seat, Wrong> {
     seat.map_err(|status| Wrong::Busy(status.message().to_owned()))
 }
 
-/// Sends what `draw` makes of what `look` sees, whenever that is not what it was before, for as long as somebody listens.
-fn follow<Look, Looked, Draw, Drawn>(seat: Seat, look: Look, draw: Draw) -> Events
+/// Sends what `look` sees, whenever that is not what it was before, for as long as somebody listens. It is called several
+/// times a second: what it reads must not grow with the archive.
+fn follow<Look, Looked>(seat: Seat, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, CampaignError>> + Send,
-    Draw: Fn(String) -> Drawn + Send + 'static,
-    Drawn: Future<Output = Result<String, CampaignError>> + Send,
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
@@ -90,8 +107,7 @@ where
         while let Ok(sight) = look().await {
             if seen.as_ref() != Some(&sight) {
                 seen = Some(sight.clone());
-                let Ok(part) = draw(sight).await else { return };
-                if events.send(Ok(Event::default().data(part))).await.is_err() {
+                if events.send(Ok(Event::default().data(sight))).await.is_err() {
                     return;
                 }
             }

@@ -1,12 +1,19 @@
 //! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
 
-use super::{pages::layout, visitor::Visitor, wrong::Wrong};
-use crate::access::{COOKIE, Door, LIFETIME, Refusal};
+use super::{
+    pages::layout,
+    visitor::Visitor,
+    wrong::{Wrong, status_of},
+};
+use crate::{
+    access::{Door, Refusal},
+    campaign::blocking,
+};
 use axum::{
     Extension, Form,
     extract::Query,
     http::{
-        HeaderMap, HeaderValue, StatusCode, Uri,
+        HeaderMap, StatusCode, Uri,
         header::{ACCEPT, CACHE_CONTROL, SET_COOKIE},
     },
     response::{IntoResponse, Redirect, Response},
@@ -64,7 +71,7 @@ pub(super) async fn page(
     let content = match whose {
         Some((name, role)) => html! {
             h1 { "Logged in" }
-            p.lead { "As " strong { (name) } ", with the role " strong { (role) } "." }
+            p.lead { "As " strong { (name.to_string()) } ", with the role " strong { (role) } "." }
             form method="post" action="/logout" { button { "Log out" } }
             p { a href="/" { "All campaigns" } }
         },
@@ -82,7 +89,11 @@ pub(super) async fn page(
 }
 
 /// Takes a token, if it is somebody's.
-pub(super) async fn log_in(Extension(door): Extension<Arc<Door>>, Form(given): Form<Given>) -> Response {
+pub(super) async fn log_in(
+    Extension(door): Extension<Arc<Door>>,
+    headers: HeaderMap,
+    Form(given): Form<Given>,
+) -> Response {
     let token = TokenDigest::of(given.token.trim());
     if door.access.whose(token).is_none() {
         let page = layout(
@@ -92,26 +103,38 @@ pub(super) async fn log_in(Extension(door): Extension<Arc<Door>>, Form(given): F
         );
         return (StatusCode::UNAUTHORIZED, page).into_response();
     }
-    let session = door.sessions.open(token, SystemTime::now());
-    set(&door, &session, LIFETIME.as_secs(), &given.to)
-}
-
-/// Has the browser forget.
-pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>) -> Response {
-    set(&door, "", 0, &Destination::default())
-}
-
-fn set(door: &Door, session: &str, seconds: u64, to: &Destination) -> Response {
-    let secure = if door.is_encrypted { "; Secure" } else { "" };
-    let cookie = format!("{COOKIE}={session}; Max-Age={seconds}; Path=/; HttpOnly; SameSite=Strict{secure}");
-    match HeaderValue::try_from(cookie) {
-        Ok(mut cookie) => {
-            cookie.set_sensitive(true);
-            ([(SET_COOKIE, cookie)], Redirect::to(&to.0)).into_response()
-        }
-        // Not with what a session is made of.
-        Err(_) => StatusCode::INTERNAL_SERVER_ERROR.into_response(),
+    let (sessions, is_encrypted) = (door.sessions.clone(), door.is_encrypted);
+    let opened = blocking(move || {
+        let jar = sessions.log_in(&headers, token, is_encrypted, SystemTime::now());
+        Ok::<_, Wrong>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
+    });
+    match opened.await {
+        Ok(Ok(answer)) => answer,
+        Ok(Err(wrong)) => wrong.into_response(),
+        Err(broken) => Wrong::from(broken).into_response(),
     }
+}
+
+/// Ends the session, and has the browser forget it and what it has kept of our pages.
+pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> Response {
+    let sessions = door.sessions.clone();
+    let forgotten = sessions.forget(&headers);
+    let ended = blocking(move || sessions.log_out(&headers)).await;
+    let answer = match ended {
+        Ok(Ok(())) => Redirect::to("/").into_response(),
+        Ok(Err(error)) => Wrong::from(error).into_response(),
+        Err(broken) => Wrong::from(broken).into_response(),
+    };
+    hidden((forgotten, [("clear-site-data", "\"cache\"")], answer).into_response())
+}
+
+/// The answer, whose cookies no log shows.
+fn hidden(mut answer: Response) -> Response {
+    let headers = answer.headers_mut().iter_mut();
+    headers
+        .filter(|(name, _)| *name == SET_COOKIE)
+        .for_each(|(_, cookie)| cookie.set_sensitive(true));
+    answer
 }
 
 fn form(to: &Destination, wrong: &str) -> Markup {
@@ -130,19 +153,15 @@ fn form(to: &Destination, wrong: &str) -> Markup {
 }
 
 /// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
-pub(super) fn turned_away(refusal: &Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    let status = match refusal {
-        Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
-        Refusal::Role { .. } | Refusal::WrongCertificate(_) => StatusCode::FORBIDDEN,
-        Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
-    };
+pub(super) fn turned_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+    let status = status_of(&refusal);
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
     match (accepts.is_some_and(|kinds| kinds.contains("text/html")), status) {
         (true, StatusCode::UNAUTHORIZED) => {
             let Destination(path) = uri.path().to_owned().into();
             Redirect::to(&format!("/login?to={path}")).into_response()
         }
-        (true, _) => Wrong::Refused(status, refusal.to_string()).into_response(),
+        (true, _) => Wrong::Refused(refusal).into_response(),
         (false, _) => (status, refusal.to_string()).into_response(),
     }
 }

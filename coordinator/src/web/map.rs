@@ -35,7 +35,7 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Map" }
-            div.choices {
+            div.choices.scripted {
                 label { "Places " select #projection {
                     option value="axes" { "principal axes" }
                     option value="neighbours" disabled { "t-SNE (not there yet)" }
@@ -49,7 +49,7 @@ pub(super) async fn page(
         }
         (parts::who())
         div.desk.map-desk {
-            div.sight {
+            div.sight.scripted {
                 section.plane aria-label="Behaviours" {
                     canvas #points aria-hidden="true" {}
                     canvas #over tabindex="0" role="application" aria-describedby="how"
@@ -65,8 +65,8 @@ pub(super) async fn page(
             }
             section.side aria-label="Selection" {
                 (parts::stage("Motion of the behaviour that was chosen"))
-                p #chosen.reason { "Click a behaviour to see its motion." }
-                p #selected.reason { "Draw around behaviours to label them." }
+                p #chosen.reason.scripted { "Click a behaviour to see its motion." }
+                p #selected.reason.scripted { "Draw around behaviours to label them." }
                 (parts::palette(false))
                 (parts::status_line())
                 (parts::learn(&record))

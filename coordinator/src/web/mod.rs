@@ -55,19 +55,18 @@ pub(crate) struct Web {
 
 /// The pages and what machines ask for beside the gRPC services, on one port, for whom its door lets in.
 pub(crate) fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>) -> Routes {
-    let pages = pages(web)
-        .layer(Extension(door.clone()))
-        .layer(middleware::from_fn_with_state(door.clone(), guard::guard));
+    let pages = pages(web).layer(Extension(door.clone()));
     let all = pages.merge(probes).merge(services.into_axum_router());
     all.fallback(nowhere)
-        .layer(middleware::from_fn_with_state(door, admit))
+        .layer(middleware::from_fn_with_state(door.clone(), admit))
+        .layer(middleware::from_fn_with_state(door, guard::protect))
         .layer(middleware::from_fn(requests::named))
         .into()
 }
 
 /// The answer to who may not come in, where a page was asked for.
-pub(crate) fn turn_away(refusal: &Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    guard::protected(login::turned_away(refusal, uri, headers))
+pub(crate) fn turn_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+    login::turned_away(refusal, uri, headers)
 }
 
 /// Every page, and what they are made of.

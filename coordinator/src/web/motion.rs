@@ -1,17 +1,15 @@
 //! The motion of an individual, for a script to draw.
 
 use super::{Web, archived::Created, refused::Refused};
-use crate::{
-    gather,
-    picture::{colours, columns},
-};
+use crate::picture::{colours, columns};
 use axum::{
     Json,
     extract::{Path, Query, State},
     response::IntoResponse,
 };
 use murmuration_proto::{
-    Replay,
+    Frames, Replay,
+    parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
 use serde_json::json;
@@ -33,11 +31,11 @@ pub(super) async fn motion(
     let request = v1::GetReplayRequest {
         campaign: record.id.to_string(),
         index,
-        stride: gather::stride(&world),
+        stride: Frames::to_watch(&world).stride().get(),
     };
     let replay = tokio::time::timeout(PATIENCE, web.archive.get_replay(Request::new(request)));
     let none = || Status::unavailable("no worker has simulated this yet");
-    let replay = replay.await.map_err(|_| none())??.into_inner();
+    let replay = whole(replay.await.map_err(|_| none())??.into_inner()).await?;
     let told = json!({
         "world": columns::world(&world),
         "colours": colours::AGENTS.map(colours::hex),

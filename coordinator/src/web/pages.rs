@@ -19,7 +19,7 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{DOCTYPE, Markup, html};
-use murmuration_proto::{EmbedderSource, Feedback};
+use murmuration_proto::{EmbedderSource, Feedback, counted, noun};
 
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
@@ -77,9 +77,35 @@ pub(super) fn campaign_page(
         }
         (visitor.account())
     };
-    let main =
-        html! { main #content data-campaign=(id) data-created=(record.edition().since_ms) { (content) } };
+    let main = html! {
+        main #content data-campaign=(id) data-created=(record.edition().origin()) {
+            noscript { p.scriptless { (without_scripts(record, part)) } }
+            (content)
+        }
+    };
     document(&title, links, &[script], main)
+}
+
+/// What a page says where no script runs.
+fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
+    let page = |path: &str, name: &str| html! { a href={ "/campaigns/" (record.id) (path) } { (name) } };
+    html! {
+        @match part {
+            Part::Progress => {
+                "This page shows how the campaign stood when it was loaded: without JavaScript it does not follow what "
+                "happens. Load it again for news; its buttons work."
+            },
+            Part::Taxonomy => {
+                "Without JavaScript the pictures do not move and cannot be named here. The report needs none for its pictures "
+                "and numbers."
+            },
+            Part::Label | Part::Sheet | Part::Map => {
+                "This page needs JavaScript, which this browser does not run here. Without it there are the "
+                (page("", "progress")) " of the campaign, its " (page("/taxonomy", "taxonomy")) " in pictures, and on the "
+                "command line " code { "murmuration label " (record.id) } ", which takes answers from a file."
+            },
+        }
+    }
 }
 
 fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Markup {
@@ -94,13 +120,14 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
+                noscript { link rel="stylesheet" href="/assets/noscript.css"; }
                 @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
             }
             body {
                 a.skip href="#content" { "Skip to the content" }
                 header { a.home href="/" { "Murmuration" } (links) }
+                p.stale-note role="status" hidden {}
                 (main)
-                p.stale-note role="status" { "The coordinator does not answer; this page goes on when it does." }
             }
         }
     }
@@ -115,6 +142,10 @@ pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Resul
         html! {
             h1 { "Campaigns" }
             p.lead { "Which collective behaviours can a swarm of such robots show? Each campaign is a search for them." }
+            noscript { p.scriptless {
+                "This list shows how the campaigns stood when it was loaded: without JavaScript it does not follow what happens. "
+                "Load it again for news."
+            } }
             section aria-label="Campaigns" data-live="/events" { (table(&listed)) }
             section aria-labelledby="start" {
                 h2 #start { "Start from an example" }
@@ -170,7 +201,10 @@ pub(super) async fn campaign(
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
-            section aria-label="How it stands" data-live={ "/campaigns/" (id) "/events" } { (standing(&web, &status).await?) }
+            section aria-label="How it stands" data-live={ "/campaigns/" (id) "/events" } {
+                (figures(&status))
+                (taxonomy(&web, &status.record).await?)
+            }
             section aria-labelledby="specification" {
                 h2 #specification { "Specification" }
                 details { summary { "Every field" } pre tabindex="0" { code { (status.record.spec.to_toml()) } } }
@@ -179,17 +213,14 @@ pub(super) async fn campaign(
     ))
 }
 
-/// The part of a campaign's page that changes: progress, what can be done, and the taxonomy once there is one.
-pub(super) async fn standing(web: &Web, status: &CampaignStatus) -> Result<Markup, CampaignError> {
-    let (store, record) = (web.store.clone(), status.record.clone());
-    let taxonomy = blocking(move || Taxonomy::read(&store, &record.id, &record.spec)).await??;
-    Ok(html! {
-        (figures(status))
-        @if let Some(taxonomy) = taxonomy { (behaviours(&status.record, &taxonomy)) }
-    })
+/// The taxonomy on a campaign's page; nothing before there is one.
+pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
+    let (store, of) = (web.store.clone(), record.clone());
+    let taxonomy = blocking(move || Taxonomy::read(&store, &of.id, &of.spec)).await??;
+    Ok(taxonomy.map_or_else(Markup::default, |taxonomy| behaviours(record, &taxonomy)))
 }
 
-/// Progress, figures of the moment, and what can be done.
+/// What of a campaign's page changes while it runs: progress, figures of the moment, and what can be done.
 pub(super) fn figures(status: &CampaignStatus) -> Markup {
     let id = status.record.id.as_str();
     html! {
@@ -225,7 +256,8 @@ fn capitalised(word: &str) -> String {
 
 /// How far a campaign has come, as a bar and in words.
 fn progress(status: &CampaignStatus) -> Markup {
-    let (done, total, unit) = amount(status);
+    let amount = amount(status);
+    let (done, total) = amount.map_or((0, 1), |(done, total, _)| (done, total.max(1)));
     let state = match status.record.state {
         CampaignState::Running if !status.active => "interrupted",
         CampaignState::Running if status.waiting.is_some() => "waiting",
@@ -234,16 +266,22 @@ fn progress(status: &CampaignStatus) -> Markup {
     };
     html! {
         div.progress {
-            progress value=(done) max=(total.max(1)) aria-label={ "Progress of " (status.record.id) } {}
-            span.figures { strong { (state) } " · " (done) " of " (total) " " (unit) }
+            progress value=(done) max=(total) aria-label={ "Progress of " (status.record.id) } {}
+            span.figures {
+                strong { (state) }
+                @if let Some((done, total, unit)) = amount { " · " (done) " of " (total) " " (noun(total, unit)) }
+            }
         }
     }
 }
 
 /// What is being done with a campaign at work, and how far.
 pub(super) fn doing(status: &CampaignStatus) -> String {
-    let (done, total, unit) = amount(status);
-    format!("Now {}: {done} of {total} {unit}.", stage(status.stage))
+    let stage = stage(status.stage);
+    match amount(status) {
+        Some((done, total, unit)) => format!("Now {stage}: {done} of {total} {}.", noun(total, unit)),
+        None => format!("Now {stage}."),
+    }
 }
 
 const fn stage(stage: Stage) -> &'static str {
@@ -259,8 +297,8 @@ const fn stage(stage: Stage) -> &'static str {
     }
 }
 
-/// What the stage has done and has to do, and of what.
-fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
+/// What the stage has done and has to do, and of what, in the singular; nothing before a trainer has said how much that is.
+fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
     let spec = &status.record.spec;
     let search = spec.search();
     let archived = status.record.individuals();
@@ -270,21 +308,21 @@ fn amount(status: &CampaignStatus) -> (u64, u64, &'static str) {
         (Stage::Dataset, Some(EmbedderSource::Trained { dataset, .. })) => (
             status.record.dataset_done() + arrived,
             dataset.pictures(),
-            "pictures",
+            "picture",
         ),
         (Stage::Pretrain | Stage::FineTune | Stage::Committee, _) => {
-            let training = status.training.unwrap_or_default();
-            (training.epoch, training.epochs, "epochs")
+            let training = status.training?;
+            (training.epoch, training.epochs, "epoch")
         }
-        (Stage::Embed, _) => (status.record.embedded + arrived, archived, "pictures"),
+        (Stage::Embed, _) => (status.record.embedded + arrived, archived, "picture"),
         (Stage::Label, _) => {
             let wanted = spec.feedback().map_or(0, Feedback::labels);
-            (arrived, wanted.into(), "labels")
+            (arrived, wanted.into(), "label")
         }
-        (Stage::Evolve, _) => (archived + arrived, evaluations, "evaluations"),
-        (Stage::Taxonomy | Stage::Dataset, _) => (archived, evaluations, "evaluations"),
+        (Stage::Evolve, _) => (archived + arrived, evaluations, "evaluation"),
+        (Stage::Taxonomy | Stage::Dataset, _) => (archived, evaluations, "evaluation"),
     };
-    (done.min(total), total, unit)
+    Some((done.min(total), total, unit))
 }
 
 /// Figures of the moment.
@@ -321,7 +359,7 @@ fn facts(status: &CampaignStatus) -> Markup {
 fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
     let all = taxonomy.clusters.len().max(1) as f64;
     html! {
-        h2 { (taxonomy.medoids.len()) " behaviours" }
+        h2 { (counted(taxonomy.medoids.len() as u64, "behaviour")) }
         p.lead {
             "One picture a cluster: the last steps of the swarm at its centre. "
             a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name them" }

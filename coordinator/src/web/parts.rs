@@ -6,8 +6,8 @@ use maud::{Markup, html};
 /// Where a motion is played, with what plays it.
 pub(super) fn stage(label: &str) -> Markup {
     html! {
-        div.player {
-            div.stage { canvas role="img" aria-label=(label) {} p.waiting hidden { "Simulating…" } }
+        div.player.scripted {
+            div.stage { canvas role="img" aria-label=(label) {} p.waiting hidden {} }
             div.transport {
                 button.toggle type="button" aria-label="Play" disabled {}
                 input.scrub type="range" min="0" max="1" value="0" aria-label="Step" disabled;
@@ -25,7 +25,7 @@ pub(super) fn stage(label: &str) -> Markup {
 /// Buttons for the classes, filled by a script, and other answers; `single` where one behaviour is asked about.
 pub(super) fn palette(single: bool) -> Markup {
     html! {
-        div.palette aria-label="Classes" role="group" {
+        div.palette.scripted aria-label="Classes" role="group" {
             div.classes {}
             form.naming.new {
                 label { span.unseen { "Class" }
@@ -41,6 +41,7 @@ pub(super) fn palette(single: bool) -> Markup {
                 }
                 button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
             }
+            p.reason.near role="status" hidden {}
             p.reason { "What fits no class is " strong { (RANDOM) } ": two of those need not be alike." }
         }
     }

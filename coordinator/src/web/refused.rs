@@ -23,6 +23,7 @@ impl Refused {
         match error {
             SpaceError::Store(error) => error.into(),
             SpaceError::Misfit(_) => Status::internal(error.to_string()).into(),
+            SpaceError::Interrupted(_) => Status::unavailable(error.to_string()).into(),
         }
     }
 }

@@ -12,7 +12,6 @@ use crate::{
     campaign::blocking,
     gather,
     labels::{ClassName, Labels},
-    limits::MAX_LABEL_MESSAGE,
     report,
     store::{CampaignRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
@@ -55,8 +54,10 @@ pub(super) async fn page(
             None => p.empty { "There is no taxonomy yet: it is made when the search has ended." },
             Some(taxonomy) => {
                 p.lead {
-                    "One card a behaviour, the most frequent first: the one in the middle of its cluster. Point at a picture "
-                    "to watch it. A name is a label: it teaches the embedding like any other answer."
+                    "One card a behaviour, the most frequent first: the one in the middle of its cluster. "
+                    span.scripted {
+                        "Point at a picture to watch it. A name is a label: it teaches the embedding like any other answer."
+                    }
                 }
                 (parts::who())
                 datalist #names { @for class in labels.classes() { option value=(class.name) {} } }
@@ -98,7 +99,7 @@ fn card(
             h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
             p.reason { (format!("{:.1} %", 100.0 * share)) " · " (medoid.cluster_size) " alike" }
             progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all behaviours" {}
-            form.naming data-index=(index) {
+            form.naming.scripted data-index=(index) {
                 label { span.unseen { "Name of behaviour " (number) }
                     input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
                         value=[names.get(&index)];
@@ -108,7 +109,7 @@ fn card(
             dl.figures {
                 div { dt { "Individual" } dd { (index) } }
                 div { dt { "Generation" } dd { (medoid.individual.generation) } }
-                div { dt { "Novelty" } dd { (format!("{:.4}", medoid.individual.novelty)) } }
+                div { dt { "Novelty" } dd { (format!("{:.4}", medoid.novelty)) } }
             }
             code { (medoid.individual.controller) }
         }
@@ -123,8 +124,7 @@ pub(super) async fn export(
     let id = web.campaigns.status(&id).await?.record.id;
     // The service of this process, without a network between.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
-    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels))
-        .max_decoding_message_size(MAX_LABEL_MESSAGE);
+    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels));
     let failed = |error: String| Status::internal(error);
     let gathered = async {
         let names = gather::names(&mut labels, id.as_str()).await?;

@@ -13,6 +13,7 @@ use axum::{
 };
 use murmuration_proto::{
     Strategy,
+    parts::whole,
     v1::{self, label_service_server::LabelService as _},
 };
 use serde::Deserialize;
@@ -109,7 +110,8 @@ pub(super) async fn undo(
         request_id: said.request_id,
         annotator: said.annotator,
     };
-    let undone = web.labels.undo_labels(Request::new(request)).await?.into_inner();
+    let undone = web.labels.undo_labels(Request::new(request)).await?;
+    let undone = whole(undone.into_inner()).await?;
     let answers = undone.undone.into_iter().filter_map(|label| label.answer);
     let individuals: Vec<u64> = answers.map(|answer| answer.index).collect();
     let Json(mut told) = classes(&web, campaign).await?;
@@ -151,7 +153,7 @@ async fn classes(web: &Web, campaign: String) -> Told {
         .await?
         .into_inner()
         .classes;
-    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "labels": class.labels });
+    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "labels": class.labels, "near": class.near });
     Ok(Json(
         json!({ "classes": classes.iter().map(class).collect::<Vec<_>>() }),
     ))
@@ -170,7 +172,10 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
         .iter()
         .filter_map(|(index, class)| Some((*index, *place.get(class)?)))
         .collect();
-    let class = |class: &crate::labels::Class| json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels });
+    let class = |class: &crate::labels::Class| {
+        let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
+        json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels, "near": near })
+    };
     Ok(Json(json!({
         "classes": classes.iter().map(class).collect::<Vec<_>>(),
         "individual": column(placed.iter().map(|(index, _)| (*index as u32).to_le_bytes())),

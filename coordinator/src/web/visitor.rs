@@ -36,7 +36,7 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
         let door = parts.extensions.get::<Arc<Door>>();
         let whose = door.and_then(|door| door.access.whose(door.logged_in(&parts.headers)?));
         Ok(Self {
-            name: whose.map(|(name, _)| name.to_owned()),
+            name: whose.map(|(name, _)| name.to_string()),
         })
     }
 }

@@ -1,7 +1,7 @@
 //! Why a page cannot be shown, as a page.
 
 use super::{pages::layout, visitor::Visitor};
-use crate::{campaign::CampaignError, picture::PictureError, store::StoreError};
+use crate::{access::Refusal, campaign::CampaignError, picture::PictureError, store::StoreError};
 use axum::{
     http::StatusCode,
     response::{IntoResponse, Response},
@@ -12,18 +12,12 @@ use murmuration_proto::Invalid;
 /// What is wrong with a request, or went wrong with it.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Wrong {
-    /// The request names another host.
-    #[error("this page is only served under the coordinator's own address")]
-    Host,
-    /// The request comes from another site's page.
-    #[error("only pages of this coordinator may ask for that")]
-    Origin,
     /// There is no page of that address.
     #[error("there is no such page")]
     NoPage,
     /// Whoever asks may not have it.
-    #[error("{1}")]
-    Refused(StatusCode, String),
+    #[error("{0}")]
+    Refused(Refusal),
     /// Too many want the same.
     #[error("{0}")]
     Busy(String),
@@ -41,9 +35,8 @@ pub(super) enum Wrong {
 impl Wrong {
     fn status(&self) -> StatusCode {
         match self {
-            Self::Host | Self::Origin => StatusCode::FORBIDDEN,
             Self::NoPage => StatusCode::NOT_FOUND,
-            Self::Refused(status, _) => *status,
+            Self::Refused(refusal) => status_of(refusal),
             Self::Busy(_) => StatusCode::SERVICE_UNAVAILABLE,
             Self::Input(_) => StatusCode::BAD_REQUEST,
             Self::Campaign(CampaignError::Store(
@@ -58,6 +51,19 @@ impl Wrong {
             Self::Campaign(error) if error.may_pass() => StatusCode::INSUFFICIENT_STORAGE,
             Self::Campaign(_) | Self::Picture(_) => StatusCode::INTERNAL_SERVER_ERROR,
         }
+    }
+}
+
+/// The status of an answer to who may not come in.
+pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
+    match refusal {
+        Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
+        Refusal::Role { .. } | Refusal::WrongCertificate(_) | Refusal::Host | Refusal::Origin => {
+            StatusCode::FORBIDDEN
+        }
+        Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
+        Refusal::Headers => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
+        Refusal::ContentType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
     }
 }
 
@@ -76,7 +82,7 @@ impl IntoResponse for Wrong {
                 h1 { "Not that way" }
                 p.lead { (self.to_string()) }
                 p { a href="/" { "All campaigns" } }
-                @if let Self::Refused(..) = self { p { a href="/login" { "Log in with another token" } } }
+                @if let Self::Refused(Refusal::Role { .. }) = self { p { a href="/login" { "Log in with another token" } } }
             },
         );
         (self.status(), page).into_response()

@@ -232,6 +232,13 @@ impl Architecture {
         self.side
     }
 
+    /// Number of weights, at most 16,777,216.
+    #[must_use]
+    pub fn weights(&self) -> usize {
+        let weights = |(layer, input, _)| parameters(layer, input);
+        self.shaped_layers().map(weights).sum()
+    }
+
     /// Length of the embedding that comes out.
     #[must_use]
     pub fn dimensions(&self) -> usize {

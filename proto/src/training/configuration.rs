@@ -155,6 +155,20 @@ impl Configuration {
     }
 }
 
+impl Configuration {
+    /// Most bytes of such a training on pictures of `side` x `side`, put aside: four numbers for each weight (the weight,
+    /// the optimiser's two moments, the best weight so far), a loss for each epoch, its configuration, and some figures.
+    ///
+    /// # Errors
+    /// Where its network does not fit such pictures.
+    pub fn saved_bytes(&self, side: usize) -> Result<usize, ArchitectureError> {
+        const FIGURES: usize = 64 << 10;
+        let weights = self.architecture(side)?.weights() * size_of::<[f32; 4]>();
+        let losses = self.recipe().epochs() as usize * size_of::<f64>();
+        Ok(weights + losses + self.to_toml().len() + FIGURES)
+    }
+}
+
 impl TryFrom<Settings> for Configuration {
     type Error = Invalid;
 

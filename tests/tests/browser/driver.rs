@@ -1,5 +1,6 @@
 //! Chromium without a screen, driven from outside.
 
+use murmuration_tests::requirements::chromium;
 use serde_json::{Value, json};
 use std::{
     fs,
@@ -27,19 +28,8 @@ pub struct Window {
 }
 
 impl Driver {
-    /// `None`, and a line that says so, where there is no browser.
-    pub fn start() -> Option<Self> {
-        let Some(binary) = ["chromium", "chromium-browser", "google-chrome"]
-            .into_iter()
-            .find_map(on_path)
-        else {
-            eprintln!("skipped: there is no Chromium here; scripts/browser fetches it");
-            return None;
-        };
-        let Some(driver) = on_path("chromedriver") else {
-            eprintln!("skipped: there is no chromedriver here; scripts/browser fetches it");
-            return None;
-        };
+    pub fn start() -> Self {
+        let (binary, driver) = chromium().expect("the harness asks first whether there is a browser");
         let mut process = Command::new(driver)
             .arg("--port=0")
             .stdout(Stdio::piped())
@@ -55,11 +45,11 @@ impl Driver {
                 port.trim_end_matches('.').parse::<u16>().ok()
             })
             .expect("chromedriver says where it listens");
-        Some(Self {
+        Self {
             process,
             url: format!("http://127.0.0.1:{port}"),
             binary,
-        })
+        }
     }
 
     /// A browser of its own, with nothing kept, at `url`.
@@ -91,14 +81,6 @@ impl Drop for Driver {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
-}
-
-fn on_path(name: &str) -> Option<String> {
-    let folders = std::env::var_os("PATH")?;
-    std::env::split_paths(&folders)
-        .map(|folder| folder.join(name))
-        .find(|path| path.is_file())
-        .map(|path| path.display().to_string())
 }
 
 impl Window {
@@ -142,6 +124,12 @@ impl Window {
         element.click().await.unwrap();
     }
 
+    /// Gives an element the focus, as going there with keys does.
+    pub async fn focus(&self, selector: &str) {
+        let script = format!("document.querySelector({selector:?}).focus({{ focusVisible: true }})");
+        self.driver.execute(script, vec![]).await.unwrap();
+    }
+
     /// Draws a line through points of an element, from its top left corner.
     pub async fn draw(&self, selector: &str, line: &[(f64, f64)]) {
         let place = self
@@ -174,6 +162,21 @@ impl Window {
         let scheme = if dark { "dark" } else { "light" };
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
         cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    }
+
+    /// As on paper, or on a screen again.
+    pub async fn print(&self, prints: bool) {
+        let media = json!({ "media": if prints { "print" } else { "" } });
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    }
+
+    /// Has no page run scripts from now on.
+    pub async fn without_scripts(&self) {
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Emulation.setScriptExecutionDisabled", json!({ "value": true }))
+            .await
+            .unwrap();
     }
 
     /// A picture of the whole page, in `target/screenshots`.

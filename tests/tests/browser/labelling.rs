@@ -7,9 +7,8 @@ use crate::{
 use murmuration_tests::Murmuration;
 use std::collections::BTreeSet;
 
-#[tokio::test(flavor = "multi_thread")]
-async fn thirty_are_labelled_two_taken_back_and_a_refresh_loses_nothing() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn thirty_are_labelled_two_taken_back_and_a_refresh_loses_nothing() {
+    let driver = Driver::start();
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/label", "Ana").await;
     let mut seen = vec![name(&window, "milling").await, name(&window, "wall").await];
@@ -52,9 +51,8 @@ async fn thirty_are_labelled_two_taken_back_and_a_refresh_loses_nothing() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn two_who_label_at_once_are_never_asked_the_same() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn two_who_label_at_once_are_never_asked_the_same() {
+    let driver = Driver::start();
     let mut scene = Scene::set().await;
     let ana = scene.visit(&driver, "/label", "Ana").await;
     let ben = scene.visit(&driver, "/label", "Ben").await;
@@ -78,9 +76,8 @@ async fn two_who_label_at_once_are_never_asked_the_same() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_killed_coordinator_loses_no_answer() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn a_killed_coordinator_loses_no_answer() {
+    let driver = Driver::start();
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::with_campaign(folder.path());
     let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1"]);
@@ -98,7 +95,7 @@ async fn a_killed_coordinator_loses_no_answer() {
         seen.push(answer(&window, "1").await);
     }
     window
-        .until("document.getElementById('status').textContent.includes('2 answers kept here')")
+        .until("document.querySelector('.stale-note').textContent.includes('2 answers are kept in this browser')")
         .await;
     // It must be found where it was.
     let (coordinator, again) = serve(url.trim_start_matches("http://"));
@@ -114,4 +111,82 @@ async fn a_killed_coordinator_loses_no_answer() {
     asked(&window).await;
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));
+}
+
+pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
+    let driver = Driver::start();
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::with_campaign(folder.path());
+    let serve = |listen: &str| murmuration.serve(listen, &["--workers", "1"]);
+    let (coordinator, url) = serve("127.0.0.1:0");
+    let window = driver.open(&format!("{url}/campaigns/small-1/label")).await;
+    window.resize(390, 844, false).await;
+    introduce(&window, "Ana").await;
+    name(&window, "milling").await;
+    assert_eq!(
+        window.value("document.querySelector('.stale-note').hidden").await,
+        true
+    );
+    coordinator.kill();
+    // Until the window holds no question any more.
+    let mut answers = 0;
+    while window
+        .value("/^Individual/.test(document.getElementById('which').textContent)")
+        .await
+        == true
+    {
+        answer(&window, "1").await;
+        answers += 1;
+    }
+    assert!(answers > 0);
+    window
+        .until("document.getElementById('which').textContent === 'No further question yet'")
+        .await;
+    let kept = match answers {
+        1 => "1 answer is kept in this browser".to_owned(),
+        _ => format!("{answers} answers are kept in this browser"),
+    };
+    let note = "document.querySelector('.stale-note')";
+    window
+        .until(&format!("{note}.textContent.includes('{kept}')"))
+        .await;
+    assert!(
+        window
+            .text(".stale-note")
+            .await
+            .starts_with("The coordinator does not answer")
+    );
+    let place = window
+        .value(&format!(
+            "(({{ top, bottom }}) => top >= 0 && bottom < innerHeight)({note}.getBoundingClientRect())"
+        ))
+        .await;
+    assert_eq!(place, true, "it is below the fold");
+    window.picture("label-silent-390").await;
+    let (coordinator, _) = serve(url.trim_start_matches("http://"));
+    saved(&window).await;
+    asked(&window).await;
+    window.until(&format!("{note}.hidden")).await;
+    assert_eq!(Labels::at(&url).await.standing().await.len(), answers + 1);
+    window.close().await;
+    assert_eq!(coordinator.terminate(), Some(0));
+}
+
+pub async fn who_goes_on_after_the_goal_is_told_so() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let many = (0..60).map(|index| (index, "milling".to_owned()));
+    scene.labels.say("Ben", many).await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    asked(&window).await;
+    assert_eq!(window.text("#count").await, "60 of 100");
+    window.click("summary").await;
+    let choose = "const goal = document.getElementById('goal'); goal.value = '50'; goal.dispatchEvent(new Event('change'))";
+    window.driver.execute(choose, vec![]).await.unwrap();
+    window
+        .until("document.getElementById('count').textContent === '60 answered, more than the goal of 50'")
+        .await;
+    assert_eq!(window.value("document.getElementById('share').value").await, 50.0);
+    window.close().await;
+    scene.cluster.stop().await;
 }

@@ -8,9 +8,8 @@ use murmuration_tests::small_latent_spec;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
-#[tokio::test(flavor = "multi_thread")]
-async fn what_was_said_is_learned_and_the_map_changes() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn what_was_said_is_learned_and_the_map_changes() {
+    let driver = Driver::start();
     let mut scene = Scene::of(&small_latent_spec(FEEDBACK)).await;
     let before = scene.cluster.status("latest").await.checkpoint;
     let window = scene.visit(&driver, "/label", "Ana").await;
@@ -34,9 +33,8 @@ async fn what_was_said_is_learned_and_the_map_changes() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
+    let driver = Driver::start();
     let scene = Scene::of(&small_latent_spec(FEEDBACK)).await;
     let window = scene.visit(&driver, "/map", "Ana").await;
     window.click(".learn button").await;

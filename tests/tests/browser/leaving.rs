@@ -36,9 +36,8 @@ fn labelled(murmuration: &Murmuration) -> Vec<u64> {
         .collect()
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn who_logs_in_labels_and_who_logs_out_is_out() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
+    let driver = Driver::start();
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::with_campaign(folder.path());
     let made = murmuration.run(&["token", "ana", "--role", "annotator"]);
@@ -75,6 +74,19 @@ async fn who_logs_in_labels_and_who_logs_out_is_out() {
         window.driver.goto(format!("{url}{path}")).await.unwrap();
         assert_eq!(window.text(".account button").await, "Log out", "{path}");
     }
+    // So does a page that only looks on.
+    window
+        .driver
+        .goto(format!("{url}/campaigns/small-1"))
+        .await
+        .unwrap();
+    coordinator.kill();
+    window.driver.delete_all_cookies().await.unwrap();
+    let (coordinator, _) = serve(url.trim_start_matches("http://"));
+    arrived(&window, "/login").await;
+    window.driver.goto(&page).await.unwrap();
+    log_in(&window, token).await;
+
     window.click(".account button").await;
     arrived(&window, "/login").await;
     window.driver.goto(&page).await.unwrap();

@@ -11,9 +11,8 @@ const FAINT: &str = include_str!("contrast.js");
 
 const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
 
-#[tokio::test(flavor = "multi_thread")]
-async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
+    let driver = Driver::start();
     let scene = Scene::set().await;
     let window = scene.visit(&driver, "/label", "Ana").await;
     name(&window, "milling").await;
@@ -45,6 +44,49 @@ async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
     window.close().await;
     scene.cluster.stop().await;
 }
+
+/// 1280 pixels at 200 %, and at 400 %.
+const ZOOMED: [(u32, u32); 2] = [(640, 450), (320, 225)];
+
+pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let class = |place: u64| match place % 12 {
+        0 => "x".repeat(64),
+        other => format!("class {other}"),
+    };
+    scene
+        .labels
+        .say("Ben", (0..60).map(|place| (place, class(place))))
+        .await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    for (width, height) in SIZES.into_iter().chain(ZOOMED) {
+        window.resize(width, height, false).await;
+        for (page, ready) in PAGES {
+            window.driver.goto(scene.url(page)).await.unwrap();
+            window
+                .until(&ready.replace("length === 4", "length === 13"))
+                .await;
+            let name = page.trim_start_matches('/');
+            let name = if name.is_empty() { "progress" } else { name };
+            window.picture(&format!("{name}-{width}-crowded")).await;
+            check(&window, name).await;
+            assert_eq!(window.value(OUTSIDE).await, json!([]), "{name} at {width}");
+            // A key that is shown works.
+            let keys = "[...document.querySelectorAll('.class kbd')].map((key) => key.textContent).join('')";
+            let shown = window.value(keys).await;
+            let teaches = ["label", "sheet", "map"].contains(&name);
+            assert_eq!(shown, json!(if teaches { "123456789" } else { "" }), "{name}");
+        }
+    }
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+/// What plays a motion, outside of its player.
+const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((part) => { \
+    const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \
+    return own.left < player.left - 1 || own.right > player.right + 1; }).map((part) => part.outerHTML)";
 
 const PAGES: [(&str, &str); 5] = [
     ("", "document.querySelector('.behaviours img').complete"),

@@ -3,6 +3,7 @@
 use crate::driver::{Driver, Window};
 use murmuration_proto::{
     CampaignSpec,
+    parts::whole,
     v1::{self, label_service_client::LabelServiceClient},
 };
 use murmuration_tests::{Cluster, small_spec};
@@ -68,9 +69,36 @@ impl Labels {
         let request = v1::ListLabelsRequest {
             campaign: "latest".to_owned(),
         };
-        let labels = self.0.list_labels(request).await.unwrap().into_inner().labels;
+        let labels = self.0.list_labels(request).await.unwrap();
+        let labels = whole(labels.into_inner()).await.unwrap().labels;
         let answers = labels.into_iter().filter_map(|label| label.answer);
         answers.map(|answer| (answer.index, answer.answer)).collect()
+    }
+
+    /// Says of individuals what they are, as `annotator`.
+    pub async fn say(&mut self, annotator: &str, said: impl IntoIterator<Item = (u64, String)>) {
+        let answer = |(index, answer)| v1::Answer {
+            index,
+            answer,
+            time_ms: 0,
+            annotator: annotator.to_owned(),
+        };
+        let request = v1::AppendLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: format!("{annotator} says"),
+            answers: said.into_iter().map(answer).collect(),
+        };
+        self.0.append_labels(request).await.unwrap();
+    }
+
+    /// Takes back what `annotator` said last.
+    pub async fn undo(&mut self, annotator: &str) {
+        let request = v1::UndoLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: format!("{annotator} takes back"),
+            annotator: annotator.to_owned(),
+        };
+        self.0.undo_labels(request).await.unwrap();
     }
 
     /// How many entries the log has.
@@ -79,7 +107,7 @@ impl Labels {
             campaign: "latest".to_owned(),
         };
         let log = self.0.list_label_entries(request).await.unwrap();
-        log.into_inner().entries.len()
+        whole(log.into_inner()).await.unwrap().entries.len()
     }
 }
 

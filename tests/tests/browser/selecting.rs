@@ -43,9 +43,8 @@ async fn lasso_ten(window: &Window) -> usize {
     count
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn ten_are_lassoed_on_the_map_and_named() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn ten_are_lassoed_on_the_map_and_named() {
+    let driver = Driver::start();
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/map", "Ana").await;
     window.until("document.querySelector('.legend li')").await;
@@ -72,7 +71,7 @@ async fn ten_are_lassoed_on_the_map_and_named() {
     window.press("u").await;
     saved(&window).await;
     window
-        .until("document.getElementById('legend').textContent.includes('edge · 0')")
+        .until("!document.getElementById('legend').textContent.includes('edge')")
         .await;
     assert_eq!(scene.labels.standing().await.len(), 0);
     assert_eq!(scene.labels.entries().await, 2 * count);
@@ -84,9 +83,8 @@ async fn ten_are_lassoed_on_the_map_and_named() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn a_cluster_is_named_but_for_those_that_differ() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn a_cluster_is_named_but_for_those_that_differ() {
+    let driver = Driver::start();
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/sheet", "Ana").await;
     window
@@ -119,9 +117,8 @@ async fn a_cluster_is_named_but_for_those_that_differ() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn clusters_are_looked_at_while_the_archive_grows() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn clusters_are_looked_at_while_the_archive_grows() {
+    let driver = Driver::start();
     // Far more than is waited for.
     let text = small_spec("")
         .to_toml()
@@ -162,9 +159,8 @@ async fn clusters_are_looked_at_while_the_archive_grows() {
     scene.cluster.stop().await;
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn medoids_are_named_and_the_report_is_taken_away() {
-    let Some(driver) = Driver::start() else { return };
+pub async fn medoids_are_named_and_the_report_is_taken_away() {
+    let driver = Driver::start();
     let mut scene = Scene::set().await;
     let window = scene.visit(&driver, "/taxonomy", "Ana").await;
     window

@@ -1,8 +1,13 @@
 //! Campaigns from a specification to a report, and again.
 
 use crate::Desk;
+use murmuration_proto::FEATURE_NAMES;
 use murmuration_tests::small_latent_spec;
-use std::{fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 #[test]
 fn a_run_ends_with_one_object_and_a_report() {
@@ -49,7 +54,7 @@ fn a_run_ends_with_one_object_and_a_report() {
         .run(&["show", "latest", "--index", "99", "--json"])
         .last_line();
     assert_eq!((&shown["index"], &shown["generation"]), (&99.into(), &4.into()));
-    let out = desk.path("elsewhere");
+    let out = desk.path("else/where");
     let written = desk.murmuration.run(&["report", "latest", "--out", &out]);
     assert_eq!(written.stdout.trim(), format!("{out}/report.html"));
     assert_eq!(fs::read(written.stdout.trim()).unwrap().len(), text.len());
@@ -63,6 +68,67 @@ fn a_run_ends_with_one_object_and_a_report() {
         (&again["digest"], &again["campaign"]),
         (&run["digest"], &"small-2".into())
     );
+}
+
+/// A table of a report, by its header.
+fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().map(|line| line.split(','));
+    let header: Vec<&str> = lines.next().unwrap().collect();
+    let row = |cells: std::str::Split<'_, char>| {
+        let named = header.iter().map(|name| (*name).to_owned());
+        named.zip(cells.map(str::to_owned)).collect()
+    };
+    lines.map(row).collect()
+}
+
+#[test]
+fn the_novelty_of_a_behaviour_is_measured_in_the_whole_archive() {
+    let desk = Desk::new();
+    desk.check(&["run", &desk.path("small.toml")], 0, "campaign small-1");
+    let folder = PathBuf::from(desk.path("data/reports/small-1"));
+    let archive = table(&folder.join("archive.csv"));
+    let features =
+        |row: &BTreeMap<String, String>| FEATURE_NAMES.map(|name| row[name].parse::<f64>().unwrap());
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let mut moved = 0;
+    for row in table(&folder.join("taxonomy.csv")) {
+        let own = features(&row);
+        let distance = |other: &BTreeMap<String, String>| -> f64 {
+            let squares = own.iter().zip(features(other)).map(|(a, b)| (a - b) * (a - b));
+            squares.sum::<f64>().sqrt()
+        };
+        let mut distances: Vec<f64> = archive.iter().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        let nearest = &distances[1..16];
+        let novelty = nearest.iter().sum::<f64>() / nearest.len() as f64;
+        let told: f64 = row["novelty"].parse().unwrap();
+        assert!((novelty - told).abs() < 1e-12, "{novelty} {told}");
+        let evaluated: f64 = row["novelty_when_evaluated"].parse().unwrap();
+        moved += usize::from((evaluated - told).abs() > 1e-9);
+
+        let index = row["index"].as_str();
+        let shown = desk
+            .murmuration
+            .run(&["show", "small-1", "--index", index])
+            .stdout;
+        assert!(
+            shown.contains(&format!(
+                "novelty when evaluated {}\n",
+                row["novelty_when_evaluated"]
+            )),
+            "{shown}"
+        );
+        let card = page
+            .split("<article")
+            .find(|card| card.contains(&format!("<dd>{index}</dd>")));
+        let card = card.unwrap().split_once("<dt>Novelty</dt><dd>").unwrap().1;
+        let card: f64 = card.split_once('<').unwrap().0.parse().unwrap();
+        // A card has two digits or more.
+        assert!((novelty - card).abs() <= 0.05 * novelty, "{novelty} {card}");
+    }
+    assert!(moved > 0, "none was measured anew");
+    assert!(page.contains("novelty when evaluated ${"));
 }
 
 #[test]

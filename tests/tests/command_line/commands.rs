@@ -6,7 +6,12 @@ use std::fs;
 #[test]
 fn pictures_are_what_their_names_say() {
     let desk = Desk::new();
-    let (gif, png, image) = (desk.path("a.gif"), desk.path("a.png"), desk.path("b.png"));
+    // Folders on the way are made.
+    let (gif, png, image) = (
+        desk.path("moving/a.gif"),
+        desk.path("a.png"),
+        desk.path("still/grey/b.png"),
+    );
     let spec = desk.path("small.toml");
     let pictures = [
         "simulate",
@@ -26,6 +31,13 @@ fn pictures_are_what_their_names_say() {
     for picture in [png, image] {
         assert!(fs::read(picture).unwrap().starts_with(b"\x89PNG"));
     }
+}
+
+#[test]
+fn certificates_are_made_in_new_folders() {
+    let desk = Desk::new();
+    desk.check(&["certs", &desk.path("secrets/of/mine")], 0, "ca.pem");
+    assert!(fs::exists(desk.path("secrets/of/mine/server.pem")).unwrap());
 }
 
 #[test]
@@ -58,7 +70,7 @@ fn checkpoints_are_imported_listed_shown_and_exported() {
         .last_line();
     assert_eq!(listed, imported);
     desk.check(&["checkpoints", "show", &digest[..8]], 0, "");
-    let out = desk.path("out.onnx");
+    let out = desk.path("exported/models/out.onnx");
     desk.check(&["checkpoints", "export", &digest[..8], &out], 0, "wrote");
     assert!(
         fs::read(out).unwrap() == fs::read(model).unwrap(),

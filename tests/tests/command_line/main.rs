@@ -3,6 +3,7 @@
 mod campaigns;
 mod commands;
 mod errors;
+mod output;
 mod serving;
 
 use murmuration_tests::{Finished, Murmuration, small_spec};

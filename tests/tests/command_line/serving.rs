@@ -1,7 +1,7 @@
 //! A coordinator that stays, and the commands that find it.
 
 use crate::Desk;
-use murmuration_tests::Running;
+use murmuration_tests::{Running, small_latent_spec};
 use serde_json::Value;
 
 #[test]
@@ -53,7 +53,7 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
     desk.check(
         &["pause", "small-2"],
         1,
-        "cannot pause campaign small-2: it is cancelled",
+        "cannot pause campaign small-2: it was already cancelled",
     );
     serving.kill();
 
@@ -89,4 +89,51 @@ fn workers_of_their_own_processes_come_and_go() {
     desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let digest = desk.murmuration.run(&["digest", "small-2"]);
     assert_eq!(digest.stdout.trim(), undisturbed);
+}
+
+#[test]
+fn a_campaign_says_who_is_missing_to_go_on() {
+    let desk = Desk::new();
+    let spec = desk.write("latent.toml", &small_latent_spec("").to_toml());
+    let (serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
+    desk.check(&["submit", &spec], 0, "campaign small-1 submitted");
+    let page = |url: &str| -> String {
+        let mut page = ureq::get(format!("{url}/campaigns/small-1")).call().unwrap();
+        page.body_mut().read_to_string().unwrap()
+    };
+    let waits = |latest: &Value, program: &str| {
+        let said = latest["waiting"].as_str().unwrap();
+        said.contains(&format!("start one with `{program} --coordinator URL`"))
+    };
+    let mut crew = Vec::new();
+    for (program, party, comes) in [
+        (
+            "murmuration-worker",
+            "no worker",
+            Running::worker as fn(&str) -> Running,
+        ),
+        ("murmuration-trainer", "no trainer", Running::trainer),
+    ] {
+        desk.murmuration.latest_when(|latest| waits(latest, program));
+        let shown = page(&url);
+        assert!(
+            shown.contains("<strong>waiting</strong>") && shown.contains(program),
+            "{shown}"
+        );
+        assert!(!shown.contains("0 of 0"), "{shown}");
+        let told = desk.murmuration.run(&["show", "latest"]);
+        assert!(told.stdout.contains(program), "{}", told.stdout);
+        let listed = desk.murmuration.run(&["list"]);
+        assert!(listed.stdout.contains("waiting"), "{}", listed.stdout);
+        let mut watching = desk.murmuration.start(&["watch", "latest"]);
+        let line = watching.wait_for("waiting");
+        assert!(
+            line.contains(party) && line.contains(program) && !line.contains("0/0"),
+            "{line}"
+        );
+        crew.push(comes(&url));
+    }
+    desk.check(&["watch", "latest"], 0, "campaign small-1 is completed");
+    assert_eq!(desk.murmuration.latest()["waiting"], "");
+    assert_eq!(serving.terminate(), Some(0));
 }

@@ -1,10 +1,12 @@
 //! A cluster of containers, brought down when it is dropped.
 
-use murmuration_tests::{Finished, Murmuration};
+use murmuration_tests::{
+    Finished, Murmuration,
+    requirements::{base_images, compose},
+};
 use serde_json::Value;
 use std::{
-    env, fs,
-    io::{self, Write as _},
+    fs,
     net::TcpListener,
     path::Path,
     process::{Command, Output},
@@ -20,32 +22,10 @@ const PAUSE: Duration = Duration::from_millis(100);
 const CA: &str = "ca.pem";
 const TOKEN: &str = "operator.token";
 
-/// Images that the Dockerfile builds on.
-pub struct Bases {
-    build: String,
-    runtime: String,
-}
-
-/// Those that were made; `None`, and a line that says so, where there are none.
-pub fn base_images() -> Option<Bases> {
-    let named = env::var("MURMURATION_TEST_BASES").unwrap_or_default();
-    if let [build, runtime] = named.split_whitespace().collect::<Vec<_>>()[..] {
-        return Some(Bases {
-            build: build.to_owned(),
-            runtime: runtime.to_owned(),
-        });
-    }
-    // Not eprintln!, which a test that passes does not show.
-    let _ = writeln!(
-        io::stderr(),
-        "skipped: no images to build containers on (`make test-containers` makes them where it can)"
-    );
-    None
-}
-
 /// Containers of deploy/compose.yaml.
 pub struct Cluster {
-    bases: Bases,
+    /// Images that the Dockerfile builds on: to build, and to run.
+    bases: (String, String),
     project: String,
     port: u16,
     /// What the command line shows to the coordinator, and knows it by.
@@ -56,10 +36,10 @@ pub struct Cluster {
 
 impl Cluster {
     /// Builds the image, and starts a coordinator, a trainer and so many workers.
-    pub fn up(bases: Bases, workers: usize) -> Self {
+    pub fn up(workers: usize) -> Self {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let cluster = Self {
-            bases,
+            bases: base_images().expect("the harness asks first whether there are images"),
             project: format!("murmuration-tests-{}", std::process::id()),
             port: free.local_addr().unwrap().port(),
             secrets: tempfile::tempdir().unwrap(),
@@ -174,24 +154,11 @@ impl Cluster {
     }
 
     fn try_compose(&self, arguments: &[&str]) -> Output {
-        let plugin = Command::new("docker").args(["compose", "version"]).output();
-        let mut command = match plugin.is_ok_and(|output| output.status.success()) {
-            true => {
-                let mut docker = Command::new("docker");
-                docker.arg("compose");
-                docker
-            }
-            false => Command::new("docker-compose"),
-        };
-        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/compose.yaml");
-        command
+        compose_file()
             .args(["--project-name", &self.project])
-            .arg("--file")
-            .arg(file);
-        command
             .args(arguments)
-            .env("BUILD_BASE", &self.bases.build)
-            .env("RUNTIME_BASE", &self.bases.runtime)
+            .env("BUILD_BASE", &self.bases.0)
+            .env("RUNTIME_BASE", &self.bases.1)
             .env("MURMURATION_IMAGE", "murmuration-tests/murmuration")
             .env("MURMURATION_PORT", self.port.to_string())
             .output()
@@ -211,6 +178,14 @@ impl Drop for Cluster {
             eprintln!("{}", String::from_utf8_lossy(&down.stderr));
         }
     }
+}
+
+/// Compose, for deploy/compose.yaml.
+pub fn compose_file() -> Command {
+    let mut command = compose().expect("the harness asks first whether there is compose");
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/compose.yaml");
+    command.arg("--file").arg(file);
+    command
 }
 
 fn docker(arguments: &[&str]) -> String {

@@ -1,28 +1,91 @@
 //! The cluster of deploy/compose.yaml, built from deploy/Dockerfile: containers are killed, and the outcome is that of
 //! `murmuration run` on this machine.
 //!
-//! Needs a Docker engine, and base images from `tests/containers/base-images`; `make test-containers` has both made.
+//! Needs a Docker engine, and base images from `tests/containers/base-images`, which `make test-containers` makes.
 
 mod compose;
+mod debian_source;
 
-use compose::{Cluster, base_images};
-use murmuration_tests::Murmuration;
-use std::fs;
+use compose::{Cluster, compose_file};
+use murmuration_tests::{Murmuration, Requirement, run, test};
+use std::{collections::BTreeSet, fs, process::ExitCode};
+
+fn main() -> ExitCode {
+    run(vec![
+        test!(killed_containers_change_nothing)
+            .needs(Requirement::Compose)
+            .needs(Requirement::Containers),
+        test!(every_profile_is_valid_and_names_its_images).needs(Requirement::Compose),
+        test!(debian_source::the_mirror_and_the_suite_are_those_of_apts_sources),
+    ])
+}
 
 /// A campaign whose every stage takes long enough to be met in it, also on a machine that has nothing else to do.
 const SPEC: &str = "name = \"contained\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
     [dataset]\ncontrollers = 4000\n[training.recipe.in-batch]\nepochs = 6\npatience = 6\n\
     [world]\nhorizon = 400\n[search]\npopulation = 100\ngenerations = 200\n[taxonomy]\nmedoids = 8\n";
 
-#[test]
+/// Compose reads the file without an engine.
+fn every_profile_is_valid_and_names_its_images() {
+    let config = |arguments: &[&str]| {
+        let output = compose_file()
+            .args(arguments)
+            .env("AWS_ACCESS_KEY_ID", "somebody")
+            .env("AWS_SECRET_ACCESS_KEY", "something-long")
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {said}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    for (profile, services) in [
+        (None, vec!["certs", "coordinator", "trainer", "worker"]),
+        (
+            Some("s3"),
+            vec!["certs", "coordinator", "s3", "trainer", "worker"],
+        ),
+        (
+            Some("metrics"),
+            vec![
+                "certs",
+                "coordinator",
+                "grafana",
+                "prometheus",
+                "trainer",
+                "worker",
+            ],
+        ),
+    ] {
+        let with = profile.map_or(vec![], |profile| vec!["--profile", profile]);
+        let listed = config(&[&with[..], &["config", "--services"]].concat());
+        // docker-compose 1.29 lists those of every profile.
+        let listed: BTreeSet<_> = listed.lines().collect();
+        assert!(
+            services.iter().all(|service| listed.contains(service)),
+            "{listed:?}"
+        );
+        let whole = config(&[&with[..], &["config"]].concat());
+        let images = whole
+            .lines()
+            .filter_map(|line| line.trim().strip_prefix("image: "));
+        // What is not built here is fetched by an exact version.
+        let fetched: Vec<_> = images.filter(|image| *image != "murmuration").collect();
+        assert_eq!(fetched.len() + 4, listed.len(), "{fetched:?}");
+        for image in fetched {
+            let (_, version) = image.rsplit_once(':').unwrap();
+            assert!(version.contains(|c: char| c.is_ascii_digit()), "{image}");
+        }
+        assert!(whole.contains("something-long"), "the keys do not arrive");
+    }
+}
+
 fn killed_containers_change_nothing() {
-    let Some(bases) = base_images() else { return };
     let folder = tempfile::tempdir().unwrap();
     let spec = folder.path().join("contained.toml");
     fs::write(&spec, SPEC).unwrap();
     let spec = spec.to_str().unwrap();
 
-    let cluster = Cluster::up(bases, 3);
+    let cluster = Cluster::up(3);
     cluster.wait_until_healthy();
     cluster.check_confined("coordinator");
     cluster.check_confined("worker");

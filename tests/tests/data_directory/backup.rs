@@ -6,8 +6,7 @@ use std::fs;
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
-#[test]
-fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
+pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let folder = tempfile::tempdir().unwrap();
     let (spec, digest) = undisturbed(folder.path());
     let at_work = Murmuration::over(&folder.path().join("at-work"));
@@ -56,14 +55,28 @@ fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     assert!(!elsewhere.exists());
 }
 
-#[test]
-fn what_is_no_backup_is_not_put_back() {
+pub fn a_backup_makes_the_folders_above_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    assert_eq!(murmuration.run(&["checkpoints", "import", MODEL]).code, Some(0));
+    let backup = folder.path().join("backups/of/monday").display().to_string();
+    let made = murmuration.run(&["backup", &backup]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let restored = Murmuration::over(&folder.path().join("data/of/tuesday"));
+    let put_back = restored.run(&["restore", &backup]);
+    assert_eq!(put_back.code, Some(0), "{}", put_back.stderr);
+}
+
+pub fn what_is_no_backup_is_not_put_back() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let refused = murmuration.run(&["restore", &folder.path().display().to_string()]);
     assert_eq!(refused.code, Some(2));
     assert!(refused.stderr.contains("is no backup"), "{}", refused.stderr);
-    let nothing = murmuration.run(&["backup", &folder.path().join("backup").display().to_string()]);
+    let nothing = murmuration.run(&[
+        "backup",
+        &folder.path().join("backups/monday").display().to_string(),
+    ]);
     assert_eq!(nothing.code, Some(2));
     assert!(
         nothing.stderr.contains("there is no data directory"),

@@ -1,7 +1,7 @@
 //! Disks that are full, read-only or failing: campaigns wait, nothing that was acknowledged is lost.
 
-use crate::{generations, mount::Mount, undisturbed, waits_for};
-use murmuration_tests::{FaultyLibc, Murmuration, longer_spec};
+use crate::{generations, undisturbed, waits_for};
+use murmuration_tests::{FaultyLibc, Murmuration, SmallDisk, longer_spec};
 use std::{fs, path::Path};
 
 /// A file with a label of individual 0.
@@ -17,18 +17,15 @@ fn labels(murmuration: &Murmuration) -> Vec<String> {
     lines.iter().map(class).collect()
 }
 
-#[test]
-fn on_a_full_disk_a_campaign_waits_for_room() {
+pub fn on_a_full_disk_a_campaign_waits_for_room() {
     let folder = tempfile::tempdir().unwrap();
     let data = folder.path().join("small-disk");
-    let Some(mount) = Mount::new(&data, "24m") else {
-        return;
-    };
+    let disk = SmallDisk::new(&data, "24m");
     let (spec, digest) = undisturbed(folder.path());
     let murmuration = Murmuration::over(&data);
     let run = murmuration.start(&["run", &spec, "--workers", "1"]);
     murmuration.latest_when(|latest| generations(latest) > 0);
-    let filler = mount.fill();
+    let filler = disk.fill();
     let waiting = murmuration.latest_when(|latest| waits_for(latest, "is full"));
     assert_eq!(
         (&waiting["state"], &waiting["active"]),
@@ -58,8 +55,7 @@ fn on_a_full_disk_a_campaign_waits_for_room() {
     assert_eq!(labels(&murmuration), acknowledged);
 }
 
-#[test]
-fn what_a_failing_disk_has_not_confirmed_is_not_acknowledged() {
+pub fn what_a_failing_disk_has_not_confirmed_is_not_acknowledged() {
     let folder = tempfile::tempdir().unwrap();
     let (spec, digest) = undisturbed(folder.path());
     let faults = FaultyLibc::new(folder.path());
@@ -89,15 +85,12 @@ fn what_a_failing_disk_has_not_confirmed_is_not_acknowledged() {
     assert_eq!(murmuration.digest(), digest);
 }
 
-#[test]
-fn a_read_only_disk_is_named() {
+pub fn a_read_only_disk_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let spec = longer_spec(folder.path());
     let data = folder.path().join("read-only");
-    let Some(mount) = Mount::new(&data, "2m") else {
-        return;
-    };
-    mount.make_read_only();
+    let disk = SmallDisk::new(&data, "2m");
+    disk.make_read_only();
     let run = Murmuration::over(&data).run(&["run", &spec]);
     assert_eq!(run.code, Some(1), "{}", run.stderr);
     let named =

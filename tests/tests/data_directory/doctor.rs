@@ -25,8 +25,7 @@ fn check_named(murmuration: &Murmuration, file: &str) {
     assert!(named, "{}", list.stderr);
 }
 
-#[test]
-fn what_is_whole_of_a_damaged_archive_is_saved_and_the_rest_made_anew() {
+pub fn what_is_whole_of_a_damaged_archive_is_saved_and_the_rest_made_anew() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = completed(folder.path());
     let digest = murmuration.digest();
@@ -58,6 +57,13 @@ fn what_is_whole_of_a_damaged_archive_is_saved_and_the_rest_made_anew() {
 
         let saved = folder.path().join(format!("saved-{part}"));
         let salvaged = murmuration.run(&["doctor", "--json", "--salvage", &saved.display().to_string()]);
+        assert!(
+            salvaged
+                .stderr
+                .contains("saved 1 of 1 campaign and 0 of 0 checkpoints"),
+            "{}",
+            salvaged.stderr
+        );
         generations_saved.push(
             salvaged.last_line()["campaigns"][0]["whole"]["generations"]
                 .as_u64()
@@ -78,8 +84,29 @@ fn what_is_whole_of_a_damaged_archive_is_saved_and_the_rest_made_anew() {
     );
 }
 
-#[test]
-fn a_database_that_was_cut_off_is_named() {
+pub fn a_salvage_that_can_save_nothing_says_so_and_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = completed(folder.path());
+    let database = folder.path().join("data/murmuration.sqlite");
+    let mut torn = fs::read(&database).unwrap();
+    // The pages of the table of campaigns: no other names them.
+    let named = |page: &&mut [u8]| page.windows(7).any(|bytes| bytes == b"small-1");
+    let pages = torn.chunks_exact_mut(4096).filter(named);
+    assert!(pages.map(|page| page.fill(0xa5)).count() > 0);
+    fs::write(&database, &torn).unwrap();
+
+    let saved = folder.path().join("saved");
+    let salvaged = murmuration.run(&["doctor", "--salvage", &saved.display().to_string()]);
+    assert_eq!(salvaged.code, Some(1), "{}{}", salvaged.stdout, salvaged.stderr);
+    assert!(
+        salvaged.stderr.contains("nothing of") && salvaged.stderr.contains("could be saved"),
+        "{}",
+        salvaged.stderr
+    );
+    assert!(!saved.exists());
+}
+
+pub fn a_database_that_was_cut_off_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = completed(folder.path());
     let database = folder.path().join("data/murmuration.sqlite");
@@ -96,8 +123,7 @@ fn a_database_that_was_cut_off_is_named() {
     }
 }
 
-#[test]
-fn a_checkpoint_that_is_torn_is_named_and_one_that_is_gone_comes_back() {
+pub fn a_checkpoint_that_is_torn_is_named_and_one_that_is_gone_comes_back() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let imported = murmuration
@@ -126,8 +152,7 @@ fn a_checkpoint_that_is_torn_is_named_and_one_that_is_gone_comes_back() {
     assert_eq!(murmuration.run(&["doctor"]).code, Some(0));
 }
 
-#[test]
-fn a_data_directory_in_use_is_left_alone() {
+pub fn a_data_directory_in_use_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let (spec, _) = undisturbed(folder.path());
     let murmuration = Murmuration::over(&folder.path().join("data"));

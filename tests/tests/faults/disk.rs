@@ -7,56 +7,17 @@ use super::{
     table::Row,
 };
 use murmuration_proto::{CampaignSpec, v1};
-use murmuration_tests::FaultyLibc;
-use std::{
-    fs::{self, File},
-    io::Write as _,
-    path::{Path, PathBuf},
-    process::Command,
-    thread,
-    time::Duration,
-};
-
-/// A small file system in memory, unmounted when dropped.
-struct SmallDisk(PathBuf);
-
-impl SmallDisk {
-    /// `None` where that is not allowed here.
-    fn at(path: &Path) -> Option<Self> {
-        fs::create_dir(path).unwrap();
-        let mounted = Command::new("mount")
-            .args(["-t", "tmpfs", "-o", "size=8m", "none"])
-            .arg(path)
-            .status();
-        mounted
-            .is_ok_and(|status| status.success())
-            .then(|| Self(path.to_owned()))
-    }
-}
-
-impl Drop for SmallDisk {
-    fn drop(&mut self) {
-        // Lazily: a process that was killed may not be gone yet.
-        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
-    }
-}
+use murmuration_tests::{FaultyLibc, SmallDisk};
+use std::{fs, thread, time::Duration};
 
 pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
-    let Some(disk) = SmallDisk::at(&folder.path().join("data")) else {
-        return Row {
-            done: "skipped: mounting a small disk needs root".to_owned(),
-            found: "nothing".to_owned(),
-        };
-    };
+    let disk = SmallDisk::new(&folder.path().join("data"), "8m");
     let spec = campaign(60, 1000);
     let mut cluster = Cluster::start_in(folder, 2, Vec::new());
     let id = cluster.submit(&spec);
-    cluster.wait_until(&id, |status| status.generations_done >= 5);
-    let ballast = disk.0.join("ballast");
-    let mut file = File::create(&ballast).unwrap();
-    while file.write_all(&[0; 4096]).is_ok() {}
-    drop(file);
+    cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
+    let ballast = disk.fill();
     let before = waits(&mut cluster, &id, &spec);
     fs::remove_file(&ballast).unwrap();
     let digest = cluster.finish(&id);
@@ -87,7 +48,7 @@ fn refused(undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool
     let spec = campaign(60, 1000);
     let mut cluster = Cluster::start_in(folder, 2, faults.environment().into());
     let id = cluster.submit(&spec);
-    cluster.wait_until(&id, |status| status.generations_done >= 5);
+    cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
     set(&faults, true);
     let before = waits(&mut cluster, &id, &spec);
     set(&faults, false);

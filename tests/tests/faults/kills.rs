@@ -6,7 +6,7 @@ use super::{
     processes::Cluster,
     table::Row,
 };
-use murmuration_proto::{Purpose, Stream, v1};
+use murmuration_proto::{Purpose, Stream};
 use std::{thread, time::Duration};
 
 fn dice(scale: &Scale, of: u64) -> Stream {
@@ -17,36 +17,23 @@ fn pause(dice: &mut Stream, most_ms: u64) {
     thread::sleep(Duration::from_millis(dice.below(most_ms)));
 }
 
-/// Waits until a share of the campaign is done; it must not be over.
-fn reach(cluster: &mut Cluster, id: &str, generation: u32) {
-    let status = cluster.wait_until(id, |status| status.generations_done >= generation);
-    assert_eq!(
-        status.state(),
-        v1::CampaignState::Running,
-        "over before the last kill: {}",
-        status.error
-    );
-}
-
 pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.worker_kills;
-    let spec = campaign(2 * kills + 20, 1000);
+    // Generations go on while a process starts in the place of one that was killed: some twenty, where that is slow.
+    let spec = campaign(20 * kills + 20, 1000);
     let mut cluster = Cluster::start(3);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 1);
     for kill in 0..kills {
-        reach(&mut cluster, &id, 2 * kill);
+        cluster.wait_to_strike(&id, |status| {
+            status.workers == 3 && status.generations_done > 2 * kill
+        });
         pause(&mut dice, 20);
         let victim = dice.below(cluster.workers.len() as u64) as usize;
         cluster.workers.swap_remove(victim).kill();
+        cluster.check_running(&id);
         cluster.add_worker();
     }
-    let status = cluster.try_status(&id).unwrap();
-    assert_eq!(
-        status.state(),
-        v1::CampaignState::Running,
-        "over before the last kill"
-    );
     let digest = cluster.finish(&id);
     Row {
         done: format!("{kills} of three workers killed at random, each replaced"),
@@ -56,12 +43,15 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills;
-    let spec = campaign(4 * kills + 20, 300);
+    // The first worker to come back goes on by itself until the other does.
+    let spec = campaign(40 * kills + 20, 300);
     let mut cluster = Cluster::start(2);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 2);
     for kill in 0..kills {
-        reach(&mut cluster, &id, 4 * kill);
+        cluster.wait_to_strike(&id, |status| {
+            status.workers == 2 && status.generations_done > 4 * kill
+        });
         // A generation takes some ten milliseconds, half of them its commit.
         pause(&mut dice, 20);
         cluster.restart_coordinator();
@@ -88,12 +78,10 @@ pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let mut dice = dice(scale, 3);
     for kill in 0..kills {
         let epoch = u64::from(10 * kill + 1);
-        let status = cluster.wait_until(&id, |status| {
-            status.training.is_some_and(|training| training.epoch >= epoch)
+        let status = cluster.wait_to_strike(&id, |status| {
+            status.trainers == 1 && status.training.is_some_and(|training| training.epoch >= epoch)
         });
-        let training = status
-            .training
-            .unwrap_or_else(|| panic!("over before the last kill: {}", status.error));
+        let training = status.training.expect("a training was waited for");
         assert!(training.epoch < training.epochs, "over before the last kill");
         pause(&mut dice, 30);
         trainer.kill();

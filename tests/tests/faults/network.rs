@@ -7,7 +7,6 @@ use super::{
     proxy::Proxy,
     table::Row,
 };
-use murmuration_proto::v1;
 use std::{
     process::Command,
     thread,
@@ -24,17 +23,12 @@ pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let id = cluster.submit(&spec);
     let mut noticed = Vec::new();
     for cut in 0..count {
-        let status = cluster.wait_until(&id, |status| {
-            status.generations_done >= 40 * cut && status.workers == 2
+        cluster.wait_to_strike(&id, |status| {
+            status.generations_done > 40 * cut && status.workers == 2
         });
-        assert_eq!(
-            status.state(),
-            v1::CampaignState::Running,
-            "over before the wire was cut"
-        );
         proxies.iter().for_each(|proxy| proxy.cut(true));
         let begun = Instant::now();
-        cluster.wait_until(&id, |status| status.workers == 0);
+        cluster.wait_to_strike(&id, |status| status.workers == 0);
         noticed.push(begun.elapsed());
         // They have noticed too, and knock again and again at a wire that swallows everything.
         thread::sleep(Duration::from_secs(2));
@@ -80,8 +74,8 @@ struct Namespace {
 }
 
 impl Namespace {
-    /// `None` where that is not allowed here.
-    fn new() -> Option<Self> {
+    /// Panics where that is not allowed.
+    fn new() -> Self {
         let number = std::process::id() % 200 + 20;
         let namespace = Self {
             name: format!("murmuration-{number}"),
@@ -89,7 +83,7 @@ impl Namespace {
         };
         let Self { name, subnet } = &namespace;
         let (outside, inside) = (format!("mo{number}"), format!("mi{number}"));
-        let made = [
+        for command in [
             format!("ip netns add {name}"),
             format!("ip link add {outside} type veth peer name {inside}"),
             format!("ip link set {inside} netns {name}"),
@@ -97,10 +91,10 @@ impl Namespace {
             format!("ip link set {outside} up"),
             format!("ip netns exec {name} ip addr add {subnet}.2/24 dev {inside}"),
             format!("ip netns exec {name} ip link set {inside} up"),
-        ]
-        .iter()
-        .all(|command| run(command));
-        made.then_some(namespace)
+        ] {
+            assert!(run(&command), "{command}");
+        }
+        namespace
     }
 }
 
@@ -121,22 +115,12 @@ fn run(command: &str) -> bool {
 }
 
 pub fn loss(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let Some(namespace) = Namespace::new() else {
-        return Row {
-            done: "skipped: network namespaces need root and iproute2".to_owned(),
-            found: "nothing".to_owned(),
-        };
-    };
+    let namespace = Namespace::new();
     let drops = format!(
         "ip netns exec {} iptables -A INPUT -m statistic --mode random --probability 0.05 -j DROP",
         namespace.name
     );
-    if !run(&drops) {
-        return Row {
-            done: "skipped: there is no iptables that could drop packets".to_owned(),
-            found: "nothing".to_owned(),
-        };
-    }
+    assert!(run(&drops), "{drops}");
     let spec = campaign(60, 1000);
     let mut cluster = Cluster::start(0);
     // The coordinator listens on loopback alone, which a namespace has of its own.

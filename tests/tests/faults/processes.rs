@@ -1,10 +1,14 @@
 //! Coordinators, workers and trainers as processes that can be killed, and started again where they were.
 
-use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient};
+use murmuration_proto::{
+    parts::whole,
+    v1::{self, campaign_service_client::CampaignServiceClient},
+};
 use murmuration_tests::binary;
 use std::{
     ffi::OsString,
     fs::{self, File},
+    net::Ipv4Addr,
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
     thread,
@@ -12,12 +16,15 @@ use std::{
 };
 use tokio::runtime::Runtime;
 use tonic::{
-    Status,
+    Request, Status,
     transport::{Channel, Endpoint},
 };
 
 /// Long enough for a busy machine; nothing takes that long that works.
 pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What asks a coordinator; its connection is made anew when the coordinator is.
+pub type Client = CampaignServiceClient<Channel>;
 
 /// What processes find in their environment.
 pub type Environment = Vec<(&'static str, OsString)>;
@@ -63,6 +70,23 @@ impl Process {
         self.child.id()
     }
 
+    /// SIGTERM, and waits until it has ended; it must have ended well.
+    pub fn terminate(mut self) {
+        self.signal("TERM");
+        let ended = self.child.wait().unwrap();
+        assert!(ended.success(), "{ended}: {}", self.said());
+    }
+
+    /// Processor time that it has used.
+    pub fn cpu_time(&self) -> Duration {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
+        // The name, in parentheses, may hold spaces; utime and stime are fields 14 and 15, in hundredths of a second.
+        let (_, fields) = stat.rsplit_once(')').unwrap();
+        let ticks = fields.split_whitespace().skip(11).take(2);
+        let ticks: u64 = ticks.map(|ticks| ticks.parse::<u64>().unwrap()).sum();
+        Duration::from_millis(10 * ticks)
+    }
+
     /// What it has logged.
     pub fn said(&self) -> String {
         fs::read_to_string(&self.log).unwrap_or_default()
@@ -70,8 +94,18 @@ impl Process {
 
     /// Waits until it has logged something.
     pub fn wait_for(&mut self, sign: &str) {
+        self.wait_for_line(sign, |line| line.contains(sign));
+    }
+
+    /// Waits until its coordinator has welcomed it: a fault that strikes before strikes nothing.
+    pub fn wait_until_joined(&mut self) {
+        let joined = |line: &str| line.contains("connected") && !line.contains("not connected");
+        self.wait_for_line("connected", joined);
+    }
+
+    fn wait_for_line(&mut self, sign: &str, is: impl Fn(&str) -> bool) {
         let begun = Instant::now();
-        while !self.said().contains(sign) {
+        while !self.said().lines().any(&is) {
             let ended = self.child.try_wait().unwrap();
             assert!(
                 ended.is_none(),
@@ -105,11 +139,12 @@ pub struct Cluster {
     pub workers: Vec<Process>,
     started: u32,
     runtime: Runtime,
-    client: CampaignServiceClient<Channel>,
+    client: Client,
 }
 
 impl Cluster {
-    /// A coordinator that repeats one evaluation in ten on another worker, with `workers` workers of one thread.
+    /// A coordinator that repeats one evaluation in ten on another worker, with `workers` workers of one thread, which have
+    /// joined.
     pub fn start(workers: usize) -> Self {
         Self::start_in(tempfile::tempdir().unwrap(), workers, Vec::new())
     }
@@ -153,6 +188,11 @@ impl Cluster {
         &self.address
     }
 
+    /// A client of its own.
+    pub fn client(&self) -> Client {
+        self.client.clone()
+    }
+
     pub fn runtime(&self) -> &Runtime {
         &self.runtime
     }
@@ -163,28 +203,62 @@ impl Cluster {
 
     /// Kills the coordinator and starts it again where it was.
     pub fn restart_coordinator(&mut self) {
+        self.kill_coordinator();
+        self.start_coordinator();
+    }
+
+    pub fn kill_coordinator(&mut self) {
         self.coordinator.take().unwrap().kill();
+    }
+
+    /// SIGTERM; the coordinator must end well.
+    pub fn terminate_coordinator(&mut self) {
+        self.coordinator.take().unwrap().terminate();
+    }
+
+    /// Starts the coordinator again where it was.
+    pub fn start_coordinator(&mut self) {
         self.started += 1;
         let mut coordinator = serve(self.folder.path(), &self.address, self.started, &self.environment);
         coordinator.wait_for("  pages:");
         self.coordinator = Some(coordinator);
     }
 
+    /// Adds a worker, on a machine of its own as far as the coordinator can tell.
     pub fn add_worker(&mut self) {
-        let worker = self.worker(&self.url(), "murmuration-worker");
+        let cache = self.folder.path().join("cache");
+        let worker = self.odd_worker(&cache, &[]);
         self.workers.push(worker);
     }
 
-    /// Starts a worker or trainer that looks for its coordinator at `url`.
-    pub fn worker(&mut self, url: &str, name: &str) -> Process {
-        self.start_worker(Command::new(binary(name)), url, name)
+    /// Starts a worker like those, with other variables in its environment and its checkpoints in `cache`.
+    pub fn odd_worker(&mut self, cache: &Path, variables: &[(&str, &str)]) -> Process {
+        let mut command = Command::new(binary("murmuration-worker"));
+        let [high, low] = (self.started as u16 + 1).to_be_bytes();
+        let machine = Ipv4Addr::new(127, 2, high, low).to_string();
+        command
+            .args(["--local-address", &machine])
+            .arg("--cache")
+            .arg(cache);
+        command.envs(variables.iter().copied());
+        self.start_worker(command, &self.url(), "murmuration-worker")
     }
 
-    /// Starts a worker in a network namespace.
+    /// Starts a worker or trainer that looks for its coordinator at `url`, and waits until it has joined.
+    pub fn worker(&mut self, url: &str, name: &str) -> Process {
+        let mut command = Command::new(binary(name));
+        if name == "murmuration-worker" {
+            command.arg("--cache").arg(self.folder.path().join("cache"));
+        }
+        self.start_worker(command, url, name)
+    }
+
+    /// Starts a worker in a network namespace, and waits until it has joined.
     pub fn worker_in(&mut self, namespace: &str, url: &str) -> Process {
         let mut command = Command::new("ip");
         let name = "murmuration-worker";
         command.args(["netns", "exec", namespace]).arg(binary(name));
+        command.arg("--cache").arg(self.folder.path().join("cache"));
         self.start_worker(command, url, name)
     }
 
@@ -194,11 +268,13 @@ impl Cluster {
             .args(["--coordinator", url])
             .envs(self.environment.clone());
         if name == "murmuration-worker" {
-            let cache = self.folder.path().join("cache");
-            command.args(["--threads", "1"]).arg("--cache").arg(cache);
+            command.args(["--threads", "1"]);
             command.args(["--name", &format!("worker-{}", self.started)]);
         }
-        Process::start(command, &self.folder.path().join(format!("{}.log", self.started)))
+        let log = self.folder.path().join(format!("{}.log", self.started));
+        let mut process = Process::start(command, &log);
+        process.wait_until_joined();
+        process
     }
 
     pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
@@ -219,6 +295,33 @@ impl Cluster {
             .runtime
             .block_on(self.client.get_campaign(request))?
             .into_inner())
+    }
+
+    /// Pauses a campaign, which must be answered within a minute.
+    pub fn pause(&mut self, campaign: &str) -> v1::Campaign {
+        let mut request = Request::new(v1::PauseCampaignRequest {
+            campaign: campaign.to_owned(),
+        });
+        request.set_timeout(Duration::from_secs(60));
+        let paused = self.runtime.block_on(self.client.pause_campaign(request));
+        paused.unwrap().into_inner()
+    }
+
+    pub fn resume(&mut self, campaign: &str) -> v1::Campaign {
+        let request = v1::ResumeCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        let resumed = self.runtime.block_on(self.client.resume_campaign(request));
+        resumed.unwrap().into_inner()
+    }
+
+    /// The taxonomy, or why there is none.
+    pub fn taxonomy(&mut self, campaign: &str) -> Result<v1::Taxonomy, Status> {
+        let request = v1::GetTaxonomyRequest {
+            campaign: campaign.to_owned(),
+        };
+        let parts = self.runtime.block_on(self.client.get_taxonomy(request))?;
+        self.runtime.block_on(whole(parts.into_inner()))
     }
 
     /// Looks at the campaign until `until` is so, or it has ended, or that takes too long.
@@ -245,11 +348,45 @@ impl Cluster {
         }
     }
 
+    /// Waits until the campaign is as a fault needs it, and runs: what strikes afterwards strikes nothing.
+    pub fn wait_to_strike(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
+        let status = self.wait_until(campaign, until);
+        assert_eq!(
+            status.state(),
+            v1::CampaignState::Running,
+            "it was over before the fault struck: {}",
+            status.error
+        );
+        status
+    }
+
+    /// The last proof that a fault strikes, or has struck, while the campaign runs.
+    pub fn check_running(&mut self, campaign: &str) -> v1::Campaign {
+        let status = self.try_status(campaign).unwrap();
+        assert_eq!(
+            status.state(),
+            v1::CampaignState::Running,
+            "it was over too early: {}",
+            status.error
+        );
+        status
+    }
+
     /// Waits until the campaign is complete; its digest.
     pub fn finish(&mut self, campaign: &str) -> String {
         let last = self.wait_until(campaign, |_| false);
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
         self.digest(campaign)
+    }
+
+    /// A number of the coordinator's metrics.
+    pub fn metric(&self, name: &str) -> f64 {
+        let page = ureq::get(format!("{}/metrics", self.url())).call().unwrap();
+        let page = page.into_body().read_to_string().unwrap();
+        let value = page
+            .lines()
+            .find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        value.unwrap().parse().unwrap()
     }
 
     /// Waits until no task waits for a worker and none is with one.

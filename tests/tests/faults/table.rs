@@ -29,19 +29,22 @@ impl Table {
         }
     }
 
-    /// Runs a scenario; a panic is what it found.
-    pub fn run(&mut self, name: &'static str, scenario: impl FnOnce() -> Row) {
+    /// Runs a scenario. A panic is what it found: then that is the error, too.
+    pub fn run(&mut self, name: &'static str, scenario: impl FnOnce() -> Row) -> Result<(), String> {
         let begun = Instant::now();
         let row = catch_unwind(AssertUnwindSafe(scenario)).map_err(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             text.or_else(|| panic.downcast_ref::<&str>().map(|text| (*text).to_owned()))
                 .unwrap_or_default()
         });
+        let failed = row.as_ref().err().cloned();
         self.rows.push((name, row, begun.elapsed()));
+        failed.map_or(Ok(()), Err)
     }
 
-    pub fn all_held(&self) -> bool {
-        self.rows.iter().all(|(_, row, _)| row.is_ok())
+    /// Number of scenarios that were run.
+    pub fn len(&self) -> usize {
+        self.rows.len()
     }
 
     /// Puts the table where `docs/reliability.md` has it.

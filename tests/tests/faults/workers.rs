@@ -2,13 +2,13 @@
 
 use super::{
     Scale,
-    campaign::{Undisturbed, campaign},
+    campaign::{Undisturbed, campaign, latent},
     processes::Cluster,
     table::Row,
 };
 use murmuration_proto::v1;
 use murmuration_tests::Impostor;
-use std::{thread, time::Duration};
+use std::{path::Path, thread, time::Duration};
 use tonic::Status;
 
 /// What no swarm does, in a form that any could have.
@@ -20,11 +20,12 @@ fn lie() -> v1::Evaluation {
     }
 }
 
-/// Has a worker answer everything with `evaluation`; how many evaluations, and what it is told in the end.
-fn answer_all(cluster: &Cluster, instance: u64, evaluation: &v1::Evaluation) -> (usize, Status) {
+/// Has a worker on a machine of its own answer everything with `evaluation`; how many evaluations, and what it is told in
+/// the end.
+fn answer_all(cluster: &Cluster, evaluation: &v1::Evaluation) -> (usize, Status) {
     let url = cluster.url();
     cluster.runtime().block_on(async {
-        let impostor = Impostor::connect_as(&url, instance).await.unwrap();
+        let impostor = Impostor::connect(&url).await;
         impostor.answer_all(evaluation).await
     })
 }
@@ -36,14 +37,8 @@ pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let id = cluster.submit(&spec);
     let mut went_on = 0;
     for stop in 0..stops {
-        // One that is stopped before it has joined is not missed.
-        let ready = |status: &v1::Campaign| status.workers == 2 && status.generations_done >= 30 * stop;
-        let before = cluster.wait_until(&id, ready);
-        assert_eq!(
-            before.state(),
-            v1::CampaignState::Running,
-            "over before the last stop"
-        );
+        let ready = |status: &v1::Campaign| status.workers == 2 && status.generations_done > 30 * stop;
+        let before = cluster.wait_to_strike(&id, ready);
         cluster.workers[0].signal("STOP");
         // Less than it takes to be missed: its leases stay with it.
         thread::sleep(Duration::from_secs(2));
@@ -52,6 +47,7 @@ pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
         assert_eq!(during.workers, 2, "it was given up");
         went_on += during.generations_done - before.generations_done;
     }
+    cluster.check_running(&id);
     let digest = cluster.finish(&id);
     assert!(went_on > stops, "its leases held the others up");
     Row {
@@ -69,7 +65,7 @@ pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let id = cluster.submit(&spec);
     let url = cluster.url();
     let took = cluster.runtime().block_on(async move {
-        let mut impostor = Impostor::connect_as(&url, 42).await.unwrap();
+        let mut impostor = Impostor::connect(&url).await;
         let (_, batch) = impostor.lease(64).await;
         tokio::spawn(impostor.dismissed());
         batch.tasks.len()
@@ -89,8 +85,11 @@ pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(60, 600);
     let mut cluster = Cluster::start(2);
     let id = cluster.submit(&spec);
-    let (answered, status) = answer_all(&cluster, 42, &lie());
+    // With only one that could contradict it, nobody could say who is wrong.
+    cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
+    let (answered, status) = answer_all(&cluster, &lie());
     assert!(status.message().contains("quarantined"), "{status}");
+    cluster.check_running(&id);
     let digest = cluster.finish(&id);
     Row {
         done: format!("a third worker answered {answered} evaluations with wrong bits, one in ten audited"),
@@ -99,9 +98,10 @@ pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
 }
 
 pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(60, 600);
+    let spec = campaign(200, 600);
     let mut cluster = Cluster::start(2);
     let id = cluster.submit(&spec);
+    cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let cases = [
         (
             "not a number",
@@ -118,6 +118,14 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
                 ..lie()
             },
             "must be finite",
+        ),
+        (
+            "larger than any swarm's",
+            v1::Evaluation {
+                features: vec![1e300; 5],
+                ..lie()
+            },
+            "must be at most 1e12 in magnitude",
         ),
         (
             "four features",
@@ -154,16 +162,11 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
     ];
     let names: Vec<_> = cases.iter().map(|(name, ..)| *name).collect();
     let done = format!("workers answered with {}", names.join(", "));
-    for (instance, (name, evaluation, said)) in (100..).zip(cases) {
-        let (_, status) = answer_all(&cluster, instance, &evaluation);
+    for (name, evaluation, said) in cases {
+        let (_, status) = answer_all(&cluster, &evaluation);
         assert!(status.message().contains(said), "{name}: {status}");
     }
-    let status = cluster.try_status(&id).unwrap();
-    assert_eq!(
-        status.state(),
-        v1::CampaignState::Running,
-        "over before the last of them"
-    );
+    cluster.check_running(&id);
     let digest = cluster.finish(&id);
     Row {
         done,
@@ -174,16 +177,91 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(40, 600);
+pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let (spec, connections) = (campaign(60, 600), 4);
     let mut cluster = Cluster::start(2);
     let id = cluster.submit(&spec);
+    // With only one that could contradict it, nobody could say who is wrong.
+    cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
+    let (url, machine) = (cluster.url(), 3);
+    let (told, again) = cluster.runtime().block_on(async {
+        let mut liars = Vec::new();
+        for instance in 1..=connections {
+            liars.push(Impostor::connect_as(&url, machine, instance).await.unwrap());
+        }
+        let lying = liars
+            .into_iter()
+            .map(|liar| tokio::spawn(async { liar.answer_all(&lie()).await }));
+        let mut told = Vec::new();
+        for liar in lying.collect::<Vec<_>>() {
+            told.push(liar.await.unwrap());
+        }
+        let again = Impostor::connect_as(&url, machine, connections + 1).await;
+        (told, again.unwrap_err())
+    });
+    for status in told.iter().map(|(_, status)| status).chain([&again]) {
+        assert!(status.message().contains("quarantined"), "{status}");
+    }
+    cluster.check_running(&id);
+    let digest = cluster.finish(&id);
+    assert_eq!(
+        cluster.metric("murmuration_quarantines_total"),
+        1.0,
+        "and nobody else"
+    );
+    let answered: usize = told.iter().map(|(answered, _)| answered).sum();
+    Row {
+        done: format!(
+            "one machine with {connections} connections answered {answered} evaluations with the same wrong bits beside two \
+             sound workers, then connected anew under a fresh number"
+        ),
+        found: format!(
+            "all its connections quarantined, the new one refused, nobody else; {}",
+            undisturbed.check(&spec, &digest)
+        ),
+    }
+}
+
+pub fn unfit(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = latent(3);
+    let mut cluster = Cluster::start(0);
+    let id = cluster.submit(&spec);
+    let url = cluster.url();
+    let _trainer = cluster.worker(&url, "murmuration-trainer");
+    let nowhere = Path::new("/dev/null/cache");
+    let _cannot_embed = cluster.odd_worker(nowhere, &[("ORT_DYLIB_PATH", "/dev/null/onnxruntime.so")]);
+    // It simulates the dataset; then the search needs embeddings.
+    let waits_for = |said: &'static str| move |status: &v1::Campaign| status.waiting.contains(said);
+    let status = cluster.wait_until(&id, waits_for("no connected worker can embed"));
+    assert_eq!(status.state(), v1::CampaignState::Running, "{}", status.error);
+    assert_eq!(status.dataset_done, 400);
+    let _cannot_write = cluster.odd_worker(nowhere, &[]);
+    let status = cluster.wait_until(&id, waits_for("checkpoint cache /dev/null/cache"));
+    assert_eq!(status.state(), v1::CampaignState::Running, "{}", status.error);
+    cluster.add_worker();
+    let digest = cluster.finish(&id);
+    Row {
+        done: "one worker without ONNX Runtime, one whose cache cannot be written, later a sound one"
+            .to_owned(),
+        found: format!(
+            "the campaign said what it waited for, and went on by itself; {}",
+            undisturbed.check(&spec, &digest)
+        ),
+    }
+}
+
+pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(200, 600);
+    let mut cluster = Cluster::start(2);
+    let id = cluster.submit(&spec);
+    // By then there are leases that are over, and others that somebody holds.
+    cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 5);
     let url = cluster.url();
     let sent = cluster.runtime().block_on(async {
-        let mut impostor = Impostor::connect_as(&url, 42).await.unwrap();
+        let mut impostor = Impostor::connect(&url).await;
         let (own, batch) = impostor.lease(1).await;
         let mut sent = 0;
-        for number in 0..2 * own.number {
+        for number in 0..own.number + 20 {
             if number != own.number {
                 let lease = v1::LeaseId { number, ..own };
                 impostor.answer(lease, lie(), 1 + number as usize % 3).await;
@@ -196,8 +274,12 @@ pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
                 .await;
             sent += 1;
         }
+        // What a worker says is heard in order: once it has another lease, all of that has arrived.
+        impostor.lease(1).await;
         sent
     });
+    assert!(sent > 20, "there were hardly any leases: {sent}");
+    cluster.check_running(&id);
     let digest = cluster.finish(&id);
     Row {
         done: format!(

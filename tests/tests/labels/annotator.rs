@@ -1,6 +1,9 @@
 //! A client of a campaign's labels.
 
-use murmuration_proto::v1::{self, label_service_client::LabelServiceClient};
+use murmuration_proto::{
+    parts::whole,
+    v1::{self, label_service_client::LabelServiceClient},
+};
 use tonic::{Status, transport::Channel};
 
 /// A client of a campaign's labels.
@@ -34,8 +37,20 @@ impl Annotator {
             request_id: request_id.to_owned(),
             answers: answers.iter().map(answer).collect(),
         };
-        let added = self.client.append_labels(request).await?.into_inner();
+        let added = self.client.append_labels(request).await?;
+        let added = whole(added.into_inner()).await?;
         Ok(added.entries.iter().map(|entry| entry.number).collect())
+    }
+
+    /// Has the synthetic annotator label `count` individuals.
+    pub(crate) async fn call_the_judge(&mut self, request_id: &str, count: u32) -> Result<(), Status> {
+        let request = v1::AppendSyntheticLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: request_id.to_owned(),
+            strategy: v1::QueryStrategy::Medoids as i32,
+            count,
+        };
+        self.client.append_synthetic_labels(request).await.map(drop)
     }
 
     pub(crate) async fn undo(&mut self, request_id: &str) -> Result<Vec<v1::LabelEntry>, Status> {
@@ -44,7 +59,8 @@ impl Annotator {
             request_id: request_id.to_owned(),
             annotator: self.name.to_owned(),
         };
-        let undone = self.client.undo_labels(request).await?.into_inner();
+        let undone = self.client.undo_labels(request).await?;
+        let undone = whole(undone.into_inner()).await?;
         let taken_back: Vec<_> = undone.undone.iter().map(|label| Some(label.entry)).collect();
         let superseded: Vec<_> = undone.entries.iter().map(|entry| entry.supersedes).collect();
         assert_eq!(taken_back, superseded);
@@ -56,13 +72,8 @@ impl Annotator {
         let request = v1::ListLabelsRequest {
             campaign: "latest".to_owned(),
         };
-        let labels = self
-            .client
-            .list_labels(request)
-            .await
-            .unwrap()
-            .into_inner()
-            .labels;
+        let labels = self.client.list_labels(request).await.unwrap();
+        let labels = whole(labels.into_inner()).await.unwrap().labels;
         let answers = labels.into_iter().filter_map(|label| label.answer);
         answers
             .map(|answer| (answer.index, answer.annotator, answer.answer))
@@ -73,8 +84,8 @@ impl Annotator {
         let request = v1::ListLabelEntriesRequest {
             campaign: "latest".to_owned(),
         };
-        let log = self.client.list_label_entries(request).await;
-        log.unwrap().into_inner().entries
+        let log = self.client.list_label_entries(request).await.unwrap();
+        whole(log.into_inner()).await.unwrap().entries
     }
 
     pub(crate) async fn ask(

@@ -22,7 +22,11 @@ fn labels_go_through_files_unchanged() {
     assert_eq!(added[0]["added"], 4);
     let out = folder.path().join("out.csv").display().to_string();
     let exported = murmuration.run(&["labels", "latest", "--csv", &out, "--json"]);
-    assert_eq!(fs::read_to_string(&out).unwrap(), text);
+    let written = fs::read_to_string(&out).unwrap();
+    assert_eq!(written.lines().count(), text.lines().count());
+    for (written, given) in written.lines().zip(text.lines()) {
+        assert!(written.starts_with(given), "{written}");
+    }
     let labels = exported.lines();
     assert_eq!(
         (&labels[1]["class"], &labels[1]["annotator"]),
@@ -36,12 +40,215 @@ fn labels_go_through_files_unchanged() {
         .run(&["label", "small-2", "--csv", &out, "--json"])
         .lines();
     assert_eq!(again[0]["label_digest"], added[0]["label_digest"]);
-    let out = folder.path().join("again.csv").display().to_string();
+    let out = folder.path().join("written/to/again.csv").display().to_string();
     assert_eq!(
         murmuration.run(&["labels", "small-2", "--csv", &out]).code,
         Some(0)
     );
-    assert_eq!(fs::read_to_string(&out).unwrap(), text);
+    assert_eq!(fs::read_to_string(&out).unwrap(), written);
+}
+
+#[test]
+fn what_labels_writes_every_command_reads() {
+    let (folder, murmuration) = campaign();
+    let labelled = murmuration.run(&["label", "latest", "--synthetic", "12"]);
+    assert_eq!(labelled.code, Some(0), "{}", labelled.stderr);
+    assert!(
+        labelled.stdout.is_empty() && labelled.stderr.contains("has 12 answers more"),
+        "{}{}",
+        labelled.stdout,
+        labelled.stderr
+    );
+    let file = folder.path().join("my.csv").display().to_string();
+    assert_eq!(
+        murmuration.run(&["labels", "latest", "--csv", &file]).code,
+        Some(0)
+    );
+    // The campaign's horizon is not the paper's, and the motion depends on it.
+    let columns = fs::read_to_string(&file).unwrap();
+    let columns = columns.lines().next().unwrap();
+    assert!(
+        columns.starts_with("id,class,annotator,time,seed,v1,v2,v3,v4,average_speed,")
+            && columns.ends_with(",horizon"),
+        "{columns}"
+    );
+
+    // The judge says of the very motions what it said before.
+    let judged = murmuration
+        .run(&["judge", "--labels", &file, "--json"])
+        .last_line();
+    assert_eq!(
+        (&judged["behaviours"], &judged["agreed"]),
+        (&12.into(), &12.into())
+    );
+    for embedding in [["--features"].as_slice(), &["--untrained", "1"]] {
+        let accuracy = [&["accuracy", "--labels", &file, "--json"], embedding].concat();
+        assert_eq!(murmuration.run(&accuracy).last_line()["behaviours"], 12);
+    }
+    // Another archive is not labelled with it by mistake.
+    let spec = folder.path().join("small.toml").display().to_string();
+    assert_eq!(murmuration.run(&["run", &spec, "--seed", "9"]).code, Some(0));
+    let refused = murmuration.run(&["label", "small-2", "--csv", &file]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("my.csv, line 2: id = "),
+        "{}",
+        refused.stderr
+    );
+    let again = murmuration
+        .run(&["label", "small-1", "--csv", &file, "--json"])
+        .last_line();
+    assert_eq!(again["added"], 12);
+}
+
+#[test]
+fn a_column_that_a_command_needs_is_named_with_those_there_are() {
+    let (folder, murmuration) = campaign();
+    let file = write(
+        folder.path(),
+        "bare.csv",
+        "id,class,annotator\n3,ring,ana\n4,wall,ana\n",
+    );
+    for (arguments, column) in [
+        (vec!["judge", "--labels", &file], "v1"),
+        (vec!["accuracy", "--features", "--labels", &file], "average_speed"),
+    ] {
+        let refused = murmuration.run(&arguments);
+        let said = format!(
+            "bare.csv, line 1: there is no column \"{column}\"; its columns are id, class, annotator"
+        );
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains(&said),
+            "{}\nnot {said}",
+            refused.stderr
+        );
+    }
+}
+
+#[test]
+fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
+    let (folder, murmuration) = campaign();
+    let rows =
+        "id,class,annotator\n1,wall_following,ana\n2,Wall following,ana\n3,dispersal,ana\n4,Dispersal,ana\n";
+    let file = write(folder.path(), "spelled.csv", rows);
+    let added = murmuration.run(&["label", "latest", "--csv", &file]);
+    assert!(!added.stderr.contains("warning"), "{}", added.stderr);
+    let classes = murmuration.run(&["classes", "latest", "--json"]).lines();
+    let classes: Vec<_> = classes
+        .iter()
+        .map(|class| {
+            (
+                class["class"].as_str().unwrap(),
+                class["labels"].as_u64().unwrap(),
+            )
+        })
+        .collect();
+    assert_eq!(classes, [("wall_following", 2), ("dispersal", 2)]);
+
+    let file = write(
+        folder.path(),
+        "typed.csv",
+        "id,class,annotator\n5,dispresal,ana\n",
+    );
+    let warned = "warning: classes \"dispersal\" and \"dispresal\" have nearly the same name";
+    for arguments in [vec!["label", "latest", "--csv", &file], vec!["classes", "latest"]] {
+        let said = murmuration.run(&arguments).stderr;
+        assert!(said.contains(warned), "{said}");
+    }
+    // What it says to do mends it.
+    let mended = murmuration.run(&["classes", "latest", "--merge", "dispresal", "dispersal"]);
+    assert!(
+        mended.code == Some(0) && !mended.stderr.contains("warning"),
+        "{}",
+        mended.stderr
+    );
+}
+
+#[test]
+fn a_class_that_no_answer_names_is_in_no_report() {
+    let (folder, murmuration) = campaign();
+    for rows in ["1,ring,ana\n2,clump,ana\n", "1,clump,ana\n"] {
+        let file = write(folder.path(), "rows.csv", &format!("id,class,annotator\n{rows}"));
+        assert_eq!(
+            murmuration.run(&["label", "latest", "--csv", &file]).code,
+            Some(0)
+        );
+    }
+    let made = murmuration
+        .run(&["classes", "latest", "--create", "wall", "--json"])
+        .lines();
+    let listed: Vec<_> = made
+        .iter()
+        .map(|class| class["class"].as_str().unwrap())
+        .collect();
+    assert_eq!(listed, ["clump", "wall"]);
+    let out = folder.path().join("report");
+    let report = murmuration.run(&["report", "latest", "--out", &out.display().to_string()]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let classes = fs::read_to_string(out.join("classes.csv")).unwrap();
+    let named: Vec<_> = classes
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').next().unwrap())
+        .collect();
+    assert_eq!(named, ["clump"]);
+}
+
+#[test]
+fn annotators_that_nobody_knows_are_named() {
+    let (folder, murmuration) = campaign();
+    let agreement = |one, other| murmuration.run(&["agreement", "latest", "--annotators", one, other]);
+    let nobody = agreement("ana", "ben");
+    assert!(
+        nobody.code == Some(2) && nobody.stderr.contains("no annotator \"ana\""),
+        "{}",
+        nobody.stderr
+    );
+    let rows = "id,class,annotator\n1,ring,ana\n2,ring,ben\n";
+    let file = write(folder.path(), "two.csv", rows);
+    assert_eq!(
+        murmuration.run(&["label", "latest", "--csv", &file]).code,
+        Some(0)
+    );
+    let unknown = agreement("ana", "bne");
+    assert!(
+        unknown.code == Some(2)
+            && unknown.stderr.contains("no annotator \"bne\"")
+            && unknown.stderr.contains("ana, ben"),
+        "{}",
+        unknown.stderr
+    );
+    let apart = agreement("ana", "ben");
+    assert_eq!(
+        apart.stdout,
+        "ana and ben have given no individual in common a class\n"
+    );
+}
+
+#[test]
+fn no_label_in_a_file_is_a_formula() {
+    let (folder, murmuration) = campaign();
+    let text = "id,class,annotator,time\n3,'=HYPERLINK(1),'@ana,1700000000000\n4,''tis,ana,1700000000001\n";
+    // As somebody writes it who does not know; and as it is written out, and read again.
+    let plain = text.replace("'=", "=").replace("'@", "@").replace("''", "'");
+    for (name, text) in [("plain.csv", plain.as_str()), ("marked.csv", text)] {
+        let file = write(folder.path(), name, text);
+        let added = murmuration.run(&["label", "latest", "--csv", &file]);
+        assert_eq!(added.code, Some(0), "{}", added.stderr);
+        let out = folder.path().join("out.csv").display().to_string();
+        let labels = murmuration
+            .run(&["labels", "latest", "--csv", &out, "--json"])
+            .lines();
+        let said = |place: usize, what: &str| labels[place][what].as_str().unwrap().to_owned();
+        assert_eq!(
+            (said(0, "class"), said(0, "annotator")),
+            ("=HYPERLINK(1)".into(), "@ana".into())
+        );
+        assert_eq!(said(1, "class"), "'tis");
+    }
+    let out = fs::read_to_string(folder.path().join("out.csv")).unwrap();
+    for (written, given) in out.lines().zip(text.lines()) {
+        assert!(written.starts_with(given), "{written}");
+    }
 }
 
 #[test]

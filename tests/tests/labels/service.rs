@@ -1,7 +1,7 @@
 //! What the service promises to several clients at once.
 
 use crate::annotator::{Annotator, stands};
-use murmuration_proto::v1;
+use murmuration_proto::{parts::whole, v1};
 use murmuration_tests::{Cluster, small_spec};
 use std::collections::BTreeSet;
 use tempfile::TempDir;
@@ -58,6 +58,52 @@ async fn a_request_sent_twice_is_one_label_and_an_undo_restores_what_was_superse
     let cluster = Cluster::start(folder.path(), 0).await;
     let mut ana = Annotator::of("ana", &cluster.channel().await);
     assert_eq!(ana.standing().await, stands(&restored));
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nobody_takes_an_id_of_the_coordinators_own_requests() {
+    use v1::change_class_request::Change;
+    let folder = tempfile::tempdir().unwrap();
+    let (cluster, mut ana, _) = labelled(&folder).await;
+    ana.say("1", &[(0, "ring")]).await.unwrap();
+    let before = ana.log().await;
+    let create = Change::Create(v1::CreateClass {
+        class: "wall".to_owned(),
+    });
+    for id in ["synthetic-round-1", " synthetic-round-9 ", "withdrawal"] {
+        let refused = [
+            ana.say(id, &[(1, "wall")]).await.err(),
+            ana.undo(id).await.err(),
+            ana.change(id, create.clone()).await.err(),
+            ana.call_the_judge(id, 1).await.err(),
+        ];
+        for status in refused {
+            let status = status.unwrap();
+            assert_eq!(status.code(), Code::InvalidArgument, "{id}: {status}");
+            assert!(status.message().starts_with("request_id = "), "{status}");
+        }
+        let url = cluster.url();
+        for (page, body) in [
+            ("labels", r#""answers":[{"index":1,"answer":"wall"}]"#),
+            ("undo", ""),
+            ("classes", r#""class":"wall""#),
+        ] {
+            let comma = if body.is_empty() { "" } else { "," };
+            let posted = reqwest::Client::new()
+                .post(format!("{url}/campaigns/small-1/{page}"))
+                .header("origin", &url)
+                .header("content-type", "application/json")
+                .body(format!(
+                    r#"{{"request_id":"{id}","annotator":"ana"{comma}{body}}}"#
+                ));
+            let answer = posted.send().await.unwrap();
+            assert_eq!(answer.status(), 400, "{page}");
+            let said = answer.text().await.unwrap();
+            assert!(said.starts_with("request_id = "), "{page}: {said}");
+        }
+    }
+    assert_eq!(ana.log().await, before);
     cluster.stop().await;
 }
 
@@ -159,7 +205,8 @@ async fn medoids_are_those_of_the_taxonomy_and_stay_with_who_asked() {
     let request = v1::GetTaxonomyRequest {
         campaign: "latest".to_owned(),
     };
-    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap().into_inner();
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
     let individuals = taxonomy
         .medoids
         .into_iter()

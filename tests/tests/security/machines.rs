@@ -5,7 +5,7 @@ use murmuration_link::{Credentials, Health};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
 };
-use murmuration_tests::{Cluster, small_spec};
+use murmuration_tests::{Cluster, Impostor, small_spec};
 use murmuration_worker::client as worker;
 use std::{error::Error as _, num::NonZeroUsize};
 use tokio::sync::watch;
@@ -16,6 +16,7 @@ fn options(desk: &Desk, cluster: &Cluster, credentials: Credentials) -> worker::
         coordinator: cluster.url(),
         credentials,
         name: "tested".to_owned(),
+        local_address: None,
         health: Health::new(),
         threads: NonZeroUsize::MIN,
         cache: desk.path("cache"),
@@ -128,5 +129,30 @@ async fn what_machines_fetch_is_for_machines() {
         fetch(&nobody).await,
         (Code::Unauthenticated, Code::Unauthenticated)
     );
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_certificate_is_a_machine() {
+    let desk = Desk::new();
+    let certs = desk.text("certs");
+    let made = ["certs", &certs, "--worker", "alpha", "--worker", "beta"];
+    let made = desk.murmuration().run(&made);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let mut cluster = desk.cluster(0).await;
+    cluster.create(&small_spec("")).await;
+    let connect = async |name: &str, instance| {
+        let shown = desk.credentials(None, Some(&desk.path(&format!("certs/{name}"))));
+        Impostor::connect_over(channel(&cluster, &shown).await, instance).await
+    };
+    let mut liar = connect("alpha", 1).await.unwrap();
+    let (lease, batch) = liar.lease(1).await;
+    let impossible = v1::Evaluation::default();
+    liar.answer(lease, impossible, batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let again = connect("alpha", 2).await.unwrap_err();
+    assert!(again.message().contains("quarantined"), "{again}");
+    // From the same address.
+    connect("beta", 1).await.unwrap();
     cluster.stop().await;
 }

@@ -1,10 +1,14 @@
 //! Nobody gets in who should not: certificates, tokens, the log-in, what processes show of their secrets, and limits.
 
+mod doors;
 mod limits;
 mod machines;
 mod pages;
 mod people;
 mod processes;
+mod sizes;
+mod snapshots;
+mod words;
 
 use murmuration_coordinator::access::{Entrance, Tls, Tokens};
 use murmuration_link::{Credentials, IdentityFiles, TrustFiles};

@@ -7,7 +7,7 @@ use reqwest::{
     header::{ACCEPT, CONTENT_TYPE, COOKIE, LOCATION, ORIGIN, SET_COOKIE},
     redirect::Policy,
 };
-use std::fs;
+use std::{fs, time::Duration};
 
 /// A browser at a coordinator, with a cookie if it has logged in.
 struct Browser {
@@ -140,9 +140,100 @@ async fn a_token_is_taken_once_and_the_cookie_is_the_browsers_alone() {
     assert!(page.contains("ana the viewer"), "{page}");
     let out = browser.post("/logout", "").send().await.unwrap();
     assert!(out.headers()[SET_COOKIE].to_str().unwrap().contains("Max-Age=0"));
-    let forged = browser.cookie.take().map(|cookie| cookie.replace('.', ".9"));
-    browser.cookie = forged;
-    assert_eq!(status(browser.get("/")).await, StatusCode::SEE_OTHER);
+    assert_eq!(out.headers()["clear-site-data"], "\"cache\"");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_ends_with_its_log_out_for_good() {
+    let desk = Desk::new();
+    let cluster = desk.cluster(0).await;
+    let (mut one, mut other) = (Browser::at(&desk, &cluster), Browser::at(&desk, &cluster));
+    one.log_in(&desk.people.operator).await;
+    other.log_in(&desk.people.operator).await;
+    let (ok, to_log_in) = (StatusCode::OK, StatusCode::SEE_OTHER);
+    // Somebody else's copy of the cookie follows what happens.
+    let mut followed = one.get("/events").send().await.unwrap();
+    assert!(followed.chunk().await.unwrap().is_some());
+
+    let elsewhere = one.post_from("https://evil.example", "/logout", "text/plain", "");
+    assert_eq!(status(elsewhere).await, StatusCode::FORBIDDEN);
+    assert_eq!(status(one.get("/")).await, ok);
+    assert_eq!(status(one.post("/logout", "")).await, StatusCode::SEE_OTHER);
+    assert_eq!(status(one.get("/")).await, to_log_in);
+    assert_eq!(status(other.get("/")).await, ok);
+    let rest = async { while followed.chunk().await.unwrap().is_some() {} };
+    let ended = tokio::time::timeout(Duration::from_secs(30), rest).await;
+    assert!(ended.is_ok(), "what it followed goes on");
+    // To log in anew ends the session before.
+    let before = other.cookie.clone();
+    other.log_in(&desk.people.operator).await;
+    let after = std::mem::replace(&mut other.cookie, before);
+    assert_eq!(status(other.get("/")).await, to_log_in);
+    other.cookie = after;
+    cluster.stop().await;
+
+    let cluster = desk.cluster(0).await;
+    for (browser, expected) in [(&mut one, to_log_in), (&mut other, ok)] {
+        browser.url = cluster.url();
+        assert_eq!(status(browser.get("/")).await, expected);
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_ends_with_its_token_for_good() {
+    let desk = Desk::new();
+    let cluster = desk.cluster(0).await;
+    let (mut viewer, mut operator) = (Browser::at(&desk, &cluster), Browser::at(&desk, &cluster));
+    viewer.log_in(&desk.people.viewer).await;
+    operator.log_in(&desk.people.operator).await;
+    cluster.stop().await;
+    let all = fs::read_to_string(desk.path("tokens.toml")).unwrap();
+    let (of_viewer, others) = all.split_at(all.match_indices("[[token]]").nth(1).unwrap().0);
+    assert!(of_viewer.contains("ana the viewer"), "{of_viewer}");
+    // Without the token, and with it again.
+    for tokens in [others, &all] {
+        fs::write(desk.path("tokens.toml"), tokens).unwrap();
+        let cluster = desk.cluster(0).await;
+        for (browser, expected) in [
+            (&mut viewer, StatusCode::SEE_OTHER),
+            (&mut operator, StatusCode::OK),
+        ] {
+            browser.url = cluster.url();
+            assert_eq!(status(browser.get("/")).await, expected);
+        }
+        cluster.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_behind_the_log_in_is_kept_by_the_browser_alone() {
+    let desk = Desk::new();
+    let mut cluster = desk.cluster(1).await;
+    cluster.run(&small_spec("")).await;
+    let mut browser = Browser::at(&desk, &cluster);
+    browser.log_in(&desk.people.viewer).await;
+    let created = cluster.status("small-1").await.created_ms;
+    let (picture, lasting) = (
+        "/campaigns/small-1/individuals/0",
+        "private, max-age=31536000, immutable",
+    );
+    for (path, kept) in [
+        (format!("{picture}?created={created}"), lasting),
+        (format!("{picture}/motion?created={created}"), lasting),
+        (picture.to_owned(), "private, no-cache"),
+        ("/".to_owned(), "no-store"),
+        ("/campaigns/small-1".to_owned(), "no-store"),
+        ("/campaigns/small-1/labels".to_owned(), "no-store"),
+        ("/campaigns/small-1/report".to_owned(), "no-store"),
+        ("/metrics".to_owned(), "no-store"),
+        ("/nothing".to_owned(), "no-store"),
+        ("/events".to_owned(), "no-cache"),
+    ] {
+        let answer = browser.get(&path).send().await.unwrap();
+        assert_eq!(answer.headers()["cache-control"], kept, "{path}: {answer:?}");
+    }
     cluster.stop().await;
 }
 

@@ -245,10 +245,70 @@ fn certificates_are_private_and_never_overwritten() {
     for name in ["ca", "server", "worker", "trainer"] {
         assert!(is_private(&desk.path(&format!("certs/{name}-key.pem"))), "{name}");
     }
+    let other = desk.text("other");
+    for (host, said) in [
+        ("", "must be a DNS name"),
+        ("https://swarm.example:7700", "must be a DNS name"),
+        ("worker.murmuration.internal", "one for a worker"),
+    ] {
+        let arguments = ["certs", &other, "--host", "swarm.example", "--host", host];
+        check_refused(&desk.murmuration(), &arguments, &["--host", said]);
+    }
+    assert!(!desk.path("other").exists());
+    // Workers are added to it, and to no other.
+    let more = desk.murmuration().run(&["certs", &certs, "--worker", "alpha"]);
+    assert_eq!(more.code, Some(0), "{}", more.stderr);
+    assert!(is_private(&desk.path("certs/alpha-key.pem")));
+    assert_eq!(fs::read(desk.path("certs/ca-key.pem")).unwrap(), before);
+    let refused = |arguments: &[&str], said| {
+        check_refused(
+            &desk.murmuration(),
+            &[&["certs", &certs], arguments].concat(),
+            &[said],
+        );
+    };
+    refused(&["--worker", "alpha"], "alpha.pem is there already");
+    refused(&["--worker", "beta", "--host", "swarm"], "takes no --host");
+    refused(&["--worker", "../beta"], "letters, digits");
+    refused(&["--worker", "server"], "another name than");
+    fs::copy(desk.path("certs/worker-key.pem"), desk.path("certs/ca-key.pem")).unwrap();
+    refused(&["--worker", "beta"], "are not of `murmuration certs`");
     check_refused(
         &desk.murmuration(),
         &["token", "", "--role", "viewer"],
-        &["must be 1 to 64 bytes"],
+        &["be seen"],
+    );
+}
+
+#[test]
+fn whoever_has_a_name_has_a_token() {
+    let desk = Desk::new();
+    let murmuration = desk.murmuration();
+    let mut lines = String::new();
+    let names = ["Ange\u{301}lique", "अनीता शर्मा", "สมชาย ใจดี"];
+    let tokens = names.map(|name| {
+        let made = murmuration.run(&["token", name, "--role", "viewer"]);
+        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        lines += &made.stdout;
+        let mut words = made.stderr.split_whitespace();
+        words.find(|word| word.starts_with("mur_")).unwrap().to_owned()
+    });
+    fs::write(desk.path("tokens.toml"), lines).unwrap();
+    let (serving, url) = Serving::guarded(&desk);
+    let ca = desk.text("certs/ca.pem");
+    for (name, token) in names.iter().zip(&tokens) {
+        let at = ["--coordinator", &url, "--ca", &ca];
+        let refused = from_elsewhere(
+            &[&["pause", "latest"][..], &at].concat(),
+            &[("MURMURATION_TOKEN", token)],
+        );
+        assert!(stderr(&refused).contains(name), "{}", stderr(&refused));
+    }
+    serving.end();
+    check_refused(
+        &murmuration,
+        &["token", "admin\u{200b}", "--role", "viewer"],
+        &["be seen"],
     );
 }
 

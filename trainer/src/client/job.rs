@@ -2,7 +2,7 @@
 
 use super::{course::Course, dataset, task::Task};
 use murmuration_embed::Runtime;
-use murmuration_link::{Coordinator, attempts, follow, for_lease, may_pass, stopped};
+use murmuration_link::{Coordinator, attempts, follow, for_lease, may_pass_elsewhere, stopped};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
@@ -37,7 +37,7 @@ pub(super) struct Undone {
 }
 
 impl Undone {
-    /// It would fail anywhere.
+    /// It would fail anywhere, as far as this trainer can tell: the coordinator asks another.
     pub(super) fn fatal(message: impl fmt::Display) -> Self {
         Self {
             class: v1::FailureClass::Fatal,
@@ -53,10 +53,10 @@ impl Undone {
         }
     }
 
-    /// A call failed for good, or the coordinator was away for too long.
+    /// A call failed for good; or the coordinator was away for too long, or did not let this trainer in.
     pub(super) fn call(what: &str, status: &Status) -> Self {
         let message = format!("{what}: {}", status.message());
-        match may_pass(status) {
+        match may_pass_elsewhere(status) {
             true => Self::retryable(message),
             false => Self::fatal(message),
         }
@@ -135,8 +135,8 @@ async fn train(
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,
 ) -> Result<CheckpointDigest, Undone> {
-    // First of all: nobody should train for long to learn that it cannot be checked.
-    let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::fatal)?;
+    // First of all: nobody should train for long to learn that it cannot be checked. Another trainer may have the library.
+    let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::retryable)?;
     let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {
         fetched = dataset::fetch(&task, &coordinator) => fetched?,

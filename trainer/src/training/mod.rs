@@ -260,11 +260,10 @@ impl Training {
     pub fn embedder(&self) -> Network {
         let mut network = self.best_network();
         let plain = network.embed(self.held_out.plain());
-        let dimensions = network.architecture().dimensions();
-        let Moments { mean, .. } = Moments::of(&plain, dimensions);
-        let spread = Quality::of(&[], &[], &plain, dimensions).spread;
+        let moments = Moments::of(&plain, network.architecture().dimensions());
+        let spread = moments.spread();
         if spread > 0.0 && spread.is_finite() {
-            network.move_and_scale(&mean, 1.0 / spread);
+            network.move_and_scale(&moments.mean, 1.0 / spread);
         }
         network
     }

@@ -79,6 +79,7 @@ impl Fake {
             coordinator,
             credentials: Credentials::default(),
             name: "trainer".to_owned(),
+            local_address: None,
             health: Health::new(),
         };
         let trainer = tokio::spawn(client::run(options, stopped));
@@ -307,10 +308,12 @@ impl checkpoints::CheckpointService for Api {
         Ok(Response::new(description))
     }
 
+    type ListCheckpointsStream = Parts<v1::ListCheckpointsResponse>;
+
     async fn list_checkpoints(
         &self,
         _: Request<v1::ListCheckpointsRequest>,
-    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
+    ) -> Result<Response<Self::ListCheckpointsStream>, Status> {
         Err(Status::unimplemented("not for trainers"))
     }
 

@@ -2,7 +2,7 @@
 
 use ort::environment::Environment;
 use std::{
-    env, fmt,
+    env, fmt, fs, io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError},
 };
@@ -142,7 +142,11 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
 
 /// The library that must load if there is to be any.
 fn certain(named: Option<PathBuf>, pinned: &[PathBuf]) -> Option<PathBuf> {
-    named.or_else(|| pinned.iter().find(|library| library.exists()).cloned())
+    // What cannot be read is there too: another in its place would compute other bits.
+    let is_absent = |library: &Path| {
+        fs::symlink_metadata(library).is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
+    };
+    named.or_else(|| pinned.iter().find(|library| !is_absent(library)).cloned())
 }
 
 fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
@@ -163,7 +167,6 @@ fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
 
     #[test]
     fn a_library_that_is_named_goes_before_one_that_was_fetched() {
@@ -173,6 +176,11 @@ mod tests {
         let pinned = [absent.clone(), fetched.clone()];
         assert_eq!(certain(Some(absent.clone()), &pinned), Some(absent.clone()));
         assert_eq!(certain(None, &pinned), Some(fetched));
+        // What cannot be read is there: nothing else is taken for it.
+        let unmounted = folder.path().join("unmounted");
+        std::os::unix::fs::symlink(&absent, &unmounted).unwrap();
+        let pinned = [unmounted.clone(), pinned[1].clone()];
+        assert_eq!(certain(None, &pinned), Some(unmounted));
         assert_eq!(certain(None, &[absent]), None);
     }
 

@@ -63,6 +63,14 @@ pub fn may_pass(status: &Status) -> bool {
     )
 }
 
+/// Whether the same call may work later, or from another machine: besides what [may pass](may_pass), the coordinator may
+/// not let this one in.
+#[must_use]
+pub fn may_pass_elsewhere(status: &Status) -> bool {
+    let is_not_let_in = matches!(status.code(), Code::PermissionDenied | Code::Unauthenticated);
+    is_not_let_in || may_pass(status)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,12 +10,13 @@ mod checkpoints;
 mod credentials;
 mod health;
 mod link;
+mod output;
 mod process;
 mod stop;
 mod telemetry;
 mod token;
 
-pub use attempts::{attempts, for_lease, may_pass};
+pub use attempts::{attempts, for_lease, may_pass, may_pass_elsewhere};
 pub use checkpoints::fetch_checkpoint;
 pub use credentials::{
     Bearer, Coordinator, Credentials, CredentialsError, IdentityFiles, TrustFiles, read_pem, read_token,
@@ -23,18 +24,19 @@ pub use credentials::{
 };
 pub use health::{Health, READY};
 pub use link::{Broken, Link};
+pub use output::{OutputError, parse_arguments, print, say};
 pub use process::{PartyArguments, Post, run_party};
 pub use stop::{stopped, termination};
 pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
-use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, v1};
+use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, Text, v1};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},
     io,
-    net::SocketAddr,
+    net::{IpAddr, SocketAddr},
     time::Duration,
 };
 use tokio::sync::watch;
@@ -47,7 +49,7 @@ pub enum Role {
     Worker {
         /// How many.
         capacity: u32,
-        /// How it embeds.
+        /// How it embeds; unknown if it does not.
         kind: EmbeddingKind,
     },
     /// A trainer, which has one training at a time.
@@ -144,6 +146,13 @@ impl Address {
         })
     }
 
+    /// The same, connecting from this address of the machine, where it has several.
+    #[must_use]
+    pub fn connecting_from(mut self, address: Option<IpAddr>) -> Self {
+        self.endpoint = self.endpoint.local_address(address);
+        self
+    }
+
     /// A connection of its own for other calls, made when it is first used and again whenever it is broken.
     #[must_use]
     pub fn channel(&self) -> Coordinator {
@@ -194,7 +203,7 @@ pub async fn keep(
             Err(Broken::Refused(status)) => {
                 return Err(LinkError::Refused {
                     who: address.role.noun(),
-                    reason: status.message().to_owned(),
+                    reason: Text::line(status.message()).into(),
                 });
             }
             Err(broken) => broken,

@@ -1,9 +1,12 @@
 //! One connection, from Hello to the end of the stream.
 
 use crate::{Address, Role, root_cause};
-use murmuration_proto::v1::{
-    self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
-    worker_service_client::WorkerServiceClient,
+use murmuration_proto::{
+    Text,
+    v1::{
+        self, coordinator_message, trainer_service_client::TrainerServiceClient, worker_message,
+        worker_service_client::WorkerServiceClient,
+    },
 };
 use std::{error::Error as _, time::Duration};
 use tokio::{
@@ -133,7 +136,7 @@ impl Link {
 fn words(status: &Status) -> String {
     match status.source() {
         Some(source) => root_cause(source),
-        None => status.message().to_owned(),
+        None => Text::line(status.message()).into(),
     }
 }
 

@@ -1,7 +1,11 @@
 //! What the processes of workers and trainers have in common, from their command line to their end.
 
-use crate::{Credentials, Health, IdentityFiles, LinkError, TrustFiles, stop::termination, telemetry};
-use std::{fmt::Display, net::SocketAddr, process::ExitCode};
+use crate::{Credentials, Health, IdentityFiles, LinkError, TrustFiles, errln, stop::termination, telemetry};
+use std::{
+    fmt::Display,
+    net::{IpAddr, SocketAddr},
+    process::ExitCode,
+};
 use tokio::sync::watch;
 
 /// Arguments of every worker and trainer.
@@ -21,6 +25,9 @@ pub struct PartyArguments {
     /// Answer gRPC's health service at this address, such as 127.0.0.1:7701 (`murmuration health` asks it)
     #[arg(long, env = "MURMURATION_HEALTH", value_name = "ADDRESS")]
     health: Option<SocketAddr>,
+    /// Connect from this address, where this machine has several [default: as the system chooses]
+    #[arg(long, env = "MURMURATION_LOCAL_ADDRESS", value_name = "ADDRESS")]
+    local_address: Option<IpAddr>,
 }
 
 /// What a worker or trainer has to begin with.
@@ -30,6 +37,8 @@ pub struct Post {
     pub coordinator: String,
     /// What it shows there.
     pub credentials: Credentials,
+    /// Address of this machine to connect from; `None` leaves the choice to the system.
+    pub local_address: Option<IpAddr>,
     /// What others are told of how it is.
     pub health: Health,
     /// True once it is to leave, on SIGTERM or Ctrl-C.
@@ -52,7 +61,7 @@ pub async fn run_party<E: Display + From<LinkError>>(
     let code = match ended.await {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error}");
+            errln!("error: {error}");
             ExitCode::FAILURE
         }
     };
@@ -78,6 +87,7 @@ impl PartyArguments {
         Ok(Post {
             coordinator: self.coordinator,
             credentials,
+            local_address: self.local_address,
             health,
             stop: stopped,
         })

@@ -6,7 +6,7 @@ use opentelemetry::{
 };
 use opentelemetry_otlp::SpanExporter;
 use opentelemetry_sdk::{Resource, propagation::TraceContextPropagator, trace::SdkTracerProvider};
-use std::{collections::HashMap, env};
+use std::{collections::HashMap, env, io};
 use tracing::Span;
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
 use tracing_subscriber::{EnvFilter, layer::SubscriberExt as _, util::SubscriberInitExt as _};
@@ -21,7 +21,7 @@ pub const TRACE_PARENT: &str = "traceparent";
 #[must_use = "what is not ended may lose its last spans"]
 pub struct Telemetry(Option<SdkTracerProvider>);
 
-/// Logs to stderr what `RUST_LOG` lets through; without it, all from the level `default` on ("info", say). Where
+/// Logs to stderr, in colours on a terminal alone, what `RUST_LOG` lets through; without it, all from the level `default` on ("info", say). Where
 /// `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, sends it the spans of the same, by gRPC, as those of `service`.
 /// Once a process, on a tokio runtime.
 pub fn telemetry(service: &'static str, default: &str) -> Telemetry {
@@ -35,12 +35,21 @@ pub fn telemetry(service: &'static str, default: &str) -> Telemetry {
     tracing_subscriber::registry()
         .with(filter)
         .with(traces)
-        .with(tracing_subscriber::fmt::layer().with_writer(std::io::stderr))
+        .with(
+            tracing_subscriber::fmt::layer()
+                .with_ansi(in_colour())
+                .with_writer(io::stderr),
+        )
         .init();
     Telemetry(provider.unwrap_or_else(|error| {
         tracing::error!(%error, "no traces are sent");
         None
     }))
+}
+
+/// Whether the log on stderr may have colours: on a terminal, unless `NO_COLOR` or `TERM` says otherwise.
+fn in_colour() -> bool {
+    anstream::AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never
 }
 
 /// What sends spans to the collector; none where none is named.

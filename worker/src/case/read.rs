@@ -2,7 +2,7 @@
 
 use super::Case;
 use crate::simulate::Start;
-use murmuration_proto::{CapabilityModel, Controller, ImageFormat, Invalid, World, v1};
+use murmuration_proto::{CapabilityModel, Controller, ImageFormat, Invalid, World, counted, v1};
 use serde_json::{Map, Value};
 
 /// Steps that are reported where a case names none (those within its horizon, and its end).
@@ -70,7 +70,7 @@ fn controller(keys: Keys<'_>) -> Result<Controller, Invalid> {
     };
     let model = model.ok_or_else(|| {
         let allowed = "4 values for the single-sensor model or 9 for the two-sensor model";
-        Invalid::new("controller", format!("{} values", genes.len()), allowed)
+        Invalid::new("controller", counted(genes.len() as u64, "value"), allowed)
     })?;
     Controller::new(model, &genes)
 }
@@ -101,7 +101,7 @@ fn world(keys: Keys<'_>, poses: usize) -> Result<World, Invalid> {
     {
         return Err(Invalid::new(
             "initial",
-            format!("{poses} poses"),
+            counted(poses as u64, "pose"),
             format!("one for each of {agents} agents"),
         ));
     }

@@ -94,7 +94,7 @@ fn an_error_names_the_key() {
     );
     check(
         json!({"controller": [0.1]}),
-        "controller = 1 values: must be 4 values for the single-sensor model or 9 for the two-sensor model",
+        "controller = 1 value: must be 4 values for the single-sensor model or 9 for the two-sensor model",
     );
     check(
         json!({"model": "two_sensor"}),

@@ -3,7 +3,7 @@
 use murmuration_embed::{
     Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
 };
-use murmuration_link::{Coordinator, fetch_checkpoint, may_pass};
+use murmuration_link::{Coordinator, fetch_checkpoint, may_pass_elsewhere};
 use murmuration_proto::{CheckpointDigest, v1};
 use std::{
     path::PathBuf,
@@ -38,14 +38,20 @@ pub(super) enum Unavailable {
 }
 
 impl Unavailable {
-    /// Whether it may be had later: the coordinator was away.
-    pub(super) fn may_pass(&self) -> bool {
-        let Self::Checkpoint(CheckpointError::Fetch(FetchError::Source { error, .. })) = self else {
-            return false;
-        };
-        error
-            .downcast_ref()
-            .is_some_and(|NotFetched(status)| may_pass(status))
+    /// Whether another machine may have it, or this one later: ONNX Runtime or the cache's disk is this machine's affair, as
+    /// is what it may fetch; or the coordinator was away.
+    pub(super) fn may_be_had_elsewhere(&self) -> bool {
+        match self {
+            Self::Runtime(_) | Self::Cache(_) => true,
+            Self::Checkpoint(CheckpointError::Fetch(error)) => match error {
+                FetchError::Cache(_) => true,
+                FetchError::Source { error, .. } => error
+                    .downcast_ref()
+                    .is_some_and(|NotFetched(status)| may_pass_elsewhere(status)),
+                FetchError::Mismatch { .. } => false,
+            },
+            Self::Checkpoint(CheckpointError::Model { .. } | CheckpointError::Open { .. }) => false,
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use super::{
     checkpoints::{Checkpoints, Unavailable},
     lease::{Lease, Outcome, Work},
 };
-use crate::{evaluate::Evaluator, replay::replay, simulate::Start};
+use crate::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
 use murmuration_embed::{EmbedError, Embedder, Embedders};
 use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World, v1};
 use std::sync::Arc;
@@ -43,7 +43,9 @@ impl Desk {
             let message = undone.to_string();
             tracing::warn!(message, "not done");
             match undone {
-                Undone::Checkpoint(unavailable) if unavailable.may_pass() => Outcome::retryable(message),
+                Undone::Checkpoint(unavailable) if unavailable.may_be_had_elsewhere() => {
+                    Outcome::retryable(message)
+                }
                 _ => Outcome::fatal(message),
             }
         })
@@ -71,8 +73,8 @@ impl Desk {
                 world,
                 controller,
                 seed,
-                stride,
-            } => Outcome::Replay(replay(&controller, &world, &Start::seeded(seed), stride)?),
+                frames,
+            } => Outcome::Replay(replay_frames(&controller, &world, &Start::seeded(seed), &frames)?),
         })
     }
 

@@ -1,9 +1,9 @@
 //! A lease taken in from the wire, and what became of it.
 
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Replay, World, v1,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, World,
+    v1,
 };
-use std::num::NonZeroU32;
 
 /// Most tasks or pictures in one batch.
 const MAX_BATCH: usize = 4096;
@@ -36,7 +36,7 @@ pub(super) enum Work {
         world: World,
         controller: Controller,
         seed: u64,
-        stride: NonZeroU32,
+        frames: Frames,
     },
 }
 
@@ -64,7 +64,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// The work itself is at fault.
+    /// The work itself is at fault, as far as this worker can tell: the coordinator asks another.
     pub(super) fn fatal(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Fatal,
@@ -164,13 +164,14 @@ fn embeddings(batch: v1::EmbeddingBatch) -> Result<Work, Invalid> {
 
 fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
     let model = CapabilityModel::try_from(task.model)?;
-    let stride = NonZeroU32::new(task.stride).ok_or_else(|| Invalid::new("stride", 0, "1 or more"))?;
     let (controller, seed) = self::task(model, &task.task.unwrap_or_default())?;
+    let world = world(task.world)?;
     Ok(Work::Replay {
-        world: world(task.world)?,
+        // What could not be sent is refused before it is computed.
+        frames: Frames::new(task.first, task.stride, &world)?,
+        world,
         controller,
         seed,
-        stride,
     })
 }
 
@@ -246,6 +247,22 @@ mod tests {
         }
     }
 
+    fn replay_task(stride: u32) -> v1::lease::Work {
+        v1::lease::Work::Replay(v1::ReplayTask {
+            model: v1::CapabilityModel::SingleSensor.into(),
+            world: Some(v1::World {
+                agents: Some(10_000),
+                ..v1::World::default()
+            }),
+            task: Some(v1::EvaluationTask {
+                controller: vec![0.1, 0.2, 0.3, 0.4],
+                seed: 1,
+            }),
+            stride,
+            first: 0,
+        })
+    }
+
     #[track_caller]
     fn check_refused(work: v1::lease::Work, said: &str) {
         let error = taken_in(work).unwrap_err();
@@ -263,6 +280,9 @@ mod tests {
         );
         check_refused(embedding_batch(&digest, 4097), "4097 images");
         check_refused(evaluation_batch("compact"), "checkpoint = \"compact\"");
+        check_refused(replay_task(0), "stride = 0: must be 1 or more");
+        check_refused(replay_task(1), "1201 frames of 10000 agents are 12010000 poses");
+        assert!(matches!(taken_in(replay_task(4)), Ok(Work::Replay { .. })));
         let training = v1::lease::Work::Training(v1::TrainingTask::default());
         check_refused(
             training,

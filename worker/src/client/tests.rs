@@ -14,9 +14,12 @@ use murmuration_proto::{
         checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
     },
 };
-use std::sync::{
-    Arc,
-    atomic::{AtomicUsize, Ordering},
+use std::{
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 use tempfile::TempDir;
 use tokio::net::TcpListener;
@@ -53,10 +56,13 @@ impl CheckpointService for Fake {
         Ok(Response::new(tokio_stream::iter(chunks.collect::<Vec<_>>())))
     }
 
+    type ListCheckpointsStream =
+        tokio_stream::Iter<std::vec::IntoIter<Result<v1::ListCheckpointsResponse, Status>>>;
+
     async fn list_checkpoints(
         &self,
         _: Request<v1::ListCheckpointsRequest>,
-    ) -> Result<Response<v1::ListCheckpointsResponse>, Status> {
+    ) -> Result<Response<Self::ListCheckpointsStream>, Status> {
         Err(Status::unimplemented("not for workers"))
     }
 
@@ -84,6 +90,12 @@ struct Worker {
 
 impl Worker {
     async fn start(answer: Result<&[u8], Code>) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = folder.path().join("checkpoints");
+        Self::start_in(folder, &cache, answer).await
+    }
+
+    async fn start_in(folder: TempDir, cache: &Path, answer: Result<&[u8], Code>) -> Self {
         let fake = Fake {
             answer: answer.map(<[u8]>::to_vec),
             asked: Arc::default(),
@@ -98,12 +110,8 @@ impl Worker {
             kind: EmbeddingKind::UNKNOWN,
         };
         let address = Address::new(&url, &Credentials::default(), role, "tested").unwrap();
-        let folder = tempfile::tempdir().unwrap();
         Self {
-            checkpoints: Arc::new(Checkpoints::new(
-                address.channel(),
-                folder.path().join("checkpoints"),
-            )),
+            checkpoints: Arc::new(Checkpoints::new(address.channel(), cache.to_owned())),
             asked,
             _folder: folder,
         }
@@ -194,6 +202,22 @@ async fn a_coordinator_that_is_away_may_come_back() {
         "cannot be fetched: as asked",
     );
     assert_eq!(worker.asked(), 3);
+}
+
+#[tokio::test]
+async fn what_is_wrong_with_this_machine_may_be_right_with_another() {
+    let retryable = v1::FailureClass::Retryable;
+    for code in [Code::PermissionDenied, Code::Unauthenticated] {
+        let worker = Worker::start(Err(code)).await;
+        let outcome = worker.outcome(pictures(CheckpointDigest::of(SMALL))).await;
+        check_failure(&outcome, retryable, "cannot be fetched: as asked");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a file");
+    std::fs::write(&file, "").unwrap();
+    let worker = Worker::start_in(folder, &file.join("cache"), Ok(SMALL)).await;
+    let outcome = worker.outcome(pictures(CheckpointDigest::of(SMALL))).await;
+    check_failure(&outcome, retryable, "checkpoint cache ");
 }
 
 #[tokio::test]

@@ -1,6 +1,6 @@
 //! Where a swarm starts.
 
-use murmuration_proto::{Invalid, Purpose, Stream, World};
+use murmuration_proto::{Invalid, Purpose, Stream, World, counted};
 use std::{borrow::Cow, f64::consts::TAU};
 
 /// The poses of a swarm before its first step.
@@ -53,8 +53,12 @@ impl Start {
             Kind::Seed(seed) => Ok(Cow::Owned(drawn(*seed, world))),
             Kind::Poses(poses) if poses.len() == agents => Ok(Cow::Borrowed(poses)),
             Kind::Poses(poses) => {
-                let allowed = format!("{agents} poses, one an agent");
-                Err(Invalid::new("initial", format!("{} poses", poses.len()), allowed))
+                let allowed = format!("{}, one an agent", counted(agents as u64, "pose"));
+                Err(Invalid::new(
+                    "initial",
+                    counted(poses.len() as u64, "pose"),
+                    allowed,
+                ))
             }
         }
     }

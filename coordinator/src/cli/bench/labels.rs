@@ -1,17 +1,17 @@
 //! `bench labels`: accuracy against the number of labels.
 
-use super::super::{CliError, json, run::read_spec};
+use super::super::{CliError, files::write, json, run::read_spec};
 use crate::{
     accuracy::{Labels, Summary},
     label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot},
 };
-use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, training::Recipe};
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, training::Recipe};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
 use serde_json::json;
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Path, PathBuf},
 };
 
@@ -56,7 +56,7 @@ impl LabelsBench {
         };
         let mut pretrained = Vec::new();
         for &seed in &self.seeds {
-            eprintln!("seed {seed}: training without labels");
+            errln!("seed {seed}: training without labels");
             pretrained.push(Pretrained::of(&spec.clone().with_seed(seed)?)?);
         }
         let curves = Curves {
@@ -65,22 +65,24 @@ impl LabelsBench {
             recipe: &recipe,
             medoids: spec.medoids() as usize,
         };
-        let mut points = Vec::new();
+        let (mut points, mut told) = (Vec::new(), Ok(()));
         for &strategy in &self.strategies {
             for which in 0..pretrained.len() {
                 curves.curve(strategy, which, &self.labels, |point| {
-                    tell(&point, as_json);
+                    if told.is_ok() {
+                        told = tell(&point, as_json);
+                    }
                     points.push(point);
                 })?;
             }
         }
+        told?;
         if !as_json {
-            print_table(&points);
+            print_table(&points)?;
         }
         if let Some(file) = &self.plot {
             let svg = plot(&points, spec.model().name()).map_err(CliError::Failed)?;
-            fs::write(file, svg).map_err(|error| CliError::unwritable(file, &error))?;
-            eprintln!("wrote {}", file.display());
+            write(file, svg)?;
         }
         Ok(())
     }
@@ -134,9 +136,9 @@ fn further(labels: &Labels, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<V
     Ok(simulated.collect::<Result<_, Invalid>>()?)
 }
 
-fn tell(point: &Point, as_json: bool) {
+fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     if as_json {
-        json::print(&json!({
+        return json::print(&json!({
             "schema": json::SCHEMA,
             "strategy": point.strategy.name(),
             "labels": point.labels,
@@ -145,26 +147,29 @@ fn tell(point: &Point, as_json: bool) {
             "every_anchor_percent": point.every,
             "seconds": point.took.as_secs_f64(),
         }));
-        return;
     }
     let percent = |figure: Option<f64>| figure.map_or("-".to_owned(), |figure| format!("{figure:.2} %"));
-    eprintln!(
-        "seed {}: {} labels by {}: {} / {} ({:.1} s)",
+    errln!(
+        "seed {}: {} by {}: {} / {} ({:.1} s)",
         point.seed,
-        point.labels,
+        counted(point.labels as u64, "label"),
         point.strategy,
         percent(point.not_random),
         percent(point.every),
         point.took.as_secs_f64(),
     );
+    Ok(())
 }
 
 /// Means over the seeds.
-fn print_table(points: &[Point]) {
-    println!(
+fn print_table(points: &[Point]) -> Result<(), OutputError> {
+    outln!(
         "{:<12}{:>8}{:>20}{:>20}",
-        "STRATEGY", "LABELS", "ANCHOR NOT RANDOM", "EVERY ANCHOR"
-    );
+        "STRATEGY",
+        "LABELS",
+        "ANCHOR NOT RANDOM",
+        "EVERY ANCHOR"
+    )?;
     let mut rows: BTreeMap<(Strategy, usize), Vec<&Point>> = BTreeMap::new();
     for point in points {
         rows.entry((point.strategy, point.labels))
@@ -181,13 +186,14 @@ fn print_table(points: &[Point]) {
                 format!("{:.2}{deviation}", summary.mean)
             })
         };
-        println!(
+        outln!(
             "{:<12}{labels:>8}{:>20}{:>20}",
             strategy.name(),
             over(|point| point.not_random),
             over(|point| point.every),
-        );
+        )?;
     }
+    Ok(())
 }
 
 impl From<Overlap> for CliError {

@@ -8,6 +8,7 @@ use std::time::Duration;
 pub(super) struct News {
     pub(super) done: u64,
     pub(super) total: u64,
+    /// What is counted, in the singular.
     pub(super) unit: &'static str,
     /// Rises when there is something to say again.
     pub(super) step: u64,
@@ -52,7 +53,7 @@ impl News {
             v1::CampaignStage::Dataset => {
                 let total = spec.as_ref().map_or(0, pictures);
                 let done = status.dataset_done.min(total);
-                Self::counted(status, (done, total), "pictures", "simulations")
+                Self::counted(status, (done, total), "picture", "simulations")
             }
             v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune | v1::CampaignStage::Committee => {
                 Self::training(status)
@@ -63,13 +64,13 @@ impl News {
                     .and_then(CampaignSpec::feedback)
                     .map_or(0, Feedback::labels);
                 let done = status.labelled.min(total);
-                Self::counted(status, (done.into(), total.into()), "individuals", "labels")
+                Self::counted(status, (done.into(), total.into()), "individual", "labels")
             }
             v1::CampaignStage::Embed => {
                 let search = spec.as_ref().map(|spec| *spec.search());
                 let total = u64::from(status.generations_done) * population(search);
                 let done = status.embedded.min(total);
-                Self::counted(status, (done, total), "pictures", "embeddings")
+                Self::counted(status, (done, total), "picture", "embeddings")
             }
             v1::CampaignStage::Evolve | v1::CampaignStage::Taxonomy | v1::CampaignStage::Unspecified => {
                 Self::evolution(status, spec.as_ref().map(|spec| *spec.search()))
@@ -105,18 +106,13 @@ impl News {
             let left = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
             format!("at most {} left", HumanDuration(left))
         });
-        if status.active && status.training.is_none() {
-            let waiting = if status.trainers == 0 {
-                "waiting for a trainer (murmuration-trainer)"
-            } else {
-                "the trainer begins"
-            };
-            parts.push(waiting.to_owned());
+        if status.active && status.training.is_none() && status.trainers > 0 {
+            parts.push("no trainer has begun it yet".to_owned());
         }
         Self {
             done: progress.epoch,
             total: progress.epochs,
-            unit: "epochs",
+            unit: "epoch",
             step: progress.epoch,
             text: parts.join(" · "),
         }
@@ -140,7 +136,7 @@ impl News {
         Self {
             done,
             total,
-            unit: "evaluations",
+            unit: "evaluation",
             step: status.generations_done.into(),
             text: parts.join(" · "),
         }
@@ -149,9 +145,8 @@ impl News {
 
 /// How fast it goes and how long it will take, if it goes at all.
 fn pace(status: &v1::Campaign, left: u64, unit: &str) -> Vec<String> {
-    match (status.active, status.workers, status.evaluations_per_second) {
-        (true, 0, _) => vec!["waiting for workers (murmuration-worker)".to_owned()],
-        (true, _, rate) if rate > 0.0 => {
+    match (status.active, status.evaluations_per_second) {
+        (true, rate) if rate > 0.0 => {
             let eta = Duration::try_from_secs_f64(left as f64 / rate).unwrap_or(Duration::MAX);
             vec![
                 format!("{rate:.0} {unit}/s"),

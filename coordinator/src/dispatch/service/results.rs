@@ -3,10 +3,10 @@
 use super::{Given, Job, Service};
 use crate::{
     dispatch::{
-        Evaluated, JobError, NotWelcome, Quarantined, SetAside, TrainingJob,
+        Evaluated, JobError, Maker, NotWelcome, Quarantined, SetAside, TrainingJob,
         work::{Output, Work},
     },
-    leases::{Instance, JobId, LeaseNumber, News, Refused, Settled, WorkerId},
+    leases::{JobId, LeaseNumber, News, Refused, Settled, WorkerId, WorkerProcessId},
 };
 use murmuration_proto::{
     EmbeddingKind,
@@ -23,29 +23,43 @@ impl Service {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             return;
         };
-        let Some(job) = self.jobs.get(&id) else { return };
+        let kind = self.kind(worker);
+        let Some(job) = self.jobs.get_mut(&id) else {
+            return;
+        };
         let given = self.given.remove(&lease);
         let span = given.as_ref().map_or_else(Span::none, |given| given.span.clone());
         let _in_lease = span.entered();
         match outcome {
-            Outcome::Failure(failure) if failure.class() == FailureClass::Fatal => {
-                self.table.forget(id);
-                self.reply(id, Err(JobError::Fatal(failure.message)));
-            }
             Outcome::Failure(failure) => {
-                tracing::info!(?worker, message = failure.message, "a worker gave a batch back");
+                let is_fatal = failure.class() == FailureClass::Fatal;
+                tracing::info!(
+                    ?worker,
+                    is_fatal,
+                    message = failure.message,
+                    "a worker gave a batch back"
+                );
                 self.metrics.returned(1);
                 if self.table.takes_work(worker) {
                     let name = self
                         .workers
                         .get(&worker)
                         .map_or("?", |worker| worker.name.as_str());
-                    let trouble = format!("{name} gave work back, which is tried again: {}", failure.message);
+                    let what = match is_fatal {
+                        true => "says that work cannot be done, and another machine is asked",
+                        false => "gave work back, which is tried again",
+                    };
+                    let trouble = format!("{name} {what}: {}", failure.message);
                     job.headway.set_trouble(Some(trouble));
                 }
-                self.table.give_back(worker, lease, Instant::now());
+                if is_fatal {
+                    job.refusal = Some(failure.message);
+                    self.table.refuse(worker, lease, Instant::now());
+                } else {
+                    self.table.give_back(worker, lease, Instant::now());
+                }
             }
-            outcome => match job.work.outputs(outcome, self.kind(worker)) {
+            outcome => match job.work.outputs(outcome, kind) {
                 Ok(outputs) => {
                     if let Some(Given { at, .. }) = given {
                         self.metrics
@@ -73,12 +87,12 @@ impl Service {
 
     /// A worker sent what no sound worker sends.
     fn found_wrong(&mut self, worker: WorkerId, what: &str) {
-        let Some(instance) = self.table.instance(worker) else {
+        let Some(process) = self.table.process(worker) else {
             return;
         };
         // Before it is forgotten, so that it is told what was wrong.
         self.dismiss(worker, Some(Status::invalid_argument(what)));
-        self.table.quarantine(instance);
+        self.table.quarantine(process);
     }
 
     /// Passes on what became of jobs and workers.
@@ -97,30 +111,47 @@ impl Service {
                 News::Disagreement { job, task, between } => {
                     let workers = self.names(&between);
                     self.metrics.disagreed();
-                    tracing::error!(?workers, task, "workers disagree, and there is no other to ask");
+                    tracing::error!(?workers, task, "machines disagree, and there is no other to ask");
                     self.reply(job, Err(JobError::Disagreement { task, workers }));
                 }
+                News::Impossible { job, by } => {
+                    let workers = self.names(&by).join(" and ");
+                    let said = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
+                    let said = said.unwrap_or_default();
+                    tracing::error!(workers, said, "work cannot be done");
+                    self.reply(job, Err(JobError::Fatal(format!("{said} (so {workers})"))));
+                }
                 News::Quarantined {
-                    instance,
+                    process,
                     workers,
                     again,
-                } => {
-                    let name = self.names(&[instance]).concat();
-                    self.metrics.quarantined();
-                    tracing::error!(
-                        worker = name,
-                        again,
-                        "a worker was found wrong, and is quarantined"
-                    );
-                    self.wrong
-                        .send_modify(|wrong| wrong.push(Quarantined { instance, name }));
-                    for worker in workers {
-                        let status = Status::failed_precondition(NotWelcome::Quarantined.to_string());
-                        self.dismiss(worker, Some(status));
-                    }
-                }
+                } => self.tell_quarantine(process, workers, again),
             }
         }
+    }
+
+    fn tell_quarantine(&mut self, process: WorkerProcessId, workers: Vec<WorkerId>, again: usize) {
+        let (machine, name) = (process.machine, self.names(&[process]).concat());
+        self.metrics.quarantined();
+        tracing::error!(
+            worker = name,
+            %machine,
+            again,
+            "a machine was found wrong, and is quarantined"
+        );
+        for worker in workers {
+            let status = Status::failed_precondition(NotWelcome::Quarantined(machine).to_string());
+            self.dismiss(worker, Some(status));
+        }
+        if self.table.workers() == 0 {
+            let trouble =
+                format!("{name} was found wrong and is quarantined: start a worker on another machine");
+            for job in self.jobs.values() {
+                job.headway.set_trouble(Some(trouble.clone()));
+            }
+        }
+        self.wrong
+            .send_modify(|wrong| wrong.push(Quarantined { machine, name }));
     }
 
     /// What a job's tasks come to; where nothing could take the place of one that was set aside, nothing.
@@ -129,9 +160,13 @@ impl Service {
             .jobs
             .get(&job)
             .is_some_and(|job| matches!(job.work, Work::Evaluations(_)));
+        let maker = |kind, by: WorkerProcessId, audited: bool| Maker {
+            kind,
+            unaudited: (!audited).then_some(by.machine),
+        };
         let settle = |settled| match settled {
             Settled::Result {
-                value: Output::Evaluation(evaluation, _),
+                value: Output::Evaluation(evaluation, kind),
                 by,
                 audited,
             } => {
@@ -140,14 +175,14 @@ impl Service {
                 }
                 Ok(Output::Evaluated(Evaluated::Done {
                     evaluation,
-                    unaudited: (!audited).then_some(by),
+                    maker: maker(kind, by, audited),
                 }))
             }
             Settled::Result {
-                value: Output::Embedding(embedding, _),
+                value: Output::Embedding(embedding, kind),
                 by,
                 audited,
-            } => Ok(Output::Embedded(embedding, (!audited).then_some(by))),
+            } => Ok(Output::Embedded(embedding, maker(kind, by, audited))),
             Settled::Result { value, .. } => Ok(value),
             Settled::SetAside { lost } => {
                 let set_aside = SetAside {
@@ -172,12 +207,10 @@ impl Service {
         }
     }
 
-    fn names(&self, instances: &[Instance]) -> Vec<String> {
-        let name = |instance| self.names.get(instance).map_or("?", String::as_str);
-        instances
-            .iter()
-            .map(|instance| name(instance).to_owned())
-            .collect()
+    /// Names and addresses of processes.
+    fn names(&self, processes: &[WorkerProcessId]) -> Vec<String> {
+        let name = |process| self.names.get(process).map_or("?", String::as_str);
+        processes.iter().map(|process| name(process).to_owned()).collect()
     }
 
     /// Passes on what a trainer says of the training under a lease, if it is still wanted.

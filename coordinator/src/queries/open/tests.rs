@@ -39,7 +39,7 @@ impl Campaign {
         let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
         let campaign = Self {
             _folder: folder,
-            queries: Queries::new(viewers),
+            queries: Queries::new(viewers, Spaces::new(store.clone()), Interrupt::default()),
             store,
             id,
         };
@@ -90,8 +90,8 @@ impl Campaign {
     /// What is asked once the order that is made meanwhile is there.
     async fn ask_later(&self, strategy: Strategy) -> BTreeSet<usize> {
         self.ask("ana", strategy, false).await;
-        let open = Arc::clone(&lock(&self.queries.campaigns)[&self.id]);
-        let ranking = Arc::clone(&lock(&open.rankings)[&strategy]);
+        let rankings = self.queries.rankings.of(&self.id);
+        let ranking = Arc::clone(&lock(&rankings.0)[&strategy]);
         drop(ranking.making.lock().await);
         self.ask("ana", strategy, false).await
     }
@@ -139,7 +139,9 @@ async fn what_was_taken_back_is_not_asked_about() {
 async fn who_searches_without_an_embedder_has_no_committee() {
     let campaign = Campaign::new(1);
     let record = campaign.store.campaign("latest").unwrap();
-    let asked = campaign.queries.unanswered(&record, Strategy::Committee, 2);
+    let asked = campaign
+        .queries
+        .unanswered(&record, Strategy::Committee, 2, campaign.queries.interrupt());
     let refused = asked.await.unwrap_err().to_string();
     assert!(refused.contains("has a single embedder"), "{refused}");
 }
@@ -176,7 +178,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
         clusters: vec![0; 110],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy).unwrap();
+    campaign.store.complete(&campaign.id, &taxonomy, &[]).unwrap();
     let last = clusters();
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
 }
@@ -213,12 +215,78 @@ async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
         clusters: vec![1, 1, 1, 1, 0, 0, 0, 0, 0, 0],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy).unwrap();
+    campaign.store.complete(&campaign.id, &taxonomy, &[]).unwrap();
     let record = campaign.store.campaign("latest").unwrap();
     let asked = campaign
         .queries
-        .unanswered(&record, Strategy::Medoids, 2)
+        .unanswered(&record, Strategy::Medoids, 2, campaign.queries.interrupt())
         .await
         .unwrap();
     assert_eq!(asked, [7, 2]);
+}
+
+#[tokio::test]
+async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
+    let mut campaign = Campaign::new(4);
+    let spaces = Spaces::new(campaign.store.clone());
+    let bound = 1;
+    campaign.queries.clusters = Clusters::within(spaces, bound);
+    campaign.queries.rankings = Arc::new(Kept::within(bound));
+    let spec = campaign.store.campaign("latest").unwrap().spec;
+    let other = campaign
+        .store
+        .create_campaign(&spec, Weight::default(), 8)
+        .unwrap();
+    let ids = [campaign.id.clone(), other];
+    campaign.id = ids[1].clone();
+    (0..3).for_each(|generation| campaign.grow(generation));
+    let wish = |who: &str| Wish {
+        holder: Holder {
+            annotator: who.parse().unwrap(),
+            session: String::new(),
+        },
+        strategy: Strategy::Medoids,
+        agreement: false,
+        count: 2,
+        again: Vec::new(),
+    };
+    let now = Instant::now();
+    let ask = async |id: &CampaignId, who| {
+        let asked = campaign.queries.next(id.as_str(), wish(who), now).await.unwrap();
+        asked.queries
+    };
+    let clusters = |id: &CampaignId| {
+        let record = campaign.store.campaign(id.as_str()).unwrap();
+        campaign.queries.clusters(&record).unwrap()
+    };
+    let first = [ask(&ids[0], "ana").await, ask(&ids[1], "ana").await];
+    let clustered = [clusters(&ids[0]), clusters(&ids[1])];
+    for _ in 0..2 {
+        for place in [0, 1] {
+            // Who holds a question keeps it, whatever was forgotten of the order that it came from.
+            assert_eq!(ask(&ids[place], "ana").await, first[place]);
+            assert!(
+                ask(&ids[place], "ben")
+                    .await
+                    .iter()
+                    .all(|query| !first[place].contains(query))
+            );
+            let again = clusters(&ids[place]);
+            assert_eq!(again, clustered[place]);
+            assert!(!Arc::ptr_eq(&again, &clustered[place]), "it was kept");
+            // No more than that which was made last.
+            let heaviest = 40 * (5 * 8 + 4) + 40 * 8 + 256;
+            assert!(campaign.queries.clusters.bytes() <= heaviest);
+            assert!(campaign.queries.rankings.bytes() <= 40 * size_of::<Query>() + 256);
+        }
+    }
+    assert_eq!(lock(&campaign.queries.leases).len(), 2);
+    // Five minutes later nothing is with anybody.
+    let later = now + crate::queries::PATIENCE;
+    campaign
+        .queries
+        .next(ids[0].as_str(), wish("ana"), later)
+        .await
+        .unwrap();
+    assert_eq!(lock(&campaign.queries.leases).len(), 1);
 }

@@ -1,7 +1,7 @@
 //! What is asked first, and that everything is asked once.
 
 use super::*;
-use crate::{medoids, queries::NoCommittee};
+use crate::{interrupt::Interrupt, medoids, queries::NoCommittee};
 use murmuration_proto::Purpose;
 use proptest::{prelude::*, strategy::Strategy};
 
@@ -49,7 +49,8 @@ fn medoids_come_first_then_doubtful_members_by_turns() {
 
 #[test]
 fn a_single_cluster_has_no_border() {
-    let clustering = medoids::cluster(&line(&[0.0, 1.0, 5.0]), 1, &mut stream());
+    let clustering =
+        medoids::cluster(&line(&[0.0, 1.0, 5.0]), 1, &mut stream(), &Interrupt::default()).unwrap();
     let ranking = by_doubt(&line(&[0.0, 1.0, 5.0]), &clustering);
     assert_eq!(indices(&ranking), [1, 0, 2]);
     assert_eq!(ranking[2].reason.to_string(), "in cluster 1");
@@ -99,7 +100,7 @@ proptest! {
         let turned: Vec<_> = points.iter().map(|[x, y]| [*y, -x * x]).collect();
         let members = [behaviours.clone(), self::behaviours(&turned)];
         let committee = Committee::new(members.into()).unwrap();
-        let clustering = medoids::cluster(&behaviours, k, &mut stream());
+        let clustering = medoids::cluster(&behaviours, k, &mut stream(), &Interrupt::default()).unwrap();
         let rank = || [
             by_lot(points.len(), &mut stream()),
             by_doubt(&behaviours, &clustering),

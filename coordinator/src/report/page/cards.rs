@@ -5,7 +5,7 @@ use crate::{
     picture::colours,
     report::{
         MedoidEntry, MedoidPictures, Report, commands,
-        numbers::{grouped, percent, short},
+        numbers::{counted, grouped, percent, short},
     },
 };
 use maud::{Markup, html};
@@ -30,8 +30,8 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
                 }
             }
             p.lead {
-                "Each picture shows the paths of the last " (grouped(report.spec.image().window().into()))
-                " steps, one colour a robot, older parts fainter. "
+                "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
+                ", one colour a robot, older parts fainter. "
                 span.scripted { "Point at a picture, or select it and press Space, to watch the whole run from its random start." }
             }
             div.cards {
@@ -75,7 +75,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                         figcaption { "where it lies" }
                     }
                     dl {
-                        div { dt { "Novelty" } dd { (short(entry.novelty)) } }
+                        div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
                         div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
                         div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
                         div { dt { "Individual" } dd { (grouped(medoid.index)) } }

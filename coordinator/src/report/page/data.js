@@ -19,6 +19,7 @@ window.murmuration = {
     genes: column(archive.genes, Int16Array),
     medoids: archive.medoids,
   },
+  counted,
   fit,
   drawSwarm,
   dotOf,

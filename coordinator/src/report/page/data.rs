@@ -53,7 +53,7 @@ fn content(report: &Report) -> Value {
 /// In place of a class, for an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
-/// The individuals on the map: place, cluster, index, class, generation, novelty and genes in ten-thousandths.
+/// The individuals on the map: place, cluster, index, class, generation, novelty when evaluated and genes in ten-thousandths.
 fn archive(report: &Report) -> Value {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
@@ -68,7 +68,7 @@ fn archive(report: &Report) -> Value {
             report.names.of(index as u64).map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
         })),
         "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
-        "novelty": column(entries().map(|entry| (entry.novelty as f32).to_le_bytes())),
+        "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
         "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| ((gene * 1e4).round() as i16).to_le_bytes())),
         "medoids": report.medoids.iter().map(|medoid| place_of(medoid.index)).collect::<Vec<_>>(),
     })

@@ -4,7 +4,10 @@ const canvas = document.getElementById("space");
 const pen = canvas.getContext("2d");
 const pins = document.getElementById("pins");
 const tip = document.getElementById("tip");
-const dark = matchMedia("(prefers-color-scheme: dark)");
+const scheme = matchMedia("(prefers-color-scheme: dark)");
+const print = matchMedia("print");
+// Paper is light, whatever the screen is.
+const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
 const genes = archive.genes.length / Math.max(count, 1);
 const PIN = 46;
@@ -40,7 +43,7 @@ function paint() {
     const [x, y] = place(hovered);
     pen.globalAlpha = 1;
     pen.lineWidth = 2;
-    pen.strokeStyle = dark.matches ? "#ffffff" : "#1d1d1b";
+    pen.strokeStyle = isDark() ? "#ffffff" : "#1d1d1b";
     pen.beginPath();
     pen.arc(x, y, 5.5, 0, 2 * Math.PI);
     pen.stroke();
@@ -50,11 +53,11 @@ function paint() {
 // All points, laid pixel by pixel: a hundred thousand take a few milliseconds, which paths would not.
 function pointsLayer(dense) {
   const layer = new ImageData(Math.max(canvas.width, 1), Math.max(canvas.height, 1));
-  const [red, green, blue] = dark.matches ? [28, 29, 27] : [255, 255, 255];
+  const [red, green, blue] = isDark() ? [28, 29, 27] : [255, 255, 255];
   new Uint32Array(layer.data.buffer).fill((255 << 24) | (blue << 16) | (green << 8) | red);
   const radius = count > 30000 ? 1.1 : count > 3000 ? 1.7 : 2.6;
   const dot = dotOf(radius * dense);
-  const grey = dark.matches ? "#4a4b48" : "#cfccc3";
+  const grey = isDark() ? "#4a4b48" : "#cfccc3";
   const clusters = clusterColours.map((_, cluster) => cluster).sort((a, b) => (a === chosen) - (b === chosen));
   for (const cluster of clusters) {
     const faded = chosen >= 0 && cluster !== chosen;
@@ -113,9 +116,10 @@ function arrange() {
       a.y = Math.min(Math.max(a.y, size / 2 + 2), height - size / 2 - 2);
     }
   }
+  // As parts of the map: a page that is printed is laid out anew, and no script is asked.
   for (const { link, x, y } of labels) {
-    link.style.left = `${x - size / 2}px`;
-    link.style.top = `${y - size / 2}px`;
+    link.style.left = `${(100 * x) / width}%`;
+    link.style.top = `${(100 * y) / height}%`;
   }
 }
 
@@ -137,12 +141,12 @@ function paintLeaders() {
   labels.forEach(({ x, y }, cluster) => {
     const [px, py] = place(archive.medoids[cluster]);
     pen.globalAlpha = chosen >= 0 && chosen !== cluster ? 0.25 : 0.9;
-    pen.strokeStyle = dark.matches ? "#a9a79f" : "#5f5e58";
+    pen.strokeStyle = isDark() ? "#a9a79f" : "#5f5e58";
     pen.beginPath();
     pen.moveTo(px, py);
     pen.lineTo(x, y);
     pen.stroke();
-    pen.fillStyle = dark.matches ? "#ecebe6" : "#1d1d1b";
+    pen.fillStyle = isDark() ? "#ecebe6" : "#1d1d1b";
     pen.beginPath();
     pen.arc(px, py, 3.5, 0, 2 * Math.PI);
     pen.fill();
@@ -165,12 +169,12 @@ function paintSmall(small, cluster) {
       dot,
     );
   const every = Math.max(Math.floor(count / 6000), 1);
-  brush.fillStyle = dark.matches ? "#45463f" : "#d9d6cd";
+  brush.fillStyle = isDark() ? "#45463f" : "#d9d6cd";
   for (let at = 0; at < count; at += every) mark(order[at]);
   brush.fillStyle = clusterColours[cluster];
   for (let at = starts[cluster]; at < starts[cluster + 1]; at += every) mark(order[at]);
   const centre = archive.medoids[cluster];
-  brush.fillStyle = dark.matches ? "#ffffff" : "#1d1d1b";
+  brush.fillStyle = isDark() ? "#ffffff" : "#1d1d1b";
   brush.beginPath();
   brush.arc(
     edge + (archive.x[centre] / 65535) * (width - 2 * edge),
@@ -248,7 +252,7 @@ function describe(i) {
   const lines = [
     `Individual ${archive.index[i].toLocaleString("en")} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
     `[${values.join(", ")}]`,
-    `novelty ${archive.novelty[i].toPrecision(4)} · generation ${archive.generation[i]}`,
+    `novelty when evaluated ${archive.novelty[i].toPrecision(4)} · generation ${archive.generation[i]}`,
   ];
   tip.replaceChildren(
     ...lines.map((line) => {
@@ -303,5 +307,6 @@ addEventListener("resize", () => {
   clearTimeout(resizing);
   resizing = setTimeout(layOut, 120);
 });
-dark.addEventListener("change", layOut);
+scheme.addEventListener("change", layOut);
+print.addEventListener("change", layOut);
 layOut();

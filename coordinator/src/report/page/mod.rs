@@ -8,8 +8,8 @@ mod data;
 mod sections;
 
 use super::{
-    MedoidPictures, Report, ReportError,
-    numbers::{day, grouped},
+    Files, MedoidPictures, Report, ReportError,
+    numbers::{counted, day, grouped},
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -18,7 +18,11 @@ use murmuration_proto::{CapabilityModel, Method};
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order.
 const SCRIPTS: [&str; 4] = [
-    concat!(include_str!("../../picture/drawing.js"), include_str!("data.js")),
+    concat!(
+        include_str!("../../picture/drawing.js"),
+        include_str!("../../picture/words.js"),
+        include_str!("data.js")
+    ),
     include_str!("motion.js"),
     include_str!("map.js"),
     include_str!("copy.js"),
@@ -29,7 +33,11 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
                       base-uri 'none'; form-action 'none'";
 
 /// The whole document.
-pub(super) fn render(report: &Report, pictures: &[MedoidPictures]) -> Result<String, ReportError> {
+pub(super) fn render(
+    report: &Report,
+    pictures: &[MedoidPictures],
+    files: Files,
+) -> Result<String, ReportError> {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -47,11 +55,11 @@ pub(super) fn render(report: &Report, pictures: &[MedoidPictures]) -> Result<Str
                 (header(report))
                 main {
                     (cards::behaviours(report, pictures))
-                    (sections::names(report))
-                    (sections::map(report))
+                    (sections::names(report, files))
+                    (sections::map(report, files))
                     (sections::novelty(report)?)
                     (sections::filtered(report)?)
-                    (sections::specification(report))
+                    (sections::specification(report, files))
                     (sections::reading(report))
                 }
                 (footer(report))
@@ -79,7 +87,7 @@ fn header(report: &Report) -> Markup {
             }
             p.answer {
                 "Nobody said beforehand which behaviours exist. This campaign tried "
-                (grouped(report.individuals.len() as u64)) " controllers and grouped what the swarms did; "
+                (counted(report.individuals.len() as u64, "controller")) " and grouped what the swarms did; "
                 @match report.medoids.len() {
                     1 => { "this one behaviour stands for them all." },
                     count => { "these " (count) " behaviours stand for them all." },

@@ -1,7 +1,7 @@
 // Plays the whole run of a behaviour on its card.
 //
 // A card is "still" (the picture), "preview" (while pointed at or focused), "playing" or "paused" (on demand).
-const { world, agentColours, runs, drawSwarm } = window.murmuration;
+const { world, agentColours, runs, counted, drawSwarm } = window.murmuration;
 const STEPS_A_SECOND = 100;
 const HOLD_MS = 1200;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -65,7 +65,7 @@ class Player {
     this.scrub.value = step;
     this.scrub.setAttribute("aria-valuetext", `step ${step} of ${this.run.last}`);
     this.scrub.style.setProperty("--done", `${(100 * step) / Math.max(this.run.last, 1)}%`);
-    this.output.textContent = this.mode === "still" ? `${this.run.last} steps` : `${step} / ${this.run.last}`;
+    this.output.textContent = this.mode === "still" ? counted(this.run.last, "step") : `${step} / ${this.run.last}`;
   }
 
   draw() {

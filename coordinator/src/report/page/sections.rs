@@ -4,15 +4,15 @@ use super::copyable;
 use crate::{
     picture::colours,
     report::{
-        Report, ReportError, commands,
-        numbers::{grouped, percent, short},
+        Files, Report, ReportError, commands,
+        numbers::{counted, grouped, percent, short},
         plots,
     },
 };
 use maud::{Markup, PreEscaped, html};
 
 /// The behaviour space in two dimensions.
-pub(super) fn map(report: &Report) -> Markup {
+pub(super) fn map(report: &Report, files: Files) -> Markup {
     let [across, up] = &report.map.axis_titles;
     let embedding = report.embedding_dimensions();
     let features = if report.spec.method().has_features() { 5 } else { 0 };
@@ -22,19 +22,20 @@ pub(super) fn map(report: &Report) -> Markup {
             h2 #map-title { "Map of the behaviour space" }
             p.lead {
                 "Every point is one controller that was tried; near points behaved alike. Colours are clusters, numbers the "
-                "behaviours above. The space has " (embedding + features) " dimensions"
+                "behaviours above. The space has " (counted((embedding + features) as u64, "dimension"))
                 @match (embedding, features) {
                     (0, _) => {}
                     (_, 0) => { ", in which a network has learned to tell pictures of swarms apart," }
                     _ => { ", " (embedding) " of a network that looks at pictures of swarms and five hand-crafted," }
                 }
                 " and is flattened to two here, so that points that lie apart may look close. "
-                @if shown < count { (grouped(shown as u64)) " of " (grouped(count as u64)) " points are drawn, evenly chosen. " }
+                @if shown < count { "Of " (counted(count as u64, "point")) ", " (grouped(shown as u64)) " are drawn, evenly chosen. " }
                 span.scripted { "Point at a cluster, a number or a card to bring one cluster out." }
             }
             div.map.scripted {
                 canvas #space role="img" aria-label={
-                    "Map of " (grouped(count as u64)) " controllers in " (report.medoids.len()) " clusters; across: "
+                    "Map of " (counted(count as u64, "controller")) " in " (counted(report.medoids.len() as u64, "cluster"))
+                    "; across: "
                     (across) ", up: " (up)
                 } {}
                 div #pins {}
@@ -42,7 +43,13 @@ pub(super) fn map(report: &Report) -> Markup {
                 p.across { (across) }
                 p.up { (up) }
             }
-            noscript { p { "The map needs scripts; map.svg beside this page shows the same." } }
+            noscript { p {
+                "The map needs JavaScript. "
+                @match files {
+                    Files::Beside => { "map.svg, which was written beside this page, shows the same." },
+                    Files::Absent => { (files_by_command(report)) " writes the same as map.svg." },
+                }
+            } }
             ul.legend aria-label="Clusters" {
                 @for place in 0..report.medoids.len() {
                     li { a href={ "#behaviour-" (place + 1) } data-place=(place)
@@ -58,7 +65,7 @@ pub(super) fn map(report: &Report) -> Markup {
 }
 
 /// What people called the behaviours; nothing where nobody has said anything.
-pub(super) fn names(report: &Report) -> Markup {
+pub(super) fn names(report: &Report, files: Files) -> Markup {
     let names = &report.names;
     html! {
         @if !names.classes.is_empty() {
@@ -66,9 +73,16 @@ pub(super) fn names(report: &Report) -> Markup {
                 h2 #names-title { "What people called them" }
                 p.lead {
                     "People have named " (grouped(names.by_individual.len() as u64)) " of "
-                    (grouped(report.individuals.len() as u64)) " behaviours. A card bears the name of its own behaviour; "
-                    "others of its cluster may have been given another. classes.csv beside this page has these colours, and "
-                    "archive.csv every name."
+                    (counted(report.individuals.len() as u64, "behaviour")) ". A card bears the name of its own behaviour; "
+                    "others of its cluster may have been given another. "
+                    @match files {
+                        Files::Beside => {
+                            "classes.csv, which was written beside this page, has these colours, and archive.csv every name."
+                        },
+                        Files::Absent => {
+                            (files_by_command(report)) " writes these colours as classes.csv, and every name in archive.csv."
+                        },
+                    }
                 }
                 ul.legend aria-label="Classes" {
                     @for class in &names.classes {
@@ -89,9 +103,9 @@ pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
         section #novelty aria-labelledby="novelty-title" {
             h2 #novelty-title { "Novelty over generations" }
             p.lead {
-                "Novelty is the mean distance to the " (report.spec.search().neighbours())
-                " nearest behaviours in the archive. It falls as the archive fills: a late behaviour that is still novel is far "
-                "from everything seen before."
+                "Novelty when evaluated: the mean distance of each behaviour to the "
+                (counted(report.spec.search().neighbours().into(), "nearest one")) " in the archive as it stood after its generation. It falls as the archive fills: a late behaviour "
+                "that is still novel is far from everything seen before."
                 @if let Some((first, last)) = ends {
                     " The mean went from " (short(first.mean_novelty)) " to " (short(last.mean_novelty)) "."
                 }
@@ -112,7 +126,7 @@ pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
                 p.lead {
                     "The heuristic filter looks at a controller alone, before it is simulated, and turns away those that are "
                     "unlikely to lead anywhere: too slow, spinning in place, or ignoring what they see. It turned away "
-                    strong { (grouped(away)) " of " (grouped(proposed)) " proposals" } " (" (percent(away, proposed)) ")."
+                    strong { (grouped(away)) " of " (counted(proposed, "proposal")) } " (" (percent(away, proposed)) ")."
                 }
                 (plot("Proposals turned away over generations", |size| plots::filtered(&report.generations, size))?)
             } @else {
@@ -132,14 +146,23 @@ fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<String, ReportError>) ->
     })
 }
 
+/// The command that writes the files which a page alone does not have.
+fn files_by_command(report: &Report) -> Markup {
+    html! { code { "murmuration report " (report.campaign) } }
+}
+
 /// What was asked for, and how to do it again.
-pub(super) fn specification(report: &Report) -> Markup {
+pub(super) fn specification(report: &Report, files: Files) -> Markup {
     html! {
         section #specification aria-labelledby="specification-title" {
             h2 #specification-title { "Specification" }
             p.lead {
-                "Everything that decides the outcome. Saved as spec.toml (it lies beside this page), it gives the same archive "
-                "again, bit for bit, on any number of workers"
+                "Everything that decides the outcome. "
+                @match files {
+                    Files::Beside => { "spec.toml, which was written beside this page," },
+                    Files::Absent => { "Saved as spec.toml, the text below" },
+                }
+                " gives the same archive again, bit for bit, on any number of workers"
                 @if !report.checkpoint.is_empty() { " of one kind of processor" }
                 ":"
             }
@@ -166,7 +189,7 @@ pub(super) fn reading(report: &Report) -> Markup {
                     "size of the cluster."
                 }))
                 (entry("Grey image", html! {
-                    "The last " (report.spec.image().window()) " steps as " (report.spec.image().resolution()) " × "
+                    "The last " (counted(report.spec.image().window().into(), "step")) " as " (report.spec.image().resolution()) " × "
                     (report.spec.image().resolution()) " grey values, without colours: what an algorithm sees of the swarm."
                 }))
                 (entry("Controller", html! {
@@ -178,7 +201,12 @@ pub(super) fn reading(report: &Report) -> Markup {
                     ". Speeds go from −1 to 1."
                 }))
                 (entry("Novelty", html! {
-                    "How far a behaviour is from its nearest neighbours in the whole archive. High means rare."
+                    "On a card, and in the table of the taxonomy: the mean distance of a behaviour to its "
+                    (report.spec.search().neighbours()) " nearest neighbours in the whole archive. High means rare."
+                }))
+                (entry("Novelty when evaluated", html! {
+                    "On the map, over generations, and in the table of the archive: the same distance in the archive as it stood after the "
+                    "generation of the behaviour. The search bred from it; it is higher where the archive was emptier."
                 }))
                 (entry("Mean distance", html! {
                     "How far the members of a cluster are from its medoid on average. Low means that the picture speaks for all "

@@ -3,13 +3,14 @@
 use crate::{
     dispatch::JobError,
     labels::{
-        Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label, Refusal,
+        Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label, Labels,
+        Refusal,
     },
     queries::{Asked, Holder, Query, QueryError, UnviewedError, Wish},
     space::SpaceError,
     store::{LabelError, Undone},
 };
-use murmuration_proto::{Invalid, v1};
+use murmuration_proto::{Invalid, parts::parts, v1};
 use tonic::Status;
 
 /// Most queries that somebody holds at once.
@@ -34,11 +35,57 @@ pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid
     })
 }
 
-/// What was taken back, by what.
-pub(super) fn undone(undone: Vec<Undone>) -> v1::UndoLabelsResponse {
-    let pair = |Undone { entry, answer }: Undone| (v1::LabelEntry::from(entry), v1::Label::from(answer));
-    let (entries, undone) = undone.into_iter().map(pair).unzip();
-    v1::UndoLabelsResponse { entries, undone }
+/// What was added, part by part.
+pub(super) fn appended(entries: Vec<Entry>) -> impl Iterator<Item = v1::AppendLabelsResponse> {
+    let entries = entries.into_iter().map(v1::LabelEntry::from);
+    parts(entries, |entries| v1::AppendLabelsResponse { entries })
+}
+
+/// What was taken back, by what, part by part.
+pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabelsResponse> {
+    let (entries, answers): (Vec<_>, Vec<_>) = undone
+        .into_iter()
+        .map(|Undone { entry, answer }| (v1::LabelEntry::from(entry), v1::Label::from(answer)))
+        .unzip();
+    let entries = parts(entries, |entries| v1::UndoLabelsResponse {
+        entries,
+        ..v1::UndoLabelsResponse::default()
+    });
+    let answers = parts(answers, |undone| v1::UndoLabelsResponse {
+        undone,
+        ..v1::UndoLabelsResponse::default()
+    });
+    entries.chain(answers)
+}
+
+/// The answers that stand, part by part.
+pub(super) fn listed(labels: &Labels) -> impl Iterator<Item = v1::ListLabelsResponse> + use<> {
+    let digest = v1::ListLabelsResponse {
+        digest: labels.digest().to_string(),
+        ..v1::ListLabelsResponse::default()
+    };
+    let labels: Vec<v1::Label> = labels.standing().map(Into::into).collect();
+    let labels = parts(labels, |labels| v1::ListLabelsResponse {
+        labels,
+        ..v1::ListLabelsResponse::default()
+    });
+    std::iter::once(digest).chain(labels)
+}
+
+/// How far two annotators agree, part by part.
+pub(super) fn agreed(agreement: Agreement) -> impl Iterator<Item = v1::Agreement> {
+    let mut first = v1::Agreement::from(agreement);
+    let confusions = std::mem::take(&mut first.confusions);
+    let disagreements = std::mem::take(&mut first.disagreements);
+    let confusions = parts(confusions, |confusions| v1::Agreement {
+        confusions,
+        ..v1::Agreement::default()
+    });
+    let disagreements = parts(disagreements, |disagreements| v1::Agreement {
+        disagreements,
+        ..v1::Agreement::default()
+    });
+    std::iter::once(first).chain(confusions).chain(disagreements)
 }
 
 impl TryFrom<v1::change_class_request::Change> for Action {
@@ -166,6 +213,7 @@ impl From<Class> for v1::LabelClass {
             name: class.name.to_string(),
             colour: class.colour.to_string(),
             labels: class.labels,
+            near: class.near.iter().map(ToString::to_string).collect(),
         }
     }
 }
@@ -231,6 +279,7 @@ impl From<QueryError> for Status {
             QueryError::Store(error) => error.into(),
             QueryError::Space(SpaceError::Store(error)) => error.into(),
             QueryError::Space(SpaceError::Misfit(_)) => Self::internal(said),
+            QueryError::Space(SpaceError::Interrupted(_)) => Self::unavailable(said),
             QueryError::Committee(UnviewedError::Store(error)) => error.into(),
             QueryError::Committee(UnviewedError::Space(SpaceError::Store(error))) => error.into(),
             QueryError::Committee(UnviewedError::Job(JobError::ShuttingDown)) => Self::unavailable(said),

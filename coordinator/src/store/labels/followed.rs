@@ -1,8 +1,8 @@
 //! What the label logs come to, kept so that no log is ever read from its beginning twice.
 //!
 //! The disk stays the truth: whoever asks is told what stands after the entries that are there. It is only read what is
-//! new among them: entries are never changed (invariant 10 of ARCHITECTURE.md), and numbered without gaps. Limits: it is kept
-//! for as long as the store is open, in memory that grows with the log.
+//! new among them: entries are never changed (invariant 10 of ARCHITECTURE.md), and numbered without gaps. Limits: what logs
+//! come to that nobody has asked for lately is forgotten where there is no room for it, and those are read again.
 
 use super::{
     super::{Store, StoreError, campaigns::number_of},
@@ -10,29 +10,44 @@ use super::{
 };
 use crate::{
     campaign::CampaignId,
+    kept,
     labels::{BrokenLog, Labels},
 };
 use rusqlite::{Connection, Transaction};
 use std::{
-    collections::BTreeMap,
     mem,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
+/// Most bytes of what logs come to that are kept.
+const MOST_BYTES: usize = 128 << 20;
+/// Bytes that an entry comes to, about: an answer in three trees, of which that by individual has a node to itself.
+const BYTES_AN_ENTRY: usize = 640;
+
 /// What the log of each campaign comes to, as far as it was followed.
 ///
-/// One lock a campaign, so that what is kept and what is on disk change together. It is taken before the connection's,
-/// never while that is held.
-#[derive(Debug, Default)]
-pub(in crate::store) struct Followed(Mutex<BTreeMap<CampaignId, Arc<Mutex<Kept>>>>);
+/// One lock a campaign, so that what is kept and what is on disk change together. Who writes takes it when the connection
+/// that writes is theirs, so that who reads waits for no change of another campaign; who reads takes it first.
+#[derive(Debug)]
+pub(in crate::store) struct Followed(kept::Kept<Mutex<Kept>>);
 
 /// Shared with whoever asked what stands: it is copied if it has to change while they still look at it.
 type Kept = Arc<Labels>;
 
 impl Followed {
     fn of(&self, campaign: &CampaignId) -> Arc<Mutex<Kept>> {
-        let mut campaigns = locked(&self.0);
-        Arc::clone(campaigns.entry(campaign.clone()).or_default())
+        self.0.of(campaign)
+    }
+
+    /// What the log of a campaign comes to has changed.
+    fn weigh(&self, campaign: &CampaignId, labels: &Labels) {
+        self.0.weigh(campaign, labels.entries() as usize * BYTES_AN_ENTRY);
+    }
+}
+
+impl Default for Followed {
+    fn default() -> Self {
+        Self(kept::Kept::within(MOST_BYTES))
     }
 }
 
@@ -45,6 +60,7 @@ impl Store {
         let kept = self.followed.of(campaign);
         let mut kept = locked(&kept);
         self.read(|connection| catch_up(connection, number_of(connection, campaign)?, &mut kept))?;
+        self.followed.weigh(campaign, &kept);
         Ok(Arc::clone(&kept))
     }
 
@@ -59,10 +75,12 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<T, LabelError>,
     ) -> Result<T, LabelError> {
         let kept = self.followed.of(campaign);
-        let mut kept = locked(&kept);
-        let mut labels = mem::take(&mut *kept);
+        // Until what is committed is kept too.
+        let mut held = None;
+        let mut labels = Kept::default();
         let mut before = None;
         let done = self.write(|transaction| {
+            labels = mem::take(&mut **held.insert(locked(&kept)));
             let number = number_of(transaction, campaign)?;
             catch_up(transaction, number, &mut labels)?;
             before = Some(labels.entries());
@@ -73,7 +91,10 @@ impl Store {
         });
         let done = done.map_err(LabelError::Store).and_then(|changed| changed);
         // What was taken in and is not on disk cannot be taken out again: the log is read anew then.
-        if done.is_ok() || before == Some(labels.entries()) {
+        if let Some(mut kept) = held
+            && (done.is_ok() || before == Some(labels.entries()))
+        {
+            self.followed.weigh(campaign, &labels);
             *kept = labels;
         }
         done

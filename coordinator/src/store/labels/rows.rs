@@ -1,8 +1,8 @@
 //! Entries of the label log as rows.
 
 use super::super::{StoreError, archive::clamped};
-use crate::labels::{Action, Annotator, Change, Entry, RequestId};
-use murmuration_proto::Invalid;
+use crate::labels::{Action, Annotator, Change, ClassName, Entry, RequestId};
+use murmuration_proto::{Invalid, text::marked};
 use rusqlite::{Connection, Row, Transaction, params};
 
 const SELECT: &str = "
@@ -55,7 +55,8 @@ pub(in crate::store) fn entries(
 fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
     let number = row.get::<_, i64>(0)?.unsigned_abs();
     let damaged = |error: Invalid| StoreError::damaged(format!("entry {number} of the label log: {error}"));
-    let annotator: Annotator = row.get::<_, String>(1)?.parse().map_err(damaged)?;
+    // Earlier versions took names with characters that cannot be seen.
+    let annotator: Annotator = marked(&row.get::<_, String>(1)?).parse().map_err(damaged)?;
     let columns = Columns {
         action: row.get(3)?,
         place: row.get(4)?,
@@ -112,8 +113,8 @@ impl Columns {
     }
 
     fn read(self) -> Result<Action, Invalid> {
-        let class = self.class.unwrap_or_default();
-        let value = self.value.unwrap_or_default();
+        let class = marked(&self.class.unwrap_or_default());
+        let value = marked(&self.value.unwrap_or_default());
         Ok(match (self.action.as_str(), self.place) {
             ("answer", Some(place)) => Action::Answer {
                 index: place.unsigned_abs(),
@@ -124,18 +125,18 @@ impl Columns {
                 index: place.unsigned_abs(),
             },
             ("create", None) => Action::Create {
-                class: class.parse()?,
+                class: ClassName::stored(&class)?,
             },
             ("rename", None) => Action::Rename {
-                class: class.parse()?,
-                to: value.parse()?,
+                class: ClassName::stored(&class)?,
+                to: ClassName::stored(&value)?,
             },
             ("merge", None) => Action::Merge {
-                class: class.parse()?,
-                into: value.parse()?,
+                class: ClassName::stored(&class)?,
+                into: ClassName::stored(&value)?,
             },
             ("colour", None) => Action::Colour {
-                class: class.parse()?,
+                class: ClassName::stored(&class)?,
                 colour: value.parse()?,
             },
             (other, _) => return Err(Invalid::new("action", other, "one that this version writes")),

@@ -44,6 +44,21 @@ pub(super) fn request(id: &str) -> RequestId {
 }
 
 #[test]
+fn names_of_earlier_versions_that_cannot_be_seen_are_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let earlier = "INSERT INTO labels (campaign, entry, request, annotator, time_ms, action, place, class)
+                   VALUES (1, 0, 'one', 'ana' || char(8238), 7, 'answer', 2, char(8203))";
+    store
+        .write(|transaction| Ok(transaction.execute(earlier, [])?))
+        .unwrap();
+    let log = store.label_log(&id).unwrap();
+    assert_eq!(log[0].change.annotator.as_str(), "ana\u{fffd}");
+    let classes = store.labels(&id).unwrap().classes();
+    assert_eq!(classes[0].name.as_str(), "\u{fffd}");
+}
+
+#[test]
 fn every_action_reads_back_and_survives_reopening() {
     let folder = tempfile::tempdir().unwrap();
     let (store, id) = open(folder.path());

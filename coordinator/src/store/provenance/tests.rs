@@ -5,14 +5,22 @@ use crate::{
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
 
-/// A campaign of four pictures and three generations of two: of each, worker 7 did the first and two workers the second.
+/// How the machines of the tests embed.
+const KIND: u64 = 5;
+
+/// A campaign of four pictures and three generations of two: of each, machine 7 did the first and two machines the second.
 pub(in crate::store) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
     let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
     let by_7 = |notices: Vec<String>| Provenance {
-        unaudited: vec![Some(Instance(7)), None],
+        makers: [Some(MachineId(7)), None]
+            .map(|unaudited| Maker {
+                kind: KIND.into(),
+                unaudited,
+            })
+            .to_vec(),
         notices,
     };
     let picture = |seed| Picture {
@@ -41,10 +49,17 @@ pub(in crate::store) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     (folder, store, id)
 }
 
-pub(in crate::store) fn wrong(instance: u64) -> Quarantined {
+pub(in crate::store) fn wrong(machine: u64) -> Quarantined {
     Quarantined {
-        instance: Instance(instance),
-        name: format!("worker {instance}"),
+        machine: MachineId(machine),
+        name: format!("worker {machine}"),
+    }
+}
+
+pub(in crate::store) fn suspect(place: u64) -> Suspect {
+    Suspect {
+        place,
+        kind: KIND.into(),
     }
 }
 
@@ -56,9 +71,9 @@ fn it_is_known_what_rests_on_the_word_of_whom() {
     assert!(store.suspects(&id).unwrap().is_empty(), "nobody is not somebody");
     store.quarantine(&[wrong(7)]).unwrap();
     let suspects = store.suspects(&id).unwrap();
-    assert_eq!(suspects.pictures, [0, 2]);
-    assert_eq!(suspects.individuals, [0, 2, 4]);
-    assert_eq!(suspects.workers, [wrong(7)]);
+    assert_eq!(suspects.pictures, [0, 2].map(suspect));
+    assert_eq!(suspects.individuals, [0, 2, 4].map(suspect));
+    assert_eq!(suspects.machines, [wrong(7)]);
     assert_eq!(suspects.len(), 5);
 }
 
@@ -79,7 +94,7 @@ fn who_was_found_wrong_is_remembered_once() {
     drop(store);
     let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
     let mut known = store.quarantined().unwrap();
-    known.sort_by_key(|wrong| wrong.instance);
+    known.sort_by_key(|wrong| wrong.machine);
     assert_eq!(known, [wrong(7), wrong(u64::MAX)]);
 }
 
@@ -96,4 +111,44 @@ fn the_latest_notices_are_told_oldest_first() {
 fn texts(store: &Store, id: &CampaignId) -> Vec<String> {
     let notices = store.notices(id).unwrap();
     notices.into_iter().map(|notice| notice.text).collect()
+}
+
+#[test]
+fn a_machine_whose_quarantine_is_lifted_is_sound_and_what_it_did_is_not() {
+    let (_folder, store, id) = open();
+    assert!(
+        !store.lift_quarantine(MachineId(7)).unwrap(),
+        "it is not quarantined"
+    );
+    store.quarantine(&[wrong(7)]).unwrap();
+    let suspects = store.suspects(&id).unwrap();
+    assert!(store.lift_quarantine(MachineId(7)).unwrap());
+    assert_eq!(store.still_quarantined().unwrap(), []);
+    assert!(!store.quarantined().unwrap().contains(&wrong(7)));
+    let after = store.suspects(&id).unwrap();
+    assert_eq!(
+        (after.pictures, after.individuals),
+        (suspects.pictures, suspects.individuals)
+    );
+    // What it does from now on is its word anew.
+    store.quarantine(&[wrong(7)]).unwrap();
+    assert_eq!(store.still_quarantined().unwrap(), [wrong(7)]);
+    assert_eq!(store.suspects(&id).unwrap().machines.len(), 1);
+}
+
+#[test]
+fn results_of_which_no_kind_was_noted_are_of_an_unknown_one() {
+    let (_folder, store, id) = open();
+    store.quarantine(&[wrong(7)]).unwrap();
+    store
+        .write(|transaction| Ok(transaction.execute("UPDATE provenance SET kinds = x''", [])?))
+        .unwrap();
+    let suspects = store.suspects(&id).unwrap();
+    assert!(
+        suspects
+            .individuals
+            .iter()
+            .all(|suspect| !suspect.kind.is_known())
+    );
+    assert_eq!(suspects.individuals.len(), 3);
 }

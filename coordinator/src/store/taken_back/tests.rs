@@ -3,7 +3,7 @@ use crate::{
     labels::Answer,
     store::{
         ArchivedIndividual, GenerationRecord, Provenance,
-        provenance::tests::{open, wrong},
+        provenance::tests::{open, suspect, wrong},
     },
 };
 use murmuration_proto::CapabilityModel;
@@ -33,7 +33,7 @@ fn generations_that_are_taken_back_are_gone_and_can_be_made_again() {
     store.take_back(&id, 1, "a worker was wrong").unwrap();
     assert_eq!(store.campaign(id.as_str()).unwrap().generations_done, 1);
     assert_eq!(left(&store, &id), [0, 1]);
-    assert_eq!(store.suspects(&id).unwrap().individuals, [0]);
+    assert_eq!(store.suspects(&id).unwrap().individuals, [suspect(0)]);
     assert_eq!(
         store.notices(&id).unwrap().last().unwrap().text,
         "a worker was wrong"
@@ -74,5 +74,27 @@ fn who_begins_again_keeps_the_pictures_before_the_wrong_one() {
     let record = store.campaign(id.as_str()).unwrap();
     assert_eq!((record.pictures_done, record.generations_done), (1, 0));
     let suspects = store.suspects(&id).unwrap();
-    assert_eq!((suspects.pictures, suspects.individuals), (vec![0], vec![]));
+    assert_eq!(
+        (suspects.pictures, suspects.individuals),
+        (vec![suspect(0)], vec![])
+    );
+}
+
+#[test]
+fn what_is_taken_back_is_of_another_edition_whatever_the_clock_says() {
+    let (_folder, store, _) = open();
+    // Its clock was a century ahead, and has been set right since.
+    let ahead = now_ms().unsigned_abs() + 100 * 365 * 86_400_000;
+    let spec = murmuration_proto::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
+    let weight = crate::campaign::Weight::default();
+    let id = store.create_campaign(&spec.unwrap(), weight, ahead).unwrap();
+    let edition = || store.campaign(id.as_str()).unwrap().edition();
+    let mut editions = vec![edition()];
+    assert_eq!(editions[0].to_string(), ahead.to_string());
+    for _ in 0..2 {
+        store.take_back(&id, 0, "a worker was wrong").unwrap();
+        assert!(!editions.contains(&edition()), "{}", edition());
+        editions.push(edition());
+    }
+    assert_eq!(editions[2].to_string(), format!("{ahead}.2"));
 }

@@ -1,17 +1,22 @@
 // The coordinator's answers, and what kinds of silence there are.
+import { heard, listen } from "./events.js";
 
 // It said no: asking again would not help.
 export class Refused extends Error {}
 // It did not answer, or cannot now: asking again may help.
 export class Unavailable extends Error {}
+// Nothing was heard of it at all.
+export class Silent extends Unavailable {}
 
 async function answer(request) {
   let response;
   try {
     response = await request;
   } catch {
-    throw new Unavailable("the coordinator does not answer");
+    heard(false);
+    throw new Silent("the coordinator does not answer");
   }
+  heard(true);
   // The session is over: what was said is kept here until somebody has logged in again.
   if (response.status === 401) location.assign(`/login?to=${location.pathname}`);
   if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(await response.text());
@@ -42,25 +47,18 @@ export const post = (rest, body) =>
 
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-// Asks until there is an answer.
-export async function insist(ask) {
+// Asks until there is an answer; `failed(error)` hears why there is none yet.
+export async function insist(ask, failed = () => {}) {
   for (let wait = 300; ; wait = Math.min(wait * 2, 5000)) {
     try {
       return await ask();
     } catch (error) {
       if (!(error instanceof Unavailable)) throw error;
+      failed(error);
     }
     await pause(wait);
   }
 }
 
 // Tells `changed` how the campaign stands, now and whenever that changes.
-export function follow(changed) {
-  const events = new EventSource(path("changes"));
-  events.onmessage = (message) => {
-    document.body.classList.remove("stale");
-    changed(JSON.parse(message.data));
-  };
-  // The browser connects again by itself.
-  events.onerror = () => document.body.classList.add("stale");
-}
+export const follow = (changed) => listen(path("changes"), (seen) => changed(JSON.parse(seen)));

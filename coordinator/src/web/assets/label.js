@@ -1,10 +1,12 @@
 // One behaviour at a time: what it does, and what somebody says that it is.
 import { annotator, introduced, rename, session } from "./annotator.js";
 import { archived, follow, get, insist, keptAs, path } from "./coordinator.js";
+import { isForPage } from "./keys.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
-import { Palette, isForPage } from "./palette.js";
+import { Palette } from "./palette.js";
 import { Player, playerKey } from "./player.js";
 import { Queue } from "./queue.js";
+import { counted } from "./words.js";
 
 const SLOWEST_MS = 60_000;
 const RECENT = 20;
@@ -60,8 +62,7 @@ function show() {
   picture.classList.toggle("absent", !question);
   if (!question) {
     player.stop();
-    at("which").textContent = queue.loaded ? "Nothing to ask" : "…";
-    at("reason").textContent = nothing();
+    [at("which").textContent, at("reason").textContent] = nothing();
     return;
   }
   picture.src = path(archived(question.index));
@@ -71,10 +72,14 @@ function show() {
   player.show(question.index).catch((error) => complain(status, error));
 }
 
+// Why no question is shown.
 function nothing() {
-  if (!queue.loaded) return "";
-  if (queue.individuals === 0) return "The first generation is still to come; this page goes on by itself.";
-  return "Every behaviour has been asked about, or is with somebody else.";
+  if (queue.trouble) return ["No further question yet", `Now ${queue.trouble.message}; questions come by themselves.`];
+  if (!queue.loaded || !queue.exhausted) return ["…", ""];
+  const why = queue.individuals === 0
+    ? "The first generation is still to come; this page goes on by itself."
+    : "Every behaviour has been asked about, or is with somebody else.";
+  return ["Nothing to ask", why];
 }
 
 function count() {
@@ -83,7 +88,12 @@ function count() {
   const done = queue.answered + unsent;
   at("share").max = Math.max(goal, 1);
   at("share").value = Math.min(done, goal);
-  at("count").textContent = queue.loaded ? `${done} of ${goal}${left(goal - done)}` : "…";
+  at("count").textContent = queue.loaded ? howMany(done, goal) : "…";
+}
+
+function howMany(done, goal) {
+  if (done > goal) return `${done} answered, more than the goal of ${goal}`;
+  return `${done} of ${goal}${left(goal - done)}`;
 }
 
 function left(open) {
@@ -91,8 +101,7 @@ function left(open) {
   const sorted = [...durations].sort((a, b) => a - b);
   const minutes = (open * sorted[sorted.length >> 1]) / 60_000;
   if (minutes < 1) return ", less than a minute left";
-  const whole = Math.round(minutes);
-  return `, about ${whole} minute${whole === 1 ? "" : "s"} left`;
+  return `, about ${counted(Math.round(minutes), "minute")} left`;
 }
 
 function settings() {

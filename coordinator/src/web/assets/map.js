@@ -2,9 +2,10 @@
 import { annotator, introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
+import { isForPage } from "./keys.js";
 import { lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
-import { Palette, isForPage } from "./palette.js";
+import { Palette } from "./palette.js";
 import { Player, playerKey } from "./player.js";
 import { Plot } from "./plot.js";
 
@@ -61,7 +62,8 @@ function colouring() {
     }
     default: {
       const colours = known.classes.map(({ colour }) => number(colour));
-      const entries = known.classes.map(({ colour, name, labels }) => [colour, name, labels]);
+      const named = known.classes.filter(({ labels }) => labels > 0);
+      const entries = named.map(({ colour, name, labels }) => [colour, name, labels]);
       entries.push([`#${nameless.toString(16)}`, "without a name", points.count - known.of.size]);
       return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
     }

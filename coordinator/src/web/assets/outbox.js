@@ -1,8 +1,10 @@
 // What was said and is not yet acknowledged. Everything goes to the coordinator at once, one after the other, each under
 // an id of its own, so that it can be sent again whenever no answer came; until it is acknowledged the browser keeps it,
 // through a refresh and through the end of either side.
-import { Unavailable, keptAs, pause, post } from "./coordinator.js";
 import { random } from "./annotator.js";
+import { Silent, Unavailable, keptAs, pause, post } from "./coordinator.js";
+import { keeping } from "./events.js";
+import { counted } from "./words.js";
 
 const KEPT = `${keptAs}.unsent.`;
 
@@ -14,7 +16,8 @@ export class Outbox {
     this.told = told;
     this.refused = refused;
     this.changed = changed;
-    this.waits = false;
+    // Why nothing is acknowledged at present, if nothing is.
+    this.trouble = null;
     this.sending = false;
     this.items = this.left();
     this.keep();
@@ -51,12 +54,12 @@ export class Outbox {
         const reply = await post(item.path, item.body);
         this.items.shift();
         this.keep();
-        this.waits = false;
+        this.trouble = null;
         wait = 250;
         this.told(item, reply);
       } catch (error) {
         if (error instanceof Unavailable) {
-          this.waits = true;
+          this.trouble = error;
           this.changed(this);
           await pause(wait);
           wait = Math.min(wait * 2, 4000);
@@ -64,6 +67,7 @@ export class Outbox {
         }
         this.items.shift();
         this.keep();
+        this.trouble = null;
         this.refused(item, error);
       }
       this.changed(this);
@@ -71,14 +75,21 @@ export class Outbox {
     this.sending = false;
   }
 
-  // Says on the page how things stand.
+  // Says on the page how things stand: on its line, and of what is kept here at the top, where everybody looks.
   tell(line) {
-    const count = this.items.length;
-    const what = count === 1 ? "one answer" : `${count} answers`;
-    if (this.waits) line.textContent = `The coordinator does not answer: ${what} kept here until it does.`;
-    else if (count) line.textContent = "Saving…";
+    const { items, trouble } = this;
+    const open = items.length > 0;
+    if (trouble) line.textContent = `Not saved yet: ${trouble.message}.`;
+    else if (open) line.textContent = "Saving…";
     else if (!line.classList.contains("wrong")) line.textContent = "All saved.";
-    if (count) line.classList.remove("wrong");
+    if (open) line.classList.remove("wrong");
+    const why = trouble instanceof Silent || !trouble ? "" : `Not saved yet: ${trouble.message}. `;
+    keeping(trouble && open ? why + this.kept() : "");
+  }
+
+  kept() {
+    const count = this.items.reduce((sum, { body }) => sum + (body.answers?.length ?? 1), 0);
+    return `${counted(count, "answer")} ${count === 1 ? "is" : "are"} kept in this browser, and will be sent.`;
   }
 }
 

@@ -1,14 +1,8 @@
 // The classes as buttons with keys, and a field for those that are new.
+import { isForPage } from "./keys.js";
+import { counted } from "./words.js";
 
 const KEYS = 9;
-
-// Whether a key is meant for the page, not for what has the focus.
-export function isForPage(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey) return false;
-  const { target } = event;
-  if (target.closest("textarea, select")) return false;
-  return !target.closest("input") || target.type === "checkbox" || target.type === "range";
-}
 
 export class Palette {
   // `answer(text)` hears what was chosen, `undo()` that it is to be taken back.
@@ -19,7 +13,8 @@ export class Palette {
     this.field = this.form.elements.class;
     this.answer = answer;
     this.undo = undo;
-    this.classes = [];
+    // By key, less one: the class that it means.
+    this.keys = new Array(KEYS).fill(null);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       const name = this.field.value.trim();
@@ -50,9 +45,9 @@ export class Palette {
   press(key) {
     const place = /^[1-9]$/.test(key) ? Number(key) - 1 : -1;
     if (place >= 0) {
-      const chosen = this.classes[place];
-      if (chosen) this.answer(chosen.name);
-      return Boolean(chosen);
+      const chosen = this.keys[place];
+      if (chosen !== null) this.answer(chosen);
+      return true;
     }
     if (key === "n") this.field.focus();
     else if (key === "u") this.undo();
@@ -62,11 +57,20 @@ export class Palette {
     return true;
   }
 
-  // Shows the classes, in their order, so that a key always means the same.
+  // A class keeps its key for as long as it is there, whichever others go; one that comes has the first that is free.
+  assign(names) {
+    this.keys = this.keys.map((name) => (names.includes(name) ? name : null));
+    for (const name of names) {
+      const free = this.keys.indexOf(null);
+      if (free >= 0 && !this.keys.includes(name)) this.keys[free] = name;
+    }
+  }
+
+  // Shows the classes, in their order.
   show(classes) {
-    this.classes = classes;
+    this.assign(classes.map(({ name }) => name));
     const focused = this.buttons.contains(document.activeElement) ? document.activeElement.dataset.answer : null;
-    this.buttons.replaceChildren(...classes.map((known, place) => this.button(known, place)));
+    this.buttons.replaceChildren(...classes.map((known) => this.button(known)));
     if (focused) this.buttons.querySelector(`[data-answer="${CSS.escape(focused)}"]`)?.focus();
     this.root.querySelector("datalist").replaceChildren(
       ...classes.map(({ name }) => {
@@ -76,24 +80,37 @@ export class Palette {
       }),
     );
     this.root.classList.toggle("none", classes.length === 0);
+    this.warn(classes);
   }
 
-  button({ name, colour, labels }, place) {
+  // Two names that are nearly the same may be meant to be one.
+  warn(classes) {
+    const [doubtful] = classes.filter(({ near }) => near.length > 0);
+    const line = this.root.querySelector(".near");
+    line.hidden = !doubtful;
+    if (doubtful) line.textContent = `Are “${doubtful.name}” and “${doubtful.near[0]}” the same class?`;
+  }
+
+  button({ name, colour, labels }) {
     const button = document.createElement("button");
     button.type = "button";
     button.className = "class";
     button.dataset.answer = name;
     button.style.setProperty("--class", colour);
-    const key = document.createElement("kbd");
-    key.textContent = place < KEYS ? place + 1 : "";
     const text = document.createElement("span");
     text.className = "name";
     text.textContent = name;
     const count = document.createElement("span");
     count.className = "labels";
     count.textContent = labels;
-    count.title = `${labels} behaviours`;
-    button.append(key, text, count);
+    count.title = counted(labels, "answer");
+    const place = this.keys.indexOf(name);
+    if (place >= 0) {
+      const key = document.createElement("kbd");
+      key.textContent = place + 1;
+      button.append(key);
+    }
+    button.append(text, count);
     return button;
   }
 }

@@ -10,16 +10,21 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 const kept = new Map();
 
-// The motion of an individual; asked for once, whoever wants it.
+// The motion of an individual, asked for once, whoever wants it; why it is not there yet, and who wants to hear that.
 export function motionOf(index) {
   if (!kept.has(index)) {
-    const motion = insist(() => get(archived(`${index}/motion`))).then(({ world, colours, run }) => ({
+    const asked = { why: "Simulating…", late: () => {} };
+    const failed = ({ message }) => {
+      asked.why = `Still waiting: ${message}.`;
+      asked.late();
+    };
+    asked.motion = insist(() => get(archived(`${index}/motion`)), failed).then(({ world, colours, run }) => ({
       world,
       colours,
       run: new Run(run),
     }));
-    motion.catch(() => kept.delete(index));
-    kept.set(index, motion);
+    asked.motion.catch(() => kept.delete(index));
+    kept.set(index, asked);
     if (kept.size > MOST_KEPT) kept.delete(kept.keys().next().value);
   }
   return kept.get(index);
@@ -54,9 +59,14 @@ export class Player {
     this.index = index;
     this.motion = null;
     this.playing = false;
-    const late = setTimeout(() => this.wait(true), 150);
+    const asked = motionOf(index);
+    const tell = () => this.index === index && this.wait(asked.why);
+    const late = setTimeout(() => {
+      asked.late = tell;
+      tell();
+    }, 150);
     try {
-      const motion = await motionOf(index);
+      const motion = await asked.motion;
       if (this.index !== index) return;
       this.motion = motion;
       this.canvas.parentElement.style.aspectRatio = `${motion.world.width} / ${motion.world.height}`;
@@ -67,13 +77,14 @@ export class Player {
       this.tell();
     } finally {
       clearTimeout(late);
-      if (this.index === index) this.wait(false);
+      if (this.index === index) this.wait("");
     }
   }
 
-  wait(waits) {
-    if (this.waiting) this.waiting.hidden = !waits;
-    if (waits) this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
+  wait(why) {
+    if (this.waiting) this.waiting.hidden = !why;
+    if (this.waiting) this.waiting.textContent = why;
+    if (why) this.canvas.getContext("2d").clearRect(0, 0, this.canvas.width, this.canvas.height);
   }
 
   play() {
@@ -112,6 +123,7 @@ export class Player {
   stop() {
     this.playing = false;
     this.index = null;
+    this.tell();
   }
 
   // A part of the run, back or on.
@@ -155,10 +167,7 @@ export class Player {
 }
 
 // The keys of a page with one player.
-export function playerKey(player, { key, target }) {
-  // What has the focus keeps its own keys.
-  if ((key === " " || key === "Enter") && target.closest("button, summary, a")) return false;
-  if (key.startsWith("Arrow") && target.type === "range") return false;
+export function playerKey(player, { key }) {
   if (key === " ") player.toggle();
   else if (key === "ArrowLeft") player.skip(-0.05);
   else if (key === "ArrowRight") player.skip(0.05);

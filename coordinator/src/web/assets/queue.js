@@ -19,6 +19,10 @@ export class Queue {
     this.answered = 0;
     this.individuals = 0;
     this.loaded = false;
+    // Whether the coordinator had no question when it was last asked.
+    this.exhausted = false;
+    // Why it cannot be asked at present, if it cannot.
+    this.trouble = null;
     this.said = new Set();
     this.again = [];
     this.asking = false;
@@ -71,7 +75,7 @@ export class Queue {
 
   async ask() {
     const { again } = this;
-    const asked = await insist(() =>
+    const ask = () =>
       post("questions", {
         annotator: annotator(),
         session: this.session,
@@ -79,16 +83,21 @@ export class Queue {
         agreement: this.agreement,
         count: HELD,
         again,
-      }),
-    );
+      });
+    const asked = await insist(ask, (trouble) => {
+      this.trouble = trouble;
+      this.changed();
+    });
+    this.trouble = null;
     this.again = this.again.filter((index) => !again.includes(index));
     // What was answered meanwhile was on its way.
     this.questions = asked.queries.filter(({ index }) => !this.said.has(index));
     this.answered = asked.answered;
     this.individuals = asked.individuals;
     this.loaded = true;
+    this.exhausted = asked.queries.length === 0;
     for (const { index } of this.questions) {
-      motionOf(index).catch(() => {});
+      motionOf(index).motion.catch(() => {});
       new Image().src = path(archived(index));
     }
     this.changed();

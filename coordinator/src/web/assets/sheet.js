@@ -2,10 +2,12 @@
 import { annotator, introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
+import { isForPage } from "./keys.js";
 import { encloses, lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
-import { Palette, isForPage } from "./palette.js";
+import { Palette } from "./palette.js";
 import { Player } from "./player.js";
+import { counted } from "./words.js";
 
 const SHOWN = 28;
 
@@ -212,7 +214,7 @@ function tellHowFar() {
   at("fresh").hidden = coming === null;
   if (coming) at("so-far").textContent = "The archive has other clusters by now; they come with your next look.";
   else if (made.final || made.of === 0) at("so-far").textContent = "";
-  else at("so-far").textContent = `These are clusters of the first ${made.of} behaviours: the search may go on.`;
+  else at("so-far").textContent = `These are clusters of the first ${counted(made.of, "behaviour")}: the search may go on.`;
 }
 
 // Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.

@@ -105,3 +105,35 @@ fn many_at_once_write_one_log() {
     assert_eq!(numbers, (0..30).collect::<Vec<_>>());
     assert_eq!(*store.labels(&id).unwrap(), replayed(&store, &id));
 }
+
+#[test]
+fn logs_that_were_forgotten_come_to_the_same_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (mut store, first) = open(folder.path());
+    let bound = 4 * BYTES_AN_ENTRY;
+    store.followed = Arc::new(Followed(kept::Kept::within(bound)));
+    let spec = store.campaign(first.as_str()).unwrap().spec;
+    let mut ids = vec![first];
+    for turn in 0..6 {
+        let id = store
+            .create_campaign(&spec, crate::campaign::Weight::default(), turn)
+            .unwrap();
+        ids.push(id);
+    }
+    for (turn, id) in ids.iter().cycle().take(4 * ids.len()).enumerate() {
+        let class = ["a", "b", "c"][turn % 3];
+        let create = change(
+            8,
+            Action::Create {
+                class: class.parse().unwrap(),
+            },
+        );
+        // Some are refused: the class is there.
+        drop(store.add_labels(id, &request(&turn.to_string()), vec![create]));
+        assert_eq!(*store.labels(id).unwrap(), replayed(&store, id));
+        assert!(store.followed.0.bytes() <= bound);
+    }
+    for id in &ids {
+        assert_eq!(*store.labels(id).unwrap(), replayed(&store, id));
+    }
+}

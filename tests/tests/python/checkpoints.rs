@@ -1,30 +1,14 @@
-//! Checkpoints run on the ONNX Runtime of others: Python's package. `make test` gets it; where it is missing, nothing
-//! is tested and a line says so.
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+//! Checkpoints run on the ONNX Runtime of others: Python's package.
 
 use murmuration_proto::{
     Purpose, Stream,
     training::{Architecture, ArchitectureError},
 };
 use murmuration_trainer::{network::Network, onnx};
-use std::{
-    fs,
-    io::{self, Write as _},
-    path::Path,
-    process::{Command, Stdio},
-};
+use std::{fs, path::Path, process::Command};
 
 const SIDE: usize = 50;
 const PICTURES: usize = 300;
-
-/// Whether the package is there.
-fn is_installed() -> bool {
-    let import = Command::new("python3")
-        .args(["-c", "import onnxruntime"])
-        .stderr(Stdio::null())
-        .status();
-    import.is_ok_and(|status| status.success())
-}
 
 /// Random bytes: half of the pictures all of them, half of them mostly black.
 fn pictures() -> Vec<u8> {
@@ -47,7 +31,7 @@ fn python_embeds(model: &[u8], pictures: &[u8]) -> Vec<f32> {
         ["model.onnx", "pictures", "embeddings"].map(|name| folder.path().join(name));
     fs::write(&model_file, model).unwrap();
     fs::write(&pictures_file, pictures).unwrap();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/onnxruntime_embed.py");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/onnxruntime_embed.py");
     let status = Command::new("python3")
         .arg(script)
         .args([&model_file, &pictures_file, &embeddings])
@@ -61,14 +45,6 @@ fn python_embeds(model: &[u8], pictures: &[u8]) -> Vec<f32> {
 }
 
 fn check_same(architecture: fn(usize, usize) -> Result<Architecture, ArchitectureError>) {
-    if !is_installed() {
-        // Not eprintln!, which a test that passes does not show.
-        let _ = writeln!(
-            io::stderr(),
-            "skipped: python3 has no onnxruntime (`make test` gets it)"
-        );
-        return;
-    }
     let network = Network::<f32>::initialise(architecture(SIDE, 5).unwrap(), 3);
     let pictures = pictures();
     let ours = network.embed(&pictures);
@@ -76,19 +52,16 @@ fn check_same(architecture: fn(usize, usize) -> Result<Architecture, Architectur
     assert_eq!(theirs.len(), 5 * PICTURES);
     let pairs = ours.iter().zip(&theirs);
     let farthest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    println!("largest difference {farthest:.1e}");
     assert!(
         ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() <= 1e-5),
         "{farthest}"
     );
 }
 
-#[test]
-fn python_runs_the_compact_network() {
+pub fn python_runs_the_compact_network() {
     check_same(Architecture::compact);
 }
 
-#[test]
-fn python_runs_the_papers_network() {
+pub fn python_runs_the_papers_network() {
     check_same(Architecture::paper);
 }

@@ -1,15 +1,18 @@
 //! Workers that compute wrongly, and work that kills workers: found out, and nothing that others see is different.
 
+mod kinds;
+mod machines;
+
 use murmuration_coordinator::dispatch::{Options, Share};
 use murmuration_link::Credentials;
 use murmuration_proto::{CampaignSpec, Purpose, Stream, v1};
-use murmuration_tests::{Cluster, Impostor, quick_dispatch, small_latent_spec, small_spec};
-use std::{num::NonZeroUsize, path::Path, time::Duration};
+use murmuration_tests::{Cluster, Impostor, Murmuration, quick_dispatch, small_latent_spec, small_spec};
+use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
-use tonic::Code;
+use tonic::{Code, Status};
 
-/// A process that all connections of the liar are of.
-const LIAR: u64 = 42;
+/// The machine that lies, and the process of it that all connections of the liar are of unless a test says otherwise.
+const LIAR: (u8, u64) = (2, 42);
 
 fn audited(share: &str) -> Options {
     Options {
@@ -44,6 +47,10 @@ fn impossible() -> v1::Evaluation {
     }
 }
 
+async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<Impostor, Status> {
+    Impostor::connect_as(&cluster.url(), machine, instance).await
+}
+
 /// Lies about so many tasks, if no more than that are to be had.
 async fn tell_lies(liar: &mut Impostor, count: usize) {
     let mut told = 0;
@@ -62,11 +69,13 @@ struct Honest {
 }
 
 impl Honest {
-    fn join(cluster: &Cluster, cache: &Path) -> Self {
+    /// One on the machine 127.0.0.`machine`.
+    fn join(cluster: &Cluster, cache: &Path, machine: u8) -> Self {
         let options = murmuration_worker::client::Options {
             coordinator: cluster.url(),
             credentials: Credentials::default(),
             name: "honest".to_owned(),
+            local_address: Some(Ipv4Addr::new(127, 0, 0, machine).into()),
             threads: NonZeroUsize::MIN,
             cache: cache.to_owned(),
             health: murmuration_link::Health::default(),
@@ -115,10 +124,10 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     // Long enough for the liar to get work beside the others.
     let spec = longer();
     let campaign = cluster.create(&spec).await;
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     let (lease, batch) = liar.lease(5).await;
     // While it is the only one, nobody could contradict it.
-    let workers = [(); 2].map(|()| Honest::join(&cluster, folder.path()));
+    let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
     while cluster.status(&campaign).await.workers < 3 {
         tokio::task::yield_now().await;
     }
@@ -126,8 +135,11 @@ async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing()
     let (_, status) = liar.answer_all(&lie()).await;
     assert_eq!(status.code(), Code::FailedPrecondition);
     assert!(status.message().contains("quarantined"), "{status}");
-    let again = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap_err();
-    assert!(again.message().contains("quarantined"), "{again}");
+    // Nor does it come back as another process.
+    for instance in [LIAR.1, 43, 0] {
+        let again = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
+        assert!(again.message().contains("quarantined"), "{again}");
+    }
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
@@ -142,14 +154,18 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     tell_lies(&mut liar, 20).await;
     // Nobody has noticed: the next generation is bred from lies.
     let (lease, batch) = liar.lease(20).await;
     assert_eq!(cluster.status(&campaign).await.generations_done, 1);
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let worker = Honest::join(&cluster, folder.path());
+    let said = "impostor at 127.0.0.2 was found wrong and is quarantined: start a worker on another machine";
+    cluster
+        .watch_until(&campaign, |status| status.waiting.contains(said))
+        .await;
+    let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let said = notices(&last);
@@ -171,12 +187,12 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     let spec = small_spec("");
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let campaign = cluster.create(&spec).await;
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     tell_lies(&mut liar, 20).await;
     // A further lease shows that the lies are in the archive.
     liar.lease(20).await;
     drop(liar);
-    let worker = Honest::join(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path(), 3);
     cluster.finish(&campaign).await;
     let expected = undisturbed(&spec).await;
     assert_ne!(cluster.digest(&campaign).await, expected);
@@ -186,11 +202,11 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     // Another coordinator knows who did what, and finds out over another campaign.
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let other = cluster.create(&small_spec("seed = 2")).await;
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     let (lease, batch) = liar.lease(1).await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let worker = Honest::join(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path(), 3);
     cluster.finish(&other).await;
     let said = loop {
         let status = cluster.finish(&campaign).await;
@@ -208,8 +224,33 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
 
     // And a third does not let it in.
     let cluster = Cluster::start(folder.path(), 0).await;
-    let refused = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap_err();
-    assert!(refused.message().contains("quarantined"), "{refused}");
+    for instance in [LIAR.1, 43] {
+        let refused = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
+        assert!(
+            refused.message().contains("murmuration quarantine --lift"),
+            "{refused}"
+        );
+    }
+    let murmuration = Murmuration::over(folder.path());
+    let listed = murmuration.run(&["quarantine"]).stdout;
+    let (machine, name) = listed.trim().split_once("  ").unwrap();
+    assert_eq!(name, "impostor at 127.0.0.2");
+    let lift = ["quarantine", "--lift", machine];
+    let held = murmuration.run(&lift);
+    assert!(
+        held.code == Some(1) && held.stderr.contains("stop that first"),
+        "{}",
+        held.stderr
+    );
+    cluster.stop().await;
+
+    // Unless somebody says that it is sound again.
+    for code in [0, 2] {
+        let lifted = murmuration.run(&lift);
+        assert_eq!(lifted.code, Some(code), "{}", lifted.stderr);
+    }
+    let cluster = Cluster::start(folder.path(), 0).await;
+    connect(&cluster, LIAR).await.unwrap();
     cluster.stop().await;
 }
 
@@ -219,18 +260,18 @@ async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
     let spec = small_latent_spec("");
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
     let campaign = cluster.create(&spec).await;
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     let pictures = 200;
     tell_lies(&mut liar, pictures).await;
     // The trainer learns from that, and the search begins. It takes longer than an impostor is heard that says nothing.
     let searching = |status: &v1::Campaign| !status.checkpoint.is_empty();
     let status = cluster.watch_until(&campaign, searching).await;
     assert_eq!(status.error, "");
-    let mut liar = Impostor::connect_as(&cluster.url(), LIAR).await.unwrap();
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
     let (lease, batch) = liar.lease(1).await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
-    let worker = Honest::join(&cluster, folder.path());
+    let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let said = notices(&last);
@@ -245,8 +286,8 @@ async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start_with(folder.path(), 0, audited("1")).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let url = cluster.url();
-    let (mut first, mut second) = (Impostor::connect(&url).await, Impostor::connect(&url).await);
+    let mut first = connect(&cluster, (2, 1)).await.unwrap();
+    let mut second = connect(&cluster, (3, 1)).await.unwrap();
     let (lease, batch) = first.lease(1).await;
     first.answer(lease, lie(), batch.tasks.len()).await;
     // What it says is heard in order: once it has another, it was heard.
@@ -261,7 +302,16 @@ async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Failed);
     assert!(last.error.contains("disagree about task 0"), "{}", last.error);
-    assert!(last.error.contains("impostor and impostor"), "{}", last.error);
+    let who = [
+        "(impostor at 127.0.0.2 and impostor at 127.0.0.3)",
+        "(impostor at 127.0.0.3 and impostor at 127.0.0.2)",
+    ];
+    assert!(who.iter().any(|who| last.error.contains(who)), "{}", last.error);
+    assert!(
+        last.error.contains("start a worker on another machine"),
+        "{}",
+        last.error
+    );
     cluster.stop().await;
 }
 
@@ -274,7 +324,7 @@ async fn what_takes_three_workers_is_set_aside_and_the_campaign_goes_on() {
         let mut cluster = Cluster::start(folder.path(), 0).await;
         let campaign = cluster.create(&spec).await;
         for (victim, expected) in [(1, 5), (2, 1), (3, 1)] {
-            let mut victim = Impostor::connect_as(&cluster.url(), victim).await.unwrap();
+            let mut victim = connect(&cluster, (2, victim)).await.unwrap();
             let (_, batch) = victim.lease(5).await;
             assert_eq!(batch.tasks.len(), expected, "after the first, it goes out alone");
             drop(victim);
@@ -282,12 +332,13 @@ async fn what_takes_three_workers_is_set_aside_and_the_campaign_goes_on() {
                 tokio::task::yield_now().await;
             }
         }
-        let worker = Honest::join(&cluster, folder.path());
+        let worker = Honest::join(&cluster, folder.path(), 3);
         let last = cluster.finish(&campaign).await;
         assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
         let said = notices(&last);
         assert!(said.contains("individual 0 was set aside"), "{said}");
-        assert!(said.contains("impostor, impostor, impostor"), "{said}");
+        assert!(said.contains("3 workers were lost with it"), "{said}");
+        assert_eq!(said.matches("impostor at 127.0.0.2").count(), 3, "{said}");
         digests.push(cluster.digest(&campaign).await);
         worker.leave().await;
         cluster.stop().await;

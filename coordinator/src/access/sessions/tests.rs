@@ -1,0 +1,197 @@
+use super::*;
+use axum::{
+    http::header::{COOKIE as COOKIES, SET_COOKIE},
+    response::IntoResponse as _,
+};
+
+/// Sessions over a data directory.
+struct Kept {
+    folder: tempfile::TempDir,
+    secret: Token,
+    sessions: Sessions,
+}
+
+impl Kept {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let secret = Token::generate().unwrap();
+        let sessions = Sessions::kept(folder.path(), &secret, |_| true).unwrap();
+        Self {
+            folder,
+            secret,
+            sessions,
+        }
+    }
+
+    /// What a restart keeps.
+    fn again(&self, are_good: impl Fn(TokenDigest) -> bool) -> Sessions {
+        Sessions::kept(self.folder.path(), &self.secret, are_good).unwrap()
+    }
+
+    fn log_in(&self, token: TokenDigest, now: SystemTime) -> HeaderMap {
+        let jar = self.sessions.log_in(&HeaderMap::new(), token, true, now).unwrap();
+        let set = jar.into_response().headers()[SET_COOKIE]
+            .to_str()
+            .unwrap()
+            .to_owned();
+        for part in [
+            "; HttpOnly",
+            "; SameSite=Strict",
+            "; Secure",
+            "; Path=/",
+            "; Max-Age=604800",
+        ] {
+            assert!(set.contains(part), "{set}");
+        }
+        with_cookie(set.split(';').next().unwrap())
+    }
+}
+
+fn with_cookie(cookie: &str) -> HeaderMap {
+    HeaderMap::from_iter([(COOKIES, format!("theme=dark; {cookie}").parse().unwrap())])
+}
+
+fn token() -> TokenDigest {
+    Token::generate().unwrap().digest()
+}
+
+fn now() -> SystemTime {
+    UNIX_EPOCH + Duration::from_secs(1_800_000_000)
+}
+
+fn whose(sessions: &Sessions, headers: &HeaderMap, now: SystemTime) -> Option<TokenDigest> {
+    sessions.of(headers, now).map(|session| session.token)
+}
+
+#[test]
+fn a_session_is_good_for_its_time_and_under_its_own_signature() {
+    let (kept, ana) = (Kept::new(), token());
+    let cookie = kept.log_in(ana, now());
+    assert_eq!(whose(&kept.sessions, &cookie, now()), Some(ana));
+    let last = now() + LIFETIME - Duration::from_secs(1);
+    assert_eq!(whose(&kept.sessions, &cookie, last), Some(ana));
+    assert_eq!(whose(&kept.sessions, &cookie, now() + LIFETIME), None);
+    let text = cookie[COOKIES].to_str().unwrap();
+    let id = text.rsplit('=').next().unwrap();
+    assert_eq!(whose(&Kept::new().sessions, &cookie, now()), None);
+    for forged in [
+        format!("{COOKIE}="),
+        format!("{COOKIE}={}", &id[1..]),
+        format!("other={id}"),
+        COOKIE.to_owned(),
+    ] {
+        assert_eq!(
+            whose(&kept.sessions, &with_cookie(&forged), now()),
+            None,
+            "{forged}"
+        );
+    }
+    assert_eq!(whose(&kept.sessions, &HeaderMap::new(), now()), None);
+}
+
+#[test]
+fn what_was_logged_out_stays_so_after_a_restart_and_others_go_on() {
+    let (kept, ana) = (Kept::new(), token());
+    let (one, other) = (kept.log_in(ana, now()), kept.log_in(ana, now()));
+    kept.sessions.log_out(&one).unwrap();
+    // Once more is no error, nor without a session.
+    kept.sessions.log_out(&one).unwrap();
+    kept.sessions.log_out(&HeaderMap::new()).unwrap();
+    for sessions in [kept.sessions.clone(), kept.again(|_| true)] {
+        assert_eq!(whose(&sessions, &one, now()), None);
+        assert_eq!(whose(&sessions, &other, now()), Some(ana));
+    }
+    let gone = kept.sessions.forget(&other).into_response();
+    let gone = gone.headers()[SET_COOKIE].to_str().unwrap();
+    assert!(gone.contains("Max-Age=0") && gone.contains("Path=/"), "{gone}");
+}
+
+#[test]
+fn a_token_that_was_removed_and_comes_back_brings_no_session_back() {
+    let (kept, ana, bo) = (Kept::new(), token(), token());
+    let (of_ana, of_bo) = (kept.log_in(ana, now()), kept.log_in(bo, now()));
+    let without = kept.again(|token| token == bo);
+    assert_eq!(whose(&without, &of_ana, now()), None);
+    assert_eq!(whose(&without, &of_bo, now()), Some(bo));
+    let back = kept.again(|_| true);
+    assert_eq!(whose(&back, &of_ana, now()), None);
+    assert_eq!(whose(&back, &of_bo, now()), Some(bo));
+}
+
+#[test]
+fn a_new_log_in_takes_the_place_of_the_browsers_last_and_of_the_oldest_when_there_are_too_many() {
+    let (kept, ana, bo) = (Kept::new(), token(), token());
+    let of_bo = kept.log_in(bo, now());
+    let first = kept.log_in(ana, now());
+    drop(kept.sessions.log_in(&first, ana, true, now()).unwrap());
+    assert_eq!(whose(&kept.sessions, &first, now()), None);
+
+    let second = Duration::from_secs(1);
+    let later: Vec<HeaderMap> = (1..=MAX_SESSIONS_PER_TOKEN as u32)
+        .map(|place| kept.log_in(ana, now() + place * second))
+        .collect();
+    let end = now() + LIFETIME - second;
+    for cookie in &later {
+        assert_eq!(whose(&kept.sessions, cookie, end), Some(ana));
+    }
+    kept.log_in(ana, now() + 1000 * second);
+    assert_eq!(whose(&kept.sessions, &later[0], end), None);
+    assert_eq!(whose(&kept.sessions, &later[1], end), Some(ana));
+    assert_eq!(whose(&kept.sessions, &of_bo, end), Some(bo));
+    // What is over is not kept.
+    kept.log_in(bo, now() + 2 * LIFETIME);
+    let text = fs::read_to_string(kept.folder.path().join(FILE)).unwrap();
+    assert_eq!(
+        serde_json::from_str::<Vec<Row>>(&text).unwrap().len(),
+        1,
+        "{text}"
+    );
+}
+
+#[test]
+fn a_file_that_cannot_be_understood_has_everybody_log_in_again() {
+    let (kept, ana) = (Kept::new(), token());
+    let cookie = kept.log_in(ana, now());
+    let path = kept.folder.path().join(FILE);
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+    fs::write(&path, "[{").unwrap();
+    assert_eq!(whose(&kept.again(|_| true), &cookie, now()), None);
+}
+
+#[test]
+fn without_a_disk_nobody_is_logged_in_and_a_log_out_says_that_it_may_not_last() {
+    let (kept, ana) = (Kept::new(), token());
+    let cookie = kept.log_in(ana, now());
+    let path = kept.folder.path().to_owned();
+    kept.folder.close().unwrap();
+    let refused = kept.sessions.log_in(&HeaderMap::new(), ana, true, now());
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains(&path.display().to_string())
+    );
+    assert!(kept.sessions.log_out(&cookie).is_err());
+    assert_eq!(whose(&kept.sessions, &cookie, now()), None);
+}
+
+#[tokio::test(start_paused = true)]
+async fn who_waits_for_a_session_to_end_is_told() {
+    let (kept, ana) = (Kept::new(), token());
+    let cookie = kept.log_in(ana, now());
+    let waiting = tokio::spawn(kept.sessions.of(&cookie, now()).unwrap().ended());
+    tokio::task::yield_now().await;
+    assert!(!waiting.is_finished());
+    kept.sessions.log_out(&cookie).unwrap();
+    let begun = tokio::time::Instant::now();
+    waiting.await.unwrap();
+    assert_eq!(begun.elapsed(), Duration::ZERO);
+
+    let cookie = kept.log_in(ana, now());
+    kept.sessions.of(&cookie, now()).unwrap().ended().await;
+    assert_eq!(begun.elapsed(), LIFETIME);
+}

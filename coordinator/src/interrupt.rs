@@ -1,0 +1,70 @@
+//! Telling a long computation to end early.
+//!
+//! Pure functions that may take long are given an [`Interrupt`] and check it in their loops. Limits: knows no threads and
+//! no tasks; who raises it when is decided elsewhere.
+
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
+
+/// A flag that ends the computations which check it; clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct Interrupt {
+    raised: Arc<AtomicBool>,
+    /// Ends them too when it is raised.
+    parent: Option<Arc<Self>>,
+}
+
+/// A computation was told to end before it had a result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("it was interrupted: the coordinator ends, or nobody wants the result any more")]
+pub struct Interrupted;
+
+impl Interrupt {
+    /// A flag of its own, which counts as raised when this one is.
+    #[must_use]
+    pub fn child(&self) -> Self {
+        Self {
+            raised: Arc::default(),
+            parent: Some(Arc::new(self.clone())),
+        }
+    }
+
+    /// Ends every computation that checks this flag or a child of it, now and later.
+    pub fn raise(&self) {
+        self.raised.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether to go on.
+    ///
+    /// # Errors
+    /// [`Interrupted`] once this flag, or that of which it is a child, is raised.
+    pub fn check(&self) -> Result<(), Interrupted> {
+        if self.raised.load(Ordering::Relaxed) {
+            return Err(Interrupted);
+        }
+        match &self.parent {
+            Some(parent) => parent.check(),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flag_ends_its_children_and_not_its_parent() {
+        let all = Interrupt::default();
+        let [one, other] = [all.child(), all.child()];
+        one.clone().raise();
+        assert_eq!(
+            [&all, &one, &other].map(Interrupt::check),
+            [Ok(()), Err(Interrupted), Ok(())]
+        );
+        all.raise();
+        assert_eq!(other.check(), Err(Interrupted));
+    }
+}

@@ -1,0 +1,52 @@
+//! Names of classes that are nearly the same: perhaps one of them was typed wrongly.
+
+use super::ClassKey;
+
+/// Whether two different keys differ by so few letters that they may be meant to be one: by one in words of four to seven
+/// letters, by two in longer ones. Names that differ by their numbers alone are not near.
+pub(super) fn near(one: &ClassKey, other: &ClassKey) -> bool {
+    let (one, other) = (one.as_str(), other.as_str());
+    let lengths = [one, other].map(|key| key.chars().count());
+    let allowed = match lengths[0].min(lengths[1]) {
+        0..=3 => 0,
+        4..=7 => 1,
+        _ => 2,
+    };
+    let without_digits = |key: &str| {
+        key.chars()
+            .filter(|letter| !letter.is_numeric())
+            .collect::<String>()
+    };
+    // The cheap question first: there may be a thousand classes.
+    lengths[0].abs_diff(lengths[1]) <= allowed
+        && strsim::osa_distance(one, other) <= allowed
+        && without_digits(one) != without_digits(other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::labels::ClassName;
+
+    #[track_caller]
+    fn check(one: &str, other: &str, expected: bool) {
+        let [one, other] = [one, other].map(|name| name.parse::<ClassName>().unwrap().key());
+        assert_eq!((near(&one, &other), near(&other, &one)), (expected, expected));
+    }
+
+    #[test]
+    fn slips_of_the_keyboard_are_near() {
+        check("milling", "miling", true);
+        check("dispersal", "dispresal", true);
+        check("Wall-Following", "wallfollowing", true);
+    }
+
+    #[test]
+    fn other_words_and_numbered_names_are_not() {
+        check("ring", "wall", false);
+        check("two", "too", false);
+        check("ring 1", "ring 2", false);
+        check("cluster 9", "cluster 10", false);
+        check("milling", "dispersal", false);
+    }
+}

@@ -1,0 +1,236 @@
+//! Machines: several workers have one vote, and one machine's word or death ends nothing that another could do.
+
+use super::*;
+
+#[test]
+fn workers_of_one_machine_have_one_vote() {
+    let (mut table, []) = workers([]);
+    table.submit(audited(1));
+    let liars = [1, 2].map(|instance| join(&mut table, worker_of(7, instance), 1));
+    let lie = table.grant(now()).unwrap();
+    assert!(liars.contains(&lie.worker));
+    table.complete(lie.worker, lie.lease, vec![13], now()).unwrap();
+    assert_eq!(
+        table.take_news(),
+        [News::Progress {
+            job: lie.job,
+            settled: 0
+        }]
+    );
+    let honest = join(&mut table, process(1), 1);
+    let truth = table.grant(now()).unwrap();
+    assert_eq!(truth.worker, honest);
+    table
+        .complete(honest, truth.lease, answers(&truth), now())
+        .unwrap();
+    assert_eq!(table.grant(now()), None, "its second worker has nothing to say");
+    let third = join(&mut table, process(2), 1);
+    let decides = table.grant(now()).unwrap();
+    assert_eq!(decides.worker, third);
+    table
+        .complete(third, decides.lease, answers(&decides), now())
+        .unwrap();
+    let news = table.take_news();
+    let quarantined = news.iter().find_map(|news| match news {
+        News::Quarantined { process, workers, .. } => Some((process.machine, workers.as_slice())),
+        _ => None,
+    });
+    assert_eq!(quarantined, Some((MachineId(7), liars.as_slice())));
+    let [Settled::Result { value, .. }] = results(news)[..] else {
+        panic!("one result")
+    };
+    assert_eq!(value, answer(truth.job, 0));
+    assert_eq!(
+        table.join(worker_of(7, 3), ABLE, now()),
+        None,
+        "nor comes it back as another"
+    );
+}
+
+#[test]
+fn a_machine_that_contradicts_itself_is_quarantined() {
+    let (mut table, []) = workers([]);
+    let job = table.submit(audited(1));
+    let start = now();
+    let slow = join(&mut table, worker_of(7, 1), 1);
+    let first = table.grant(start).unwrap();
+    // Another machine is there, so that an audit is wanted.
+    let honest = join(&mut table, process(1), 0);
+    join(&mut table, worker_of(7, 2), 1);
+    let late = table.grant(start + 2 * PATIENCE.1).unwrap();
+    assert_eq!(late.tasks, first.tasks);
+    table.complete(late.worker, late.lease, vec![13], start).unwrap();
+    table.complete(slow, first.lease, vec![14], start).unwrap();
+    assert_eq!(table.join(worker_of(7, 3), ABLE, start), None);
+    table.add_credits(honest, 1);
+    let again = table.grant(start).unwrap();
+    assert_eq!((again.worker, again.job), (honest, job));
+}
+
+#[test]
+fn three_workers_of_one_machine_do_not_condemn_a_task_that_another_can_try() {
+    let (mut table, []) = workers([]);
+    let job = table.submit(terms(1));
+    let other = join(&mut table, process(1), 0);
+    for instance in 1..=3 {
+        let victim = join(&mut table, worker_of(7, instance), 1);
+        assert_eq!(table.grant(now()).unwrap().worker, victim);
+        table.lose(victim);
+    }
+    join(&mut table, worker_of(7, 4), 1);
+    assert_eq!(table.grant(now()), None, "it waits for the other machine");
+    table.add_credits(other, 1);
+    let grant = table.grant(now()).unwrap();
+    assert_eq!(grant.worker, other);
+    table
+        .complete(other, grant.lease, answers(&grant), now())
+        .unwrap();
+    let done = results(table.take_news());
+    assert!(matches!(done[..], [Settled::Result { value, .. }] if value == answer(job, 0)));
+}
+
+#[test]
+fn where_there_is_one_machine_three_of_its_workers_condemn_a_task() {
+    let (mut table, []) = workers([]);
+    table.submit(terms(1));
+    for instance in 1..=3 {
+        let victim = join(&mut table, worker_of(7, instance), 1);
+        table.grant(now()).unwrap();
+        table.lose(victim);
+    }
+    join(&mut table, worker_of(7, 4), 1);
+    assert_eq!(table.grant(now()), None);
+    let lost = (1..=3).map(|instance| worker_of(7, instance)).collect();
+    assert_eq!(results(table.take_news()), [Settled::SetAside { lost }]);
+}
+
+#[test]
+fn what_embeds_goes_to_workers_that_embed() {
+    let (mut table, []) = workers([]);
+    let embeds = Terms {
+        embeds: true,
+        ..audited(1)
+    };
+    let job = table.submit(embeds);
+    assert!(!table.lacks_embedders(), "nobody is there at all");
+    let unable = Abilities {
+        embeds: false,
+        ..ABLE
+    };
+    let unable = table.join(process(1), unable, now()).unwrap();
+    table.add_credits(unable, 9);
+    assert!(table.lacks_embedders());
+    assert_eq!(table.grant(now()), None);
+    let simulates = table.submit(terms(1));
+    assert_eq!(table.grant(now()).unwrap().job, simulates);
+    let able = join(&mut table, process(2), 1);
+    assert!(!table.lacks_embedders());
+    let grant = table.grant(now()).unwrap();
+    assert_eq!((grant.worker, grant.job), (able, job));
+    table.complete(able, grant.lease, answers(&grant), now()).unwrap();
+    // Nor does it audit.
+    table.grant(now());
+    assert!(matches!(
+        results(table.take_news())[..],
+        [Settled::Result { audited: false, .. }]
+    ));
+}
+
+#[test]
+fn what_one_machine_cannot_do_another_does() {
+    let (mut table, [_, _]) = workers([1, 1]);
+    table.submit(terms(1));
+    let refused = table.grant(now()).unwrap();
+    table.refuse(refused.worker, refused.lease, now());
+    let done = table.grant(now()).unwrap();
+    assert_ne!(done.worker, refused.worker);
+    table
+        .complete(done.worker, done.lease, answers(&done), now())
+        .unwrap();
+    assert_eq!(results(table.take_news()).len(), 1);
+    assert!(
+        table.process(refused.worker).is_some(),
+        "nobody is quarantined for it"
+    );
+}
+
+fn impossible(news: Vec<News<u64>>) -> Option<Vec<WorkerProcessId>> {
+    news.into_iter().find_map(|news| match news {
+        News::Impossible { by, .. } => Some(by),
+        _ => None,
+    })
+}
+
+#[test]
+fn what_two_machines_cannot_do_ends_the_job() {
+    let (mut table, []) = workers([]);
+    table.submit(terms(1));
+    for process in [worker_of(1, 1), worker_of(1, 2), worker_of(2, 3)] {
+        join(&mut table, process, 1);
+    }
+    let start = now();
+    for _ in 0..2 {
+        assert_eq!(impossible(table.take_news()), None);
+        let grant = table.grant(start).unwrap();
+        table.refuse(grant.worker, grant.lease, start);
+    }
+    let by = impossible(table.take_news()).expect("it is impossible");
+    let machines: BTreeSet<_> = by.iter().map(|process| process.machine.0).collect();
+    assert_eq!(machines, BTreeSet::from([1, 2]));
+    assert!(table.jobs.is_empty());
+}
+
+#[test]
+fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
+    let (mut table, []) = workers([]);
+    table.submit(terms(1));
+    let only = [1, 2].map(|instance| join(&mut table, worker_of(1, instance), 1));
+    let start = now();
+    let grant = table.grant(start).unwrap();
+    table.refuse(grant.worker, grant.lease, start);
+    assert_eq!(table.grant(start), None);
+    // Where nobody is left it waits for whoever comes.
+    for worker in only {
+        table.lose(worker);
+    }
+    let mut later = start + 2 * DISPUTE_PATIENCE;
+    assert_eq!(table.grant(later), None);
+    join(&mut table, worker_of(1, 3), 1);
+    assert_eq!(table.grant(later), None);
+    assert_eq!(impossible(table.take_news()), None);
+    later += 2 * DISPUTE_PATIENCE;
+    assert_eq!(table.grant(later), None);
+    assert_eq!(
+        impossible(table.take_news()),
+        Some(vec![worker_of(1, grant_instance(&grant, only))])
+    );
+}
+
+fn grant_instance(grant: &Grant, workers: [WorkerId; 2]) -> u64 {
+    if grant.worker == workers[0] { 1 } else { 2 }
+}
+
+#[test]
+fn a_quarantined_machine_condemns_nothing() {
+    let (mut table, []) = workers([]);
+    table.submit(terms(2));
+    for instance in 1..=3 {
+        let victim = join(&mut table, worker_of(7, instance), 1);
+        table.grant(now()).unwrap();
+        table.lose(victim);
+    }
+    join(&mut table, worker_of(7, 4), 9);
+    table.grant(now());
+    table.quarantine(worker_of(7, 4));
+    let honest = join(&mut table, process(1), 9);
+    while let Some(grant) = table.grant(now()) {
+        table
+            .complete(honest, grant.lease, answers(&grant), now())
+            .unwrap();
+    }
+    let done = results(table.take_news());
+    assert!(
+        done.iter()
+            .all(|settled| matches!(settled, Settled::Result { .. }))
+    );
+}

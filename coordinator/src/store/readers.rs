@@ -1,0 +1,117 @@
+//! Connections that only read, beside the one that writes: reading waits neither for a change nor for other reading.
+//!
+//! Each reading sees the database as it was at one instant, without what is not committed or was refused by the disk.
+//! Limits: at most [`MOST`] read at once, the others wait for one of them; nobody reads while the log is emptied.
+
+use super::{StoreError, open};
+use rusqlite::Connection;
+use std::{
+    path::Path,
+    sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError},
+};
+
+/// Connections: more would only compete for the disk.
+const MOST: usize = 4;
+
+/// Connections to one database.
+#[derive(Debug)]
+pub(super) struct Readers {
+    turns: Mutex<Turns>,
+    /// Notified when somebody has read, and when readers are no longer kept away.
+    changed: Condvar,
+    /// [`MOST`] of them, each locked by who reads with it.
+    connections: Vec<Mutex<Connection>>,
+}
+
+#[derive(Debug, Default)]
+struct Turns {
+    reading: usize,
+    kept_away: bool,
+}
+
+/// Somebody reads until this is dropped.
+struct Turn<'a>(&'a Readers);
+
+/// Nobody reads until this is dropped.
+pub(super) struct KeptAway<'a>(&'a Readers);
+
+impl Readers {
+    /// Connections to a database that another connection of this process writes.
+    pub(super) fn open(path: &Path) -> Result<Self, StoreError> {
+        let connections = (0..MOST).map(|_| Ok(Mutex::new(open::to_read(path)?)));
+        Ok(Self {
+            turns: Mutex::default(),
+            changed: Condvar::new(),
+            connections: connections.collect::<Result<_, StoreError>>()?,
+        })
+    }
+
+    /// Runs `query`, all of which sees the same instant. It must not ask the store for anything else meanwhile.
+    pub(super) fn read<T>(
+        &self,
+        query: impl FnOnce(&Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        // Given back after the connection.
+        let _turn = self.turn();
+        let connection = self.free();
+        let snapshot = connection.unchecked_transaction()?;
+        query(&snapshot)
+    }
+
+    /// Waits until nobody reads, and lets nobody begin to.
+    pub(super) fn keep_away(&self) -> KeptAway<'_> {
+        let mut turns = lock(&self.turns);
+        turns.kept_away = true;
+        while turns.reading > 0 {
+            turns = self.wait(turns);
+        }
+        KeptAway(self)
+    }
+
+    fn turn(&self) -> Turn<'_> {
+        let mut turns = lock(&self.turns);
+        while turns.kept_away || turns.reading == MOST {
+            turns = self.wait(turns);
+        }
+        turns.reading += 1;
+        Turn(self)
+    }
+
+    /// A connection that nobody reads with: there is one for each turn.
+    fn free(&self) -> MutexGuard<'_, Connection> {
+        let free = self.connections.iter().find_map(|one| match one.try_lock() {
+            Ok(free) => Some(free),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        });
+        free.unwrap_or_else(|| lock(&self.connections[0]))
+    }
+
+    fn wait<'a>(&self, turns: MutexGuard<'a, Turns>) -> MutexGuard<'a, Turns> {
+        self.changed.wait(turns).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Turns)) {
+        change(&mut lock(&self.turns));
+        self.changed.notify_all();
+    }
+}
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.change(|turns| turns.reading -= 1);
+    }
+}
+
+impl Drop for KeptAway<'_> {
+    fn drop(&mut self) {
+        self.0.change(|turns| turns.kept_away = false);
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests;

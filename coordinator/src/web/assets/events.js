@@ -1,0 +1,44 @@
+// What the coordinator tells a page by itself, and what the top of the page says while nothing can be heard.
+
+const SILENCE = "The coordinator does not answer; this page goes on when it does.";
+const CROWD = "The coordinator has too many pages to tell what happens; this one is told as soon as there is room.";
+const AGAIN_MS = 3000;
+
+const note = document.querySelector(".stale-note");
+const amiss = { silence: "", kept: "" };
+
+function say(part, text) {
+  if (amiss[part] === text) return;
+  amiss[part] = text;
+  note.textContent = Object.values(amiss).filter(Boolean).join(" ");
+  note.hidden = note.textContent === "";
+}
+
+// Whether the coordinator was heard when it was last asked or listened to.
+export const heard = (is) => say("silence", is ? "" : SILENCE);
+
+// What the browser keeps of what was said here, and why; nothing where all of it was acknowledged.
+export const keeping = (text) => say("kept", text);
+
+// Hands every message of a stream of events to `told`, and connects again for as long as the page lives.
+export function listen(url, told) {
+  const events = new EventSource(url);
+  events.onmessage = (message) => {
+    heard(true);
+    told(message.data);
+  };
+  events.onerror = async () => {
+    // A lost connection is made again by the browser; one that was refused is not.
+    if (events.readyState !== EventSource.CLOSED) return heard(false);
+    await refused();
+    setTimeout(() => listen(url, told), AGAIN_MS);
+  };
+}
+
+// Whose session is over is led to the log-in, as by any page; else there is no room.
+async function refused() {
+  const request = { redirect: "manual", headers: { accept: "text/html" } };
+  const page = await fetch(location.pathname, request).catch(() => null);
+  if (page?.type === "opaqueredirect") location.reload();
+  say("silence", page ? CROWD : SILENCE);
+}

@@ -1,0 +1,217 @@
+//! Words from outside, fit to be stored, logged, and shown on a terminal or a page.
+//!
+//! A stranger's text may be of any length, move the cursor of a terminal (control characters), turn the text around it
+//! (bidirectional overrides) or hide (zero-width characters). Free text is cleaned and cut; a name is refused, since
+//! whoever chose it should choose another.
+
+use crate::Invalid;
+use icu_properties::{CodePointSetData, props::DefaultIgnorableCodePoint};
+use std::fmt;
+
+/// Free text from outside, without characters that a reader cannot see and of bounded length.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
+pub struct Text(String);
+
+impl Text {
+    /// Most characters; what is longer is cut and ends with an ellipsis.
+    pub const MAX_CHARS: usize = 2_000;
+    /// Most characters of a text of several lines.
+    pub const MAX_CHARS_OF_LINES: usize = 64 << 10;
+
+    /// `words` as one line: ends of lines and tabs become spaces.
+    #[must_use]
+    pub fn line(words: &str) -> Self {
+        let spaced = words.chars().map(|c| if is_space(c) { ' ' } else { c });
+        Self::kept(spaced, Self::MAX_CHARS)
+    }
+
+    /// `words` with their ends of lines and tabs.
+    #[must_use]
+    pub fn lines(words: &str) -> Self {
+        Self::kept(words.chars(), Self::MAX_CHARS_OF_LINES)
+    }
+
+    /// The text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+
+    fn kept(words: impl Iterator<Item = char>, most: usize) -> Self {
+        let mut kept = String::new();
+        let (mut count, mut before) = (0, None);
+        for c in words {
+            if !matches!(c, '\n' | '\t') && is_hidden(c, before) {
+                continue;
+            }
+            if count == most {
+                kept.push('…');
+                break;
+            }
+            kept.push(c);
+            count += 1;
+            before = Some(c);
+        }
+        Self(kept)
+    }
+}
+
+impl fmt::Display for Text {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl From<Text> for String {
+    fn from(text: Text) -> Self {
+        text.0
+    }
+}
+
+/// `name` without the space about it: 1 to `most` characters, at least one of them visible and none hidden.
+///
+/// # Errors
+/// Names `field`, and the character that is not allowed.
+pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
+    let trimmed = name.trim();
+    let refused = |allowed| Err(Invalid::new(field, quoted(name), allowed));
+    if let Some(c) = hidden(trimmed).find_map(|(c, is_hidden)| is_hidden.then_some(c)) {
+        return refused(format!(
+            "without the character U+{:04X}, which cannot be seen",
+            u32::from(c)
+        ));
+    }
+    let count = trimmed.chars().count();
+    if !(1..=most).contains(&count) || !trimmed.chars().any(is_visible) {
+        return refused(format!("1 to {most} characters that can be seen"));
+    }
+    Ok(trimmed.to_owned())
+}
+
+/// `text` with a mark (U+FFFD) in the place of every character that a [`name`] may not have.
+#[must_use]
+pub fn marked(text: &str) -> String {
+    let mark = |(c, is_hidden)| if is_hidden { char::REPLACEMENT_CHARACTER } else { c };
+    hidden(text).map(mark).collect()
+}
+
+/// The beginning of a text from outside, quoted and escaped, for an error.
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    let beginning: String = text.chars().take(80).collect();
+    format!("\"{}\"", beginning.escape_debug())
+}
+
+/// Each character, and whether it is hidden.
+fn hidden(text: &str) -> impl Iterator<Item = (char, bool)> {
+    let before = std::iter::once(None).chain(text.chars().map(Some));
+    text.chars()
+        .zip(before)
+        .map(|(c, before)| (c, is_hidden(c, before)))
+}
+
+const fn is_space(c: char) -> bool {
+    matches!(c, '\n' | '\r' | '\t' | '\u{85}' | '\u{2028}' | '\u{2029}')
+}
+
+/// Characters that join others, or say how the one before is drawn.
+const fn is_joiner(c: char) -> bool {
+    matches!(c, '\u{200c}' | '\u{200d}' | '\u{fe0e}' | '\u{fe0f}')
+}
+
+/// Whether a character after `before` shows nothing, or changes what stands around it.
+fn is_hidden(c: char, before: Option<char>) -> bool {
+    if c.is_ascii() {
+        return c.is_ascii_control();
+    }
+    if is_joiner(c) {
+        // Scripts of India and Persia and compound emoji need them; after Latin letters they are only there to hide.
+        let joins = |before: char| {
+            !before.is_ascii() && !before.is_whitespace() && before != c && !is_joiner_of_letters(before)
+        };
+        return !before.is_some_and(joins);
+    }
+    c.is_control()
+        || is_space(c)
+        || matches!(c, '\u{fff9}'..='\u{fffb}')
+        || CodePointSetData::new::<DefaultIgnorableCodePoint>().contains(c)
+}
+
+const fn is_joiner_of_letters(c: char) -> bool {
+    matches!(c, '\u{200c}' | '\u{200d}')
+}
+
+/// Whether a character that is not hidden leaves a mark. The braille pattern without dots is a symbol that does not.
+fn is_visible(c: char) -> bool {
+    !c.is_whitespace() && c != '\u{2800}' && !is_joiner(c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_moves_the_cursor_turns_or_hides_is_taken_out() {
+        let check = |words: &str, kept: &str| assert_eq!(Text::line(words).as_str(), kept, "{words:?}");
+        check("no room on /dev/sda1: 5 %", "no room on /dev/sda1: 5 %");
+        check("a\u{1b}[2Jb\u{9b}31mc\u{7f}\0", "a[2Jb31mc");
+        check("one\ntwo\r\nthree\tfour\u{2028}five", "one two  three four five");
+        check(
+            "pay \u{202e}niart\u{202c} \u{2066}x\u{2069}\u{200e}",
+            "pay niart x",
+        );
+        check("a\u{200b}b\u{feff}c\u{ad}d\u{e0041}", "abcd");
+        check("naïve übermäßig नमस्ते สวัสดี 雪", "naïve übermäßig नमस्ते สวัสดี 雪");
+        check("क्‍ष 👩‍🚀 ❤️ می‌خواهم", "क्‍ष 👩‍🚀 ❤️ می‌خواهم");
+        check("ri\u{200d}ng", "ring");
+        assert_eq!(Text::lines("a = 1\n\tb = \u{1b}2").as_str(), "a = 1\n\tb = 2");
+    }
+
+    #[test]
+    fn what_is_too_long_is_cut() {
+        let long = Text::line(&"é".repeat(Text::MAX_CHARS + 1));
+        assert_eq!(long.as_str().chars().count(), Text::MAX_CHARS + 1);
+        assert!(long.as_str().ends_with("é…"));
+        let fits = "x".repeat(Text::MAX_CHARS);
+        assert_eq!(Text::line(&fits).as_str(), fits);
+    }
+
+    #[test]
+    fn a_name_can_be_seen() {
+        let check = |given: &str, taken: &str| assert_eq!(name("class", given, 64).unwrap(), taken);
+        check(" a ring ", "a ring");
+        check("e\u{301}toile", "e\u{301}toile");
+        check("क्‍ष", "क्‍ष");
+        check("👩‍🚀", "👩‍🚀");
+        let refused = |given: &str, said: &str| {
+            let error = name("class", given, 64).unwrap_err();
+            assert_eq!(error.field, "class");
+            assert!(error.allowed.contains(said), "{given:?}: {error}");
+        };
+        refused("", "1 to 64 characters that can be seen");
+        refused("\u{2800}", "1 to 64 characters that can be seen");
+        refused(&"x".repeat(65), "1 to 64 characters");
+        refused("\u{200b}", "U+200B");
+        refused("ring\u{200b}", "U+200B");
+        refused("ri\u{202e}gn", "U+202E");
+        refused("ring\u{200d}", "U+200D");
+        refused("\u{3164}", "U+3164");
+        refused("a\u{1b}[31m", "U+001B");
+        refused("a\nb", "U+000A");
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_cleaned_stays_as_it_is(words: String) {
+            let line = Text::line(&words);
+            prop_assert_eq!(&Text::line(line.as_str()), &line);
+            prop_assert!(!line.as_str().chars().any(char::is_control));
+        }
+
+        #[test]
+        fn what_is_marked_may_be_a_name(words in "\\PC{1,20}[\u{200b}\u{202e}x]{1,4}") {
+            prop_assert!(name("class", &marked(&words), 64).is_ok());
+        }
+    }
+}

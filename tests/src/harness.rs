@@ -1,0 +1,176 @@
+//! A test harness for targets whose tests need more than this repository: a browser, containers, Python packages, root.
+//!
+//! Where a machine lacks what a test needs, the test is ignored: the summary line counts it, and a line says why. Under
+//! `CI=true` it fails instead, unless the machine cannot have it. Such a target says `harness = false` in `Cargo.toml`,
+//! because Rust's own harness cannot ignore a test at run time, and lists its tests in `main`: there `#[test]` does nothing.
+
+use crate::requirements::{Missing, Requirement};
+use libtest_mimic::{Arguments, Trial};
+use std::{collections::BTreeSet, process::ExitCode};
+
+/// A test, and what it needs.
+pub struct Test {
+    name: String,
+    body: Box<dyn FnOnce() + Send>,
+    needs: Vec<Requirement>,
+}
+
+/// A test by the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` of one that awaits.
+#[macro_export]
+macro_rules! test {
+    (async $path:path) => {
+        $crate::Test::new(stringify!($path), || $crate::block_on($path()))
+    };
+    ($path:path) => {
+        $crate::Test::new(stringify!($path), $path)
+    };
+}
+
+/// Runs a test that awaits, on several threads.
+pub fn block_on(test: impl Future<Output = ()>) {
+    tokio::runtime::Runtime::new().unwrap().block_on(test);
+}
+
+/// What becomes of a test on this machine.
+#[derive(Debug, PartialEq, Eq)]
+enum Fate {
+    Runs,
+    /// The text says why.
+    Ignored(String),
+    /// The text says why.
+    Fails(String),
+}
+
+impl Fate {
+    fn of(missing: Option<Missing>, ci: bool) -> Self {
+        match missing {
+            None => Self::Runs,
+            Some(missing) if ci && missing.can_be_had => Self::Fails(missing.reason),
+            Some(missing) => Self::Ignored(missing.reason),
+        }
+    }
+}
+
+impl Test {
+    /// A test that needs nothing in particular.
+    #[must_use]
+    pub fn new(name: &str, body: impl FnOnce() + Send + 'static) -> Self {
+        Self {
+            name: name.to_owned(),
+            body: Box::new(body),
+            needs: Vec::new(),
+        }
+    }
+
+    /// The same, for machines that have this too.
+    #[must_use]
+    pub fn needs(mut self, requirement: Requirement) -> Self {
+        self.needs.push(requirement);
+        self
+    }
+}
+
+/// Runs the tests that the command line asks for, side by side as Rust's own harness does.
+#[must_use]
+pub fn run(tests: Vec<Test>) -> ExitCode {
+    run_with(&Arguments::from_args(), tests)
+}
+
+/// The same, one after the other.
+#[must_use]
+pub fn run_one_by_one(tests: Vec<Test>) -> ExitCode {
+    let mut arguments = Arguments::from_args();
+    arguments.test_threads = Some(1);
+    run_with(&arguments, tests)
+}
+
+fn run_with(arguments: &Arguments, tests: Vec<Test>) -> ExitCode {
+    let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
+    let mut reasons = BTreeSet::new();
+    let trials = tests.into_iter().map(|Test { name, body, needs }| {
+        let missing = needs.into_iter().find_map(Requirement::missing);
+        match Fate::of(missing, ci) {
+            Fate::Runs => Trial::test(name, || {
+                body();
+                Ok(())
+            }),
+            Fate::Ignored(reason) => {
+                reasons.insert(reason.clone());
+                // Whoever asks for ignored tests is told why this one cannot run.
+                Trial::test(name, || Err(reason.into())).with_ignored_flag(true)
+            }
+            Fate::Fails(reason) => Trial::test(name, move || Err(format!("CI=true, and {reason}").into())),
+        }
+    });
+    let trials = trials.collect();
+    let conclusion = libtest_mimic::run(arguments, trials);
+    for reason in reasons {
+        eprintln!("ignored: {reason}");
+    }
+    conclusion.exit_code()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{fs, path::Path};
+
+    fn missing(can_be_had: bool) -> Option<Missing> {
+        Some(Missing {
+            reason: "there is no swan here".to_owned(),
+            can_be_had,
+        })
+    }
+
+    #[test]
+    fn what_is_missing_is_ignored_and_fails_in_ci_where_it_could_be_had() {
+        let reason = || "there is no swan here".to_owned();
+        assert_eq!(Fate::of(None, true), Fate::Runs);
+        assert_eq!(Fate::of(missing(true), false), Fate::Ignored(reason()));
+        assert_eq!(Fate::of(missing(true), true), Fate::Fails(reason()));
+        assert_eq!(Fate::of(missing(false), true), Fate::Ignored(reason()));
+    }
+
+    /// Rust files of a folder, or the one file.
+    fn sources(path: &Path) -> Vec<(String, String)> {
+        let files = match path.is_dir() {
+            true => fs::read_dir(path)
+                .unwrap()
+                .map(|entry| entry.unwrap().path())
+                .collect(),
+            false => vec![path.to_owned()],
+        };
+        let is_rust = |path: &Path| path.extension().is_some_and(|extension| extension == "rs");
+        let rust = files.into_iter().filter(|path| is_rust(path));
+        rust.map(|path| (path.display().to_string(), fs::read_to_string(&path).unwrap()))
+            .collect()
+    }
+
+    /// In a target without Rust's harness such a test would be compiled away, and never run.
+    #[test]
+    fn no_target_with_this_harness_has_a_test_that_would_not_run() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let manifest: toml::Table = fs::read_to_string(root.join("Cargo.toml"))
+            .unwrap()
+            .parse()
+            .unwrap();
+        let mut seen = 0;
+        for target in manifest["test"].as_array().unwrap() {
+            assert_eq!(target["harness"].as_bool(), Some(false), "{target}");
+            let path = root.join(target["path"].as_str().unwrap());
+            let path = match path.ends_with("main.rs") {
+                true => path.parent().unwrap(),
+                false => &path,
+            };
+            for (name, text) in sources(path) {
+                let test = text
+                    .lines()
+                    .map(str::trim)
+                    .find(|line| line.ends_with("test]") || line.contains("::test("));
+                assert_eq!(test, None, "{name}: list it in main.rs with test!() instead");
+                seen += 1;
+            }
+        }
+        assert!(seen > 10, "only {seen} files");
+    }
+}

@@ -1,0 +1,167 @@
+//! What a test may need of a machine besides this repository, and whether it is there.
+
+use crate::SmallDisk;
+use std::{
+    env,
+    process::{Command, Stdio},
+    sync::Mutex,
+};
+
+/// Something that a test needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Requirement {
+    /// Chromium, and chromedriver to drive it.
+    Chromium,
+    /// A Docker engine, and the images that `tests/containers/base-images` makes.
+    Containers,
+    /// `docker compose` or `docker-compose`; no engine.
+    Compose,
+    /// A `python3` with these modules, separated by commas.
+    Python(&'static str),
+    /// The right to mount a file system in memory.
+    Mount,
+    /// The right to make a network namespace, and `ip` and `iptables` to have it lose packets.
+    NetworkNamespace,
+    /// So many open files a process.
+    OpenFiles(u64),
+}
+
+/// Something that is not there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Missing {
+    /// What, and how it could be had.
+    pub reason: String,
+    /// Whether somebody could install it here. Otherwise it is the machine that does not allow it.
+    pub can_be_had: bool,
+}
+
+impl Requirement {
+    /// What of it is missing here; looked up once a process.
+    #[must_use]
+    pub fn missing(self) -> Option<Missing> {
+        static KNOWN: Mutex<Vec<(Requirement, Option<Missing>)>> = Mutex::new(Vec::new());
+        let mut known = KNOWN.lock().unwrap();
+        if let Some((_, missing)) = known.iter().find(|(requirement, _)| *requirement == self) {
+            return missing.clone();
+        }
+        let missing = self.look().err();
+        known.push((self, missing.clone()));
+        missing
+    }
+
+    fn look(self) -> Result<(), Missing> {
+        match self {
+            Self::Chromium => installed(
+                chromium().is_some(),
+                "there is no Chromium with its chromedriver here (`scripts/browser` installs them)",
+            ),
+            Self::Containers => installed(
+                base_images().is_some(),
+                "there are no images to build containers on (`make test-containers` makes them, with a Docker engine)",
+            ),
+            Self::Compose => installed(compose().is_some(), "there is no docker compose here"),
+            Self::Python(modules) => installed(
+                succeeds("python3", &["-c", &format!("import {modules}")]),
+                &format!("python3 has not all of {modules} (`make test` fetches them)"),
+            ),
+            Self::Mount => {
+                installed(on_path("mount").is_some(), "there is no `mount` here")?;
+                let folder = tempfile::tempdir().unwrap();
+                let disk = SmallDisk::mount(&folder.path().join("disk"), "1m");
+                allowed(
+                    disk.is_some(),
+                    "mounting a small file system is not allowed here: it needs root",
+                )
+            }
+            Self::NetworkNamespace => {
+                for program in ["ip", "iptables"] {
+                    let reason =
+                        format!("there is no `{program}` here (Debian: apt-get install iproute2 iptables)");
+                    installed(on_path(program).is_some(), &reason)?;
+                }
+                allowed(
+                    loses_packets(),
+                    "a network namespace that loses packets is not allowed here: it needs root, and the kernel's `statistic`",
+                )
+            }
+            Self::OpenFiles(wanted) => {
+                let most = rlimit::increase_nofile_limit(u64::MAX).unwrap();
+                let reason =
+                    format!("a process may have {most} open files here, and needs {wanted} (`ulimit -Hn`)");
+                allowed(most >= wanted, &reason)
+            }
+        }
+    }
+}
+
+fn installed(is_there: bool, reason: &str) -> Result<(), Missing> {
+    found(is_there, reason, true)
+}
+
+fn allowed(is_allowed: bool, reason: &str) -> Result<(), Missing> {
+    found(is_allowed, reason, false)
+}
+
+fn found(is_there: bool, reason: &str, can_be_had: bool) -> Result<(), Missing> {
+    let reason = reason.to_owned();
+    is_there.then_some(()).ok_or(Missing { reason, can_be_had })
+}
+
+/// Chromium and its driver, where both are installed.
+#[must_use]
+pub fn chromium() -> Option<(String, String)> {
+    let browsers = ["chromium", "chromium-browser", "google-chrome"];
+    browsers
+        .into_iter()
+        .find_map(on_path)
+        .zip(on_path("chromedriver"))
+}
+
+/// The images that containers are built on and run on, by `MURMURATION_TEST_BASES`.
+#[must_use]
+pub fn base_images() -> Option<(String, String)> {
+    let named = env::var("MURMURATION_TEST_BASES").ok()?;
+    let (build, runtime) = named.trim().split_once(char::is_whitespace)?;
+    Some((build.to_owned(), runtime.trim().to_owned()))
+}
+
+/// `docker compose`, or docker-compose where there is only that.
+#[must_use]
+pub fn compose() -> Option<Command> {
+    if succeeds("docker", &["compose", "version"]) {
+        let mut docker = Command::new("docker");
+        docker.arg("compose");
+        return Some(docker);
+    }
+    on_path("docker-compose").map(Command::new)
+}
+
+fn on_path(name: &str) -> Option<String> {
+    let folders = env::var_os("PATH")?;
+    env::split_paths(&folders)
+        .map(|folder| folder.join(name))
+        .find(|path| path.is_file())
+        .map(|path| path.display().to_string())
+}
+
+/// Whether a namespace can be made whose packets are dropped by chance.
+fn loses_packets() -> bool {
+    let name = format!("murmuration-try-{}", std::process::id());
+    if !succeeds("ip", &["netns", "add", &name]) {
+        return false;
+    }
+    let drops = "iptables -A INPUT -m statistic --mode random --probability 0.05 -j DROP";
+    let inside = ["netns", "exec", &name].into_iter().chain(drops.split(' '));
+    let loses = succeeds("ip", &inside.collect::<Vec<_>>());
+    succeeds("ip", &["netns", "del", &name]) && loses
+}
+
+fn succeeds(program: &str, arguments: &[&str]) -> bool {
+    let status = Command::new(program)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status();
+    status.is_ok_and(|status| status.success())
+}

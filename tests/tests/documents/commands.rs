@@ -1,0 +1,139 @@
+//! The commands of each page, and why some of them are not run.
+
+use crate::{
+    pages::{blocks, pages},
+    script::{
+        Rule::{Before, NotRun, Stays},
+        Script, free_port,
+    },
+};
+
+const PAGES: [&str; 5] = [
+    "README.md",
+    "docs/operations.md",
+    "docs/security.md",
+    "docs/data-directory.md",
+    "docs/results.md",
+];
+
+const LONG: &str = "it takes half an hour and more";
+const NO_PICTURES: &str = "the pictures of the labelled sets are not in the repository";
+
+pub fn of_the_readme() {
+    let port = free_port();
+    Script::of("README.md")
+        .replace(
+            "murmuration serve --workers 0",
+            format!("murmuration serve --workers 0 --listen 127.0.0.1:{port}"),
+        )
+        .replace("127.0.0.1:7700", format!("127.0.0.1:{port}"))
+        .replace("3f9ac41b", "$OTHER")
+        .rule("make ", NotRun("it builds everything in the release profile, and tests it: here that is done"))
+        .rule("murmuration run examples/two-sensor-latent.toml", NotRun(LONG))
+        .rule("murmuration resume latest", Before("interrupted small.toml"))
+        .rule(
+            "murmuration adopt",
+            Before(
+                "OTHER=\"$(murmuration checkpoints list --json | sed -n 's/.*\"checkpoint\":\"\\([0-9a-f]\\{8\\}\\).*/\\1/p' | head -n 1)\"",
+            ),
+        )
+        .rule(
+            "murmuration label latest --csv",
+            Before("printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
+        )
+        .rule("murmuration serve", Stays("pages:"))
+        .rule("murmuration-worker", Stays("connected"))
+        .rule("murmuration-trainer", Stays("connected"))
+        .run();
+}
+
+pub fn of_the_page_on_operations() {
+    let [coordinator, worker] = [free_port(), free_port()];
+    Script::of("docs/operations.md")
+        .replace("127.0.0.1:7700", format!("127.0.0.1:{coordinator}"))
+        .replace("127.0.0.1:7701", format!("127.0.0.1:{worker}"))
+        .rule("docker compose", NotRun("tests/tests/containers starts this cluster"))
+        .rule("export MURMURATION_COORDINATOR", NotRun("there are no containers here"))
+        .rule("murmuration submit", NotRun("there are no containers here"))
+        .rule("murmuration watch", NotRun("there are no containers here"))
+        .rule("kubectl", NotRun("there is no Kubernetes here"))
+        .rule("for who in", NotRun("there is no Kubernetes here"))
+        .rule(
+            "murmuration health --coordinator http://127.0.0.1:7701 --alive",
+            Before("kill -0 \"${stays[1]}\""),
+        )
+        .rule(
+            "murmuration health --coordinator http://127.0.0.1:7701",
+            Before(
+                "if [ ${#stays[@]} = 0 ]; then\n\
+                 murmuration serve --workers 0 --listen 127.0.0.1:7700 >\"$DESK/serve.log\" 2>&1 &\n\
+                 stay serve.log pages:\n\
+                 MURMURATION_HEALTH=127.0.0.1:7701 murmuration-worker --coordinator http://127.0.0.1:7700 >\"$DESK/worker.log\" 2>&1 &\n\
+                 stay worker.log connected\n\
+                 fi",
+            ),
+        )
+        .run();
+}
+
+pub fn of_the_page_on_security() {
+    let port = free_port();
+    Script::of("docs/security.md")
+        .replace("0.0.0.0:7700", format!("127.0.0.1:{port}"))
+        .replace("swarm.example:7700", format!("localhost:{port}"))
+        .rule("murmuration serve", Stays("pages:"))
+        .rule(
+            "murmuration-worker",
+            // What the page has people copy to the other machines.
+            Before(
+                "mkdir other && cp certs/ca.pem certs/alpha*.pem certs/beta*.pem certs/trainer*.pem other && cp small.toml other/spec.toml && cd other\n\
+                 grep -o 'mur_[A-Za-z0-9_-]*' \"$DESK/said\" | head -n 1 >my-token",
+            ),
+        )
+        .rule("murmuration-worker", Stays("connected"))
+        .rule("murmuration-trainer", Stays("connected"))
+        .run();
+}
+
+pub fn of_the_page_on_the_data_directory() {
+    Script::of("docs/data-directory.md")
+        .replace("CAMPAIGN", "small-1")
+        .replace("/backups/", "backups/")
+        .rule("murmuration doctor --salvage", Before("test ! -e saved-data"))
+        .rule(
+            "murmuration doctor",
+            Before("test -e murmuration-data || interrupted small.toml"),
+        )
+        .rule("murmuration restore", Before("mv murmuration-data before"))
+        .run();
+}
+
+pub fn of_the_page_on_results() {
+    Script::of("docs/results.md")
+        .rule(
+            "murmuration accuracy --labels $L/single_sensor/validation.csv --untrained",
+            NotRun(NO_PICTURES),
+        )
+        .rule(
+            "murmuration accuracy --labels $L/single_sensor/validation.csv --checkpoint",
+            NotRun(NO_PICTURES),
+        )
+        .rule(
+            "murmuration accuracy --labels $L/two_sensor/validation.csv --labels $L/rare/validation.csv --checkpoint",
+            NotRun(NO_PICTURES),
+        )
+        .rule("murmuration run", NotRun(LONG))
+        .rule("murmuration checkpoints list", NotRun("it lists what the campaign before it trained"))
+        .rule("murmuration bench labels", NotRun(NO_PICTURES))
+        .run();
+}
+
+/// None has any so far; one that gets some is run.
+pub fn of_every_other_page() {
+    for (name, text) in pages() {
+        let has_commands = blocks(&text).iter().any(|(language, _)| language == "sh");
+        if has_commands && !PAGES.contains(&name.as_str()) {
+            Script::of(&name).run();
+        }
+    }
+}

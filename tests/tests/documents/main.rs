@@ -1,0 +1,28 @@
+//! The README and the pages of docs/: their commands are run, their links lead somewhere, and what they list is all there is.
+
+mod commands;
+mod map;
+mod options;
+mod pages;
+mod references;
+mod script;
+
+use murmuration_tests::{run_one_by_one, test};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    // One after the other: the commands use what cores there are.
+    run_one_by_one(vec![
+        test!(map::every_module_of_the_coordinator_is_on_the_map_and_no_other),
+        test!(options::what_starts_a_service_is_an_environment_variable_too),
+        test!(references::links_and_paths_lead_somewhere),
+        test!(references::commands_that_are_mentioned_exist),
+        test!(pages::every_block_says_what_it_is),
+        test!(commands::of_the_readme),
+        test!(commands::of_the_page_on_operations),
+        test!(commands::of_the_page_on_security),
+        test!(commands::of_the_page_on_the_data_directory),
+        test!(commands::of_the_page_on_results),
+        test!(commands::of_every_other_page),
+    ])
+}

@@ -1,0 +1,52 @@
+//! Options as environment variables, as docs/security.md promises.
+
+use clap::Command;
+use murmuration_coordinator::cli;
+use std::process;
+
+/// Options that have no variable.
+fn without_variable(command: &Command) -> Vec<String> {
+    let options = command
+        .get_arguments()
+        .filter(|argument| !argument.is_positional());
+    let own = options.filter(|argument| !["help", "version"].contains(&argument.get_id().as_str()));
+    let without = own.filter(|argument| argument.get_env().is_none());
+    without
+        .filter_map(|argument| Some(format!("--{}", argument.get_long()?)))
+        .collect()
+}
+
+pub fn what_starts_a_service_is_an_environment_variable_too() {
+    let command = cli::command();
+    // What all commands share; programs ask for JSON in so many words.
+    assert_eq!(without_variable(&command), ["--json"]);
+    let serve = command.find_subcommand("serve").unwrap();
+    assert!(serve.get_arguments().count() > 8);
+    assert_eq!(without_variable(serve), [""; 0]);
+
+    for program in ["murmuration-worker", "murmuration-trainer"] {
+        let help = process::Command::new(murmuration_tests::binary(program))
+            .arg("--help")
+            .output()
+            .unwrap();
+        let help = String::from_utf8(help.stdout).unwrap();
+        let (_, options) = help.split_once("Options:").unwrap();
+        // Each begins with a line of its name.
+        let mut shown: Vec<(&str, bool)> = Vec::new();
+        for line in options.lines() {
+            if let Some(name) = line
+                .split_whitespace()
+                .find(|word| word.starts_with("--"))
+                .filter(|_| line.trim_start().starts_with('-'))
+            {
+                shown.push((name, false));
+            }
+            if let Some((_, has_variable)) = shown.last_mut() {
+                *has_variable |= line.contains("[env: MURMURATION_");
+            }
+        }
+        assert!(shown.len() > 6, "{help}");
+        shown.retain(|(name, has_variable)| !has_variable && !["--help", "--version"].contains(name));
+        assert_eq!(shown, [], "{program}");
+    }
+}

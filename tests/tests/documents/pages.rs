@@ -1,0 +1,85 @@
+//! Pages as text and blocks.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// The folder of the repository.
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("..")
+        .canonicalize()
+        .unwrap()
+}
+
+/// README.md, ARCHITECTURE.md and what is in docs/, by their paths in the repository.
+pub fn pages() -> Vec<(String, String)> {
+    let mut names = vec!["README.md".to_owned(), "ARCHITECTURE.md".to_owned()];
+    for entry in fs::read_dir(root().join("docs")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".md") {
+            names.push(format!("docs/{name}"));
+        }
+    }
+    names.sort();
+    assert!(names.len() > 6, "{names:?}");
+    names
+        .into_iter()
+        .map(|name| {
+            let text = page(&name);
+            (name, text)
+        })
+        .collect()
+}
+
+/// The text of a page.
+pub fn page(name: &str) -> String {
+    fs::read_to_string(root().join(name)).unwrap()
+}
+
+/// The fenced blocks of a page: language and lines.
+pub fn blocks(text: &str) -> Vec<(String, Vec<String>)> {
+    let mut blocks = Vec::new();
+    let mut open: Option<(String, Vec<String>)> = None;
+    for line in text.lines() {
+        match (line.trim_start().strip_prefix("```"), &mut open) {
+            (Some(language), None) => open = Some((language.to_owned(), Vec::new())),
+            (Some(_), Some(_)) => blocks.extend(open.take()),
+            (None, Some((_, lines))) => lines.push(line.to_owned()),
+            (None, None) => {}
+        }
+    }
+    assert!(open.is_none(), "a block is not closed");
+    blocks
+}
+
+/// What is in a page besides its fenced blocks.
+pub fn prose(text: &str) -> String {
+    let mut inside = false;
+    let lines = text.lines().filter(|line| {
+        let fence = line.trim_start().starts_with("```");
+        inside ^= fence;
+        !inside && !fence
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A command can hide from [`crate::commands`] only in a block that is not called `sh`.
+pub fn every_block_says_what_it_is() {
+    for (name, text) in pages() {
+        for (language, lines) in blocks(&text) {
+            let known = ["sh", "toml", "ini", "csv", "text"].contains(&language.as_str());
+            assert!(known, "{name}: a block of {language:?}:\n{}", lines.join("\n"));
+        }
+        let mut above = "";
+        for line in prose(&text).lines() {
+            let is_block = line.starts_with("    ") && above.is_empty();
+            assert!(
+                !is_block || line.trim().is_empty(),
+                "{name}: an indented block:\n{line}"
+            );
+            above = if line.trim().is_empty() { "" } else { "text" };
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! The `sh` blocks of a page as one script, which runs what it can and says of the rest why not.
+
+use crate::pages::{blocks, page, root};
+use murmuration_coordinator::cli;
+use murmuration_tests::{binary, small_latent_spec};
+use std::{
+    fmt::Write as _,
+    fs,
+    net::TcpListener,
+    os::unix::fs::symlink,
+    path::Path,
+    process::{Command, Stdio},
+};
+
+/// What is done with the lines of a page that begin in a certain way; all others are run as they are.
+#[derive(Debug, Clone, Copy)]
+pub enum Rule {
+    /// It stays: it goes on beside the lines after it once it has said this, and is ended after the last.
+    Stays(&'static str),
+    /// What must be so before the line: a piece of script.
+    Before(&'static str),
+    /// It is not run, for this reason. Its words must be understood all the same: the options of `murmuration`, make's
+    /// targets, files that `kubectl` is given.
+    NotRun(&'static str),
+}
+
+/// A script made of a page.
+pub struct Script {
+    name: String,
+    rules: Vec<(&'static str, Rule)>,
+    replaced: Vec<(&'static str, String)>,
+}
+
+/// What stands in for programs that are not run, and how what stays is waited for and ended.
+const PRELUDE: &str = r#"
+set -euo pipefail
+stays=()
+understood() { printf '%s\0' "$@" >>"$DESK/understood"; printf '\036\0' >>"$DESK/understood"; }
+stay() { # the log's name, and the sign
+    until grep -qF "$2" "$DESK/$1"; do
+        kill -0 "$!" || { cat "$DESK/$1" >&2; exit 1; }
+        sleep 0.05
+    done
+    stays+=("$!")
+}
+leave() {
+    for process in "${stays[@]}"; do kill "$process"; wait "$process"; done
+    stays=()
+}
+not_run() { # the line
+    (
+        murmuration() { understood murmuration "$@"; }
+        make() { command make --dry-run "$@" >/dev/null; }
+        docker() { :; }
+        kubectl() {
+            for word in "$@"; do
+                case "$word" in
+                --from-file=*) test -f "${word##*=}" ;;
+                --kustomize) test -f deploy/kubernetes/kustomization.yaml ;;
+                esac || { echo "no such file: $word" >&2; exit 1; }
+            done
+        }
+        eval "$1"
+    )
+}
+# A campaign that its coordinator has left: $1 is its file.
+interrupted() {
+    murmuration serve --workers 0 --listen 127.0.0.1:0 >"$DESK/interrupted.log" 2>&1 &
+    local coordinator=$!
+    until grep -qF pages: "$DESK/interrupted.log"; do kill -0 "$coordinator"; sleep 0.05; done
+    murmuration submit "$1"
+    kill "$coordinator"
+    wait "$coordinator"
+}
+"#;
+
+impl Script {
+    /// The blocks of this page.
+    pub fn of(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            rules: Vec::new(),
+            replaced: Vec::new(),
+        }
+    }
+
+    /// Has lines that begin like this be taken otherwise.
+    pub fn rule(mut self, beginning: &'static str, rule: Rule) -> Self {
+        self.rules.push((beginning, rule));
+        self
+    }
+
+    /// Has a name that only an example has be replaced.
+    pub fn replace(mut self, example: &'static str, by: impl Into<String>) -> Self {
+        self.replaced.push((example, by.into()));
+        self
+    }
+
+    /// Runs it, in a folder with the repository's files.
+    pub fn run(self) {
+        let desk = tempfile::tempdir().unwrap();
+        let work = desk.path().join("work");
+        fs::create_dir(&work).unwrap();
+        for name in ["Makefile", "deploy", "docs", "examples", "scripts", "tests"] {
+            symlink(root().join(name), work.join(name)).unwrap();
+        }
+        fs::write(work.join("small.toml"), small_latent_spec("").to_toml()).unwrap();
+        fs::write(desk.path().join("understood"), "").unwrap();
+        let script = self.text();
+        fs::write(desk.path().join("script"), &script).unwrap();
+        let said = fs::File::create(desk.path().join("said")).unwrap();
+        let folder = binary("murmuration").parent().unwrap().to_owned();
+        let path = format!("{}:{}", folder.display(), std::env::var("PATH").unwrap());
+        let mut bash = Command::new("bash");
+        bash.arg(desk.path().join("script"))
+            .current_dir(&work)
+            .env("PATH", path)
+            .env("DESK", desk.path());
+        for (name, _) in std::env::vars().filter(|(name, _)| name.starts_with("MURMURATION_")) {
+            bash.env_remove(name);
+        }
+        let status = bash
+            .stdin(Stdio::null())
+            .stdout(said.try_clone().unwrap())
+            .stderr(said)
+            .status()
+            .unwrap();
+        let said = fs::read_to_string(desk.path().join("said")).unwrap();
+        assert!(status.success(), "{}:\n{said}", self.name);
+        check_understood(desk.path());
+    }
+
+    fn text(&self) -> String {
+        let mut script = PRELUDE.to_owned();
+        let mut used = vec![false; self.rules.len()];
+        let text = page(&self.name);
+        let commands: Vec<String> = blocks(&text)
+            .into_iter()
+            .filter(|(language, _)| language == "sh")
+            .flat_map(|(_, lines)| commands(&lines))
+            .collect();
+        for (number, command) in commands.iter().enumerate() {
+            let rules = self
+                .rules
+                .iter()
+                .zip(&mut used)
+                .filter(|((beginning, _), _)| command.starts_with(beginning));
+            let rules: Vec<Rule> = rules
+                .map(|((_, rule), used)| {
+                    *used = true;
+                    *rule
+                })
+                .collect();
+            let line = self.filled_in(command);
+            writeln!(script, "echo {} >&2", quoted(&format!("$ {line}"))).unwrap();
+            let mut run = true;
+            for rule in rules {
+                match rule {
+                    Rule::Before(piece) => writeln!(script, "{}", self.filled_in(piece)).unwrap(),
+                    Rule::Stays(sign) => {
+                        run = false;
+                        writeln!(
+                            script,
+                            "{line} >\"$DESK/{number}.log\" 2>&1 &\nstay {number}.log {}",
+                            quoted(sign)
+                        )
+                        .unwrap();
+                    }
+                    Rule::NotRun(reason) => {
+                        run = false;
+                        writeln!(script, "# {reason}\nnot_run {}", quoted(&line)).unwrap();
+                    }
+                }
+            }
+            if run {
+                writeln!(script, "{line}").unwrap();
+            }
+        }
+        script += "leave\n";
+        let stale: Vec<_> = self.rules.iter().zip(used).filter(|(_, used)| !used).collect();
+        assert!(
+            stale.is_empty(),
+            "{} has no such lines any more: {stale:?}",
+            self.name
+        );
+        script
+    }
+}
+
+impl Script {
+    fn filled_in(&self, line: &str) -> String {
+        let replaced = self.replaced.iter();
+        replaced.fold(line.to_owned(), |line, (example, by)| line.replace(example, by))
+    }
+}
+
+/// The commands of a block: without comments, with the lines that they go on on.
+pub fn commands(lines: &[String]) -> Vec<String> {
+    let mut commands: Vec<String> = Vec::new();
+    let mut goes_on = false;
+    for line in lines {
+        let line = line.split(" #").next().unwrap().trim_end();
+        let line = if line.starts_with('#') { "" } else { line };
+        match commands.last_mut().filter(|_| goes_on) {
+            Some(command) => *command += &format!("\n{line}"),
+            None if line.is_empty() => continue,
+            None => commands.push(line.to_owned()),
+        }
+        let whole = commands.last().unwrap();
+        let in_loop = whole.starts_with("for ") && !whole.ends_with("\ndone");
+        goes_on = in_loop || whole.ends_with('\\');
+    }
+    commands
+}
+
+fn quoted(text: &str) -> String {
+    format!("'{}'", text.replace('\'', r"'\''"))
+}
+
+/// Commands that were not run are understood by the command line.
+fn check_understood(desk: &Path) {
+    let recorded = fs::read_to_string(desk.join("understood")).unwrap();
+    let commands = recorded.split_terminator("\u{1e}\0");
+    for command in commands {
+        let words: Vec<&str> = command.split_terminator('\0').collect();
+        if let Err(error) = cli::command().try_get_matches_from(&words) {
+            panic!("{words:?}: {error}");
+        }
+    }
+}
+
+/// An address of this machine that was free a moment ago.
+pub fn free_port() -> u16 {
+    TcpListener::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port()
+}

@@ -1,0 +1,278 @@
+//! Decisions of people that arrive at a bad moment: while the coordinator starts, while a campaign is created, while an
+//! archive is clustered. What was acknowledged stays true, and nobody waits for a computation.
+
+use super::{
+    Scale,
+    campaign::{Undisturbed, campaign},
+    processes::{Client, Cluster},
+    table::Row,
+};
+use murmuration_coordinator::{
+    campaign::Weight,
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
+};
+use murmuration_proto::{CampaignSpec, Controller, Purpose, Stream, parts::whole, v1};
+use std::{
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+use tonic::Code;
+
+/// Campaigns for each kill of the coordinator: all but one are cancelled at the next start. They are many, so that reading
+/// them takes the coordinator a while.
+const CAMPAIGNS_A_KILL: usize = 40;
+/// Campaigns that are cancelled while they are created.
+const CREATED: usize = 30;
+/// Clients that cancel the same campaign.
+const CANCELLERS: usize = 4;
+/// Individuals of the archive that is clustered: minutes of work for two cores in a build for debugging, half a minute in
+/// one for release.
+const CLUSTERED: u32 = 30_000;
+/// How long an answer may take while an archive is clustered.
+const LIMIT: Duration = Duration::from_secs(10);
+
+/// Cancels that the coordinator acknowledges while it starts, and while campaigns are created.
+pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let kills = scale.coordinator_kills as usize;
+    let spec = campaign(4, 100);
+    // Without workers every campaign stands still until all cancels are acknowledged.
+    let mut cluster = Cluster::start(0);
+    let ids: Vec<_> = (0..kills * CAMPAIGNS_A_KILL)
+        .map(|_| cluster.submit(&spec))
+        .collect();
+    let (to_cancel, to_complete): (Vec<_>, Vec<_>) = ids
+        .into_iter()
+        .enumerate()
+        .partition(|(place, _)| place % CAMPAIGNS_A_KILL != 0);
+    let to_complete: Vec<String> = to_complete.into_iter().map(|(_, id)| id).collect();
+    let mut cancelled: Vec<String> = to_cancel.into_iter().map(|(_, id)| id).collect();
+    for part in cancelled.chunks(CAMPAIGNS_A_KILL - 1) {
+        cluster.kill_coordinator();
+        let cancels: Vec<_> = part
+            .iter()
+            .map(|id| cluster.runtime().spawn(cancel(cluster.client(), id.clone())))
+            .collect();
+        cluster.start_coordinator();
+        for acknowledged in cancels {
+            cluster.runtime().block_on(acknowledged).unwrap();
+        }
+        // By then those that run have been taken up again.
+        for id in part {
+            assert!(!cluster.try_status(id).unwrap().active, "{id} goes on, cancelled");
+        }
+    }
+    cancelled.extend(cancels_at_creation(&mut cluster, &spec));
+
+    cluster.add_worker();
+    cluster.add_worker();
+    for id in &to_complete {
+        assert_eq!(cluster.finish(id), undisturbed.digest(&spec));
+    }
+    // A search that nobody should have started would have taken the workers by now.
+    cluster.wait_for_idleness();
+    for id in &cancelled {
+        let status = cluster.try_status(id).unwrap();
+        assert_eq!(
+            (status.state(), status.active, status.generations_done),
+            (v1::CampaignState::Cancelled, false, 0),
+            "the cancel of {id} was acknowledged"
+        );
+    }
+    Row {
+        done: format!(
+            "{} campaigns cancelled while a killed coordinator started, {CREATED} while they were created",
+            cancelled.len() - CREATED
+        ),
+        found: format!(
+            "all stayed cancelled; {} others: {}",
+            to_complete.len(),
+            undisturbed.check(&spec, &undisturbed.digest(&spec))
+        ),
+    }
+}
+
+/// Creates campaigns, each of which clients try to cancel before it is there; their ids.
+fn cancels_at_creation(cluster: &mut Cluster, spec: &CampaignSpec) -> Vec<String> {
+    let last = cluster.submit(spec);
+    let number: usize = last.rsplit('-').next().unwrap().parse().unwrap();
+    let mut created = Vec::new();
+    for next in number + 1..=number + CREATED {
+        let id = format!("{}-{next}", spec.name().as_str());
+        let cancels: Vec<_> = (0..CANCELLERS)
+            .map(|_| cluster.runtime().spawn(cancel(cluster.client(), id.clone())))
+            .collect();
+        assert_eq!(cluster.submit(spec), id);
+        for acknowledged in cancels {
+            cluster.runtime().block_on(acknowledged).unwrap();
+        }
+        created.push(id);
+    }
+    // The one whose number showed the next.
+    cluster.runtime().block_on(cancel(cluster.client(), last));
+    created
+}
+
+/// Asks for a cancel until the campaign is cancelled, by this client or by another.
+async fn cancel(mut client: Client, id: String) {
+    let begun = Instant::now();
+    loop {
+        let request = v1::CancelCampaignRequest { campaign: id.clone() };
+        match client.cancel_campaign(request).await {
+            Ok(_) => return,
+            Err(refused) if refused.code() == Code::FailedPrecondition => {
+                assert!(refused.message().contains("cancelled"), "{refused}");
+                return;
+            }
+            // The coordinator does not listen yet, or there is no such campaign yet.
+            Err(error) => assert!(begun.elapsed() < super::processes::PATIENCE, "{error}"),
+        }
+        tokio::task::yield_now().await;
+    }
+}
+
+/// Pauses, resumes, cancels and ends a coordinator while the whole archive of a campaign is clustered.
+pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
+    let folder = tempfile::tempdir().unwrap();
+    let id = unclustered(&folder.path().join("data"));
+    let mut cluster = Cluster::start_in(folder, 0, Vec::new());
+    let before = cluster.digest(&id);
+    let mut slowest = Duration::ZERO;
+
+    clusters(&mut cluster, &id);
+    let watched = Watched::begin(&cluster);
+    let paused = timed(&mut slowest, || cluster.pause(&id));
+    assert_eq!(paused.state(), v1::CampaignState::Paused);
+    cluster.resume(&id);
+    clusters(&mut cluster, &id);
+    slowest = slowest.max(watched.end());
+
+    let begun = Instant::now();
+    cluster.terminate_coordinator();
+    let ended = begun.elapsed();
+    assert!(ended < LIMIT, "the coordinator took {ended:?} to end");
+    cluster.start_coordinator();
+
+    clusters(&mut cluster, &id);
+    let client = cluster.client();
+    timed(&mut slowest, || {
+        cluster.runtime().block_on(cancel(client, id.clone()))
+    });
+    let status = cluster.try_status(&id).unwrap();
+    assert_eq!(
+        (status.state(), status.active),
+        (v1::CampaignState::Cancelled, false)
+    );
+    assert_eq!(
+        cluster.taxonomy(&id).unwrap_err().code(),
+        Code::FailedPrecondition
+    );
+    assert_eq!(cluster.digest(&id), before);
+    assert!(slowest < LIMIT, "an answer took {slowest:?}");
+    Row {
+        done: format!(
+            "a campaign paused, resumed and cancelled, and its coordinator ended, while {CLUSTERED} individuals were clustered"
+        ),
+        found: format!(
+            "answered within {} ms, list, page and metrics too; ended within {} ms; the archive as it was, no taxonomy",
+            slowest.as_millis(),
+            ended.as_millis()
+        ),
+    }
+}
+
+/// A data directory with a campaign that lacks nothing but its taxonomy; its id.
+fn unclustered(data: &Path) -> String {
+    let text = format!(
+        "name = \"whole\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
+         [search]\npopulation = {CLUSTERED}\ngenerations = 1\n[taxonomy]\nmedoids = 20\n"
+    );
+    let spec = CampaignSpec::from_toml(&text).unwrap();
+    let store = Store::open(&DataDirectory::hold(data).unwrap()).unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 1).unwrap();
+    let mut dice = Stream::derive(1, Purpose::Jitter, 9);
+    let individuals: Vec<_> = (0..u64::from(CLUSTERED))
+        .map(|index| ArchivedIndividual {
+            index,
+            generation: 0,
+            controller: Controller::new(spec.model(), &[0.0; 4]).unwrap(),
+            seed: index,
+            features: std::array::from_fn(|_| dice.unit()),
+            embedding: Vec::new(),
+            novelty: 0.5,
+            image: None,
+        })
+        .collect();
+    let generation = GenerationRecord::of(0, &[0.5], 0);
+    store
+        .commit_generation(&id, &generation, &individuals, &Provenance::default())
+        .unwrap();
+    id.as_str().to_owned()
+}
+
+/// Waits until the archive is being clustered: by then it has long been read.
+fn clusters(cluster: &mut Cluster, id: &str) {
+    let status = cluster.wait_until(id, |status| status.active);
+    assert_eq!(
+        (status.state(), status.stage()),
+        (v1::CampaignState::Running, v1::CampaignStage::Taxonomy)
+    );
+    let enough = cluster.coordinator().cpu_time() + Duration::from_secs(4);
+    let begun = Instant::now();
+    while cluster.coordinator().cpu_time() < enough {
+        assert!(
+            begun.elapsed() < super::processes::PATIENCE,
+            "nothing is computed"
+        );
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn timed<T>(slowest: &mut Duration, ask: impl FnOnce() -> T) -> T {
+    let begun = Instant::now();
+    let answer = ask();
+    *slowest = (*slowest).max(begun.elapsed());
+    answer
+}
+
+/// Somebody who looks at everything again and again.
+struct Watched {
+    done: Arc<AtomicBool>,
+    slowest: thread::JoinHandle<Duration>,
+}
+
+impl Watched {
+    fn begin(cluster: &Cluster) -> Self {
+        let done = Arc::new(AtomicBool::new(false));
+        let (until, url) = (done.clone(), cluster.url());
+        let (mut client, runtime) = (cluster.client(), cluster.runtime().handle().clone());
+        let slowest = thread::spawn(move || {
+            let mut slowest = Duration::ZERO;
+            while !until.load(Ordering::Relaxed) {
+                let listed = timed(&mut slowest, || {
+                    runtime.block_on(async {
+                        let parts = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
+                        whole(parts.into_inner()).await
+                    })
+                });
+                assert_eq!(listed.unwrap().campaigns.len(), 1);
+                for page in ["/", "/metrics"] {
+                    let got = timed(&mut slowest, || ureq::get(format!("{url}{page}")).call());
+                    assert_eq!(got.unwrap().status(), 200);
+                }
+            }
+            slowest
+        });
+        Self { done, slowest }
+    }
+
+    /// How long the slowest answer took.
+    fn end(self) -> Duration {
+        self.done.store(true, Ordering::Relaxed);
+        self.slowest.join().unwrap()
+    }
+}
