@@ -1,6 +1,6 @@
 //! Machines that were found wrong: what they said is forgotten, and they are not listened to.
 
-use super::{Agree, Back, LeaseTable, MachineId, News, WorkerProcessId};
+use super::{Agree, Back, LeaseTable, MachineId, News, WorkerProcessId, job::Job, task::Task};
 use std::collections::BTreeSet;
 
 impl<R: Agree> LeaseTable<R> {
@@ -40,10 +40,20 @@ impl<R: Agree> LeaseTable<R> {
             });
         }
         if !processes.is_empty() {
+            self.end_impossible_jobs();
             let jobs: Vec<_> = self.jobs.keys().copied().collect();
             for job in jobs {
                 self.tell(job);
             }
+        }
+    }
+
+    /// What kept a task possible may have been the word of a machine that was found wrong.
+    fn end_impossible_jobs(&mut self) {
+        let first = |job: &Job<R>| job.tasks.iter().position(Task::is_impossible);
+        let impossible = self.jobs.iter().filter_map(|(&id, job)| Some((id, first(job)?)));
+        for (id, place) in impossible.collect::<Vec<_>>() {
+            self.end_as_impossible(id, place);
         }
     }
 }

@@ -121,11 +121,16 @@ impl<R: Agree> Task<R> {
         true
     }
 
-    /// A worker says that nobody could do it; whether two machines say so now, and none has done it.
+    /// A worker says that nobody could do it; whether it [is impossible](Self::is_impossible) now.
     pub(super) fn refuse(&mut self, by: WorkerProcessId) -> bool {
         if !self.has_voice(by.machine) {
             self.refused.push(by);
         }
+        self.is_impossible()
+    }
+
+    /// Whether two machines say that nobody could do it, and none has done it.
+    pub(super) fn is_impossible(&self) -> bool {
         self.votes.is_empty() && self.refused.len() > 1
     }
 

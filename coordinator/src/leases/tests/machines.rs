@@ -181,6 +181,27 @@ fn what_two_machines_cannot_do_ends_the_job() {
 }
 
 #[test]
+fn what_a_liar_alone_could_do_ends_the_job_once_the_liar_is_found_wrong() {
+    let (mut table, []) = workers([]);
+    table.submit(audited(1));
+    let liar = join(&mut table, process(7), 1);
+    // Another machine is there, so that the audit is not waived.
+    let hangs = join(&mut table, process(8), 0);
+    let lie = table.grant(now()).unwrap();
+    table.complete(liar, lie.lease, vec![13], now()).unwrap();
+    for number in [1, 2] {
+        let honest = join(&mut table, process(number), 1);
+        let grant = table.grant(now()).unwrap();
+        assert_eq!(grant.worker, honest);
+        table.refuse(honest, grant.lease, now());
+    }
+    assert_eq!(impossible(table.take_news()), None, "somebody has done it");
+    table.quarantine(process(7));
+    assert_eq!(impossible(table.take_news()), Some(vec![process(1), process(2)]));
+    assert!(table.jobs.is_empty() && table.process(hangs).is_some());
+}
+
+#[test]
 fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     let (mut table, []) = workers([]);
     table.submit(terms(1));
