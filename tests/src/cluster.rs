@@ -10,6 +10,7 @@ use murmuration_coordinator::{
 use murmuration_link::Coordinator;
 use murmuration_proto::{
     CampaignSpec,
+    parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient},
 };
 use std::{path::Path, time::Duration};
@@ -180,6 +181,12 @@ impl Cluster {
             campaign: campaign.to_owned(),
         };
         self.client.get_campaign(request).await.unwrap().into_inner()
+    }
+
+    /// All campaigns.
+    pub async fn campaigns(&mut self) -> Vec<v1::Campaign> {
+        let listed = self.client.list_campaigns(v1::ListCampaignsRequest {}).await;
+        whole(listed.unwrap().into_inner()).await.unwrap().campaigns
     }
 
     /// Runs a campaign to its end, which must be completion; its digest.

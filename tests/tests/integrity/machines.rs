@@ -1,23 +1,14 @@
 //! Machines that run several workers: they have one vote, whatever those say.
 
-use crate::{Honest, LIAR, audited, connect, lie, longer, notices, undisturbed};
-use murmuration_coordinator::dispatch::Options;
+use crate::{Honest, LIAR, connect, lie, longer, notices, undisturbed, with_a_liar};
 use murmuration_proto::v1;
 use murmuration_tests::{Cluster, Impostor, small_spec};
-use std::time::Duration;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn two_connections_of_a_liar_do_not_outvote_an_honest_worker() {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        // Time for the second honest worker to come.
-        silence_limit: Duration::from_secs(20),
-        ..audited("1")
-    };
-    let mut cluster = Cluster::start_with(folder.path(), 0, options).await;
     let spec = longer();
-    let campaign = cluster.create(&spec).await;
-    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let (mut cluster, campaign, mut liar) = with_a_liar(folder.path(), &spec).await;
     let (lease, batch) = liar.lease(5).await;
     let honest = Honest::join(&cluster, folder.path(), 3);
     while cluster.status(&campaign).await.workers < 2 {

@@ -107,6 +107,19 @@ async fn undisturbed(spec: &CampaignSpec) -> String {
     digest
 }
 
+/// A cluster that audits everything and has a campaign, whose id comes with it, and no worker but the liar.
+async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, Impostor) {
+    let options = Options {
+        // Time for the second honest worker to come.
+        silence_limit: Duration::from_secs(20),
+        ..audited("1")
+    };
+    let mut cluster = Cluster::start_with(data, 0, options).await;
+    let campaign = cluster.create(spec).await;
+    let liar = connect(&cluster, LIAR).await.unwrap();
+    (cluster, campaign, liar)
+}
+
 fn notices(status: &v1::Campaign) -> String {
     let texts: Vec<_> = status.notices.iter().map(|notice| notice.text.as_str()).collect();
     texts.join("\n")
@@ -115,16 +128,9 @@ fn notices(status: &v1::Campaign) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let options = Options {
-        // Time for the second honest worker to come.
-        silence_limit: Duration::from_secs(20),
-        ..audited("1")
-    };
-    let mut cluster = Cluster::start_with(folder.path(), 0, options).await;
     // Long enough for the liar to get work beside the others.
     let spec = longer();
-    let campaign = cluster.create(&spec).await;
-    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let (mut cluster, campaign, mut liar) = with_a_liar(folder.path(), &spec).await;
     let (lease, batch) = liar.lease(5).await;
     // While it is the only one, nobody could contradict it.
     let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
