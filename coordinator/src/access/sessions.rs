@@ -48,13 +48,15 @@ type Open = BTreeMap<String, Entry>;
 #[derive(Clone)]
 struct Entry {
     token: TokenDigest,
+    /// Higher than those of the sessions that were opened before it, whatever the time of day was.
+    number: u64,
     /// When it ends, seconds since 1970-01-01 UTC.
     until_s: u64,
     /// Dropped when the session has ended.
     end: Arc<watch::Sender<()>>,
 }
 
-/// An entry in the file.
+/// An entry in the file, where they are in the order in which they were opened.
 #[derive(Serialize, Deserialize)]
 struct Row {
     id: String,
@@ -106,9 +108,11 @@ impl Sessions {
             Err(error) => return Err(StoreError::from_io(error, "read", &path)),
         };
         let found = rows.len();
-        let entry = |Row { id, token, until_s }| Some((id, Entry::new(token.parse().ok()?, until_s)));
-        let open: Open = rows
-            .into_iter()
+        let entry = |(number, Row { id, token, until_s })| {
+            Some((id, Entry::new(token.parse().ok()?, number, until_s)))
+        };
+        let open: Open = (0..)
+            .zip(rows)
             .filter_map(entry)
             .filter(|(_, entry)| are_good(entry.token))
             .collect();
@@ -161,7 +165,8 @@ impl Sessions {
             open.remove(&before);
         }
         make_room(&mut open, token);
-        open.insert(id.clone(), Entry::new(token, seconds(now + LIFETIME)));
+        let number = open.values().map(|entry| entry.number + 1).max().unwrap_or(0);
+        open.insert(id.clone(), Entry::new(token, number, seconds(now + LIFETIME)));
         self.0.write(&open)?;
         self.0.set(open);
         let cookie = Cookie::build((COOKIE, id))
@@ -205,18 +210,19 @@ impl Sessions {
 /// Ends the oldest sessions of a token that has as many as it may.
 fn make_room(open: &mut Open, token: TokenDigest) {
     let of_token = open.iter().filter(|(_, entry)| entry.token == token);
-    let mut ages: Vec<(u64, String)> = of_token.map(|(id, entry)| (entry.until_s, id.clone())).collect();
-    ages.sort_unstable();
-    let excess = (ages.len() + 1).saturating_sub(MAX_SESSIONS_PER_TOKEN);
-    for (_, id) in ages.into_iter().take(excess) {
+    let mut by_age: Vec<(u64, String)> = of_token.map(|(id, entry)| (entry.number, id.clone())).collect();
+    by_age.sort_unstable();
+    let excess = (by_age.len() + 1).saturating_sub(MAX_SESSIONS_PER_TOKEN);
+    for (_, id) in by_age.into_iter().take(excess) {
         open.remove(&id);
     }
 }
 
 impl Entry {
-    fn new(token: TokenDigest, until_s: u64) -> Self {
+    fn new(token: TokenDigest, number: u64, until_s: u64) -> Self {
         Self {
             token,
+            number,
             until_s,
             end: Arc::new(watch::Sender::new(())),
         }
@@ -239,8 +245,10 @@ impl Shared {
 
     /// Writes the file, which its owner alone can read, whole or not at all.
     fn write(&self, open: &Open) -> Result<(), StoreError> {
-        let rows: Vec<Row> = open
-            .iter()
+        let mut entries: Vec<_> = open.iter().collect();
+        entries.sort_unstable_by_key(|(_, entry)| entry.number);
+        let rows: Vec<Row> = entries
+            .into_iter()
             .map(|(id, entry)| Row {
                 id: id.clone(),
                 token: entry.token.to_string(),

@@ -29,22 +29,26 @@ impl Kept {
     }
 
     fn log_in(&self, token: TokenDigest, now: SystemTime) -> HeaderMap {
-        let jar = self.sessions.log_in(&HeaderMap::new(), token, true, now).unwrap();
-        let set = jar.into_response().headers()[SET_COOKIE]
-            .to_str()
-            .unwrap()
-            .to_owned();
-        for part in [
-            "; HttpOnly",
-            "; SameSite=Strict",
-            "; Secure",
-            "; Path=/",
-            "; Max-Age=604800",
-        ] {
-            assert!(set.contains(part), "{set}");
-        }
-        with_cookie(set.split(';').next().unwrap())
+        cookie_of(self.sessions.log_in(&HeaderMap::new(), token, true, now).unwrap())
     }
+}
+
+/// What a browser sends once it was given this.
+fn cookie_of(jar: SignedCookieJar) -> HeaderMap {
+    let set = jar.into_response().headers()[SET_COOKIE]
+        .to_str()
+        .unwrap()
+        .to_owned();
+    for part in [
+        "; HttpOnly",
+        "; SameSite=Strict",
+        "; Secure",
+        "; Path=/",
+        "; Max-Age=604800",
+    ] {
+        assert!(set.contains(part), "{set}");
+    }
+    with_cookie(set.split(';').next().unwrap())
 }
 
 fn with_cookie(cookie: &str) -> HeaderMap {
@@ -146,6 +150,28 @@ fn a_new_log_in_takes_the_place_of_the_browsers_last_and_of_the_oldest_when_ther
         1,
         "{text}"
     );
+}
+
+#[test]
+fn the_oldest_is_what_was_opened_first_within_a_second_and_when_the_clock_is_set_back() {
+    let (kept, ana) = (Kept::new(), token());
+    let second = Duration::from_secs(1);
+    // All within a second; then more, while the time of day runs backwards.
+    let mut opened: Vec<HeaderMap> = (0..MAX_SESSIONS_PER_TOKEN)
+        .map(|_| kept.log_in(ana, now()))
+        .collect();
+    let mut sessions = kept.sessions.clone();
+    for place in 1..=MAX_SESSIONS_PER_TOKEN {
+        let set_back = now() - place as u32 * second;
+        let jar = sessions.log_in(&HeaderMap::new(), ana, true, set_back).unwrap();
+        opened.push(cookie_of(jar));
+        for (number, cookie) in opened.iter().enumerate() {
+            let lasts = whose(&sessions, cookie, set_back).is_some();
+            assert_eq!(lasts, number >= place, "session {number} after {place} more");
+        }
+        // Nor does a restart mix them up.
+        sessions = kept.again(|_| true);
+    }
 }
 
 #[test]
