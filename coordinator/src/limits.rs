@@ -19,10 +19,18 @@ pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 /// Time after which a connection on which nothing passes, either way, is closed. HTTP/2 connections and pages that follow
 /// something are never silent for as long.
 pub const IDLE_LIMIT: Duration = Duration::from_secs(120);
+/// Time that an answer to a page's or a probe's request may take to begin: shorter than what closes a silent connection, so
+/// that there are words. gRPC's clients set their own.
+pub const PAGE_LIMIT: Duration = Duration::from_secs(100);
 /// Requests at once on one HTTP/2 connection. More wait at the client.
 pub const MAX_STREAMS_PER_CONNECTION: u32 = 256;
 /// Bytes of a request's headers and address, counted as HTTP/2 counts them: names, values, and 32 for each header.
 pub const MAX_HEADER_BYTES: u32 = 16 << 10;
+/// Headers of a request, the host included: as many as the library reads over HTTP/1.1.
+pub const MAX_HEADERS: usize = 100;
+/// Bytes of headers that are read over HTTP/2, so that what has too many can be told so. The library reads some more over
+/// HTTP/1.1, and answers beyond that with an empty 431.
+pub const MAX_READ_HEADER_BYTES: u32 = 4 * MAX_HEADER_BYTES;
 /// Requests a second on one connection, in the long run. What is said within a request, such as a worker's stream, does not
 /// count: credits limit that.
 pub const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);

@@ -4,16 +4,20 @@
 use super::{
     Access, Refusal, Session, Sessions, Shown,
     machine::Certificate,
-    needs,
+    needs::{self, Need},
     origin::{self, Asked, Hosts},
 };
-use crate::{connections::Visit, limits::MAX_HEADER_BYTES, web};
+use crate::{
+    connections::Visit,
+    limits::{MAX_HEADER_BYTES, MAX_HEADERS},
+    web,
+};
 use axum::{
     body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
         HeaderMap, HeaderValue,
-        header::{AUTHORIZATION, CONTENT_TYPE},
+        header::{AUTHORIZATION, CONTENT_TYPE, HOST},
     },
     middleware::Next,
     response::Response,
@@ -84,14 +88,10 @@ impl Door {
         if visit.is_some_and(|visit| !visit.may_ask()) {
             return Err(Refusal::Rate);
         }
-        if header_bytes(request) > MAX_HEADER_BYTES as usize {
+        if !has_room_for_headers(request) {
             return Err(Refusal::Headers);
         }
         origin::check(self.hosts, self.is_encrypted, asked, request)?;
-        let need = needs::of_method(request.uri().path()).unwrap_or_else(|| {
-            let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
-            needs::of_page(request.method(), route)
-        });
         let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
         let shown = Shown {
@@ -100,7 +100,7 @@ impl Door {
                 .or(session.map(|session| session.token)),
             certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
         };
-        self.access.admits(need, &shown)
+        self.access.admits(need(request), &shown)
     }
 
     /// The token that this browser has logged in with.
@@ -110,12 +110,33 @@ impl Door {
     }
 }
 
-/// HTTP/2 refuses longer ones itself, HTTP/1.1 does not.
-fn header_bytes(request: &Request) -> usize {
-    let headers = request.headers().iter();
-    let headers = headers.map(|(name, value)| name.as_str().len() + value.len() + HEADER_OVERHEAD);
-    let path = request.uri().path_and_query();
-    headers.sum::<usize>() + path.map_or(0, |path| path.as_str().len())
+/// What a request must show.
+fn need(request: &Request) -> Need {
+    needs::of_method(request.uri().path()).unwrap_or_else(|| {
+        let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
+        needs::of_page(request.method(), route)
+    })
+}
+
+/// Whether anybody may have what is asked for, token or not.
+pub(crate) fn is_for_anybody(request: &Request) -> bool {
+    need(request) == Need::Nothing
+}
+
+/// Whether its headers are within the limits, which are the same whichever HTTP it came by.
+fn has_room_for_headers(request: &Request) -> bool {
+    let (uri, headers) = (request.uri(), request.headers());
+    // HTTP/2 has the host in the address.
+    let host = uri.authority().filter(|_| !headers.contains_key(HOST));
+    let host = host.map(|host| (&HOST, host.as_str().len()));
+    let all = headers
+        .iter()
+        .map(|(name, value)| (name, value.len()))
+        .chain(host);
+    let sizes = all.map(|(name, length)| name.as_str().len() + length + HEADER_OVERHEAD);
+    let (count, bytes) = sizes.fold((0, 0), |(count, bytes), size| (count + 1, bytes + size));
+    let path = uri.path_and_query().map_or(0, |path| path.as_str().len());
+    count <= MAX_HEADERS && bytes + path <= MAX_HEADER_BYTES as usize
 }
 
 /// What a page goes on to be sent ends with the session that it was let in by.

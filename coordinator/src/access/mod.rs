@@ -13,7 +13,7 @@ mod origin;
 mod sessions;
 mod tokens;
 
-pub(crate) use admit::{Door, admit};
+pub(crate) use admit::{Door, admit, is_for_anybody};
 pub use entrance::{Entrance, EntranceError, Tls};
 pub(crate) use local::{Local, local_token};
 pub(crate) use machine::{Machine, Origin, origin};
@@ -80,9 +80,10 @@ pub(crate) enum Refusal {
     /// It is one of too many.
     #[error("too many requests on one connection: try again in a second")]
     Rate,
-    /// It has more headers than there may be.
+    /// It has more headers than there may be, or longer ones.
     #[error(
-        "the request's headers and address have more than {} bytes together",
+        "a request may have {} headers, and {} bytes of them and its address together",
+        crate::limits::MAX_HEADERS,
         crate::limits::MAX_HEADER_BYTES
     )]
     Headers,

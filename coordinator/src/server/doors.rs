@@ -101,7 +101,7 @@ impl Served {
         let mut server = Server::builder()
             .http2_keepalive_interval(Some(Duration::from_secs(2)))
             .http2_keepalive_timeout(Some(Duration::from_secs(3)))
-            .http2_max_header_list_size(limits::MAX_HEADER_BYTES)
+            .http2_max_header_list_size(limits::MAX_READ_HEADER_BYTES)
             .max_concurrent_streams(limits::MAX_STREAMS_PER_CONNECTION)
             // What browsers speak on a plain connection.
             .accept_http1(true);

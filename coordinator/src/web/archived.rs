@@ -3,8 +3,18 @@
 //! created, and how often something of it was taken back, means one thing for ever.
 
 use crate::store::CampaignRecord;
-use axum::http::{HeaderName, header::CACHE_CONTROL};
+use axum::http::{HeaderName, HeaderValue, header::CACHE_CONTROL};
 use serde::Deserialize;
+
+/// For as long as the browser likes.
+const LASTING: &str = "private, max-age=31536000, immutable";
+/// Until it is wanted again, and asked for again.
+const CHECKED: &str = "private, no-cache";
+
+/// Whether that is how long something archived may be kept.
+pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
+    cache_control == LASTING || cache_control == CHECKED
+}
 
 /// The part of an address that tells campaigns of one id apart.
 #[derive(Debug, Deserialize)]
@@ -20,8 +30,8 @@ impl Created {
     /// have had to show a token.
     pub(super) fn keep(&self, record: &CampaignRecord) -> (HeaderName, &'static str) {
         let kept = match self.created == Some(record.edition().origin()) {
-            true => "private, max-age=31536000, immutable",
-            false => "private, no-cache",
+            true => LASTING,
+            false => CHECKED,
         };
         (CACHE_CONTROL, kept)
     }

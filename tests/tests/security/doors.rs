@@ -2,7 +2,10 @@
 //! speak gRPC or look at probes are let in as ever.
 
 use crate::Desk;
-use murmuration_coordinator::{access::Entrance, limits::MAX_HEADER_BYTES};
+use murmuration_coordinator::{
+    access::Entrance,
+    limits::{MAX_HEADER_BYTES, MAX_HEADERS},
+};
 use murmuration_proto::{
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient},
@@ -145,8 +148,7 @@ async fn another_sites_page_starts_and_ends_nothing() {
         assert_eq!(answer.status, 403, "{answer:?}");
         assert!(!answer.text.to_lowercase().contains("access-control-allow"));
     }
-    let listed = cluster.client.list_campaigns(v1::ListCampaignsRequest {}).await;
-    let campaigns = whole(listed.unwrap().into_inner()).await.unwrap().campaigns;
+    let campaigns = cluster.campaigns().await;
     assert_eq!(campaigns.len(), 1, "{campaigns:?}");
     assert_eq!(campaigns[0].state(), v1::CampaignState::Running, "{campaigns:?}");
     cluster.stop().await;
@@ -324,6 +326,63 @@ async fn grpc_is_known_by_its_type_with_or_without_its_encoding() {
     cluster.stop().await;
 }
 
+const SAID_OF_HEADERS: &str = "a request may have 100 headers, and 16384 bytes of them";
+
+/// What is asked, with this many more headers: status and body, over HTTP/1.1 or HTTP/2.
+async fn with_headers(at: SocketAddr, is_2: bool, headers: &[(String, String)]) -> (u16, String) {
+    if is_2 {
+        let client = reqwest::Client::builder().http2_prior_knowledge();
+        let request = client.build().unwrap().get(format!("http://{at}/healthz"));
+        let fill =
+            |request: reqwest::RequestBuilder, (name, value): &(String, String)| request.header(name, value);
+        let answer = headers.iter().fold(request, fill).send().await.unwrap();
+        assert_eq!(answer.version(), reqwest::Version::HTTP_2);
+        return (answer.status().as_u16(), answer.text().await.unwrap());
+    }
+    let host = at.to_string();
+    let own = [("Host", host.as_str()), ("Accept", "*/*")];
+    let further = headers
+        .iter()
+        .map(|(name, value)| (name.as_str(), value.as_str()));
+    let all: Vec<(&str, &str)> = own.into_iter().chain(further).collect();
+    let answer = ask(at, "GET", "/healthz", &all, b"").await;
+    let (_, body) = answer.text.split_once("\r\n\r\n").unwrap();
+    (answer.status, body.to_owned())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_limit_of_headers_is_said_over_http_1_and_http_2() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let at = address(&cluster);
+    for is_2 in [false, true] {
+        // Host and Accept; over HTTP/1.1 our own client says Connection and Content-Length too.
+        let (mut count, mut bytes) = (2, "/healthz".len() + "host".len() + at.to_string().len());
+        bytes += "accept*/*".len() + 2 * 32;
+        if !is_2 {
+            (count, bytes) = (count + 2, bytes + "connectionclosecontent-length0".len() + 2 * 32);
+        }
+        let few = |count: usize| -> Vec<(String, String)> {
+            (0..count).map(|n| (format!("x-{n}"), String::new())).collect()
+        };
+        let (status, _) = with_headers(at, is_2, &few(MAX_HEADERS - count)).await;
+        assert_eq!(status, 200, "{is_2}");
+        let (status, body) = with_headers(at, is_2, &few(MAX_HEADERS - count + 1)).await;
+        assert_eq!(status, 431, "{is_2}");
+        // The library refuses this itself over HTTP/1.1, without a word.
+        assert_eq!(body.contains(SAID_OF_HEADERS), is_2, "{body:?}");
+
+        let left = MAX_HEADER_BYTES as usize - bytes - "filler".len() - 32;
+        for (length, expected) in [(left, 200), (left + 1, 431), (left + 20_000, 431)] {
+            let filler = ("filler".to_owned(), "a".repeat(length));
+            let (status, body) = with_headers(at, is_2, &[filler]).await;
+            assert_eq!(status, expected, "{is_2} {length}");
+            assert!(status == 200 || body.contains(SAID_OF_HEADERS), "{is_2} {body:?}");
+        }
+    }
+    cluster.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn headers_are_as_short_over_http_1_as_over_http_2() {
     let folder = tempfile::tempdir().unwrap();
@@ -342,6 +401,10 @@ async fn headers_are_as_short_over_http_1_as_over_http_2() {
         )
         .await;
         assert_eq!(answer.status, status, "{bytes}");
+        assert!(
+            status == 200 || answer.text.contains(SAID_OF_HEADERS),
+            "{answer:?}"
+        );
     }
     // Names count as much as values, and so does the address.
     let many: Vec<(String, &str)> = (0..90)

@@ -2,7 +2,8 @@
 
 use crate::Desk;
 use murmuration_coordinator::limits::{
-    MAX_HEADER_BYTES, MAX_LABEL_MESSAGE, MAX_MESSAGE, MAX_POST, MAX_STREAMS_PER_CONNECTION,
+    MAX_HEADER_BYTES, MAX_LABEL_MESSAGE, MAX_MESSAGE, MAX_POST, MAX_READ_HEADER_BYTES,
+    MAX_STREAMS_PER_CONNECTION,
 };
 use murmuration_proto::{
     parts::whole,
@@ -62,18 +63,17 @@ async fn messages_and_headers() {
             Err(refused) => Err(refused),
         };
         assert_eq!(listed.is_ok(), allowed, "{bytes}: {listed:?}");
+        if let Err(refused) = listed {
+            assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
+            assert!(refused.message().contains("16384 bytes"), "{refused}");
+        }
     }
     let listed = campaigns
         .list_campaigns(v1::ListCampaignsRequest {})
         .await
         .unwrap();
     assert_eq!(whole(listed.into_inner()).await.unwrap().campaigns, []);
-    let listed = cluster
-        .client
-        .list_campaigns(v1::ListCampaignsRequest {})
-        .await
-        .unwrap();
-    assert_eq!(whole(listed.into_inner()).await.unwrap().campaigns, []);
+    assert_eq!(cluster.campaigns().await, []);
     cluster.stop().await;
 }
 
@@ -135,6 +135,6 @@ async fn streams_and_headers_of_a_connection() {
         Some(&MAX_STREAMS_PER_CONNECTION),
         "{settings:?}"
     );
-    assert_eq!(settings.get(&6), Some(&MAX_HEADER_BYTES), "{settings:?}");
+    assert_eq!(settings.get(&6), Some(&MAX_READ_HEADER_BYTES), "{settings:?}");
     cluster.stop().await;
 }
