@@ -1,5 +1,9 @@
 //! The five hand-crafted features of Brown et al. (paper, Table 1), averaged over the last steps.
 
+mod bounds;
+
+pub use bounds::FeatureBounds;
+
 use crate::simulate::{Agent, Swarm};
 use murmuration_proto::{Features, World};
 

@@ -10,6 +10,7 @@ use murmuration_proto::{
     CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, World, check_embedding,
     embeddings_agree, v1,
 };
+use murmuration_worker::features::FeatureBounds;
 use std::collections::BTreeSet;
 
 /// What embedding a picture costs, in steps of an agent.
@@ -202,11 +203,13 @@ impl Work {
         match (self, outcome) {
             (Self::Evaluations(job), Outcome::Evaluations(message)) => {
                 let dimensions = job.embedder.map(|embedder| embedder.dimensions);
-                let take = |evaluation| Evaluation::for_format(evaluation, &job.image, dimensions);
-                let taken = message.evaluations.into_iter().map(take);
-                taken
-                    .map(|evaluation| evaluation.map(|evaluation| Output::Evaluation(evaluation, kind)))
-                    .collect()
+                let bounds = FeatureBounds::of(&job.world);
+                let take = |evaluation| {
+                    let evaluation = Evaluation::for_format(evaluation, &job.image, dimensions)?;
+                    bounds.check(evaluation.features())?;
+                    Ok(Output::Evaluation(evaluation, kind))
+                };
+                message.evaluations.into_iter().map(take).collect()
             }
             (Self::Embeddings(job), Outcome::Embeddings(message)) => {
                 let take = |embedding: v1::Embedding| {

@@ -128,6 +128,14 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
             "must be at most 1e12 in magnitude",
         ),
         (
+            "faster than its world allows",
+            v1::Evaluation {
+                features: vec![1e4, 0.0, 0.0, 0.0, 0.0],
+                ..lie()
+            },
+            "features.average_speed = 1e4: must be from 0",
+        ),
+        (
             "four features",
             v1::Evaluation {
                 features: vec![0.0; 4],

@@ -9,11 +9,11 @@ use murmuration_proto::{Purpose, Stream, World};
 use pulp::Simd;
 
 /// Times that an agent is pushed out of all that it touches, at most.
-const PASSES: usize = 10;
+pub(crate) const PASSES: usize = 10;
 /// What is left between two agents after a push.
-const GAP: f64 = 0.001;
+pub(crate) const GAP: f64 = 0.001;
 /// Largest component of the authors' jitter.
-const JITTER: f64 = 0.001;
+pub(crate) const JITTER: f64 = 0.001;
 /// Where both components of the offset are below this, the authors' simulator jitters.
 const JITTER_BELOW: f64 = 1e-4;
 

@@ -14,6 +14,7 @@ mod tests;
 pub use start::Start;
 
 use collide::Collisions;
+pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::{Gait, rotate};
 use murmuration_proto::{Controller, Invalid, World};
 use positions::Positions;

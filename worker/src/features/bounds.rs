@@ -1,0 +1,207 @@
+//! What the features of a swarm in a given world can be at most: results beyond that were not simulated.
+//!
+//! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
+//!
+//! - It drives at most `wheel_radius * dt` (wheel speeds are at most 1), and is clamped to the walls: a projection, which
+//!   takes it no further from where it was than the drive did, and besides as far as it was outside the walls before.
+//! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
+//!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
+//!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
+//!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
+//!   which there is room in [`push`].
+//!
+//! So after its step every agent is within a push of the walls. Distances from the centroid have a mean square of at most a
+//! quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed.
+
+use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
+use crate::simulate::{GAP, JITTER, PASSES};
+use murmuration_proto::{FEATURE_NAMES, Features, Invalid, World};
+use std::f64::consts::SQRT_2;
+
+/// Room for what is rounded: in proportion, and absolutely.
+const ROUNDING: (f64, f64) = (1e-6, 1e-9);
+
+/// The least and most that each feature of a swarm in one world can be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FeatureBounds {
+    least: Features,
+    most: Features,
+}
+
+impl FeatureBounds {
+    /// Those of swarms in `world`.
+    #[must_use]
+    pub fn of(world: &World) -> Self {
+        let (push, margin) = (push(world), world.margin());
+        let [width, height] = [world.width(), world.height()];
+        let reached = [width, height].map(|side| (side - 2.0 * margin).max(0.0) + 2.0 * push);
+        let diagonal = reached[0].hypot(reached[1]);
+        // A start may be anywhere in the world.
+        let sees_start = world.horizon() <= FEATURE_STEPS;
+        let (outside, crossed) = if sees_start {
+            let sides = [width, height].map(|side| side + 2.0 * (push - margin).max(0.0));
+            (push.max(SQRT_2 * margin), sides[0].hypot(sides[1]))
+        } else {
+            (push, diagonal)
+        };
+        let speed = (world.wheel_radius() * world.dt() + outside + push).min(crossed);
+        let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
+        let spread = spread / world.half_diagonal();
+        let most = [
+            speed,
+            speed * spread,
+            RADIAL_VARIANCE_SCALE * spread * spread,
+            spread * spread,
+            speed,
+        ];
+        let most = most.map(|most| most * (1.0 + ROUNDING.0) + ROUNDING.1);
+        // Only momentum and rotation have a direction.
+        let least = [0.0, -most[1], 0.0, 0.0, -most[4]];
+        Self { least, most }
+    }
+
+    /// Whether a swarm can have these.
+    ///
+    /// # Errors
+    /// Names the first feature that none has.
+    pub fn check(&self, features: &Features) -> Result<(), Invalid> {
+        let allowed = self.least.iter().zip(self.most);
+        for ((name, &value), (&least, most)) in FEATURE_NAMES.iter().zip(features).zip(allowed) {
+            if !(least..=most).contains(&value) {
+                let allowed = format!("from {least:.3} to {most:.3}, which swarms in this world can have");
+                return Err(Invalid::new(
+                    format!("features.{name}"),
+                    format!("{value:e}"),
+                    allowed,
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Furthest that an agent is pushed out of others in a step.
+fn push(world: &World) -> f64 {
+    let once = 5.0 * world.radius() + 2.0 * (GAP + JITTER);
+    let passes = (world.agents() as usize - 1).min(PASSES);
+    passes as f64 * once
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        features::FeatureMeans,
+        simulate::{Start, Swarm},
+    };
+    use murmuration_proto::{CapabilityModel, Controller, v1};
+    use proptest::prelude::*;
+
+    fn features(controller: &Controller, world: &World, seed: u64) -> Features {
+        let mut swarm = Swarm::new(controller, world, &Start::seeded(seed)).unwrap();
+        swarm.advance(world.horizon().saturating_sub(FEATURE_STEPS));
+        let mut means = FeatureMeans::new(world);
+        while swarm.steps() < world.horizon() {
+            swarm.step();
+            means.observe(&swarm);
+        }
+        means.means()
+    }
+
+    fn controllers() -> impl Strategy<Value = Controller> {
+        // The fastest, and those that stand or turn, more often than chance has them.
+        let speed = || prop_oneof![Just(1.0), Just(-1.0), Just(0.0), -1.0..=1.0];
+        let single = prop::collection::vec(speed(), 4)
+            .prop_map(|genes| Controller::new(CapabilityModel::SingleSensor, &genes).unwrap());
+        let two = (prop::collection::vec(speed(), 8), -3.0..3.0).prop_map(|(mut genes, angle)| {
+            genes.push(angle);
+            Controller::new(CapabilityModel::TwoSensor, &genes).unwrap()
+        });
+        prop_oneof![single, two]
+    }
+
+    /// Ten to the power of what is in this range.
+    fn decades(from: f64, to: f64) -> impl Strategy<Value = f64> {
+        (from..to).prop_map(|power| 10_f64.powf(power))
+    }
+
+    /// Everything that a specification may say, from specks of dust to a world that its robots fill.
+    fn worlds() -> impl Strategy<Value = World> {
+        let sides = (decades(0.0, 4.0), decades(0.0, 4.0));
+        let bodies = (
+            prop_oneof![0.001..0.1_f64, 0.1..0.999],
+            prop_oneof![Just(0.0_f64), 0.0..0.999],
+        );
+        let motion = (
+            decades(-3.0, 3.0),
+            prop_oneof![Just(1.0), decades(-3.0, 3.0)],
+            any::<bool>(),
+        );
+        let size = (
+            prop_oneof![1..4_u32, 4..60_u32],
+            prop_oneof![1..4_u32, 95..140_u32],
+        );
+        let parts = (sides, bodies, motion, size);
+        parts.prop_map(
+            |((width, height), (filled, padded), (wheel_radius, dt, jitter), (agents, horizon))| {
+                let half = f64::min(width, height) / 2.0;
+                let radius = (half * filled).min(1000.0);
+                World::try_from(v1::World {
+                    width: Some(width),
+                    height: Some(height),
+                    padding: Some((half - radius) * padded),
+                    agents: Some(agents),
+                    radius: Some(radius),
+                    wheel_radius: Some(wheel_radius),
+                    dt: Some(dt),
+                    horizon: Some(horizon),
+                    jitter: Some(jitter),
+                })
+                .unwrap()
+            },
+        )
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+
+        #[test]
+        fn every_swarm_is_within_them(controller in controllers(), world in worlds(), seed: u64) {
+            let features = features(&controller, &world, seed);
+            let checked = FeatureBounds::of(&world).check(&features);
+            prop_assert!(checked.is_ok(), "{checked:?} {features:?} {world:?}");
+        }
+    }
+
+    #[test]
+    fn what_no_swarm_has_is_named() {
+        let paper = FeatureBounds::of(&World::default());
+        for (place, name) in FEATURE_NAMES.iter().enumerate() {
+            for value in [1e4, -1e4, f64::NAN, f64::INFINITY] {
+                let mut features = [0.0; 5];
+                features[place] = value;
+                let refused = paper.check(&features).unwrap_err();
+                assert_eq!(refused.field, format!("features.{name}"));
+            }
+        }
+        assert!(paper.check(&[2.0, -0.5, 0.1, 0.9, -1.0]).is_ok());
+        // Nothing has less than no speed, variance or scatter.
+        for place in [0, 2, 3] {
+            let mut features = [0.0; 5];
+            features[place] = -1e-3;
+            assert!(paper.check(&features).is_err(), "{place}");
+        }
+    }
+
+    #[test]
+    fn one_robot_alone_is_as_fast_as_its_wheels() {
+        let alone = v1::World {
+            agents: Some(1),
+            ..World::default().into()
+        };
+        let bounds = FeatureBounds::of(&World::try_from(alone).unwrap());
+        assert!(bounds.check(&[2.0, 0.0, 0.0, 0.0, 0.0]).is_ok());
+        assert!(bounds.check(&[2.1, 0.0, 0.0, 0.0, 0.0]).is_err());
+        assert!(bounds.check(&[2.0, 0.1, 0.0, 0.0, 0.0]).is_err());
+    }
+}
