@@ -86,6 +86,12 @@ impl Default for Options {
     }
 }
 
+/// What there is to say where no worker is connected.
+pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+
+/// How long what somebody waits for may wait for a first worker: whoever is starting, or was restarted, is there by then.
+const ABSENCE: Duration = Duration::from_secs(10);
+
 /// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
 pub const OUTBOX: usize = 1024;
 
@@ -271,6 +277,42 @@ impl Dispatch {
             .into_iter()
             .find_map(Output::into_replay)
             .ok_or(JobError::ShuttingDown)
+    }
+
+    /// What `work` comes to, which somebody waits for: an error once no worker has been there for a while to do it.
+    ///
+    /// # Errors
+    /// [`JobError::NoWorker`].
+    pub(crate) async fn while_staffed<T>(&self, work: impl Future<Output = T>) -> Result<T, JobError> {
+        tokio::select! {
+            biased;
+            done = work => Ok(done),
+            () = self.deserted() => Err(JobError::NoWorker),
+        }
+    }
+
+    /// Resolves once no worker has been connected for a while.
+    async fn deserted(&self) {
+        let mut workers = self.workers();
+        // Where the dispatcher has ended, its jobs have too, and say so.
+        while workers.wait_for(|&count| count == 0).await.is_ok() {
+            let somebody = workers.wait_for(|&count| count > 0);
+            if tokio::time::timeout(ABSENCE, somebody).await.is_err() {
+                return;
+            }
+        }
+        std::future::pending().await
+    }
+
+    /// That a worker is connected, as far as is known now.
+    ///
+    /// # Errors
+    /// [`JobError::NoWorker`].
+    pub(crate) fn check_staffed(&self) -> Result<(), JobError> {
+        match *self.workers.borrow() {
+            0 => Err(JobError::NoWorker),
+            _ => Ok(()),
+        }
     }
 
     /// Ends every worker's stream and every job.

@@ -1,9 +1,16 @@
 //! The pages, as a browser's requests meet them, on the port that gRPC is served on.
 
-use murmuration_proto::{parts::whole, v1};
+use murmuration_proto::{
+    parts::whole,
+    v1::{self, label_service_client::LabelServiceClient},
+};
 use murmuration_tests::{Cluster, small_spec};
 use serde_json::Value;
-use std::io::{BufRead as _, BufReader};
+use std::{
+    io::{BufRead as _, BufReader},
+    time::{Duration, Instant},
+};
+use tonic::Code;
 use ureq::{
     Agent, Body,
     http::{Response, StatusCode},
@@ -264,6 +271,57 @@ async fn scripts_are_given_motions_and_maps() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_takes_workers_says_at_once_that_there_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    cluster.stop().await;
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    let said = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+    let begun = Instant::now();
+    for (path, begins) in [
+        ("/campaigns/small-1/report", "<!DOCTYPE html>"),
+        ("/campaigns/small-1/individuals/0/motion", "no worker"),
+    ] {
+        let mut answer = browser.get(path).await;
+        assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE, "{path}");
+        let text = answer.body_mut().read_to_string().unwrap();
+        assert!(text.contains(said) && text.starts_with(begins), "{path}: {text}");
+    }
+    assert!(begun.elapsed() < Duration::from_secs(10));
+    // A link that names the file would have browsers take the words for it.
+    let page = browser.page("/campaigns/small-1/taxonomy").await;
+    assert!(
+        page.contains("Export the report") && !page.contains(" download"),
+        "{page}"
+    );
+
+    // Programs wait a little, for workers that were only restarted.
+    let campaign = || "small-1".to_owned();
+    let replay = v1::GetReplayRequest {
+        campaign: campaign(),
+        index: 0,
+        stride: 1,
+    };
+    let mut labels = LabelServiceClient::new(cluster.channel().await);
+    let synthetic = v1::AppendSyntheticLabelsRequest {
+        campaign: campaign(),
+        request_id: "1".to_owned(),
+        strategy: v1::QueryStrategy::Medoids as i32,
+        count: 2,
+    };
+    let (replay, labelled) = tokio::join!(
+        cluster.client.get_replay(replay),
+        labels.append_synthetic_labels(synthetic)
+    );
+    for refused in [replay.unwrap_err(), labelled.unwrap_err()] {
+        assert_eq!((refused.code(), refused.message()), (Code::Unavailable, said));
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn other_sites_change_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
@@ -278,12 +336,7 @@ async fn other_sites_change_nothing() {
                 .contains("default-src 'none'")
         );
     }
-    let listed = cluster
-        .client
-        .list_campaigns(v1::ListCampaignsRequest {})
-        .await
-        .unwrap();
-    assert_eq!(whole(listed.into_inner()).await.unwrap().campaigns, []);
+    assert_eq!(cluster.campaigns().await, []);
     cluster.stop().await;
 }
 

@@ -1,6 +1,9 @@
 //! What a campaign at work tells its watchers, and hears from whoever stops it.
 
-use crate::{dispatch::Headway, interrupt::Interrupt};
+use crate::{
+    dispatch::{Headway, NO_WORKER},
+    interrupt::Interrupt,
+};
 use murmuration_proto::v1;
 use std::{
     collections::VecDeque,
@@ -30,8 +33,7 @@ pub(super) struct Hands {
 
 impl Hands {
     pub(super) const fn workers(connected: watch::Receiver<usize>) -> Self {
-        let missing = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
-        Self::new(connected, missing)
+        Self::new(connected, NO_WORKER)
     }
 
     pub(super) const fn trainers(connected: watch::Receiver<usize>) -> Self {

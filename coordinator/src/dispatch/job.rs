@@ -177,6 +177,9 @@ pub enum JobError {
     /// It is of a kind that nothing could take the place of.
     #[error("it cannot be done: {0}")]
     SetAside(#[from] SetAside),
+    /// Somebody waits for it, and nobody is there to do it.
+    #[error("{}", super::NO_WORKER)]
+    NoWorker,
     /// The coordinator is stopping.
     #[error("the coordinator is shutting down")]
     ShuttingDown,

@@ -235,6 +235,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             seed: found.seed,
             frames,
         };
-        Ok(in_parts(self.dispatch.replay(job).await?.into_parts()))
+        let replay = self.dispatch.while_staffed(self.dispatch.replay(job)).await??;
+        Ok(in_parts(replay.into_parts()))
     }
 }

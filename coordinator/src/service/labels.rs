@@ -6,11 +6,11 @@ use super::{Streamed, in_parts};
 use crate::{
     campaign::blocking,
     labels::{Agreement, Annotator, Change, Entry, Labels, RequestId},
-    queries::Queries,
+    queries::{Queries, Wish},
     store::{LabelError, Store, StoreError},
     synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{Invalid, parts::parts, v1};
+use murmuration_proto::{Invalid, Strategy, parts::parts, v1};
 use std::{
     sync::Arc,
     time::{Instant, SystemTime, UNIX_EPOCH},
@@ -121,7 +121,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             let done = Arc::default();
             let interrupt = self.queries.interrupt();
             let answers = self.annotator.answers(&record, strategy, count, done, interrupt);
-            let answers = answers.await?;
+            let answers = self.annotator.dispatch.while_staffed(answers).await??;
             self.add(record.id.to_string(), request, answers).await?
         } else {
             before
@@ -205,10 +205,13 @@ impl v1::label_service_server::LabelService for LabelApi {
     ) -> Answered<v1::NextQueriesResponse> {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
-        let asked = self
-            .queries
-            .next(&campaign, message.try_into()?, Instant::now())
-            .await?;
+        let wish: Wish = message.try_into()?;
+        let takes_workers = wish.strategy == Strategy::Committee;
+        let asked = self.queries.next(&campaign, wish, Instant::now());
+        let asked = match takes_workers {
+            true => self.annotator.dispatch.while_staffed(asked).await??,
+            false => asked.await?,
+        };
         Ok(Response::new(asked.into()))
     }
 

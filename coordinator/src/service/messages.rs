@@ -151,7 +151,7 @@ impl From<JobError> for Status {
         match error {
             JobError::Fatal(_) | JobError::SetAside(_) => Self::failed_precondition(said),
             JobError::Disagreement { .. } => Self::data_loss(said),
-            JobError::ShuttingDown => Self::unavailable(said),
+            JobError::NoWorker | JobError::ShuttingDown => Self::unavailable(said),
         }
     }
 }

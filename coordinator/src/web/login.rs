@@ -3,7 +3,7 @@
 use super::{
     pages::layout,
     visitor::Visitor,
-    wrong::{Wrong, status_of},
+    wrong::{self, Wrong, status_of},
 };
 use crate::{
     access::{Door, Refusal},
@@ -14,7 +14,7 @@ use axum::{
     extract::Query,
     http::{
         HeaderMap, StatusCode, Uri,
-        header::{ACCEPT, CACHE_CONTROL, SET_COOKIE},
+        header::{CACHE_CONTROL, SET_COOKIE},
     },
     response::{IntoResponse, Redirect, Response},
 };
@@ -154,15 +154,12 @@ fn form(to: &Destination, wrong: &str) -> Markup {
 
 /// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
 pub(super) fn turned_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    let status = status_of(&refusal);
-    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
-    match (accepts.is_some_and(|kinds| kinds.contains("text/html")), status) {
+    match (wrong::wants_page(headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
             let Destination(path) = uri.path().to_owned().into();
             Redirect::to(&format!("/login?to={path}")).into_response()
         }
-        (true, _) => Wrong::Refused(refusal).into_response(),
-        (false, _) => (status, refusal.to_string()).into_response(),
+        _ => Wrong::Refused(refusal).told(headers),
     }
 }
 

@@ -15,6 +15,7 @@ mod map;
 mod motion;
 mod pages;
 mod parts;
+mod patience;
 mod refused;
 mod taxonomy;
 mod teach;
@@ -56,7 +57,8 @@ pub(crate) struct Web {
 /// The pages and what machines ask for beside the gRPC services, on one port, for whom its door lets in.
 pub(crate) fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>) -> Routes {
     let pages = pages(web).layer(Extension(door.clone()));
-    let all = pages.merge(probes).merge(services.into_axum_router());
+    let pages = pages.merge(probes).layer(middleware::from_fn(patience::limited));
+    let all = pages.merge(services.into_axum_router());
     all.fallback(nowhere)
         .layer(middleware::from_fn_with_state(door.clone(), admit))
         .layer(middleware::from_fn_with_state(door, guard::protect))

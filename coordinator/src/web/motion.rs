@@ -18,7 +18,7 @@ use tonic::{Request, Status};
 
 /// Bytes of one motion, before base64.
 const MOTION_BYTES: usize = 2 << 20;
-/// How long a script waits for a worker; then it is told that there is none, and may ask again.
+/// How long a script waits for a worker; then it is told that they have other work, and may ask again.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 pub(super) async fn motion(
@@ -27,6 +27,7 @@ pub(super) async fn motion(
     Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, Refused> {
     let record = web.campaigns.status(&campaign).await?.record;
+    web.archive.dispatch.check_staffed()?;
     let world = *record.spec.world();
     let request = v1::GetReplayRequest {
         campaign: record.id.to_string(),
@@ -34,8 +35,8 @@ pub(super) async fn motion(
         stride: Frames::to_watch(&world).stride().get(),
     };
     let replay = tokio::time::timeout(PATIENCE, web.archive.get_replay(Request::new(request)));
-    let none = || Status::unavailable("no worker has simulated this yet");
-    let replay = whole(replay.await.map_err(|_| none())??.into_inner()).await?;
+    let late = || Status::unavailable("the workers have not simulated this yet");
+    let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
     let told = json!({
         "world": columns::world(&world),
         "colours": colours::AGENTS.map(colours::hex),

@@ -4,7 +4,6 @@ use super::{
     Web, archived,
     pages::{self, Part},
     parts,
-    refused::Refused,
     visitor::Visitor,
     wrong::Wrong,
 };
@@ -47,7 +46,7 @@ pub(super) async fn page(
         div.wide-bar {
             h1 { "Taxonomy" }
             @if taxonomy.is_some() {
-                a.button href={ "/campaigns/" (record.id) "/report" } download { "Export the report" }
+                a.button href={ "/campaigns/" (record.id) "/report" } { "Export the report" }
             }
         }
         @match &taxonomy {
@@ -116,12 +115,14 @@ fn card(
     }
 }
 
-/// The report as one file to keep; workers simulate its motions again.
+/// The report as one file to keep; workers simulate its motions again. What cannot be made is said as a page, so the link
+/// to it must not be a `download`: browsers would take that page for the file.
 pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
-) -> Result<impl IntoResponse, Refused> {
+) -> Result<impl IntoResponse, Wrong> {
     let id = web.campaigns.status(&id).await?.record.id;
+    web.archive.dispatch.check_staffed().map_err(Status::from)?;
     // The service of this process, without a network between.
     let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
     let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels));

@@ -1,13 +1,14 @@
 //! Why a page cannot be shown, as a page.
 
-use super::{pages::layout, visitor::Visitor};
+use super::{pages::layout, refused, visitor::Visitor};
 use crate::{access::Refusal, campaign::CampaignError, picture::PictureError, store::StoreError};
 use axum::{
-    http::StatusCode,
+    http::{HeaderMap, StatusCode, header::ACCEPT},
     response::{IntoResponse, Response},
 };
 use maud::html;
 use murmuration_proto::Invalid;
+use tonic::Status;
 
 /// What is wrong with a request, or went wrong with it.
 #[derive(Debug, thiserror::Error)]
@@ -21,6 +22,16 @@ pub(super) enum Wrong {
     /// Too many want the same.
     #[error("{0}")]
     Busy(String),
+    /// It would take too long.
+    #[error(
+        "this took longer than {} seconds and was given up, since workers or the coordinator have much to do: try again \
+         later; the command `murmuration report` waits for as long as a report takes",
+        crate::limits::PAGE_LIMIT.as_secs()
+    )]
+    Late,
+    /// A service refused it.
+    #[error("{}", .0.message())]
+    Service(#[from] Status),
     /// A value that is not allowed.
     #[error("{0}")]
     Input(#[from] Invalid),
@@ -32,12 +43,28 @@ pub(super) enum Wrong {
     Picture(#[from] PictureError),
 }
 
+/// Whether somebody would read a page: scripts and programs ask for anything.
+pub(super) fn wants_page(headers: &HeaderMap) -> bool {
+    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
+    accepts.is_some_and(|kinds| kinds.contains("text/html"))
+}
+
 impl Wrong {
+    /// The answer to a request with these headers: a page, or a line of text.
+    pub(super) fn told(self, headers: &HeaderMap) -> Response {
+        match wants_page(headers) {
+            true => self.into_response(),
+            false => (self.status(), self.to_string()).into_response(),
+        }
+    }
+
     fn status(&self) -> StatusCode {
         match self {
             Self::NoPage => StatusCode::NOT_FOUND,
             Self::Refused(refusal) => status_of(refusal),
             Self::Busy(_) => StatusCode::SERVICE_UNAVAILABLE,
+            Self::Late => StatusCode::GATEWAY_TIMEOUT,
+            Self::Service(status) => refused::status_of(status.code()),
             Self::Input(_) => StatusCode::BAD_REQUEST,
             Self::Campaign(CampaignError::Store(
                 StoreError::NoCampaign(_) | StoreError::NoIndividual { .. },
