@@ -7,6 +7,7 @@ mod messages;
 mod seats;
 mod snapshots;
 mod training;
+mod unreadable;
 mod work;
 
 pub use campaigns::CampaignApi;
@@ -15,6 +16,7 @@ pub use labels::LabelApi;
 pub(crate) use seats::Seat;
 pub use seats::Seats;
 pub use training::TrainerApi;
+pub(crate) use unreadable::blame_the_client;
 pub use work::WorkerApi;
 
 use std::pin::Pin;

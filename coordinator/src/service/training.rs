@@ -10,7 +10,7 @@ use crate::{
     metrics::Party,
     store::{CampaignRecord, Store, StoreError, TrainingPictures},
 };
-use murmuration_proto::{PART_BYTES, TRAINER_VERSION, Text, v1};
+use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
@@ -57,15 +57,23 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
 }
 
 fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
-    if hello.trainer_version == TRAINER_VERSION {
-        return Ok(());
+    if hello.trainer_version != TRAINER_VERSION {
+        return Err(Status::failed_precondition(format!(
+            "this coordinator needs trainers of version {TRAINER_VERSION}, trainer \"{}\" has version {}: run the \
+             murmuration-trainer that came with the coordinator",
+            hello.name,
+            Text::line(&hello.trainer_version),
+        )));
     }
-    Err(Status::failed_precondition(format!(
-        "this coordinator needs trainers of version {TRAINER_VERSION}, trainer \"{}\" has version {}: run the \
-         murmuration-trainer that came with the coordinator",
-        hello.name,
-        Text::line(&hello.trainer_version),
-    )))
+    match hello.capacity {
+        1 => Ok(()),
+        other => Err(Invalid::new(
+            "hello.capacity",
+            other,
+            "1: a trainer trains one embedder at a time",
+        )
+        .into()),
+    }
 }
 
 /// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.

@@ -1,6 +1,6 @@
 //! The streams of workers and trainers: one each, validated and handed to a dispatcher.
 
-use super::snapshots::Snapshots;
+use super::{snapshots::Snapshots, unreadable::blamed};
 use crate::{
     access::origin,
     dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, WorkerReport},
@@ -127,7 +127,7 @@ async fn pass_on(
     use v1::worker_message::Message;
     let mut snapshots = Snapshots::of(dispatch.clone(), worker);
     while let Some(message) = inbox.next().await {
-        let report = match (message?.message, party) {
+        let report = match (message.map_err(blamed)?.message, party) {
             (Some(Message::Snapshot(_) | Message::Training(_)), Party::Worker) => {
                 let allowed = "one of a worker's: only trainers put trainings aside and report on them";
                 return Err(Invalid::new("message", "about a training", allowed).into());

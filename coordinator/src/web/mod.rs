@@ -28,7 +28,7 @@ use crate::{
     limits::MAX_POST,
     maps::Maps,
     requests,
-    service::{CampaignApi, LabelApi},
+    service::{CampaignApi, LabelApi, blame_the_client},
     store::Store,
 };
 use axum::{
@@ -58,7 +58,10 @@ pub(crate) struct Web {
 pub(crate) fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>) -> Routes {
     let pages = pages(web).layer(Extension(door.clone()));
     let pages = pages.merge(probes).layer(middleware::from_fn(patience::limited));
-    let all = pages.merge(services.into_axum_router());
+    let services = services
+        .into_axum_router()
+        .layer(middleware::from_fn(blame_the_client));
+    let all = pages.merge(services);
     all.fallback(nowhere)
         .layer(middleware::from_fn_with_state(door.clone(), admit))
         .layer(middleware::from_fn_with_state(door, guard::protect))

@@ -23,31 +23,31 @@ struct Trainer {
 
 impl Trainer {
     async fn connect(url: &str) -> Self {
+        Self::connect_with(url, 1).await.unwrap()
+    }
+
+    async fn connect_with(url: &str, capacity: u32) -> Result<Self, Status> {
         let mut client = TrainerServiceClient::connect(url.to_owned()).await.unwrap();
         let (outbox, messages) = mpsc::channel(4);
         let hello = Message::Hello(v1::Hello {
             name: "trainer".to_owned(),
-            capacity: 1,
+            capacity,
             trainer_version: TRAINER_VERSION.to_owned(),
             ..v1::Hello::default()
         });
         let message = Some(hello);
         outbox.send(v1::WorkerMessage { message }).await.unwrap();
-        let mut inbox = client
-            .train(ReceiverStream::new(messages))
-            .await
-            .unwrap()
-            .into_inner();
+        let mut inbox = client.train(ReceiverStream::new(messages)).await?.into_inner();
         let first = inbox.message().await.unwrap().unwrap().message;
         let Some(Answer::Welcome(welcome)) = first else {
             panic!("not a welcome: {first:?}")
         };
-        Self {
+        Ok(Self {
             client,
             outbox,
             inbox,
             epoch: welcome.epoch,
-        }
+        })
     }
 
     async fn send(&self, message: Message) {
@@ -107,6 +107,21 @@ fn snapshot(lease: v1::LeaseId, bytes: usize, last: bool) -> Message {
         data: vec![7; bytes],
         last,
     })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_trains_one_embedder_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start_without_trainer(folder.path(), 0).await;
+    for capacity in [0, 2, u32::MAX] {
+        let Err(refused) = Trainer::connect_with(&cluster.url(), capacity).await else {
+            panic!("a trainer of capacity {capacity} was let in")
+        };
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+        let said = format!("hello.capacity = {capacity}: must be");
+        assert!(refused.message().starts_with(&said), "{refused}");
+    }
+    cluster.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
