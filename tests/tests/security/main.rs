@@ -8,6 +8,7 @@ mod people;
 mod processes;
 mod sizes;
 mod snapshots;
+mod unreadable;
 mod words;
 
 use murmuration_coordinator::access::{Entrance, Tls, Tokens};
