@@ -6,11 +6,12 @@
 
 use crate::{
     checkpoints::{CheckpointError, Shelf},
-    doctor::{self, is_empty},
-    files::is_there,
+    doctor,
+    files::{is_empty, is_there, without_links},
     store::{DataDirectory, Store, StoreError},
 };
 use bytes::Bytes;
+use murmuration_link::{InputKind, read_bytes};
 use murmuration_proto::CheckpointDigest;
 use serde::{Deserialize, Serialize};
 use std::{
@@ -63,6 +64,16 @@ pub enum BackupError {
     /// Something is there already.
     #[error("{0} is not empty: name a folder that does not exist yet")]
     NotEmpty(PathBuf),
+    /// It would be lost with what it is a copy of.
+    #[error(
+        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
+    )]
+    Within {
+        /// The folder that was named.
+        path: PathBuf,
+        /// The data directory.
+        data: PathBuf,
+    },
     /// The folder is no backup.
     #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
     NoBackup {
@@ -85,13 +96,21 @@ pub enum BackupError {
 /// # Errors
 /// See [`BackupError`]; there is no `target` then.
 pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Result<Manifest, BackupError> {
-    if !is_empty(target) {
+    if !is_empty(target).map_err(failed("look into", target))? {
         return Err(BackupError::NotEmpty(target.to_path_buf()));
     }
     // Before a folder is made for it.
     let database = data.join(Store::FILE);
     if !is_there(&database).map_err(failed("find", &database))? {
         return Err(StoreError::NoDirectory(data.to_path_buf()).into());
+    }
+    let named = target;
+    let target = &without_links(named).map_err(failed("find", named))?;
+    if target.starts_with(without_links(data).map_err(failed("find", data))?) {
+        return Err(BackupError::Within {
+            path: named.to_path_buf(),
+            data: data.to_path_buf(),
+        });
     }
     let parent = above(target);
     make_folders(parent)?;
@@ -125,7 +144,7 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
 /// See [`BackupError`]; there is no database in `data` then.
 pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> {
     let manifest = read_manifest(from)?;
-    if !is_empty(data) {
+    if !is_empty(data).map_err(failed("look into", data))? {
         return Err(BackupError::NotEmpty(data.to_path_buf()));
     }
     if file_digest(&from.join(Store::FILE))? != manifest.database {
@@ -210,7 +229,13 @@ fn above(path: &Path) -> &Path {
 
 /// Makes a folder, and those above it, where they do not exist; they are on disk then.
 fn make_folders(folder: &Path) -> Result<(), BackupError> {
-    let missing: Vec<&Path> = folder.ancestors().take_while(|folder| !folder.exists()).collect();
+    let mut missing = Vec::new();
+    for folder in folder.ancestors() {
+        if is_there(folder).map_err(failed("find", folder))? {
+            break;
+        }
+        missing.push(folder);
+    }
     fs::create_dir_all(folder).map_err(failed("make", folder))?;
     missing.into_iter().try_for_each(|made| sync(above(made)))
 }
@@ -231,7 +256,8 @@ fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
         reason,
     };
     let path = folder.join(MANIFEST);
-    let text = fs::read(&path).map_err(|error| no_backup(format!("{}: {error}", path.display())))?;
+    let text = read_bytes(&path, InputKind::Manifest)
+        .map_err(|error| no_backup(format!("{}: {error}", path.display())))?;
     let manifest: Manifest =
         serde_json::from_slice(&text).map_err(|error| no_backup(format!("{}: {error}", path.display())))?;
     match manifest.schema {

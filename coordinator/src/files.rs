@@ -1,6 +1,9 @@
 //! What there is on disk, and what cannot be known of it.
 
-use std::{fs, io, path::Path};
+use std::{
+    fs, io,
+    path::{self, Component, Path, PathBuf},
+};
 
 /// Whether there is something at `path`. Only where its folder (or one above) was looked into and has no such name, there
 /// is nothing.
@@ -35,6 +38,37 @@ fn leads_somewhere(link: &Path) -> io::Result<()> {
     }
 }
 
+/// Whether there is no such folder, or nothing in it.
+///
+/// # Errors
+/// If that cannot be known, or something else than a folder is there.
+pub(crate) fn is_empty(folder: &Path) -> io::Result<bool> {
+    Ok(!is_there(folder)? || fs::read_dir(folder)?.next().is_none())
+}
+
+/// `path` without links and from the root on, as far as it is there; what is not there would be made below that.
+///
+/// # Errors
+/// If what is there of it cannot be known.
+pub(crate) fn without_links(path: &Path) -> io::Result<PathBuf> {
+    let path = path::absolute(path)?;
+    let mut missing = Vec::new();
+    for part in path.ancestors() {
+        if is_there(part)? {
+            let mut whole = fs::canonicalize(part)?;
+            for component in missing.into_iter().rev() {
+                match component {
+                    Component::ParentDir => drop(whole.pop()),
+                    other => whole.push(other),
+                }
+            }
+            return Ok(whole);
+        }
+        missing.extend(part.components().next_back());
+    }
+    Ok(path)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +97,39 @@ mod tests {
         }
         assert!(is_there(&at("circle")).is_err());
         assert!(is_there(&at("file/within")).is_err());
+    }
+
+    #[test]
+    fn only_a_folder_can_be_empty() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        assert!(is_empty(&at("absent")).unwrap());
+        assert!(is_empty(folder.path()).unwrap());
+        fs::write(at("file"), "").unwrap();
+        symlink(at("unmounted"), at("lost")).unwrap();
+        assert!(!is_empty(folder.path()).unwrap());
+        for other in ["file", "file/within", "lost"] {
+            assert!(is_empty(&at(other)).is_err(), "{other}");
+        }
+    }
+
+    #[test]
+    fn a_path_is_known_without_its_links_also_where_it_ends_in_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = fs::canonicalize(folder.path()).unwrap();
+        fs::create_dir(whole.join("data")).unwrap();
+        symlink(whole.join("data"), whole.join("link")).unwrap();
+        for (path, without) in [
+            ("data", "data"),
+            ("link/backups/monday", "data/backups/monday"),
+            ("absent/../data/monday", "data/monday"),
+            ("data/../other", "other"),
+        ] {
+            assert_eq!(
+                without_links(&whole.join(path)).unwrap(),
+                whole.join(without),
+                "{path}"
+            );
+        }
     }
 }

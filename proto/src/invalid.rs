@@ -1,7 +1,10 @@
 //! The one error of validation: which field, what it held, what it may hold.
 
-use crate::Text;
+use crate::{Text, text::beginning};
 use std::{fmt::Display, ops::RangeInclusive};
+
+/// Most characters of a value that are shown: any number in full, and several of them.
+const SHOWN_CHARS: usize = 240;
 
 /// A value from outside that cannot be taken in.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -9,7 +12,7 @@ use std::{fmt::Display, ops::RangeInclusive};
 pub struct Invalid {
     /// Path of the field from the outermost message, as in a campaign file (`search.population`).
     pub field: String,
-    /// What it held, or `nothing`.
+    /// What it held (of what is long, the beginning), or `nothing`.
     pub value: String,
     /// What it may hold.
     pub allowed: String,
@@ -20,7 +23,7 @@ impl Invalid {
     pub fn new(field: impl Into<String>, value: impl Display, allowed: impl Into<String>) -> Self {
         Self {
             field: field.into(),
-            value: value.to_string(),
+            value: beginning(&value.to_string(), SHOWN_CHARS).into_owned(),
             allowed: allowed.into(),
         }
     }
@@ -58,7 +61,7 @@ pub(crate) fn real(field: &str, value: f64, range: RangeInclusive<f64>) -> Resul
         return Ok(value);
     }
     let allowed = format!("a number from {} to {}", range.start(), range.end());
-    Err(Invalid::new(field, value, allowed))
+    Err(Invalid::new(field, short(value), allowed))
 }
 
 /// `value` if it is over 0 and at most `most`.
@@ -68,7 +71,34 @@ pub(crate) fn positive(field: &str, value: f64, most: f64) -> Result<f64, Invali
     }
     Err(Invalid::new(
         field,
-        value,
+        short(value),
         format!("a number over 0 and at most {most}"),
     ))
+}
+
+/// A number as people write it: with an exponent where it would have many digits without.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    match size >= 1e16 || (size > 0.0 && size < 1e-5) {
+        true => format!("{value:e}"),
+        false => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_never_shown_with_hundreds_of_digits() {
+        let said = |value: f64| real("x", value, -1.0..=1.0).unwrap_err().to_string();
+        assert_eq!(said(-1e300), "x = -1e300: must be a number from -1 to 1");
+        assert_eq!(said(1.5), "x = 1.5: must be a number from -1 to 1");
+        assert_eq!(said(f64::NAN), "x = NaN: must be a number from -1 to 1");
+        assert_eq!(said(f64::INFINITY), "x = inf: must be a number from -1 to 1");
+        let tiny = positive("x", -f64::MIN_POSITIVE, 1.0).unwrap_err();
+        assert_eq!(tiny.value, "-2.2250738585072014e-308");
+        let long = Invalid::new("x", "9".repeat(300), "short");
+        assert_eq!(long.value, format!("{}…", "9".repeat(240)));
+    }
 }

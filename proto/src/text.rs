@@ -6,7 +6,7 @@
 
 use crate::Invalid;
 use icu_properties::{CodePointSetData, props::DefaultIgnorableCodePoint};
-use std::fmt;
+use std::{borrow::Cow, fmt};
 
 /// Free text from outside, without characters that a reader cannot see and of bounded length.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
@@ -98,8 +98,16 @@ pub fn marked(text: &str) -> String {
 /// The beginning of a text from outside, quoted and escaped, for an error.
 #[must_use]
 pub fn quoted(text: &str) -> String {
-    let beginning: String = text.chars().take(80).collect();
-    format!("\"{}\"", beginning.escape_debug())
+    format!("\"{}\"", beginning(text, 80).escape_debug())
+}
+
+/// A text if it has at most `most` characters; or else so many, and an ellipsis.
+#[must_use]
+pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
+    match text.char_indices().nth(most) {
+        None => text.into(),
+        Some((end, _)) => format!("{}…", &text[..end]).into(),
+    }
 }
 
 /// Each character, and whether it is hidden.
@@ -175,6 +183,14 @@ mod tests {
         assert!(long.as_str().ends_with("é…"));
         let fits = "x".repeat(Text::MAX_CHARS);
         assert_eq!(Text::line(&fits).as_str(), fits);
+    }
+
+    #[test]
+    fn of_what_is_quoted_the_beginning_is_enough() {
+        assert_eq!(quoted("a\n"), "\"a\\n\"");
+        let long = quoted(&"é".repeat(81));
+        assert_eq!(long, format!("\"{}…\"", "é".repeat(80)));
+        assert_eq!(quoted(&"x".repeat(80)), format!("\"{}\"", "x".repeat(80)));
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! The tokens file: who may come in, as what, and the digests of their tokens; never a token itself.
 
 use super::Role;
-use murmuration_link::TokenDigest;
+use murmuration_link::{InputKind, TokenDigest, read_text};
 use murmuration_proto::{Invalid, text};
 use serde::{Deserialize, Serialize};
 use std::{
-    fmt, fs, io,
+    fmt, io,
     path::{Path, PathBuf},
     str::FromStr,
 };
@@ -76,7 +76,7 @@ impl Tokens {
     /// # Errors
     /// Says where the file is wrong.
     pub fn read(path: &Path) -> Result<Self, TokensError> {
-        let text = fs::read_to_string(path).map_err(|source| TokensError::Unreadable {
+        let text = read_text(path, InputKind::Tokens).map_err(|source| TokensError::Unreadable {
             path: path.to_owned(),
             source,
         })?;

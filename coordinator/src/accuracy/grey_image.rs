@@ -1,11 +1,12 @@
 //! Grey images as an embedder takes them, from PNG files.
 
-use std::{fs::File, io::BufReader, path::Path};
+use murmuration_link::{InputKind, read_bytes};
+use std::{io::Cursor, path::Path};
 
 /// The pixels of a PNG of `height` rows of `width` pixels, 8 bits each; or else what is wrong with the file.
 pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8>, String> {
-    let file = File::open(image).map_err(|error| error.to_string())?;
-    let mut reader = png::Decoder::new(BufReader::new(file))
+    let file = read_bytes(image, InputKind::Picture).map_err(|error| error.to_string())?;
+    let mut reader = png::Decoder::new(Cursor::new(file))
         .read_info()
         .map_err(|error| error.to_string())?;
     let info = reader.info();
@@ -28,7 +29,7 @@ pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::fs;
+    use std::fs::{self, File};
 
     #[test]
     fn rows_are_the_first_axis() {

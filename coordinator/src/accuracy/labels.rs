@@ -5,12 +5,12 @@ use crate::{
     judge::Class,
     labels::{Answer, ClassKey, LabelFile, LabelFileError, Row},
 };
+use murmuration_link::{InputKind, read_bytes};
 use murmuration_proto::{Features, Invalid, World};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
-    fs,
     path::{Component, Path, PathBuf},
 };
 
@@ -18,11 +18,12 @@ mod swarms;
 
 pub use swarms::Swarm;
 
-/// The behaviours of a file of labels that have a class, each once.
+/// The behaviours of a file of labels that have a class by a person, each once.
 #[derive(Debug, Clone)]
 pub struct Labels {
     file: LabelFile,
     behaviours: Vec<Behaviour>,
+    synthetic: u64,
 }
 
 #[derive(Debug, Clone)]
@@ -36,7 +37,8 @@ struct Behaviour {
 }
 
 impl Labels {
-    /// Reads a file. Rows without a class, or that say `not sure` or `skip`, are passed over. Of a behaviour that several
+    /// Reads a file. Rows without a class, or that say `not sure` or `skip`, are passed over, and so is what the synthetic
+    /// annotator answered. Of a behaviour that several
     /// annotators labelled, the newest label counts by its time, of equally new ones the last. Classes are spelled as the
     /// judge spells them, others as they are spelled first.
     ///
@@ -45,16 +47,33 @@ impl Labels {
     /// class.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
         let path = path.into();
-        let text = fs::read(&path).map_err(|error| LabelFileError::Unreadable {
+        let text = read_bytes(&path, InputKind::Labels).map_err(|error| LabelFileError::Unreadable {
             path: path.clone(),
             error: error.to_string(),
         })?;
         let file = LabelFile::parse(&path, text)?;
-        let behaviours = behaviours(&file)?;
-        if behaviours.is_empty() {
-            return Err(LabelFileError::NoClass(path));
+        let (behaviours, synthetic) = behaviours(&file)?;
+        match (behaviours.is_empty(), synthetic) {
+            (true, 0) => Err(LabelFileError::NoClass(path)),
+            (true, rows) => Err(LabelFileError::NoPerson { path, rows }),
+            (false, _) => Ok(Self {
+                file,
+                behaviours,
+                synthetic,
+            }),
         }
-        Ok(Self { file, behaviours })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// The rows in which the synthetic annotator gave a class, which were passed over.
+    #[must_use]
+    pub const fn synthetic(&self) -> u64 {
+        self.synthetic
     }
 
     /// The classes, one for each behaviour, in the file's order.
@@ -129,16 +148,22 @@ impl Labels {
     }
 }
 
-/// The behaviours of a file that have a class, in the order in which they are first there.
-fn behaviours(file: &LabelFile) -> Result<Vec<Behaviour>, LabelFileError> {
+/// The behaviours of a file to which a person gave a class, in the order in which they are first there; and the rows in which
+/// the synthetic annotator did.
+fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError> {
     let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
     let mut spelled: BTreeMap<ClassKey, String> = known.into_iter().collect();
     let mut behaviours: Vec<Behaviour> = Vec::new();
     let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut synthetic = 0;
     for (place, row) in file.rows().enumerate() {
         let Some(Answer::Class(class)) = row.answer()? else {
             continue;
         };
+        if row.is_synthetic() {
+            synthetic += 1;
+            continue;
+        }
         let spelled = spelled.entry(class.key()).or_insert_with(|| class.to_string());
         let labelled = Behaviour {
             row: place,
@@ -159,7 +184,7 @@ fn behaviours(file: &LabelFile) -> Result<Vec<Behaviour>, LabelFileError> {
             Some(_) => {}
         }
     }
-    Ok(behaviours)
+    Ok((behaviours, synthetic))
 }
 
 /// Whether `id` names a file in a folder, and not one elsewhere.
@@ -254,6 +279,35 @@ mod tests {
         assert_eq!(
             labels.classes().collect::<Vec<_>>(),
             ["ring", "wall_following", "ring", "clump"]
+        );
+    }
+
+    #[test]
+    fn what_the_synthetic_annotator_answered_is_no_persons_class() {
+        let text = "id,class,annotator,time\n7,ring,ana,5\n7,clump,synthetic,6\n8,milling,synthetic,7\n\
+                    9,skip,synthetic,8\n4,ring,ben,1\n";
+        let labels = read(text).unwrap();
+        assert_eq!(labels.classes().collect::<Vec<_>>(), ["ring", "ring"]);
+        assert_eq!(labels.synthetic(), 2);
+        check_refused(
+            "id,class,annotator\n7,ring,synthetic\n8,ring,\"Synthetic\"\n",
+            "no row has a class that a person gave: the synthetic annotator gave 2 classes",
+        );
+    }
+
+    #[test]
+    fn what_is_not_separated_by_commas_or_has_an_open_quote_says_so() {
+        check_refused(
+            "id;class;annotator\n7;ring;ana\n",
+            "line 1: the columns are separated by semicolons; save the file with commas",
+        );
+        check_refused(
+            "id\tclass\n7\tring\n",
+            "line 1: the columns are separated by tabs",
+        );
+        check_refused(
+            "id,class\n7,ring\n8,\"clump\n",
+            "line 3: a cell begins with a quote, and does not end with one",
         );
     }
 

@@ -3,6 +3,7 @@
 use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
+    files::{is_there, read, synthetic, tell_counted},
     json,
 };
 use crate::{
@@ -10,13 +11,13 @@ use crate::{
     local::Crew,
 };
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
-use murmuration_link::{OutputError, errln, outln};
+use murmuration_link::{InputKind, OutputError, outln};
 use murmuration_proto::{
     CheckpointDigest, ImageFormat, SeenPictures, counted, onnx::EmbedderModel, training::Architecture, v1,
 };
 use murmuration_trainer::network::Network;
 use serde_json::{Map, Value, json};
-use std::{fs, num::NonZeroU32, path::Path, path::PathBuf};
+use std::{num::NonZeroU32, path::Path, path::PathBuf};
 
 /// Length of an untrained network's embeddings, as many as there are features.
 const DIMENSIONS: usize = 5;
@@ -30,9 +31,11 @@ Of all triplets of behaviours (a, p, n) with a and p of one class and n of anoth
 Counted with anchors a of every class, and with anchors of every class but `random`.
 
 A file has columns id and class; with --features the five features too; to have pictures simulated again seed, v1, ... as
-well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md).
+well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md). What the synthetic annotator answered
+is left out: it is no person.
 
 Examples:
+  murmuration labels latest --csv labels.csv && murmuration accuracy --labels labels.csv --features
   murmuration accuracy --labels single_sensor/validation.csv --features
   murmuration accuracy --labels two_sensor/validation.csv --labels rare/validation.csv --checkpoint 1f0c
   murmuration accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
@@ -80,9 +83,8 @@ impl AccuracyCommand {
             }
         };
         let accuracy = measure(&sets, vectors);
-        let behaviours = behaviours(&sets);
         if global.json {
-            let mut value = self.to_json(&embedding, behaviours);
+            let mut value = self.to_json(&embedding, &sets);
             value.insert(
                 "anchor_not_random".to_owned(),
                 tally_json(accuracy.anchor_not_random()),
@@ -96,7 +98,7 @@ impl AccuracyCommand {
             json::print(&value.into())?;
         } else {
             print_table(&accuracy)?;
-            errln!("{}", counted(behaviours as u64, "labelled behaviour"));
+            tell_counted(&sets);
         }
         Ok(())
     }
@@ -120,9 +122,8 @@ impl AccuracyCommand {
             Summary::of(&percents.collect::<Vec<_>>())
         };
         let [not_random, every] = [over(Accuracy::anchor_not_random), over(Accuracy::every_anchor)];
-        let behaviours = behaviours(sets);
         if as_json {
-            let mut value = self.to_json("untrained", behaviours);
+            let mut value = self.to_json("untrained", sets);
             value.insert("network".to_owned(), self.network.clone().into());
             value.insert("networks".to_owned(), networks.get().into());
             value.insert("anchor_not_random".to_owned(), summary_json(not_random));
@@ -143,7 +144,7 @@ impl AccuracyCommand {
                 let deviation = percent(summary.and_then(|summary| summary.deviation));
                 outln!("{anchors:<24}{networks:>14}{mean:>14}{deviation:>12}")?;
             }
-            errln!("{}", counted(behaviours as u64, "labelled behaviour"));
+            tell_counted(sets);
         }
         Ok(())
     }
@@ -171,7 +172,7 @@ impl AccuracyCommand {
     fn images(&self, sets: &[Labels], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
-            let simulates = self.images.is_empty() && set.can_be_simulated() && !folder.exists();
+            let simulates = self.images.is_empty() && set.can_be_simulated() && !is_there(&folder)?;
             images.extend(match simulates {
                 true => set.simulated_images(height, width)?,
                 false => set.images(&folder, height, width)?,
@@ -200,13 +201,14 @@ impl AccuracyCommand {
     }
 
     /// What every answer says.
-    fn to_json(&self, embedding: &str, behaviours: usize) -> Map<String, Value> {
+    fn to_json(&self, embedding: &str, sets: &[Labels]) -> Map<String, Value> {
         let labels = self.labels.iter().map(|labels| labels.display().to_string());
         Map::from_iter([
             ("schema".to_owned(), json::SCHEMA.into()),
             ("labels".to_owned(), labels.collect::<Vec<_>>().into()),
             ("embedding".to_owned(), embedding.into()),
-            ("behaviours".to_owned(), behaviours.into()),
+            ("behaviours".to_owned(), behaviours(sets).into()),
+            ("synthetic_left_out".to_owned(), synthetic(sets).into()),
         ])
     }
 }
@@ -248,11 +250,11 @@ struct Named {
 async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
-    let (file, seen) = if is_digest && !path.exists() {
+    let (file, seen) = if is_digest && !is_there(path)? {
         let fetch = async |connection: &mut Connection| fetch(connection, named).await;
         connection::with(global, Crew::NONE, fetch).await?
     } else {
-        let file = fs::read(path).map_err(|error| CliError::unreadable(path, &error))?;
+        let file = read(path, InputKind::Checkpoint)?;
         (file, SeenPictures::default())
     };
     let model = EmbedderModel::read(&file).map_err(|error| CliError::Input(format!("{named}: {error}")))?;

@@ -1,8 +1,12 @@
 //! `certs`: certificates to begin with, for a cluster of one's own.
 
-use super::{CliError, json};
+use super::{
+    CliError,
+    files::{is_there, read, read_words},
+    json,
+};
 use crate::access::Machine;
-use murmuration_link::errln;
+use murmuration_link::{InputKind, errln};
 use murmuration_proto::Invalid;
 use rcgen::{
     BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
@@ -147,17 +151,20 @@ struct Pair {
 impl Certs {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         let (ca, ca_key) = self.files("ca");
-        let adds = !self.worker.is_empty() && ca.exists() && ca_key.exists();
+        let adds = !self.worker.is_empty() && is_there(&ca)? && is_there(&ca_key)?;
         let pairs = match adds {
             true => self.add(&ca, &ca_key)?,
             false => self.make().map_err(|error| cannot(&error))?,
         };
         let files: Vec<(PathBuf, PathBuf)> = pairs.iter().map(|pair| self.files(&pair.name)).collect();
-        if let Some(there) = files.iter().flat_map(|(a, b)| [a, b]).find(|path| path.exists()) {
-            return Err(CliError::Input(format!(
-                "{} is there already: name another folder, or remove it",
-                there.display()
-            )));
+        for path in files.iter().flat_map(|(certificate, key)| [certificate, key]) {
+            if is_there(path)? {
+                let said = format!(
+                    "{} is there already: name another folder, or remove it",
+                    path.display()
+                );
+                return Err(CliError::Input(said));
+            }
         }
         fs::create_dir_all(&self.dir).map_err(|error| CliError::unwritable(&self.dir, &error))?;
         for (pair, (certificate, key)) in pairs.iter().zip(&files) {
@@ -194,8 +201,8 @@ impl Certs {
                 ca.display()
             ))
         };
-        let certificate = CertificateDer::from_pem_file(ca).map_err(|_| other())?;
-        let key = fs::read_to_string(ca_key).map_err(|error| CliError::unreadable(ca_key, &error))?;
+        let certificate = CertificateDer::from_pem_slice(&read(ca, InputKind::Pem)?).map_err(|_| other())?;
+        let key = read_words(ca_key, InputKind::Pem)?;
         let key = KeyPair::from_pem(&key).map_err(|_| other())?;
         let params = ca_params().map_err(|error| cannot(&error))?;
         let same = params.self_signed(&key).map_err(|error| cannot(&error))?;

@@ -3,17 +3,14 @@
 use super::{
     CliError, Global,
     connection::{self, CheckpointClient, Connection},
-    files::write,
+    files::{is_there, read, write},
     heard::{Heard as _, heard},
     json,
 };
-use crate::{files::is_there, local::Crew, store::DataDirectory};
-use murmuration_link::{OutputError, outln, print};
+use crate::{local::Crew, store::DataDirectory};
+use murmuration_link::{InputKind, OutputError, outln, print};
 use murmuration_proto::{CheckpointDigest, Lineage, counted, onnx::MAX_MODEL_BYTES, parts::whole, v1};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// What to do with checkpoints.
 #[derive(Debug, clap::Subcommand)]
@@ -41,9 +38,8 @@ pub(super) enum CheckpointsCommand {
 
 impl CheckpointsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let makes_data = matches!(self, Self::Import { .. })
-            && global.coordinator.is_none()
-            && !is_there(&global.data).map_err(|error| CliError::unreadable(&global.data, &error))?;
+        let makes_data =
+            matches!(self, Self::Import { .. }) && global.coordinator.is_none() && !is_there(&global.data)?;
         let ask =
             async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
         if makes_data {
@@ -138,7 +134,7 @@ pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Res
 }
 
 async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Result<(), CliError> {
-    let bytes = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
+    let bytes = read(file, InputKind::Checkpoint)?;
     let parts = Lineage::default().publish_requests(&bytes);
     let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
     let checkpoint = heard(checkpoint)?;

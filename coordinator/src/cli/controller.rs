@@ -1,17 +1,18 @@
 //! Controllers as people type them.
 
 use super::CliError;
-use murmuration_proto::{CapabilityModel, Controller, Invalid, counted};
+use murmuration_proto::{CapabilityModel, Controller, Invalid, counted, text::quoted};
 use std::f64::consts::PI;
 
-/// Reads `0.6,1,0.4,0.5` or `[0.6, 1.0, 0.4, 0.5]`; nine values make a two-sensor controller, whose angle may be
-/// written like `-pi/3` or `2pi/3`.
+/// Reads `0.6,1,0.4,0.5`, also in brackets, as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Nine values make a two-sensor
+/// controller, whose angle may be written like `-pi/3` or `2pi/3`.
 pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
-    let inner = text.trim().trim_start_matches('[').trim_end_matches(']');
-    let genes = inner
-        .split([',', ' '])
-        .filter(|gene| !gene.is_empty())
-        .map(|gene| number(gene).ok_or_else(|| Invalid::new("controller", format!("\"{text}\""), FORM)))
+    let text = text.trim();
+    let in_brackets = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    let genes = in_brackets
+        .unwrap_or(text)
+        .split(',')
+        .map(|gene| number(gene.trim()).ok_or_else(|| Invalid::new("controller", quoted(text), FORM)))
         .collect::<Result<Vec<_>, _>>()?;
     let model = CapabilityModel::ALL
         .into_iter()
@@ -21,7 +22,8 @@ pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
 }
 
 const FORM: &str = "4 wheel speeds such as 0.6,1,0.4,0.5 (single-sensor), or 8 and an angle such as \
-                    0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 (two-sensor)";
+                    0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 (two-sensor), with commas between them, and square brackets \
+                    around them all or none";
 
 /// A number, or a multiple of pi such as `pi`, `-pi/3`, `2pi/3`.
 fn number(text: &str) -> Option<f64> {
@@ -57,7 +59,7 @@ mod tests {
         check("0.6,1,0.4,0.5", &[0.6, 1.0, 0.4, 0.5]);
         check("[-0.7, -1.0, 1.0, -1.0]", &[-0.7, -1.0, 1.0, -1.0]);
         check(
-            "0 0 0 0 0 0 0 0 -pi/3",
+            " [0, 0, 0, 0, 0, 0, 0, 0, -pi/3] ",
             &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -PI / 3.0],
         );
         check(
@@ -68,7 +70,19 @@ mod tests {
 
     #[test]
     fn what_is_no_controller_is_named() {
-        for bad in ["", "1,2,3", "0.1,0.2,x,0.4", "0,0,0,2", "0,0,0,nan", "pie,0,0,0"] {
+        for bad in [
+            "",
+            "1,2,3",
+            "0.1,0.2,x,0.4",
+            "0,0,0,2",
+            "0,0,0,nan",
+            "pie,0,0,0",
+            "[0,0,0,0",
+            "0,0,0,0]",
+            "[[0,0,0,0]]",
+            "0 0 0 0",
+            "0,0,,0,0",
+        ] {
             let error = parse(bad).unwrap_err().to_string();
             assert!(error.starts_with("controller"), "{error}");
         }

@@ -142,7 +142,9 @@ impl From<BackupError> for CliError {
         let said = error.to_string();
         match error {
             BackupError::Store(error) => error.into(),
-            BackupError::NotEmpty(_) | BackupError::NoBackup { .. } => Self::Input(said),
+            BackupError::NotEmpty(_) | BackupError::Within { .. } | BackupError::NoBackup { .. } => {
+                Self::Input(said)
+            }
             _ => Self::Failed(said),
         }
     }

@@ -2,12 +2,11 @@
 
 use super::{CliError, controller, json};
 use crate::filter::{CUTOFF, METRICS, Score};
-use murmuration_link::{OutputError, errln, outln};
+use murmuration_link::{InputKind, OutputError, errln, outln, read_text, text_of};
 use murmuration_proto::Controller;
 use serde_json::{Map, Value, json};
 use std::{
-    fs,
-    io::{self, Read as _},
+    io,
     path::{Path, PathBuf},
 };
 
@@ -50,10 +49,9 @@ impl Filter {
 
 fn lines(path: &Path) -> Result<Vec<String>, CliError> {
     let read = if path == Path::new("-") {
-        let mut text = String::new();
-        io::stdin().read_to_string(&mut text).map(|_| text)
+        text_of(io::stdin(), InputKind::Controllers)
     } else {
-        fs::read_to_string(path)
+        read_text(path, InputKind::Controllers)
     };
     let text = read.map_err(|error| CliError::unreadable(path, &error))?;
     Ok(text

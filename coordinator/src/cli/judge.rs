@@ -1,29 +1,30 @@
 //! `judge`: how well the synthetic annotator agrees with people.
 
-use super::{CliError, Global, json};
+use super::{
+    CliError, Global,
+    files::{is_there, synthetic, tell_counted},
+    json,
+};
 use crate::{
     accuracy::{Labels, Swarm},
-    judge::{Pattern, Verdict, judge},
+    judge::{self, Pattern, Verdict},
     labels::ConfusionMatrix,
 };
 use murmuration_link::{OutputError, outln};
-use murmuration_worker::replay::replay;
+use murmuration_worker::replay::replay_frames;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
-use std::{num::NonZeroU32, path::PathBuf};
-
-/// Steps between the frames that are judged: the judge looks at every fourth step.
-const STRIDE: NonZeroU32 = NonZeroU32::new(4).unwrap();
+use std::path::PathBuf;
 
 /// Arguments of `judge`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Simulates the labelled swarms again and lets the rule-based judge name the class of each. A file has columns id, class,
 v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the world is the paper's where it does not say
-(docs/labels.md).
+(docs/labels.md). What the synthetic annotator answered is left out: it is this judge.
 
 Examples:
-  murmuration labels latest --csv my.csv && murmuration judge --labels my.csv
+  murmuration labels latest --csv labels.csv && murmuration judge --labels labels.csv
   murmuration judge --labels single_sensor/validation.csv
   murmuration judge --labels two_sensor/validation.csv --labels rare/validation.csv --json")]
 pub(super) struct JudgeCommand {
@@ -38,17 +39,13 @@ pub(super) struct JudgeCommand {
 impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
         self.check_starts()?;
+        let sets = self.labels.iter().map(Labels::read);
+        let sets = sets.collect::<Result<Vec<_>, _>>()?;
         let mut answers = Vec::new();
         let mut patterns = Pattern::ALL.map(PatternCounts::of);
-        for (place, file) in self.labels.iter().enumerate() {
-            let labels = Labels::read(file)?;
-            let beside = file.with_file_name("starts.csv");
-            let starts = match self.starts.get(place) {
-                Some(starts) => Some(starts),
-                None => (!labels.can_be_simulated() && beside.exists()).then_some(&beside),
-            };
+        for (place, labels) in sets.iter().enumerate() {
             let verdicts = labels
-                .swarms(starts.map(PathBuf::as_path))?
+                .swarms(self.starts_of(place, labels)?.as_deref())?
                 .par_iter()
                 .map(verdict)
                 .collect::<Result<Vec<_>, _>>()?;
@@ -61,12 +58,22 @@ impl JudgeCommand {
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(&self.to_json(&matrix, &patterns))?;
+            json::print(&self.to_json(&matrix, &patterns, synthetic(&sets)))?;
         } else {
             print_table(&matrix)?;
             print_patterns(&patterns)?;
+            tell_counted(&sets);
         }
         Ok(())
+    }
+
+    /// Where the swarms of a file start, if it does not say so itself.
+    fn starts_of(&self, place: usize, labels: &Labels) -> Result<Option<PathBuf>, CliError> {
+        if let Some(named) = self.starts.get(place) {
+            return Ok(Some(named.clone()));
+        }
+        let beside = labels.path().with_file_name("starts.csv");
+        Ok((!labels.can_be_simulated() && is_there(&beside)?).then_some(beside))
     }
 
     fn check_starts(&self) -> Result<(), CliError> {
@@ -80,7 +87,7 @@ impl JudgeCommand {
         )))
     }
 
-    fn to_json(&self, matrix: &ConfusionMatrix<&str>, patterns: &[PatternCounts]) -> Value {
+    fn to_json(&self, matrix: &ConfusionMatrix<&str>, patterns: &[PatternCounts], synthetic: u64) -> Value {
         let said = matrix.answers();
         let row = |class: &str| -> Map<String, Value> {
             let counts = said.iter().map(|&judge| (judge, matrix.count(class, judge)));
@@ -101,6 +108,7 @@ impl JudgeCommand {
             "schema": json::SCHEMA,
             "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
             "behaviours": matrix.total(),
+            "synthetic_left_out": synthetic,
             "agreed": matrix.same(),
             "kappa": matrix.kappa(),
             "judged_by_class": by_class,
@@ -147,10 +155,8 @@ impl PatternCounts {
 
 fn verdict(swarm: &Swarm) -> Result<Verdict, CliError> {
     let world = &swarm.world;
-    Ok(judge(
-        &replay(&swarm.controller, world, &swarm.start, STRIDE)?,
-        world,
-    ))
+    let motion = replay_frames(&swarm.controller, world, &swarm.start, &judge::frames(world))?;
+    Ok(judge::judge(&motion, world))
 }
 
 /// For each class that people gave, what the judge said.

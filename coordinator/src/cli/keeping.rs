@@ -15,7 +15,8 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Safe while a coordinator runs: the copy is of one instant, checked, and appears under its name once it is on disk. Run it on
-the machine of the data directory. Reports and caches are left out: they are made anew.
+the machine of the data directory. Reports and caches are left out: they are made anew. The folder must not be in the data
+directory: what is lost with that would be lost with it.
 
 Example:
   murmuration backup /backups/$(date +%F)")]
@@ -209,19 +210,14 @@ fn print(found: &Findings) -> Result<(), OutputError> {
 fn print_campaign(campaign: &CampaignFindings) -> Result<(), OutputError> {
     let CampaignFindings { stored, remains, .. } = campaign;
     let state = campaign.state.map_or("unreadable", |state| state.name());
+    let generations = counted(stored.generations.into(), "generation");
+    let entries = format!("{} of the label log", counted(stored.labels, "entry"));
     let amount = format!(
-        "{} of {} and {} of {} are whole",
-        remains.generations,
-        counted(stored.generations.into(), "generation"),
-        remains.labels,
-        counted(stored.labels, "label"),
+        "{} of {generations} and {} of {entries} are whole",
+        remains.generations, remains.labels,
     );
     let verdict = match campaign.prospect {
-        Prospect::Whole => format!(
-            "whole ({}, {})",
-            counted(stored.generations.into(), "generation"),
-            counted(stored.labels, "label"),
-        ),
+        Prospect::Whole => format!("whole ({generations}, {entries})"),
         Prospect::LacksCheckpoint => "whole, but it cannot go on without its checkpoint".to_owned(),
         Prospect::Partly => {
             format!("damaged: {amount}, and can be saved; resumed, it makes the other generations anew")

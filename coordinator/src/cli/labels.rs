@@ -3,20 +3,19 @@
 use super::{
     CliError, Global,
     connection::{self, Connection, LabelClient},
-    files::write,
+    files::{read, write},
     heard::{Heard as _, heard},
     json,
     run::CrewSize,
 };
 use crate::{
-    labels::{Annotator, Labelled, Table, to_csv},
+    labels::{Annotator, Answer, Labelled, Table, to_csv},
     local::Crew,
 };
-use murmuration_link::{OutputError, errln, outln};
+use murmuration_link::{InputKind, OutputError, errln, outln};
 use murmuration_proto::{CampaignSpec, Strategy, Text, counted, parts::whole, v1};
 use std::{
     collections::BTreeMap,
-    fs,
     path::PathBuf,
     time::{SystemTime, UNIX_EPOCH},
 };
@@ -29,8 +28,8 @@ perhaps annotator and time (milliseconds since 1970): it is what `murmuration la
 without a class are passed over. Where there are columns seed or v1, ..., they must be those of the individuals. All rows are
 stored, or none.
 
-With --synthetic the rule-based judge answers instead, from the motion of each individual; `murmuration judge` says how
-well it agrees with people.
+With --synthetic the rule-based judge answers instead, from the motion of each individual, as the annotator `synthetic`; no
+person may be called so. `murmuration judge` says how well it agrees with people.
 
 Examples:
   murmuration label latest --csv my.csv --annotator ana
@@ -107,7 +106,7 @@ impl LabelCommand {
         // What is wrong with the file is to be known before anything is started.
         let table = match &self.csv {
             Some(file) => {
-                let text = fs::read(file).map_err(|error| CliError::unreadable(file, &error))?;
+                let text = read(file, InputKind::Labels)?;
                 Some(Table::parse(file, text, self.annotator.as_ref())?)
             }
             None => None,
@@ -263,8 +262,9 @@ impl LabelsCommand {
             for answer in answers() {
                 outln!("{:>8}  {:<24} {}", answer.index, answer.answer, answer.annotator)?;
             }
-            let answers = counted(labels.len() as u64, "answer");
-            errln!("{answers}; digest of their classes {digest}");
+            let classes = answers().filter(|answer| matches!(answer.answer.parse(), Ok(Answer::Class(_))));
+            let (stand, with_class) = (counted(labels.len() as u64, "answer"), classes.count());
+            errln!("{stand} that stand, {with_class} with a class; digest of their classes {digest}");
         }
         Ok(())
     }
@@ -324,10 +324,12 @@ impl ClassesCommand {
                 .try_for_each(|class| json::print(&class))?;
             return Ok(());
         }
-        outln!("{:<24} {:<7} {:>8}", "CLASS", "COLOUR", "LABELS")?;
-        for class in classes {
+        outln!("{:<24} {:<7} {:>8}", "CLASS", "COLOUR", "ANSWERS")?;
+        for class in &classes {
             outln!("{:<24} {:<7} {:>8}", class.name, class.colour, class.labels)?;
         }
+        let answers = classes.iter().map(|class| class.labels).sum();
+        errln!("{} that stand with a class", counted(answers, "answer"));
         Ok(())
     }
 

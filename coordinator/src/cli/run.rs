@@ -3,6 +3,7 @@
 use super::{
     CliError, Global,
     connection::{self, Connection},
+    files::read_words,
     follow::{Show, follow, stage_name},
     heard::{self, heard},
     json,
@@ -10,10 +11,9 @@ use super::{
 };
 use crate::{local::Crew, store::DataDirectory};
 use murmuration_embed::Runtime;
-use murmuration_link::{OutputError, errln, outln, termination};
+use murmuration_link::{InputKind, OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, v1};
 use std::{
-    fs,
     num::NonZeroUsize,
     path::{Path, PathBuf},
     thread,
@@ -165,7 +165,7 @@ pub(super) async fn go_on(
 
 /// Reads a campaign file, with another seed if there is one.
 pub(super) fn read_spec(path: &Path, seed: Option<u64>) -> Result<CampaignSpec, CliError> {
-    let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
+    let text = read_words(path, InputKind::Campaign)?;
     let spec = CampaignSpec::from_toml(&text).map_err(|error| CliError::spec(path, &error))?;
     Ok(match seed {
         Some(seed) => spec.with_seed(seed)?,

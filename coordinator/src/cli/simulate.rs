@@ -1,12 +1,16 @@
 //! `simulate`: one controller, or a reference case, on this machine.
 
-use super::{CliError, controller, files::write, json, run::read_spec};
+use super::{
+    CliError, controller,
+    files::{Written, read_words, write},
+    json,
+    run::read_spec,
+};
 use crate::picture::{self, Animation, Paper};
-use murmuration_link::outln;
+use murmuration_link::{InputKind, outln};
 use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World, v1};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
-    fs,
     num::NonZeroU32,
     path::{Path, PathBuf},
 };
@@ -19,12 +23,15 @@ const GREY_SCALE: u32 = 10;
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
+A controller is its numbers with commas between them, as they are or in square brackets, as commands and reports print it:
+4 wheel speeds (single-sensor), or 8 and an angle (two-sensor), which may be a multiple of pi.
+
 Examples:
   murmuration simulate --controller 0.6,1,0.4,0.5 --gif milling.gif
-  murmuration simulate --controller [0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3] --seed 3 --png nested-cycle.png
+  murmuration simulate --controller 0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 --seed 3 --png nested-cycle.png
   murmuration simulate --case tests/vectors/milling_s0.json --json")]
 pub(super) struct Simulate {
-    /// Wheel speeds (and angle) of a controller: 0.6,1,0.4,0.5
+    /// Wheel speeds (and angle) of a controller, with commas between them: 0.6,1,0.4,0.5
     #[arg(
         long,
         required_unless_present = "case",
@@ -44,24 +51,37 @@ pub(super) struct Simulate {
     /// Reference case to simulate: prints the same keys with its own values
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write the whole run as an animated GIF
+    /// Write the whole run to this file, an animated GIF
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     gif: Option<PathBuf>,
-    /// Write the paths of the last steps as a large colour picture
+    /// Write the paths of the last steps to this file, a large PNG in colour
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     png: Option<PathBuf>,
-    /// Write the grey behaviour image that an embedder sees, enlarged
+    /// Write the grey behaviour image that an embedder sees to this file, an enlarged PNG
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     image: Option<PathBuf>,
 }
 
 impl Simulate {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
+        self.check_files()?;
         match (&self.case, &self.controller) {
             (Some(case), _) => simulate_case(case),
             (None, Some(controller)) => self.simulate_controller(&controller::parse(controller)?, as_json),
             (None, None) => Err(CliError::Input("give --controller or --case".to_owned())),
         }
+    }
+
+    fn check_files(&self) -> Result<(), CliError> {
+        let named = [
+            (Written::Gif, "--gif", &self.gif),
+            (Written::Png, "--png", &self.png),
+            (Written::Png, "--image", &self.image),
+        ];
+        let mut named = named
+            .into_iter()
+            .filter_map(|(kind, option, path)| Some((kind, option, path.as_ref()?)));
+        named.try_for_each(|(kind, option, path)| kind.check(option, path))
     }
 
     fn simulate_controller(&self, controller: &Controller, as_json: bool) -> Result<(), CliError> {
@@ -123,7 +143,7 @@ impl Simulate {
 }
 
 fn simulate_case(path: &Path) -> Result<(), CliError> {
-    let text = fs::read_to_string(path).map_err(|error| CliError::unreadable(path, &error))?;
+    let text = read_words(path, InputKind::Case)?;
     let named = |error| CliError::Input(format!("{}: {error}", path.display()));
     outln!(
         "{}",

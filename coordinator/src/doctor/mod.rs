@@ -7,7 +7,6 @@ mod campaign;
 mod salvage;
 
 pub use campaign::{CampaignFindings, Prospect};
-pub(crate) use salvage::is_empty;
 pub use salvage::{SalvageError, Salvaged, salvage};
 
 use crate::{

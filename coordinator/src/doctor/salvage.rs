@@ -4,11 +4,12 @@ use super::{CampaignFindings, Findings, Prospect, findings, watch};
 use crate::{
     campaign::CampaignId,
     checkpoints::{CheckpointError, Condition, Shelf},
+    files::{is_empty, without_links},
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, counted};
 use std::{
-    fs,
+    io,
     path::{Path, PathBuf},
 };
 
@@ -24,6 +25,24 @@ pub enum SalvageError {
     /// Something is there already.
     #[error("{0} is not empty: name a folder that does not exist yet")]
     NotEmpty(PathBuf),
+    /// It would be lost with what it is saved from.
+    #[error(
+        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
+    )]
+    Within {
+        /// The folder that was named.
+        path: PathBuf,
+        /// The data directory.
+        data: PathBuf,
+    },
+    /// A folder cannot be looked into.
+    #[error("cannot look into {path}: {source}")]
+    Folder {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
 }
 
 /// What was found in a data directory, and what of it is in the new one.
@@ -54,9 +73,7 @@ impl Salvaged {
 /// # Errors
 /// See [`SalvageError`].
 pub async fn salvage(data: &Path, location: Option<&str>, target: &Path) -> Result<Salvaged, SalvageError> {
-    if !is_empty(target) {
-        return Err(SalvageError::NotEmpty(target.to_path_buf()));
-    }
+    check_target(data, target)?;
     let (_watched, from, schema) = watch(data)?;
     let found = findings(&from, schema, data, location).await?;
     let whole = found
@@ -103,6 +120,25 @@ pub async fn salvage(data: &Path, location: Option<&str>, target: &Path) -> Resu
     Ok(salvaged)
 }
 
+/// Whether `target` is a folder into which something can be saved from `data`.
+fn check_target(data: &Path, target: &Path) -> Result<(), SalvageError> {
+    let folder = |path: &Path| {
+        let path = path.to_path_buf();
+        move |source| SalvageError::Folder { path, source }
+    };
+    if !is_empty(target).map_err(folder(target))? {
+        return Err(SalvageError::NotEmpty(target.to_path_buf()));
+    }
+    let whole = |path: &Path| without_links(path).map_err(folder(path));
+    match whole(target)?.starts_with(whole(data)?) {
+        true => Err(SalvageError::Within {
+            path: target.to_path_buf(),
+            data: data.to_path_buf(),
+        }),
+        false => Ok(()),
+    }
+}
+
 /// A campaign of which nothing can be copied, and why.
 fn lost(campaign: &CampaignFindings) -> (CampaignId, String) {
     let why = campaign.problems.first().cloned();
@@ -127,12 +163,4 @@ fn cut(campaign: &CampaignFindings) -> Option<String> {
             counted(stored.generations.into(), "generation"),
         )
     })
-}
-
-/// Whether there is no such folder, or nothing in it.
-pub(crate) fn is_empty(folder: &Path) -> bool {
-    match fs::read_dir(folder) {
-        Ok(mut entries) => entries.next().is_none(),
-        Err(error) => error.kind() == std::io::ErrorKind::NotFound,
-    }
 }

@@ -3,10 +3,11 @@
 //! One format for what `labels` writes and `label`, `accuracy` and `judge` read: docs/labels.md says what each column means.
 //! Limits: text in, no files.
 
-use super::{Annotator, Answer, of_cell};
+use super::{Annotator, Answer, of_cell, quotes::unclosed};
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
-    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, World, counted, v1,
+    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, World, counted, text::quoted,
+    v1,
 };
 use std::{
     path::{Path, PathBuf},
@@ -69,6 +70,22 @@ pub enum LabelFileError {
         /// Under how many names of columns.
         columns: String,
     },
+    /// Something else than commas separates the columns.
+    #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
+    Separator {
+        /// The file.
+        path: PathBuf,
+        /// What separates them.
+        separator: &'static str,
+    },
+    /// A quote is opened and not closed.
+    #[error("{}, line {line}: a cell begins with a quote, and does not end with one", path.display())]
+    Quote {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+    },
     /// A cell cannot be used.
     #[error("{}, line {line}: {error}", path.display())]
     Cell {
@@ -82,6 +99,16 @@ pub enum LabelFileError {
     /// No row has a class.
     #[error("{}: no row has a class", .0.display())]
     NoClass(PathBuf),
+    /// No person gave a class.
+    #[error(
+        "{}: no row has a class that a person gave: the synthetic annotator gave {}", path.display(), counted(*rows, "class")
+    )]
+    NoPerson {
+        /// The file.
+        path: PathBuf,
+        /// The rows in which the synthetic annotator gave a class.
+        rows: u64,
+    },
     /// The picture of a behaviour cannot be used.
     #[error("{}: {problem}", image.display())]
     Image {
@@ -98,6 +125,14 @@ impl LabelFile {
     /// # Errors
     /// Where it is not CSV, has no column `id` or `class`, or one of them twice.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
+        Self::with_columns(&["id", "class"], path, text)
+    }
+
+    /// Takes the text of a file apart that has these columns.
+    ///
+    /// # Errors
+    /// Where it is not CSV, has not one of the columns, or has it twice.
+    pub(crate) fn with_columns(needed: &[&str], path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
         let mut file = Self {
             path: path.to_owned(),
             text,
@@ -106,8 +141,9 @@ impl LabelFile {
         };
         let (columns, rows) = file.take_apart()?;
         (file.columns, file.rows) = (columns, rows);
-        file.need("id")?;
-        file.need("class")?;
+        for column in needed {
+            file.need(column)?;
+        }
         Ok(file)
     }
 
@@ -115,8 +151,16 @@ impl LabelFile {
         let mut reader = ReaderBuilder::new()
             .trim(Trim::All)
             .from_reader(self.text.as_slice());
+        if let Some(line) = unclosed(&self.text) {
+            let path = self.path.clone();
+            return Err(LabelFileError::Quote { path, line });
+        }
         let not_csv = |error: csv::Error| self.not_csv(&error);
         let columns = reader.headers().map_err(not_csv)?.clone();
+        if let Some(separator) = other_separator(&columns) {
+            let path = self.path.clone();
+            return Err(LabelFileError::Separator { path, separator });
+        }
         let rows = reader.into_records().collect::<Result<_, _>>().map_err(not_csv)?;
         Ok((columns, rows))
     }
@@ -197,6 +241,14 @@ impl LabelFile {
     }
 }
 
+/// What separates the columns, where it is no comma.
+fn other_separator(columns: &StringRecord) -> Option<&'static str> {
+    let only = columns.get(0).filter(|_| columns.len() == 1)?;
+    let others = [(';', "semicolons"), ('\t', "tabs")];
+    let other = others.into_iter().find(|(mark, _)| only.contains(*mark));
+    other.map(|(_, name)| name)
+}
+
 impl<'a> Row<'a> {
     /// What a column holds; empty where there is no such column.
     #[must_use]
@@ -222,7 +274,7 @@ impl<'a> Row<'a> {
     pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
         let shown = match self.cell(column) {
             "" => "nothing".to_owned(),
-            text => format!("\"{}\"", text.escape_debug()),
+            text => quoted(text),
         };
         self.refused(Invalid::new(column, shown, allowed))
     }
@@ -251,6 +303,12 @@ impl<'a> Row<'a> {
             ("", None) => Err(self.refuse("annotator", "a name, here or with --annotator")),
             (named, _) => of_cell(named).parse().map_err(|error| self.refused(error)),
         }
+    }
+
+    /// Whether the synthetic annotator answered, as far as the row says who did.
+    #[must_use]
+    pub fn is_synthetic(&self) -> bool {
+        Annotator::is_synthetic(of_cell(self.cell("annotator")))
     }
 
     /// When, milliseconds since 1970-01-01 UTC; 0 where the row does not say.
@@ -298,12 +356,21 @@ impl<'a> Row<'a> {
     pub fn features(&self) -> Result<Features, LabelFileError> {
         let mut features = [0.0_f64; FEATURE_NAMES.len()];
         for (feature, name) in features.iter_mut().zip(FEATURE_NAMES) {
-            *feature = self.needed(name, "a finite number")?;
-            if !feature.is_finite() {
-                return Err(self.refuse(name, "a finite number"));
-            }
+            *feature = self.finite(name)?;
         }
         Ok(features)
+    }
+
+    /// A number that is neither infinite nor none.
+    ///
+    /// # Errors
+    /// Where the column is missing, or holds something else.
+    pub(crate) fn finite(&self, column: &str) -> Result<f64, LabelFileError> {
+        let number: f64 = self.needed(column, "a finite number")?;
+        match number.is_finite() {
+            true => Ok(number),
+            false => Err(self.refuse(column, "a finite number")),
+        }
     }
 
     /// The world that it was simulated in: what the row does not say is the paper's.

@@ -14,6 +14,7 @@ mod lesson;
 mod log;
 mod names;
 mod near;
+mod quotes;
 mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};

@@ -20,7 +20,8 @@ pub struct ClassName(String);
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClassKey(String);
 
-/// Who answered: 1 to 64 characters that can be seen, no space at either end.
+/// Who answered: 1 to 64 characters that can be seen, no space at either end. A person may not be called as the synthetic
+/// annotator is: its answers are not counted as a person's.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Annotator(String);
 
@@ -111,10 +112,29 @@ impl From<&str> for ClassKey {
 }
 
 impl Annotator {
+    const SYNTHETIC: &str = "synthetic";
+
     /// The synthetic annotator: the judge that answers in a person's place.
     #[must_use]
     pub fn synthetic() -> Self {
-        Self("synthetic".to_owned())
+        Self(Self::SYNTHETIC.to_owned())
+    }
+
+    /// Whether a name is the synthetic annotator's, or reads like it: case, and what is neither letter nor digit, do not tell
+    /// two annotators apart here.
+    #[must_use]
+    pub fn is_synthetic(name: &str) -> bool {
+        let read = name.chars().filter(|letter| letter.is_alphanumeric());
+        read.flat_map(char::to_lowercase).eq(Self::SYNTHETIC.chars())
+    }
+
+    /// Somebody who may have answered: a person, or the synthetic annotator. Of a log that is on disk, a person may be called
+    /// as [`str::parse`] has come to refuse.
+    ///
+    /// # Errors
+    /// If it could never have been a name.
+    pub fn known(text: &str) -> Result<Self, Invalid> {
+        name("annotator", text, MAX_CHARS).map(Self)
     }
 }
 
@@ -163,7 +183,14 @@ impl FromStr for Annotator {
     type Err = Invalid;
 
     fn from_str(text: &str) -> Result<Self, Invalid> {
-        name("annotator", text, MAX_CHARS).map(Self)
+        match Self::is_synthetic(text) {
+            true => {
+                let allowed = "a person's name: that is the synthetic annotator's, which `murmuration label --synthetic` \
+                               has answer";
+                Err(Invalid::new("annotator", quoted(text), allowed))
+            }
+            false => Self::known(text),
+        }
     }
 }
 
@@ -276,6 +303,29 @@ mod tests {
             assert_eq!(bad.parse::<Annotator>().unwrap_err().field, "annotator");
             assert_eq!(bad.parse::<RequestId>().unwrap_err().field, "request_id");
         }
+    }
+
+    #[test]
+    fn nobody_is_called_as_the_synthetic_annotator_is() {
+        for taken in [
+            "synthetic",
+            " Synthetic ",
+            "SYN THETIC",
+            "syn-thetic_",
+            "(synthetic)",
+        ] {
+            let error = taken.parse::<Annotator>().unwrap_err();
+            assert_eq!(error.field, "annotator");
+            assert!(error.allowed.contains("a person's name"), "{error}");
+            assert!(Annotator::is_synthetic(taken));
+            // As logs have it.
+            assert!(Annotator::known(taken).is_ok());
+        }
+        for free in ["synthetic 2", "ana", "synthia"] {
+            assert_eq!(free.parse::<Annotator>().unwrap().as_str(), free);
+        }
+        let own = Annotator::synthetic();
+        assert_eq!(Annotator::known(own.as_str()), Ok(own));
     }
 
     #[test]

@@ -137,7 +137,8 @@ impl v1::label_service_server::LabelService for LabelApi {
             request_id,
             annotator,
         } = request.into_inner();
-        let (request, annotator) = (request_id.parse()?, annotator.parse()?);
+        // Whoever may answer may also take back what the synthetic annotator answered last.
+        let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
         let undone = self
             .with(move |store| -> std::result::Result<_, LabelError> {
                 let id = store.campaign(&campaign)?.id;
@@ -227,7 +228,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             second,
         } = request.into_inner();
         let annotator = |field: &str, name: String| -> Result<Annotator> {
-            let named = name.parse::<Annotator>().map_err(|error| Invalid {
+            let named = Annotator::known(&name).map_err(|error| Invalid {
                 field: field.to_owned(),
                 ..error
             });

@@ -106,7 +106,7 @@ impl DataDirectory {
     /// # Errors
     /// As `hold`, and [`StoreError::NoDirectory`].
     pub fn hold_existing(path: &Path) -> Result<Self, StoreError> {
-        if super::find(&path.join(super::Store::FILE))? {
+        if super::find_database(&path.join(super::Store::FILE))? {
             Self::hold(path)
         } else {
             Err(StoreError::NoDirectory(path.to_path_buf()))

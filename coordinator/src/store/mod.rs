@@ -41,6 +41,7 @@ use crate::files::is_there;
 use readers::Readers;
 use rusqlite::{Connection, Transaction};
 use std::{
+    io,
     path::Path,
     sync::{
         Arc, Mutex, PoisonError,
@@ -76,7 +77,7 @@ impl Store {
     /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
     pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
         let path = directory.path().join(Self::FILE);
-        if !find(&path)? {
+        if !find_database(&path)? {
             open::create(directory.path())?;
         }
         let connection = open::to_write(&path)?;
@@ -94,7 +95,7 @@ impl Store {
     /// As [`Store::open`], and [`StoreError::NoDirectory`].
     pub fn look(folder: &Path, alone: bool) -> Result<(Self, u32), StoreError> {
         let path = folder.join(Self::FILE);
-        if !find(&path)? {
+        if !find_database(&path)? {
             return Err(StoreError::NoDirectory(folder.to_path_buf()));
         }
         let (connection, version) = open::to_look(&path, alone)?;
@@ -169,6 +170,20 @@ impl Store {
 /// Whether there is something at `path`; an error where that cannot be known.
 fn find(path: &Path) -> Result<bool, StoreError> {
     is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
+}
+
+/// Whether there is a database at `path`; an error where that cannot be known, or something else has its name.
+fn find_database(path: &Path) -> Result<bool, StoreError> {
+    let failed = |error| StoreError::from_io(error, "open the database", path);
+    if !find(path)? {
+        return Ok(false);
+    }
+    let found = path.metadata().map_err(failed)?;
+    match found.is_file() {
+        true => Ok(true),
+        false if found.is_dir() => Err(failed(io::Error::other("it is a folder, and no file"))),
+        false => Err(failed(io::Error::other("it is no regular file"))),
+    }
 }
 
 fn changed<T>(

@@ -43,7 +43,7 @@ fn certificates_are_made_in_new_folders() {
 #[test]
 fn the_filter_scores_controllers() {
     let desk = Desk::new();
-    let lines = desk.write("controllers.txt", "0.6,1,0.4,0.5\n\n0 0 0 0\n");
+    let lines = desk.write("controllers.txt", "0.6,1,0.4,0.5\n\n[0, 0, 0, 0]\n");
     let scored = desk.murmuration.run(&["filter", "--file", &lines, "--json"]);
     let verdicts = scored.lines();
     assert_eq!(

@@ -1,7 +1,7 @@
 //! What is wrong is named, with the exit code that says whose fault it is.
 
 use crate::Desk;
-use std::fs;
+use std::{fs, os::unix::fs::symlink, path::Path};
 
 #[test]
 fn bad_input_is_named_with_exit_code_2() {
@@ -57,6 +57,17 @@ fn bad_input_is_named_with_exit_code_2() {
         2,
         "controller[3] = 1.5",
     );
+    let digits = format!("0,0,0,1{}", "0".repeat(300));
+    for (controller, said) in [
+        (
+            digits.as_str(),
+            "controller[3] = 1e300: must be a number from -1 to 1",
+        ),
+        ("[0,0,0,0", "square brackets around them all or none"),
+        ("0 0 0 0", "with commas between them"),
+    ] {
+        desk.check(&["simulate", "--controller", controller], 2, said);
+    }
     desk.check(
         &["simulate", "--controller", "0,0,0,0", "--model", "two-sensor"],
         2,
@@ -77,6 +88,118 @@ fn bad_input_is_named_with_exit_code_2() {
         &["submit", &desk.path("small.toml")],
         2,
         "there is no data directory",
+    );
+}
+
+#[test]
+fn a_file_that_never_ends_is_not_read_for_ever() {
+    let desk = Desk::new();
+    let endless = "/dev/zero";
+    let campaign = "cannot read /dev/zero: it is too long: a campaign file has at most 1,048,576 bytes";
+    let url = "https://127.0.0.1:9";
+    let cases = [
+        (vec!["run", endless], campaign),
+        (
+            vec!["simulate", "--controller", "0,0,0,0", "--spec", endless],
+            campaign,
+        ),
+        (
+            vec!["simulate", "--case", endless],
+            "a reference case has at most",
+        ),
+        (
+            vec!["filter", "--file", endless],
+            "a file of controllers has at most",
+        ),
+        (vec!["judge", "--labels", endless], "a file of labels has at most"),
+        (
+            vec!["label", "latest", "--csv", endless],
+            "a file of labels has at most",
+        ),
+        (
+            vec!["accuracy", "--features", "--labels", endless],
+            "a file of labels has at most",
+        ),
+        (
+            vec!["checkpoints", "import", endless],
+            "a checkpoint has at most 67,108,864 bytes",
+        ),
+        (vec!["serve", "--tokens", endless], "a tokens file has at most"),
+        (
+            vec!["list", "--coordinator", url, "--ca", endless],
+            "a PEM file has at most",
+        ),
+        (
+            vec!["list", "--coordinator", url, "--token-file", endless],
+            "a token's file has at most 4,096 bytes",
+        ),
+    ];
+    for (arguments, said) in cases {
+        desk.check(&arguments, 2, said);
+    }
+}
+
+#[test]
+fn a_picture_is_written_under_a_name_of_its_kind() {
+    let desk = Desk::new();
+    for (option, name, said) in [
+        (
+            "--gif",
+            "x.png",
+            "an animated GIF is written there; name a file that ends in .gif",
+        ),
+        (
+            "--png",
+            "x.gif",
+            "a PNG picture is written there; name a file that ends in .png",
+        ),
+        (
+            "--image",
+            "x.jpg",
+            "a PNG picture is written there; name a file that ends in .png",
+        ),
+    ] {
+        let path = desk.path(name);
+        let arguments = ["simulate", "--controller", "0,0,0,0", option, &path];
+        desk.check(&arguments, 2, &format!("{option} {path}: {said}"));
+        assert!(!Path::new(&path).exists());
+    }
+    for (option, name) in [("--png", "x.PNG"), ("--image", "x")] {
+        let path = desk.path(name);
+        desk.check(
+            &["simulate", "--controller", "0,0,0,0", option, &path],
+            0,
+            &format!("wrote {path}"),
+        );
+    }
+}
+
+#[test]
+fn what_is_no_file_of_its_kind_is_named() {
+    let desk = Desk::new();
+    let data = desk.folder.path().join("odd");
+    fs::create_dir_all(data.join("murmuration.sqlite")).unwrap();
+    let spec = desk.path("small.toml");
+    for arguments in [
+        &["list"][..],
+        &["run", &spec],
+        &["doctor"],
+        &["backup", "elsewhere"],
+    ] {
+        let data = data.display().to_string();
+        desk.check(
+            &[arguments, &["--data", &data]].concat(),
+            1,
+            &format!("cannot open the database {data}/murmuration.sqlite: it is a folder, and no file"),
+        );
+    }
+    let certs = desk.folder.path().join("certs");
+    fs::create_dir(&certs).unwrap();
+    symlink(desk.path("unmounted"), certs.join("ca.pem")).unwrap();
+    desk.check(
+        &["certs", &certs.display().to_string()],
+        2,
+        "unmounted, which is not there",
     );
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{generations, undisturbed};
 use murmuration_tests::Murmuration;
-use std::fs;
+use std::{fs, os::unix::fs::symlink, path::Path};
 
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
@@ -84,4 +84,45 @@ pub fn what_is_no_backup_is_not_put_back() {
         nothing.stderr
     );
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+pub fn a_backup_is_refused_where_it_cannot_be_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let murmuration = Murmuration::over(&data);
+    assert_eq!(murmuration.run(&["checkpoints", "import", MODEL]).code, Some(0));
+    let [unmounted, lost, link, empty, within] =
+        ["unmounted", "lost", "link", "empty", "within"].map(|name| folder.path().join(name));
+    symlink(&unmounted, &lost).unwrap();
+    symlink(&data, &within).unwrap();
+    fs::create_dir(&empty).unwrap();
+    symlink(&empty, &link).unwrap();
+    let inside = "is in the data directory";
+    for (target, code, said) in [
+        (Path::new("/dev/null/x"), 1, "Not a directory"),
+        (&lost, 1, "unmounted, which is not there"),
+        (&data.join("backups/monday"), 2, inside),
+        (&within.join("monday"), 2, inside),
+    ] {
+        let target = target.display().to_string();
+        let refused = murmuration.run(&["backup", &target]);
+        assert!(
+            refused.code == Some(code) && refused.stderr.contains(&target) && refused.stderr.contains(said),
+            "{target}: {:?} {}",
+            refused.code,
+            refused.stderr
+        );
+    }
+    assert!(!unmounted.exists() && !data.join("backups").exists() && !data.join("monday").exists());
+    let saved = data.join("saved").display().to_string();
+    let refused = murmuration.run(&["doctor", "--salvage", &saved]);
+    assert!(
+        refused.code == Some(1) && refused.stderr.contains(inside),
+        "{}",
+        refused.stderr
+    );
+    // A link to an empty folder is that folder.
+    let made = murmuration.run(&["backup", &link.display().to_string()]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    assert!(empty.join("murmuration.sqlite").exists());
 }

@@ -15,6 +15,7 @@ fn main() -> ExitCode {
     run(vec![
         test!(backup::a_backup_of_a_running_campaign_goes_on_to_the_same_digest),
         test!(backup::a_backup_makes_the_folders_above_it),
+        test!(backup::a_backup_is_refused_where_it_cannot_be_kept),
         test!(backup::what_is_no_backup_is_not_put_back),
         test!(checkpoint_store::a_bucket_that_takes_nothing_is_named_before_anything_is_computed),
         test!(checkpoint_store::a_bucket_is_tried_out_and_left_as_it_was),

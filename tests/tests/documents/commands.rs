@@ -41,6 +41,11 @@ pub fn of_the_readme() {
             "murmuration label latest --csv",
             Before("printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
         )
+        // What a person wrote is as it was.
+        .rule(
+            "murmuration judge",
+            Before("test \"$(sed -n 2p my.csv)\" = 0,ring"),
+        )
         .rule("murmuration serve", Stays("pages:"))
         .rule("murmuration-worker", Stays("connected"))
         .rule("murmuration-trainer", Stays("connected"))

@@ -2,9 +2,9 @@
 
 use crate::campaign;
 use serde_json::Value;
-use std::{fs, path::Path};
+use std::{fs, os::unix::fs::symlink, path::Path};
 
-fn write(folder: &Path, name: &str, text: &str) -> String {
+pub(crate) fn write(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     fs::write(&path, text).unwrap();
     path.display().to_string()
@@ -72,6 +72,29 @@ fn what_labels_writes_every_command_reads() {
             && columns.ends_with(",horizon"),
         "{columns}"
     );
+
+    // Its answers are nobody's who could be compared with it, and nobody may give them again.
+    for arguments in [
+        vec!["judge", "--labels", &file],
+        vec!["accuracy", "--features", "--labels", &file],
+    ] {
+        let refused = murmuration.run(&arguments);
+        let said = "no row has a class that a person gave: the synthetic annotator gave 12 classes";
+        assert!(
+            refused.code == Some(2) && refused.stderr.contains(said),
+            "{}",
+            refused.stderr
+        );
+    }
+    let refused = murmuration.run(&["label", "small-1", "--csv", &file]);
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains("line 2: annotator = \"synthetic\""),
+        "{}",
+        refused.stderr
+    );
+    // Once a person has looked at them they are that person's.
+    let machines = fs::read_to_string(&file).unwrap();
+    fs::write(&file, machines.replace(",synthetic,", ",ana,")).unwrap();
 
     // The judge says of the very motions what it said before.
     let judged = murmuration
@@ -355,4 +378,51 @@ fn classes_and_agreement_on_the_command_line() {
             refused.stderr
         );
     }
+}
+
+#[test]
+fn a_table_that_is_not_separated_by_commas_or_has_an_open_quote_is_refused() {
+    let (folder, murmuration) = campaign();
+    for (text, said) in [
+        (
+            "id;class;annotator\n1;ring;ana\n",
+            "line 1: the columns are separated by semicolons; save the file with commas",
+        ),
+        (
+            "id,class,annotator\n1,ring,ana\n2,ring,\"ana\n",
+            "line 3: a cell begins with a quote, and does not end with one",
+        ),
+    ] {
+        let file = write(folder.path(), "bad.csv", text);
+        for arguments in [
+            vec!["label", "latest", "--csv", &file],
+            vec!["judge", "--labels", &file],
+        ] {
+            let refused = murmuration.run(&arguments);
+            assert!(
+                refused.code == Some(2) && refused.stderr.contains(said),
+                "{}",
+                refused.stderr
+            );
+        }
+    }
+}
+
+#[test]
+fn a_link_that_leads_nowhere_is_not_taken_for_nothing() {
+    let (folder, murmuration) = campaign();
+    let file = write(
+        folder.path(),
+        "mine.csv",
+        "id,class,seed,v1,v2,v3,v4\n0,ring,1,0.6,1,0.4,0.5\n1,clump,2,0.6,1,0.4,0.5\n",
+    );
+    let unmounted = folder.path().join("unmounted");
+    symlink(&unmounted, folder.path().join("images")).unwrap();
+    let refused = murmuration.run(&["accuracy", "--untrained", "1", "--labels", &file]);
+    let said = format!("is a link to {}, which is not there", unmounted.display());
+    assert!(
+        refused.code == Some(2) && refused.stderr.contains(&said),
+        "{}",
+        refused.stderr
+    );
 }

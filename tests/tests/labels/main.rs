@@ -2,6 +2,7 @@
 //! whoever asks.
 
 mod annotator;
+mod counts;
 mod durability;
 mod files;
 mod service;

@@ -108,6 +108,59 @@ async fn nobody_takes_an_id_of_the_coordinators_own_requests() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn nobody_answers_as_the_synthetic_annotator() {
+    use v1::change_class_request::Change;
+    let folder = tempfile::tempdir().unwrap();
+    let (cluster, mut ana, _) = labelled(&folder).await;
+    ana.call_the_judge("1", 2).await.unwrap();
+    let before = ana.log().await;
+    let create = Change::Create(v1::CreateClass {
+        class: "wall".to_owned(),
+    });
+    let channel = cluster.channel().await;
+    for name in ["synthetic", " Synthetic", "syn thetic"] {
+        let mut impostor = Annotator::of(name, &channel);
+        let refused = [
+            impostor.say("2", &[(0, "ring")]).await.err(),
+            impostor.change("2", create.clone()).await.err(),
+            impostor.ask(v1::QueryStrategy::Random, 1, false).await.err(),
+        ];
+        for status in refused {
+            let status = status.unwrap();
+            assert_eq!(status.code(), Code::InvalidArgument, "{name}: {status}");
+            assert!(status.message().contains("a person's name"), "{status}");
+        }
+        let url = cluster.url();
+        for (page, body) in [
+            (
+                "labels",
+                r#""request_id":"2","answers":[{"index":0,"answer":"ring"}]"#,
+            ),
+            ("classes", r#""request_id":"2","class":"wall""#),
+            (
+                "questions",
+                r#""session":"1","strategy":"random","count":1,"agreement":false,"again":[]"#,
+            ),
+        ] {
+            let posted = reqwest::Client::new()
+                .post(format!("{url}/campaigns/small-1/{page}"))
+                .header("origin", &url)
+                .header("content-type", "application/json")
+                .body(format!(r#"{{"annotator":"{name}",{body}}}"#));
+            let answer = posted.send().await.unwrap();
+            assert_eq!(answer.status(), 400, "{page}");
+            let said = answer.text().await.unwrap();
+            assert!(said.contains("a person's name"), "{page}: {said}");
+        }
+    }
+    assert_eq!(ana.log().await, before);
+    // What it answered can be taken back.
+    let mut judge = Annotator::of("synthetic", &channel);
+    assert_eq!(taken_back(judge.undo("3").await.unwrap()), [1, 0]);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_said_has_a_status_and_leaves_nothing() {
     use v1::change_class_request::Change;
     let folder = tempfile::tempdir().unwrap();

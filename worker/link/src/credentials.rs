@@ -1,8 +1,8 @@
 //! What a process shows to a coordinator, and whom it takes for one: certificates and a token, from files.
 
-use crate::{Token, TokenError};
+use crate::{InputKind, Token, TokenError, read_text};
 use std::{
-    env, fs, io,
+    env, io,
     path::{Path, PathBuf},
 };
 use tonic::{
@@ -208,7 +208,7 @@ impl Interceptor for Bearer {
 /// # Errors
 /// Where the file cannot be read, or holds something else.
 pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
-    let text = fs::read_to_string(path).map_err(|source| CredentialsError::File {
+    let text = read_text(path, InputKind::Token).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
         source,
     })?;
@@ -223,7 +223,7 @@ pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
 /// # Errors
 /// Where the file cannot be read, or holds no such thing.
 pub fn read_pem(path: &Path, what: &'static str) -> Result<String, CredentialsError> {
-    let text = fs::read_to_string(path).map_err(|source| CredentialsError::File {
+    let text = read_text(path, InputKind::Pem).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
         source,
     })?;

@@ -1,9 +1,9 @@
 //! The swarms that were labelled, to be simulated again.
 
 use super::{Behaviour, Labels, Row, World};
-use crate::labels::LabelFileError;
-use csv::{ReaderBuilder, StringRecord};
-use murmuration_proto::{Controller, Invalid};
+use crate::labels::{LabelFile, LabelFileError};
+use murmuration_link::{InputKind, read_bytes};
+use murmuration_proto::Controller;
 use murmuration_worker::simulate::Start;
 use std::{collections::HashMap, path::Path};
 
@@ -61,56 +61,19 @@ impl Labels {
 }
 
 /// The poses of each behaviour's agents, by id.
-fn read_starts(file: &Path) -> Result<HashMap<String, Vec<[f64; 3]>>, LabelFileError> {
-    let refused = |error: csv::Error| LabelFileError::Unreadable {
-        path: file.to_owned(),
+fn read_starts(path: &Path) -> Result<HashMap<String, Vec<[f64; 3]>>, LabelFileError> {
+    let text = read_bytes(path, InputKind::Starts).map_err(|error| LabelFileError::Unreadable {
+        path: path.to_owned(),
         error: error.to_string(),
-    };
-    let mut reader = ReaderBuilder::new().from_path(file).map_err(refused)?;
-    let columns = reader.headers().map_err(refused)?.clone();
-    let mut places = [0; START.len()];
-    for (place, name) in places.iter_mut().zip(START) {
-        *place = columns
-            .iter()
-            .position(|column| column == name)
-            .ok_or_else(|| LabelFileError::Column {
-                path: file.to_owned(),
-                column: name.to_owned(),
-                problem: "there is no",
-                columns: columns.iter().collect::<Vec<_>>().join(", "),
-            })?;
-    }
+    })?;
+    let file = LabelFile::with_columns(&START, path, text)?;
     let mut starts: HashMap<String, Vec<[f64; 3]>> = HashMap::new();
-    for record in reader.into_records() {
-        let record = record.map_err(refused)?;
-        let poses = starts.entry(record[places[0]].to_owned()).or_default();
-        if record[places[1]] != poses.len().to_string() {
-            return Err(wrong(
-                file,
-                &record,
-                places[1],
-                "agent",
-                "the number of the next agent",
-            ));
+    for row in file.rows() {
+        let poses = starts.entry(row.cell("id").to_owned()).or_default();
+        if row.cell("agent") != poses.len().to_string() {
+            return Err(row.refuse("agent", "the number of the next agent"));
         }
-        let mut pose = [0.0; 3];
-        for ((value, place), name) in pose.iter_mut().zip(&places[2..]).zip(&START[2..]) {
-            let parsed = record[*place]
-                .parse()
-                .ok()
-                .filter(|value: &f64| value.is_finite());
-            *value = parsed.ok_or_else(|| wrong(file, &record, *place, name, "a finite number"))?;
-        }
-        poses.push(pose);
+        poses.push([row.finite("x")?, row.finite("y")?, row.finite("theta")?]);
     }
     Ok(starts)
-}
-
-fn wrong(file: &Path, record: &StringRecord, place: usize, column: &str, allowed: &str) -> LabelFileError {
-    let value = format!("\"{}\"", record[place].escape_debug());
-    LabelFileError::Cell {
-        path: file.to_owned(),
-        line: record.position().map_or(0, csv::Position::line) as usize,
-        error: Invalid::new(column, value, allowed),
-    }
 }

@@ -1,6 +1,11 @@
 //! `bench labels`: accuracy against the number of labels.
 
-use super::super::{CliError, files::write, json, run::read_spec};
+use super::super::{
+    CliError,
+    files::{Written, write},
+    json,
+    run::read_spec,
+};
 use crate::{
     accuracy::{Labels, Summary},
     label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot},
@@ -46,6 +51,9 @@ pub(in crate::cli) struct LabelsBench {
 
 impl LabelsBench {
     pub(super) fn execute(mut self, as_json: bool) -> Result<(), CliError> {
+        if let Some(file) = &self.plot {
+            Written::Svg.check("--plot", file)?;
+        }
         self.labels.sort_unstable();
         self.labels.dedup();
         let spec = read_spec(&self.spec, None)?;

@@ -56,7 +56,7 @@ fn entry(row: &Row<'_>) -> Result<Entry, StoreError> {
     let number = row.get::<_, i64>(0)?.unsigned_abs();
     let damaged = |error: Invalid| StoreError::damaged(format!("entry {number} of the label log: {error}"));
     // Earlier versions took names with characters that cannot be seen.
-    let annotator: Annotator = marked(&row.get::<_, String>(1)?).parse().map_err(damaged)?;
+    let annotator = Annotator::known(&marked(&row.get::<_, String>(1)?)).map_err(damaged)?;
     let columns = Columns {
         action: row.get(3)?,
         place: row.get(4)?,

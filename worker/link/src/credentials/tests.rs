@@ -1,6 +1,7 @@
 //! What is refused, and that nothing is shown of what is secret.
 
 use super::*;
+use std::fs;
 
 fn pem(folder: &Path, name: &str, text: &str) -> PathBuf {
     let path = folder.join(name);

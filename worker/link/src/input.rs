@@ -1,0 +1,144 @@
+//! Files that a person names: read as far as the longest of their kind goes, and no further.
+//!
+//! What a person names may be a pipe or a device that never ends. Limits: knows how long a file may be, not what is in it.
+
+use murmuration_proto::{grouped, onnx::MAX_MODEL_BYTES};
+use std::{
+    fs::File,
+    io::{self, Read},
+    path::Path,
+};
+
+/// What a file is for, which says how long it may be. Every limit leaves room for ten times what people have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InputKind {
+    /// A campaign, TOML.
+    Campaign,
+    /// Controllers, one a line.
+    Controllers,
+    /// Labels, CSV.
+    Labels,
+    /// Where swarms start, CSV.
+    Starts,
+    /// A picture of a behaviour, PNG.
+    Picture,
+    /// A reference case, JSON.
+    Case,
+    /// A checkpoint, ONNX.
+    Checkpoint,
+    /// What a backup holds, JSON.
+    Manifest,
+    /// Who may come in, TOML.
+    Tokens,
+    /// One token.
+    Token,
+    /// A certificate or a private key, PEM.
+    Pem,
+}
+
+impl InputKind {
+    /// The most bytes that such a file may have.
+    #[must_use]
+    pub const fn max_bytes(self) -> u64 {
+        match self {
+            Self::Token => 4 << 10,
+            Self::Campaign | Self::Tokens | Self::Pem => 1 << 20,
+            Self::Controllers | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
+            Self::Checkpoint => MAX_MODEL_BYTES as u64,
+            Self::Labels | Self::Starts => 256 << 20,
+        }
+    }
+
+    const fn noun(self) -> &'static str {
+        match self {
+            Self::Campaign => "a campaign file",
+            Self::Controllers => "a file of controllers",
+            Self::Labels => "a file of labels",
+            Self::Starts => "a file of starts",
+            Self::Picture => "the picture of a behaviour",
+            Self::Case => "a reference case",
+            Self::Checkpoint => "a checkpoint",
+            Self::Manifest => "the manifest of a backup",
+            Self::Tokens => "a tokens file",
+            Self::Token => "a token's file",
+            Self::Pem => "a PEM file",
+        }
+    }
+}
+
+/// A file that has more bytes than its kind allows; inside an [`io::Error`] of the kind [`io::ErrorKind::FileTooLarge`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("it is too long: {} has at most {} bytes", .0.noun(), grouped(.0.max_bytes()))]
+pub struct TooLong(pub InputKind);
+
+/// The bytes of the file at `path`.
+///
+/// # Errors
+/// What the system says, or [`TooLong`].
+pub fn read_bytes(path: &Path, kind: InputKind) -> io::Result<Vec<u8>> {
+    bytes_of(File::open(path)?, kind)
+}
+
+/// The text of the file at `path`.
+///
+/// # Errors
+/// What the system says, [`TooLong`], or that it is no UTF-8.
+pub fn read_text(path: &Path, kind: InputKind) -> io::Result<String> {
+    text_of(File::open(path)?, kind)
+}
+
+/// The text that a `reader` such as standard input gives.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn text_of(reader: impl Read, kind: InputKind) -> io::Result<String> {
+    let text = String::from_utf8(bytes_of(reader, kind)?);
+    text.map_err(|error| io::Error::new(io::ErrorKind::InvalidData, error.utf8_error()))
+}
+
+fn bytes_of(reader: impl Read, kind: InputKind) -> io::Result<Vec<u8>> {
+    let (mut bytes, most) = (Vec::new(), kind.max_bytes());
+    reader.take(most + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > most {
+        true => Err(io::Error::new(io::ErrorKind::FileTooLarge, TooLong(kind))),
+        false => Ok(bytes),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn a_file_is_read_up_to_the_longest_of_its_kind() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("token");
+        let most = InputKind::Token.max_bytes() as usize;
+        fs::write(&path, "x".repeat(most)).unwrap();
+        assert_eq!(read_text(&path, InputKind::Token).unwrap().len(), most);
+        fs::write(&path, "x".repeat(most + 1)).unwrap();
+        for error in [
+            read_text(&path, InputKind::Token).unwrap_err(),
+            read_bytes(&path, InputKind::Token).unwrap_err(),
+        ] {
+            assert_eq!(error.kind(), io::ErrorKind::FileTooLarge);
+            assert_eq!(
+                error.to_string(),
+                "it is too long: a token's file has at most 4,096 bytes"
+            );
+        }
+        // Cut within a letter it is too long all the same.
+        fs::write(&path, "é".repeat(most)).unwrap();
+        let cut = read_text(&path, InputKind::Token).unwrap_err();
+        assert_eq!(cut.kind(), io::ErrorKind::FileTooLarge);
+    }
+
+    #[test]
+    fn what_never_ends_is_not_read_for_ever() {
+        for kind in [InputKind::Campaign, InputKind::Tokens, InputKind::Case] {
+            let endless = read_text(Path::new("/dev/zero"), kind).unwrap_err();
+            assert_eq!(endless.kind(), io::ErrorKind::FileTooLarge);
+        }
+    }
+}
