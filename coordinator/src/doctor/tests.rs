@@ -60,7 +60,8 @@ async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
     connection.execute_batch(damage).unwrap();
     drop(connection);
     let found = examine(folder.path(), None).await.unwrap();
-    let target = folder.path().join("saved");
+    let elsewhere = tempfile::tempdir().unwrap();
+    let target = elsewhere.path().join("saved");
     let salvaged = salvage(folder.path(), None, &target).await.unwrap();
     if salvaged.is_empty() {
         assert!(!target.exists());
