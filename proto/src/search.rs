@@ -3,7 +3,8 @@
 use crate::{Invalid, invalid, record::record, v1};
 
 record! {
-    /// Population, archive and variation of the search; the defaults are the paper's.
+    /// Population, archive and variation of the search. Population and generations are the paper's by default; of the
+    /// others it says nothing, and their defaults are ours.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct Search {
         /// Controllers a generation, 1 to 100,000.
