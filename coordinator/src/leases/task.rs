@@ -158,6 +158,7 @@ impl<R: Agree> Task<R> {
         self.refused.retain(|by| by.machine != machine);
         self.lost.retain(|process| process.machine != machine);
         let changed = known(self) != before;
+        // Not `&= !changed`, for the reason that `acquit` gives.
         if changed {
             self.one_machine_is_enough = false;
         }
