@@ -133,6 +133,9 @@ impl Labels {
     /// # Errors
     /// See [`Refusal`]; nothing has changed then.
     pub fn record(&mut self, change: Change) -> Result<Entry, Refusal> {
+        // Here, not where a log is followed: what an older log comes to stays as it was.
+        let action = change.action.spelled();
+        let change = Change { action, ..change };
         self.check(&change.action)?;
         self.take_in(change)
     }

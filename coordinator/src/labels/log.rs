@@ -59,6 +59,29 @@ pub enum Action {
     },
 }
 
+impl Action {
+    /// The same action, with the names that it gives spelled as the paper's classes are (see [`ClassName::spelled`]).
+    pub(super) fn spelled(self) -> Self {
+        match self {
+            Self::Answer {
+                index,
+                answer: Answer::Class(class),
+            } => Self::Answer {
+                index,
+                answer: Answer::Class(class.spelled()),
+            },
+            Self::Create { class } => Self::Create {
+                class: class.spelled(),
+            },
+            Self::Rename { class, to } => Self::Rename {
+                class,
+                to: to.spelled(),
+            },
+            other => other,
+        }
+    }
+}
+
 /// One entry of a campaign's log; entries are never changed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {

@@ -95,6 +95,15 @@ impl ClassName {
         ClassKey(folded(&self.0))
     }
 
+    /// The same name as the paper's classes are spelled, if it means one of them; others are spelled as somebody did.
+    #[must_use]
+    pub fn spelled(self) -> Self {
+        let key = self.key();
+        // Their names are their own keys.
+        let paper = Class::ALL.into_iter().find(|class| class.name() == key.as_str());
+        paper.map_or(self, Self::from)
+    }
+
     /// A name from a log that is on disk: it may be one that [`str::parse`] has come to refuse.
     ///
     /// # Errors
@@ -376,6 +385,17 @@ mod tests {
             assert_ne!(key(other), key("wall_following"), "{other}");
         }
         assert_ne!(key("-"), key("_"));
+    }
+
+    #[test]
+    fn the_papers_classes_have_one_spelling_and_others_their_own() {
+        let check = |name: &str, spelled: &str| {
+            assert_eq!(name.parse::<ClassName>().unwrap().spelled().as_str(), spelled);
+        };
+        check("Wall following", "wall_following");
+        check("MILLING", "milling");
+        check("nested-cycle", "nested_cycle");
+        check("Two Rings", "Two Rings");
     }
 
     #[test]

@@ -135,33 +135,54 @@ fn answers_follow_their_class_through_renaming_and_merging() {
 fn spellings_of_a_name_are_one_class_that_is_shown_as_it_was_first() {
     let (labels, _) = check(
         &[
-            answer("ana", 1, "wall_following"),
-            answer("ben", 2, "Wall following"),
-            answer("ben", 3, "WALL-FOLLOWING"),
+            answer("ana", 1, "Two rings"),
+            answer("ben", 2, "two rings"),
+            answer("ben", 3, "TWO-RINGS"),
         ],
         &[
-            (1, "ana", "wall_following"),
-            (2, "ben", "wall_following"),
-            (3, "ben", "wall_following"),
+            (1, "ana", "Two rings"),
+            (2, "ben", "Two rings"),
+            (3, "ben", "Two rings"),
         ],
     );
-    assert_eq!(classes(&labels), [("wall_following".into(), 3)]);
+    assert_eq!(classes(&labels), [("Two rings".into(), 3)]);
     let mut labels = labels;
     let refused = labels.record(change(
         "ana",
         Action::Create {
-            class: class("Wall Following"),
+            class: class("Two Rings"),
         },
     ));
-    assert_eq!(refused, Err(Refusal::ClassExists(class("wall_following"))));
-    let itself = merge("Wall following", "wall_following");
+    assert_eq!(refused, Err(Refusal::ClassExists(class("Two rings"))));
+    let itself = merge("two rings", "Two rings");
     assert_eq!(
         labels.record(itself),
-        Err(Refusal::IntoItself(class("Wall following")))
+        Err(Refusal::IntoItself(class("two rings")))
     );
     // A person decides how it is spelled.
-    labels.record(rename("wall following", "Wall following")).unwrap();
-    assert_eq!(classes(&labels), [("Wall following".into(), 3)]);
+    labels.record(rename("two rings", "two_rings")).unwrap();
+    assert_eq!(classes(&labels), [("two_rings".into(), 3)]);
+}
+
+#[test]
+fn the_papers_classes_are_shown_as_the_paper_spells_them() {
+    let (labels, _) = check(
+        &[
+            answer("ana", 1, "Wall following"),
+            change(
+                "ana",
+                Action::Create {
+                    class: class("MILLING"),
+                },
+            ),
+            rename("wall following", "Nested Cycle"),
+        ],
+        &[(1, "ana", "nested_cycle")],
+    );
+    assert_eq!(
+        classes(&labels),
+        [("nested_cycle".into(), 1), ("milling".into(), 0)]
+    );
 }
 
 #[test]

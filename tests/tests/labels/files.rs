@@ -151,7 +151,7 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
 fn spellings_of_a_class_are_one_and_near_names_are_warned_of() {
     let (folder, murmuration) = campaign();
     let rows =
-        "id,class,annotator\n1,wall_following,ana\n2,Wall following,ana\n3,dispersal,ana\n4,Dispersal,ana\n";
+        "id,class,annotator\n1,Wall following,ana\n2,wall_following,ana\n3,Dispersal,ana\n4,dispersal,ana\n";
     let file = write(folder.path(), "spelled.csv", rows);
     let added = murmuration.run(&["label", "latest", "--csv", &file]);
     assert!(!added.stderr.contains("warning"), "{}", added.stderr);
