@@ -2,7 +2,7 @@
 
 use crate::{
     CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
-    Search, World, embedder, invalid, text, v1,
+    Search, TomlError, World, embedder, invalid, text, toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
@@ -52,7 +52,7 @@ impl CampaignSpec {
     /// # Errors
     /// Says where the text is not TOML, which field it does not know, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, SpecFileError> {
-        let message: v1::CampaignSpec = toml::from_str(text)?;
+        let message: v1::CampaignSpec = toml_errors::read(text)?;
         Ok(message.try_into()?)
     }
 
@@ -306,7 +306,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
 pub enum SpecFileError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
     #[error("{0}")]
-    Syntax(#[from] toml::de::Error),
+    Syntax(#[from] TomlError),
     /// A value that is not allowed.
     #[error("{0}")]
     Value(#[from] Invalid),
@@ -326,7 +326,7 @@ mod tests {
     const MINIMAL: &str = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n";
 
     #[test]
-    fn the_defaults_are_the_papers() {
+    fn what_is_not_said_takes_its_default() {
         let spec = CampaignSpec::from_toml(MINIMAL).unwrap();
         assert_eq!(spec.search().evaluations(), 10_000);
         assert_eq!((spec.medoids(), spec.search().neighbours()), (12, 15));

@@ -1,7 +1,7 @@
 //! Where a campaign's embedder comes from.
 
 use crate::{
-    CheckpointDigest, Dataset, ImageFormat, Invalid, Method,
+    CheckpointDigest, Dataset, ImageFormat, Invalid, Method, toml_errors,
     training::{Configuration, Recipe},
     v1,
 };
@@ -115,7 +115,9 @@ fn configuration(
     }
     let configuration = Configuration::from_table(table).map_err(|error| match error {
         crate::training::ConfigurationError::Value(invalid) => invalid.within("training"),
-        crate::training::ConfigurationError::Syntax(error) => unreadable(error.message().to_owned()),
+        crate::training::ConfigurationError::Syntax(error) => {
+            unreadable(toml_errors::within("training", &error))
+        }
     })?;
     let recipe = configuration.recipe();
     if (method == Method::Untrained) != (*recipe == Recipe::Untrained) && method != Method::Concatenate {

@@ -1,6 +1,6 @@
 //! How people, or the rule-based judge in their place, teach a campaign.
 
-use crate::{Invalid, Purpose, Stream, invalid, training::Recipe, v1};
+use crate::{Invalid, Purpose, Stream, invalid, toml_errors, training::Recipe, v1};
 use std::fmt;
 
 /// How it is chosen what to ask next.
@@ -124,7 +124,10 @@ fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
         return Recipe::named("labelled");
     };
     let unreadable = |error: toml::de::Error| {
-        let allowed = format!("a recipe for labels: {}", error.message());
+        let allowed = format!(
+            "a recipe for labels: {}",
+            toml_errors::within("feedback.recipe", &error)
+        );
         Invalid::new("recipe", "a table", allowed)
     };
     let recipe: Recipe = toml::from_str(text).map_err(unreadable)?;

@@ -20,6 +20,7 @@ mod image_format;
 mod invalid;
 mod lease_id;
 mod method;
+mod near;
 pub mod onnx;
 pub mod parts;
 mod random;
@@ -28,7 +29,9 @@ mod replay;
 mod search;
 mod seen;
 mod space;
+mod spec_sections;
 pub mod text;
+mod toml_errors;
 mod toml_names;
 pub mod training;
 mod world;
@@ -54,6 +57,7 @@ pub use search::Search;
 pub use seen::SeenPictures;
 pub use space::ControllerSpace;
 pub use text::Text;
+pub use toml_errors::TomlError;
 pub use world::World;
 
 /// The generated messages and services of the package `murmuration.v1`.

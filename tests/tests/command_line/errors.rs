@@ -28,12 +28,23 @@ fn bad_input_is_named_with_exit_code_2() {
         ),
         (
             &format!("{minimal}[world]\nraduis = 5"),
-            "unknown field `raduis`, expected one of",
+            "unknown field `raduis` in [world]: did you mean `radius`?",
+        ),
+        (
+            &format!("{minimal}[label]\npopulation = 5"),
+            "its `population` belongs in [search]",
+        ),
+        (
+            &format!("\u{feff}{minimal}[search]\npopulation = -1").replace('\n', "\r\n"),
+            "4 | population = -1\n  |              ^^\nsearch.population must be a whole number from 0 to 4294967295, not",
         ),
     ];
     for (text, said) in specs {
         desk.check(&["run", &desk.write("bad.toml", text)], 2, said);
     }
+    let marked = format!("\u{feff}{minimal}[search]\r\npopulation = 5\r\ngenerations = 3\r\n");
+    let marked = desk.write("marked.toml", &marked);
+    desk.check(&["simulate", "--controller", "0,0,0,0", "--spec", &marked], 0, "");
     desk.check(&["run", "missing.toml"], 2, "cannot read missing.toml");
     desk.check(
         &["run", &desk.path("small.toml"), "--workers", "0"],
@@ -84,6 +95,7 @@ fn bad_input_is_named_with_exit_code_2() {
         "case.json: not JSON",
     );
     desk.check(&["filter", "1,2"], 2, "controller = 2 values");
+    desk.check(&["label", "latest"], 2, "<--csv <FILE>|--synthetic <N>>");
     desk.check(
         &["submit", &desk.path("small.toml")],
         2,

@@ -1,0 +1,62 @@
+//! The sections of a campaign file, and which fields each of them has.
+
+use super::toml_errors::quoted_names;
+use crate::{
+    training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
+    v1,
+};
+use serde::de::DeserializeOwned;
+
+/// The fields of every section, by the section's name; the top of the file has none.
+pub(crate) fn sections() -> [(&'static str, Vec<String>); 14] {
+    [
+        ("", fields::<v1::CampaignSpec>()),
+        ("world", fields::<v1::World>()),
+        ("image", fields::<v1::ImageFormat>()),
+        ("controllers", fields::<v1::ControllerSpace>()),
+        ("search", fields::<v1::Search>()),
+        ("taxonomy", fields::<v1::TaxonomyFormat>()),
+        ("dataset", fields::<v1::Dataset>()),
+        ("training", fields::<Settings>()),
+        ("training.network", fields::<NetworkSettings>()),
+        ("training.recipe.in-batch", fields::<InBatch>()),
+        ("training.recipe.paper", fields::<RandomTriplets>()),
+        ("feedback", fields::<v1::Feedback>()),
+        ("feedback.recipe.labelled", fields::<Labelled>()),
+        ("feedback.recipe.paper-labelled", fields::<PaperLabelled>()),
+    ]
+}
+
+/// The fields of a message, which it names itself when it is asked for one that it does not have.
+fn fields<T: DeserializeOwned>() -> Vec<String> {
+    match toml::from_str::<T>("'?' = 0") {
+        Ok(_) => Vec::new(),
+        Err(error) => quoted_names(error.message()).skip(1).map(str::to_owned).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_section_has_fields_and_every_table_of_a_campaign_file_is_a_section() {
+        let sections = sections();
+        for (section, fields) in &sections {
+            assert!(!fields.is_empty(), "{section}");
+        }
+        let has = |name: &str| sections.iter().any(|(section, _)| *section == name);
+        let spec = crate::CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap();
+        let table: toml::Table = spec.to_toml().parse().unwrap();
+        let mut open = vec![(String::new(), table)];
+        while let Some((path, table)) = open.pop() {
+            // A recipe's table holds its name, and nothing else.
+            assert!(has(&path) || path.ends_with("recipe"), "{path}");
+            for (name, value) in table {
+                if let toml::Value::Table(inner) = value {
+                    open.push((format!("{path}.{name}").trim_matches('.').to_owned(), inner));
+                }
+            }
+        }
+    }
+}

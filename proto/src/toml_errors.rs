@@ -1,0 +1,319 @@
+//! What is wrong with a campaign file, in words for the person who wrote it: serde's are for programmers.
+
+use crate::{Text, near::nearest, spec_sections::sections};
+use serde::de::DeserializeOwned;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+
+/// Why a text is not the TOML of a campaign: where, what is wrong there, and what is allowed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct TomlError(Text);
+
+/// Reads a campaign file: a mark of the byte order before it, and the ends of its lines, do not matter.
+pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
+    let text = text
+        .strip_prefix('\u{feff}')
+        .unwrap_or(text)
+        .replace("\r\n", "\n");
+    toml::from_str(&text).map_err(|error| {
+        let field = error.span().and_then(|span| field_at(&text, &span));
+        let shown = error.to_string();
+        let place = shown.trim_end().strip_suffix(error.message()).unwrap_or_default();
+        let what = what_is_wrong(error.message(), &field.unwrap_or_default());
+        TomlError(Text::lines(&format!("{place}{what}")))
+    })
+}
+
+/// What is wrong within `section`, which was read from a table: without the place in the file.
+pub(crate) fn within(section: &str, error: &toml::de::Error) -> String {
+    let shown = error.to_string();
+    let inner = shown
+        .trim_end()
+        .rsplit_once("\nin `")
+        .map(|(_, rest)| rest.trim_end_matches('`'));
+    let keys = inner.into_iter().flat_map(|keys| keys.split('.'));
+    let field = Field {
+        path: section.split('.').chain(keys).map(str::to_owned).collect(),
+        inner: Vec::new(),
+    };
+    what_is_wrong(error.message(), &field)
+}
+
+/// The field that an error is about.
+#[derive(Debug, Default)]
+struct Field {
+    /// The names of the tables that it is in, and its own; of an error without a place, of the tables alone.
+    path: Vec<String>,
+    /// What is in it, if it is a table.
+    inner: Vec<String>,
+}
+
+/// What serde's `message` about a field means.
+fn what_is_wrong(message: &str, field: &Field) -> String {
+    let path = &field.path[..];
+    let Some((what, expected)) = message.rsplit_once(", expected ") else {
+        return message.to_owned();
+    };
+    let found = what
+        .strip_prefix("invalid type: ")
+        .or_else(|| what.strip_prefix("invalid value: "))
+        .or_else(|| what.strip_prefix("invalid "));
+    if let Some(found) = found {
+        let named = match path {
+            [] => String::new(),
+            path => format!("{} ", path.join(".")),
+        };
+        let found = quoted_names(found).next().unwrap_or(found);
+        let found = found.strip_prefix("string ").unwrap_or(found);
+        return format!("{named}must be {}, not {found}", allowed(expected));
+    }
+    let Some(name) = quoted_names(what).next() else {
+        return message.to_owned();
+    };
+    let known: Vec<&str> = quoted_names(expected).collect();
+    if what.starts_with("unknown variant") {
+        let meant = nearest(name, known.iter().copied());
+        let meant = meant.map_or(String::new(), |meant| format!("did you mean `{meant}`? "));
+        return format!("unknown value `{name}`: {meant}It may be {}", list(&known, "or"));
+    }
+    // With a place the path ends with the field itself.
+    let section = match path.split_last() {
+        Some((last, outer)) if last == name => outer.join("."),
+        _ => path.join("."),
+    };
+    unknown_field(name, &field.inner, &section, &known)
+}
+
+/// A field that its section does not have, what a person may have meant by it (and by what is in it), and what there is.
+fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
+    let sections = sections();
+    // A recipe is named in the path of its fields, but not in that of an error about them.
+    let same = sections
+        .iter()
+        .find(|(name, fields)| name.starts_with(section) && fields.iter().eq(known));
+    let (within, here) = match same.map_or(section, |(name, _)| *name) {
+        "" => (String::new(), "The top of the file".to_owned()),
+        section => (format!(" in [{section}]"), format!("[{section}]")),
+    };
+    let meant = meant(name, inner, known, &sections);
+    let meant = meant.map_or(".".to_owned(), |meant| format!(": {meant}"));
+    let fields = list(known, "and");
+    format!("unknown field `{name}`{within}{meant} {here} has {fields}")
+}
+
+/// Where a field belongs that is unknown where it was written, or which one may have been meant.
+fn meant(name: &str, inner: &[String], known: &[&str], sections: &[(&str, Vec<String>)]) -> Option<String> {
+    let homes = |name: &str| {
+        let has = |fields: &[String]| fields.iter().any(|field| field == name);
+        let homes = sections.iter().filter(|(_, fields)| has(fields));
+        let homes: Vec<String> = homes.map(|(section, _)| place(section)).collect();
+        (!homes.is_empty()).then(|| homes.join(" or "))
+    };
+    let near = |known: &mut dyn Iterator<Item = &str>| nearest(name, known).map(str::to_owned);
+    if let Some(homes) = homes(name) {
+        return Some(format!("it belongs {homes}."));
+    }
+    if let Some(meant) = near(&mut known.iter().copied()) {
+        return Some(format!("did you mean `{meant}`?"));
+    }
+    let mut inner = inner.iter();
+    if let Some((name, homes)) = inner.find_map(|name| Some((name, homes(name)?))) {
+        return Some(format!("its `{name}` belongs {homes}."));
+    }
+    let mut fields = sections.iter().flat_map(|(_, fields)| fields).map(String::as_str);
+    let meant = near(&mut fields)?;
+    let homes = homes(&meant)?;
+    Some(format!("did you mean `{meant}`, which belongs {homes}?"))
+}
+
+/// Where in a campaign file the fields of a section are.
+fn place(section: &str) -> String {
+    match section {
+        "" => "at the top of the file, before every [section]".to_owned(),
+        section => format!("in [{section}]"),
+    }
+}
+
+/// What serde calls a type, as what a person may write.
+fn allowed(expected: &str) -> String {
+    match expected {
+        "u8" => format!("a whole number from 0 to {}", u8::MAX),
+        "u16" => format!("a whole number from 0 to {}", u16::MAX),
+        "u32" => format!("a whole number from 0 to {}", u32::MAX),
+        // TOML's whole numbers are signed.
+        "u64" | "usize" => format!("a whole number from 0 to {}", i64::MAX),
+        "i32" | "i64" => "a whole number".to_owned(),
+        "f32" | "f64" => "a number".to_owned(),
+        "a boolean" => "true or false".to_owned(),
+        "a string" => "a text in quotes".to_owned(),
+        "a sequence" => "a list such as [1, 2]".to_owned(),
+        "a map" => "a table".to_owned(),
+        other if other.starts_with("struct ") => "a table".to_owned(),
+        other => match other.strip_prefix("an array of length ") {
+            Some(length) => format!("a list of {length}"),
+            None => other.to_owned(),
+        },
+    }
+}
+
+/// What stands between backticks.
+pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
+    message.split('`').skip(1).step_by(2)
+}
+
+fn list(names: &[&str], before_last: &str) -> String {
+    let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+    match quoted.split_last() {
+        None => "nothing".to_owned(),
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} {before_last} {last}", others.join(", ")),
+    }
+}
+
+/// The field whose name or value stands at `span`.
+fn field_at(text: &str, span: &Range<usize>) -> Option<Field> {
+    find(DeTable::parse(text).ok()?.get_ref(), span)
+}
+
+fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Field> {
+    let names = |table: &DeTable<'_>| table.keys().map(|name| name.get_ref().to_string()).collect();
+    table.iter().find_map(|(name, value)| {
+        let is_here = |value: &DeValue<'_>| match value {
+            DeValue::Array(values) => values.iter().any(|value| value.span() == *span),
+            _ => false,
+        };
+        let mut field = if name.span() == *span || value.span() == *span || is_here(value.get_ref()) {
+            Field {
+                path: Vec::new(),
+                inner: value.get_ref().as_table().map_or_else(Vec::new, names),
+            }
+        } else {
+            find(value.get_ref().as_table()?, span)?
+        };
+        field.path.insert(0, name.get_ref().to_string());
+        Some(field)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::CampaignSpec;
+
+    const BEGINNING: &str = "model = \"single-sensor\"\nmethod = \"latent\"\n";
+
+    #[track_caller]
+    fn check(rest: &str, said: &str) {
+        let text = format!("{BEGINNING}{rest}");
+        let error = CampaignSpec::from_toml(&text).unwrap_err().to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert!(
+            !error.contains("expected u") && !error.ends_with('\n'),
+            "{error:?}"
+        );
+        // Neither what some editors put before a text nor how they end lines changes a word.
+        let edited = format!("\u{feff}{}", text.replace('\n', "\r\n"));
+        assert_eq!(CampaignSpec::from_toml(&edited).unwrap_err().to_string(), error);
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
+        let whole = "search.population must be a whole number from 0 to 4294967295, not";
+        for value in ["-1", "1.5", "\"many\"", "99999999999", "true"] {
+            check(
+                &format!("[search]\npopulation = {value}"),
+                &format!("{whole} {value}"),
+            );
+        }
+        check(
+            "[search]\npopulation = -1",
+            "line 4, column 14\n  |\n4 | population = -1\n",
+        );
+        check(
+            "seed = -1",
+            "seed must be a whole number from 0 to 9223372036854775807",
+        );
+        check("filter = 1", "filter must be true or false, not 1");
+        check("search = 1", "search must be a table, not 1");
+        check("name = 3", "name must be a text in quotes, not 3");
+        check(
+            "[world]\nwidth = \"x\"",
+            "world.width must be a number, not \"x\"",
+        );
+        check(
+            "controllers = { angles = 3 }",
+            "controllers.angles must be a list",
+        );
+        check(
+            "[controllers]\nangles = [\"x\"]",
+            "controllers.angles must be a number",
+        );
+        check(
+            "[training]\nheld_out = true",
+            "training.held_out must be a number, not true",
+        );
+        check(
+            "[training.recipe.in-batch]\nepochs = -3",
+            "must be a whole number from 0 to",
+        );
+        check("[training.recipe.in-batch]\ncrop = [1.0]", "must be a list of 2");
+    }
+
+    #[test]
+    fn an_unknown_field_is_told_what_may_have_been_meant() {
+        check("sed = 1", "unknown field `sed`: did you mean `seed`?");
+        check(
+            "[search]\npopluation = 5",
+            "in [search]: did you mean `population`? [search] has",
+        );
+        check(
+            "[serch]\npopulation = 5",
+            "unknown field `serch`: did you mean `search`?",
+        );
+        check(
+            "[training.network]\nnmae = 1",
+            "in [training.network]: did you mean `name`?",
+        );
+        check(
+            "[training.recipe.in-batch]\nepoch = 3",
+            "unknown field `epoch` in [training.recipe.in-batch]: did you mean `epochs`?",
+        );
+        check(
+            "[training.recipe.inbatch]\nepochs = 3",
+            "unknown value `inbatch`: did you mean `in-batch`?",
+        );
+        check(
+            "xyzzy = 1",
+            "unknown field `xyzzy`. The top of the file has `name`",
+        );
+    }
+
+    #[test]
+    fn a_field_of_another_section_is_told_where_it_belongs() {
+        check(
+            "population = 5",
+            "unknown field `population`: it belongs in [search]",
+        );
+        check(
+            "[image]\npopulation = 5",
+            "unknown field `population` in [image]: it belongs in [search]. [image] has `resolution` and `window`",
+        );
+        check(
+            "[label]\npopulation = 5",
+            "unknown field `label`: its `population` belongs in [search]",
+        );
+        check("[image]\nstarts = 5", "it belongs in [dataset] or in [feedback]");
+        check(
+            "[image]\nmethod = 5",
+            "it belongs at the top of the file, before every [section]",
+        );
+        check(
+            "[image]\npopluation = 5",
+            "did you mean `population`, which belongs in [search]?",
+        );
+        check(
+            "[training]\nmargin = 5",
+            "it belongs in [training.recipe.in-batch] or in",
+        );
+    }
+}
