@@ -45,7 +45,7 @@ pub(super) struct Adopt {
 /// Arguments of `refine`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The embedder is fine-tuned on the classes that people (or `label --synthetic`) gave, the archive moves to it, and the
+The embedder is fine-tuned on the classes that people (or `label --synthetic`) gave, the archive moves to it, and the \
 search goes on for as many generations as the campaign's `feedback.generations` says. Repeat it as often as you like.
 
 Example:
@@ -80,7 +80,7 @@ impl Submit {
             heard(connection.client.create_campaign(request).await?)
         };
         let campaign = connection::with(global, Crew::NONE, submit).await?;
-        let next = format!("murmuration watch {}", campaign.id);
+        let next = format!("watch {}", campaign.id);
         Ok(changed(global, &campaign, campaign.state(), "submitted", &next)?)
     }
 }
@@ -139,11 +139,42 @@ pub(super) fn changed(
     }
     outln!("{}", campaign.id)?;
     if campaign.state() == expected {
-        errln!("campaign {} {what}; next: {next}", campaign.id);
+        errln!("campaign {} {what}; next: {}", campaign.id, global.next(next));
     } else {
-        errln!("campaign {} is {} by now", campaign.id, state(campaign));
+        let next = what_next(global, campaign);
+        errln!("campaign {} is {} by now; {next}", campaign.id, state(campaign));
     }
     Ok(())
+}
+
+/// What to type next about a campaign that has stopped.
+pub(super) fn what_next(global: &Global, campaign: &v1::Campaign) -> String {
+    let id = &campaign.id;
+    let spec = campaign.spec.clone().map(CampaignSpec::try_from);
+    let is_taught = matches!(&spec, Some(Ok(spec)) if spec.feedback().is_some());
+    let next = match campaign.state() {
+        v1::CampaignState::Completed => format!("report {id}"),
+        v1::CampaignState::Running if campaign.active => format!("watch {id}"),
+        v1::CampaignState::Running | v1::CampaignState::Paused | v1::CampaignState::Failed => {
+            format!("resume {id}")
+        }
+        v1::CampaignState::Cancelled | v1::CampaignState::Unspecified => "list".to_owned(),
+    };
+    let next = format!("next: {}", global.next(&next));
+    if campaign.state() == v1::CampaignState::Completed && is_taught {
+        let label = global.next(&format!("label {id} --csv FILE"));
+        return format!("{next}; to teach it what looks alike: {label} (or --synthetic N)");
+    }
+    next
+}
+
+/// Why a campaign that failed did, and what to type next.
+pub(super) fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
+    let (id, error) = (&campaign.id, &campaign.error);
+    CliError::Failed(format!(
+        "campaign {id} failed: {error}; {}",
+        what_next(global, campaign)
+    ))
 }
 
 pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
@@ -158,16 +189,17 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
     };
     let (last, own) = connection::with(global, Crew::NONE, watch).await?;
     match last.state() {
-        v1::CampaignState::Failed => Err(CliError::Failed(format!("campaign {}: {}", last.id, last.error))),
+        v1::CampaignState::Failed => Err(failed(global, &last)),
         v1::CampaignState::Running if own => {
-            let said = format!(
-                "campaign {} was interrupted: `murmuration resume {}`",
-                last.id, last.id
-            );
-            Err(CliError::Failed(said))
+            let next = what_next(global, &last);
+            Err(CliError::Failed(format!(
+                "campaign {} was interrupted; {next}",
+                last.id
+            )))
         }
         _ => {
-            errln!("campaign {} is {}", last.id, state(&last));
+            let next = what_next(global, &last);
+            errln!("campaign {} is {}; {next}", last.id, state(&last));
             Ok(())
         }
     }
@@ -319,7 +351,7 @@ pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliErro
         heard(connection.client.pause_campaign(request).await?)
     };
     let campaign = connection::with(global, Crew::NONE, pause).await?;
-    let next = format!("murmuration resume {}", campaign.id);
+    let next = format!("resume {}", campaign.id);
     let paused = v1::CampaignState::Paused;
     Ok(changed(global, &campaign, paused, "is paused", &next)?)
 }
@@ -333,13 +365,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
     };
     let campaign = connection::with(global, Crew::NONE, cancel).await?;
     let cancelled = v1::CampaignState::Cancelled;
-    Ok(changed(
-        global,
-        &campaign,
-        cancelled,
-        "is cancelled",
-        "murmuration list",
-    )?)
+    Ok(changed(global, &campaign, cancelled, "is cancelled", "list")?)
 }
 
 pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {

@@ -56,7 +56,7 @@ impl CliError {
         ))
     }
 
-    /// A command for a running coordinator where there is only a data directory.
+    /// A command that needs a data directory for itself: where another process holds it, the `hint` says what to do.
     pub(super) fn busy(error: StoreError, hint: &str) -> Self {
         match error {
             StoreError::InUse { .. } => Self::Failed(format!("{error}: {hint}")),

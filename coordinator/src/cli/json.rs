@@ -35,6 +35,7 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
     let search = spec.as_ref().map(|spec| *spec.search());
     let evaluations =
         |generations| search.map(|search| u64::from(generations) * u64::from(search.population()));
+    let in_stage = |stage| campaign.active && campaign.stage() == stage;
     json!({
         "schema": SCHEMA,
         "campaign": campaign.id,
@@ -48,8 +49,7 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "evaluations_done": evaluations(campaign.generations_done).map(|done| done + u64::from(campaign.evaluated_in_generation)),
         "evaluations": evaluations(campaign.generations),
         "evaluations_per_second": campaign.evaluations_per_second,
-        "best_novelty": campaign.best_novelty,
-        "mean_novelty": campaign.mean_novelty,
+        "novelty_of_the_last_generation": novelty(campaign),
         "workers": campaign.workers,
         "trainers": campaign.trainers,
         "stage": campaign.stage().as_str_name().trim_start_matches("CAMPAIGN_STAGE_").to_lowercase().replace('_', "-"),
@@ -60,11 +60,17 @@ pub(super) fn campaign(campaign: &v1::Campaign) -> Value {
         "next_checkpoint": campaign.next_checkpoint,
         "embedded": campaign.embedded,
         "rounds_done": campaign.rounds_done,
-        "labelled": campaign.labelled,
+        "labelled_in_this_stage": in_stage(v1::CampaignStage::Label).then_some(campaign.labelled),
         "notices": campaign.notices.iter().map(notice).collect::<Vec<_>>(),
         "waiting": campaign.waiting,
         "spec": spec.map(|spec| spec.to_toml()),
     })
+}
+
+/// Novelty of the individuals of the last complete generation, when they were evaluated.
+fn novelty(campaign: &v1::Campaign) -> Option<Value> {
+    let (best, mean) = (campaign.best_novelty?, campaign.mean_novelty?);
+    Some(json!({ "best": best, "mean": mean }))
 }
 
 fn training(progress: &v1::TrainingProgress) -> Value {

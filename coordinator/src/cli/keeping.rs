@@ -11,11 +11,15 @@ use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::counted;
 use std::path::{Path, PathBuf};
 
+/// How a data directory is examined that another process holds.
+const WHILE_IN_USE: &str = "stop that process first; or, while it runs, make a checked copy with `murmuration backup NEW_DIR` and \
+                            examine that with `murmuration doctor --data NEW_DIR`";
+
 /// Arguments of `backup`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Safe while a coordinator runs: the copy is of one instant, checked, and appears under its name once it is on disk. Run it on
-the machine of the data directory. Reports and caches are left out: they are made anew. The folder must not be in the data
+Safe while a coordinator runs: the copy is of one instant, checked, and appears under its name once it is on disk. Run it on \
+the machine of the data directory. Reports and caches are left out: they are made anew. The folder must not be in the data \
 directory: what is lost with that would be lost with it.
 
 Example:
@@ -28,7 +32,7 @@ pub(super) struct Backup {
 /// Arguments of `restore`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Puts a backup back as the data directory (--data), which must be empty or not exist. Campaigns that were running go on with
+Puts a backup back as the data directory (--data), which must be empty or not exist. Campaigns that were running go on with \
 the next `murmuration serve`, or `murmuration resume`.
 
 Example:
@@ -41,8 +45,8 @@ pub(super) struct Restore {
 /// Arguments of `doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. With
---salvage, 0: what is whole was copied, and what is lost was named; 1: nothing could be saved, and no new folder was made.
+Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. With \
+--salvage, 0: what is whole was copied, and what is lost was named; 1: nothing could be saved, and no new folder was made. \
 What is lost of an archive is made anew when its campaign is resumed from what was saved.
 
 Example:
@@ -96,9 +100,7 @@ impl Doctor {
         of_this_machine(global)?;
         let location = global.checkpoint_store.as_deref();
         let held = |error: StoreError| match error {
-            StoreError::InUse { .. } => CliError::Failed(format!(
-                "{error}: stop that first, or `murmuration backup DIR`, which checks what it copies, and doctor --data DIR"
-            )),
+            StoreError::InUse { .. } => CliError::busy(error, WHILE_IN_USE),
             StoreError::Damaged { path, reason } => CliError::Failed(format!(
                 "nothing of {} can be read ({reason}): `murmuration restore` puts a backup back",
                 path.display()

@@ -87,6 +87,37 @@ impl Global {
     fn credentials(&self) -> Result<Credentials, CredentialsError> {
         Credentials::read(&self.trust, &IdentityFiles::default())
     }
+
+    /// A command to type next: `words`, with what names the same coordinator or data directory as this command line did.
+    fn next(&self, words: &str) -> String {
+        let (option, place) = match &self.coordinator {
+            Some(url) => ("coordinator", url.clone()),
+            None => ("data", self.data.display().to_string()),
+        };
+        let is_default = Self::defaults(option)
+            .iter()
+            .flatten()
+            .any(|default| *default == place);
+        if is_default {
+            return format!("murmuration {words}");
+        }
+        format!("murmuration {words} --{option} {}", quoted(&place))
+    }
+
+    /// What an option is without being named: by the environment, and by itself.
+    fn defaults(option: &str) -> [Option<String>; 2] {
+        let command = command();
+        let option = command
+            .get_arguments()
+            .find(|argument| argument.get_long() == Some(option));
+        let text = |value: &std::ffi::OsStr| value.to_str().map(str::to_owned);
+        let environment = option.and_then(clap::Arg::get_env).and_then(std::env::var_os);
+        let own = option.and_then(|option| option.get_default_values().first());
+        [
+            environment.as_deref().and_then(text),
+            own.and_then(|own| text(own)),
+        ]
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -235,6 +266,15 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
             Ok(print(String::from_utf8_lossy(&script))?)
         }
     }
+}
+
+/// A word of a command line as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./:=@%+,".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
 }
 
 /// Servers tell what they do; other commands only what goes wrong.

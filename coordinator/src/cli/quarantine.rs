@@ -62,7 +62,7 @@ fn list(global: &Global) -> Result<(), CliError> {
 fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
     let held = |error: StoreError| match error {
         StoreError::InUse { .. } => {
-            CliError::Failed(format!("{error}: stop that first, and start it afterwards"))
+            CliError::busy(error, "stop that process first, and start it again afterwards")
         }
         error => error.into(),
     };

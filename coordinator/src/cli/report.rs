@@ -7,7 +7,7 @@ use super::{
     heard::{self, heard},
 };
 use crate::{campaign::CampaignId, gather, local::Crew, report};
-use murmuration_link::outln;
+use murmuration_link::{errln, outln};
 use murmuration_proto::v1;
 use std::path::{Path, PathBuf};
 
@@ -41,7 +41,15 @@ impl ReportCommand {
         let request = v1::GetCampaignRequest {
             campaign: self.campaign.clone(),
         };
-        let id = heard::id(&heard(connection.client.get_campaign(request).await?)?)?;
+        let campaign = heard(connection.client.get_campaign(request).await?)?;
+        let is_done = campaign.state() == v1::CampaignState::Completed;
+        if is_done && campaign.workers == 0 && !connection.is_own() {
+            errln!(
+                "waiting: the coordinator has no worker, which simulates the behaviours of a report again: start one with \
+                 `murmuration-worker --coordinator URL`"
+            );
+        }
+        let id = heard::id(&campaign)?;
         let folder = self
             .out
             .clone()

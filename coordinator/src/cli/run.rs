@@ -6,10 +6,13 @@ use super::{
     files::read_words,
     follow::{Show, follow, stage_name},
     heard::{self, heard},
-    json,
+    json, quoted,
     report::write_report,
 };
-use crate::{local::Crew, store::DataDirectory};
+use crate::{
+    local::Crew,
+    store::{DataDirectory, StoreError},
+};
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, v1};
@@ -86,8 +89,7 @@ impl Run {
                 format!("`run` does everything in this process; for the coordinator at {url} use `submit`");
             return Err(CliError::Input(hint));
         }
-        let data = DataDirectory::hold(&global.data)
-            .map_err(|error| CliError::busy(error, "hand the campaign to it with `murmuration submit`"))?;
+        let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
         if spec.method().embeds() {
             // To be told after the dataset is simulated would be late.
             Runtime::load()?;
@@ -110,6 +112,23 @@ impl Run {
         };
         let reported = connection::with_own(global, data, crew, run).await?;
         Ok(reported.print(global)?)
+    }
+}
+
+impl Run {
+    /// Another process holds the data directory: it can run the campaign too.
+    fn held(&self, error: StoreError, global: &Global) -> CliError {
+        let StoreError::InUse { holder, .. } = &error else {
+            return error.into();
+        };
+        if holder.address.is_empty() {
+            return CliError::busy(error, "wait until that has ended, or name another --data DIR");
+        }
+        let seed = self.seed.map_or(String::new(), |seed| format!(" --seed {seed}"));
+        let submit = format!("submit {}{seed}", quoted(&self.spec.display().to_string()));
+        // By the data directory `submit` finds the process, and the token that it asks for.
+        let submit = global.next(&submit);
+        CliError::busy(error, &format!("to hand the campaign to that process: {submit}"))
     }
 }
 
@@ -155,7 +174,7 @@ pub(super) async fn go_on(
     match reported {
         Some(reported) => reported.print(global)?,
         None => {
-            let next = format!("murmuration watch {}", campaign.id);
+            let next = format!("watch {}", campaign.id);
             let running = v1::CampaignState::Running;
             super::campaigns::changed(global, &campaign, running, what, &next)?;
         }
@@ -210,7 +229,8 @@ async fn to_report(
     let (digest, report) = tokio::select! {
         last = follow(&mut connection.client, campaign, Show::Person) => finish(connection, global, last?).await?,
         signal = termination() => return Err(CliError::Failed(format!(
-            "{signal}; everything up to the last complete generation is kept: `murmuration resume {campaign}`"
+            "{signal}; everything up to the last complete generation is kept; next: {}",
+            global.next(&format!("resume {campaign}"))
         ))),
     };
     Ok(Reported {
@@ -228,14 +248,11 @@ async fn finish(
 ) -> Result<(v1::GetDigestResponse, PathBuf), CliError> {
     match last.state() {
         v1::CampaignState::Completed => {}
-        v1::CampaignState::Failed => {
-            return Err(CliError::Failed(format!("campaign {}: {}", last.id, last.error)));
-        }
+        v1::CampaignState::Failed => return Err(super::campaigns::failed(global, &last)),
         _ => {
-            return Err(CliError::Failed(format!(
-                "campaign {} was stopped by someone else",
-                last.id
-            )));
+            let next = super::campaigns::what_next(global, &last);
+            let said = format!("somebody else stopped campaign {}; {next}", last.id);
+            return Err(CliError::Failed(said));
         }
     }
     let id = heard::id(&last)?;

@@ -15,6 +15,10 @@ use std::{
     path::PathBuf,
 };
 
+/// What to do where another process holds the data directory.
+const ONE_COORDINATOR: &str =
+    "one coordinator serves a data directory at a time; stop that process first, or name another --data DIR";
+
 /// Port on which coordinators listen unless told otherwise.
 const PORT: u16 = 7700;
 
@@ -63,8 +67,8 @@ pub(super) struct Serve {
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let entrance = self.entrance()?;
-        let data = DataDirectory::hold(&global.data)
-            .map_err(|error| CliError::busy(error, "one coordinator serves a data directory at a time"))?;
+        let data =
+            DataDirectory::hold(&global.data).map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
             data,
             entrance,

@@ -49,6 +49,10 @@ fn a_run_ends_with_one_object_and_a_report() {
         (&listed["campaign"], &listed["state"]),
         (&"small-1".into(), &"completed".into())
     );
+    let novelty = &listed["novelty_of_the_last_generation"];
+    assert!(novelty["best"].as_f64().unwrap() >= novelty["mean"].as_f64().unwrap());
+    // Nobody labels in a stage that is over.
+    assert!(listed["labelled_in_this_stage"].is_null());
     let shown = desk
         .murmuration
         .run(&["show", "latest", "--index", "99", "--json"])

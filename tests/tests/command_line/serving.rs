@@ -13,20 +13,51 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
     let line = serving.wait_for("serving");
     let url = line.rsplit(' ').next().unwrap().to_owned();
     let spec = desk.path("small.toml");
+    let refused = desk.murmuration.run(&["run", &spec, "--seed", "7"]);
+    assert_eq!(refused.code, Some(1));
+    let (_, told) = refused
+        .stderr
+        .split_once("to hand the campaign to that process: ")
+        .unwrap();
+    let told: Vec<&str> = told.split_whitespace().collect();
+    assert_eq!(told, ["murmuration", "submit", &spec, "--seed", "7"]);
     desk.check(
-        &["run", &spec],
-        1,
-        &format!("at {url}: hand the campaign to it with `murmuration submit`"),
+        &told[1..],
+        0,
+        "campaign small-1 submitted; next: murmuration watch small-1",
     );
-    desk.check(&["serve"], 1, "one coordinator serves a data directory at a time");
+    desk.check(
+        &["serve"],
+        1,
+        "one coordinator serves a data directory at a time; stop that process first",
+    );
+    desk.check(
+        &["doctor"],
+        1,
+        "stop that process first; or, while it runs, make a checked copy with",
+    );
+    let copy = desk.path("copy");
+    desk.check(&["backup", &copy], 0, "backed up");
+    desk.check(&["doctor", "--data", &copy], 0, "");
+    desk.check(
+        &["quarantine", "--lift", "5f0c3a9e12d4b687"],
+        1,
+        "stop that process first, and start it again afterwards",
+    );
+    desk.check(
+        &["watch", "small-1"],
+        0,
+        "campaign small-1 is completed; next: murmuration report small-1",
+    );
+    desk.check(&["report", "small-1"], 0, "");
 
     // Other commands find the coordinator by the data directory.
     let submitted = desk.murmuration.run(&["submit", &spec, "--json"]).last_line();
-    assert_eq!(submitted["campaign"], "small-1");
-    desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+    assert_eq!(submitted["campaign"], "small-2");
+    desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
     let lines = desk
         .murmuration
-        .run(&["watch", "small-1", "--json", "--coordinator", &url]);
+        .run(&["watch", "small-2", "--json", "--coordinator", &url]);
     assert_eq!(lines.last_line()["state"], "completed");
     assert_eq!(serving.terminate(), Some(0));
 }
@@ -49,7 +80,17 @@ fn pause_resume_and_cancel_survive_the_coordinator() {
         0,
         "campaign small-1 is paused; next: murmuration resume small-1",
     );
+    desk.check(
+        &["watch", "small-1"],
+        0,
+        "campaign small-1 is paused; next: murmuration resume small-1",
+    );
     desk.check(&["cancel", "small-2"], 0, "campaign small-2 is cancelled");
+    desk.check(
+        &["watch", "small-2"],
+        0,
+        "campaign small-2 is cancelled; next: murmuration list",
+    );
     desk.check(
         &["pause", "small-2"],
         1,
@@ -79,6 +120,12 @@ fn workers_of_their_own_processes_come_and_go() {
         .murmuration
         .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "0"]);
     let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    let mut waits = desk.murmuration.start(&["report", "small-1"]);
+    let told = waits.wait_for("waiting");
+    assert!(
+        told.contains("start one with `murmuration-worker --coordinator URL`"),
+        "{told}"
+    );
     let leaves = Running::worker(&url);
     desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
     desk.murmuration.latest_when(|latest| latest["workers"] == 1);
@@ -133,7 +180,11 @@ fn a_campaign_says_who_is_missing_to_go_on() {
         );
         crew.push(comes(&url));
     }
-    desk.check(&["watch", "latest"], 0, "campaign small-1 is completed");
+    desk.check(
+        &["watch", "latest"],
+        0,
+        "next: murmuration report small-1; to teach it what looks alike: murmuration label small-1 --csv FILE (or --synthetic N)",
+    );
     assert_eq!(desk.murmuration.latest()["waiting"], "");
     assert_eq!(serving.terminate(), Some(0));
 }

@@ -126,7 +126,9 @@ impl News {
         let done = done.min(total);
         let mut parts = vec![format!("generation {}/{generations}", status.generations_done)];
         if let (Some(best), Some(mean)) = (status.best_novelty, status.mean_novelty) {
-            parts.push(format!("novelty best {best:.4} mean {mean:.4}"));
+            parts.push(format!(
+                "novelty of the last generation: best {best:.4}, mean {mean:.4}"
+            ));
         }
         if status.active && done == total && status.workers > 0 {
             parts.push("clustering".to_owned());
