@@ -28,7 +28,7 @@ struct Arguments {
 
 #[tokio::main(flavor = "current_thread")]
 async fn main() -> ExitCode {
-    let arguments: Arguments = match parse_arguments() {
+    let arguments: Arguments = match parse_arguments(std::env::args_os()) {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };

@@ -27,11 +27,11 @@ const DIMENSIONS: usize = 5;
 #[command(
     group = clap::ArgGroup::new("embedding").required(true),
     after_help = "\
-Of all triplets of behaviours (a, p, n) with a and p of one class and n of another: how often is a nearer to p than to n?
+Of all triplets of behaviours (a, p, n) with a and p of one class and n of another: how often is a nearer to p than to n? \
 Counted with anchors a of every class, and with anchors of every class but `random`.
 
-A file has columns id and class; with --features the five features too; to have pictures simulated again seed, v1, ... as
-well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md). What the synthetic annotator answered
+A file has columns id and class; with --features the five features too; to have pictures simulated again seed, v1, ... as \
+well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md). What the synthetic annotator answered \
 is left out: it is no person.
 
 Examples:

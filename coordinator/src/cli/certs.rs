@@ -39,10 +39,10 @@ const EXAMPLES: &str = "\
 Examples:
   murmuration certs certs --host swarm.example --host 192.168.0.7
   murmuration certs certs --host swarm.example --worker alpha --worker beta
-  murmuration certs certs --worker gamma                                     one more, of the CA that is there
+  murmuration certs certs --worker gamma   one more, of the CA that is there
 
-Makes ca.pem, and server.pem, worker.pem and trainer.pem with their keys beside them; with --worker, in place of worker.pem
-one for each name. A certificate is a machine: those that share one count as one, and do not audit each other. Whoever has
+Makes ca.pem, and server.pem, worker.pem and trainer.pem with their keys beside them; with --worker, in place of worker.pem \
+one for each name. A certificate is a machine: those that share one count as one, and do not audit each other. Whoever has \
 ca-key.pem can make more: keep it away from the cluster.";
 
 /// Arguments of `certs`.

@@ -2,7 +2,7 @@
 
 use super::CliError;
 use murmuration_proto::{CapabilityModel, Controller, Invalid, counted, text::quoted};
-use std::f64::consts::PI;
+use std::{f64::consts::PI, ffi::OsString};
 
 /// Reads `0.6,1,0.4,0.5`, also in brackets, as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Nine values make a two-sensor
 /// controller, whose angle may be written like `-pi/3` or `2pi/3`.
@@ -19,6 +19,19 @@ pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
         .find(|model| model.genes() == genes.len())
         .ok_or_else(|| Invalid::new("controller", counted(genes.len() as u64, "value"), FORM))?;
     Ok(Controller::new(model, &genes)?)
+}
+
+/// Has a word of the command line that begins with a minus sign but is a list of numbers be taken for a controller, not for
+/// an option: clap takes what begins with a space for a value, and [`parse`] takes the space off again.
+pub(super) fn marked(word: OsString) -> OsString {
+    let is_list = |text: &str| {
+        let number = text.strip_prefix('-').unwrap_or_default();
+        number.starts_with(|c: char| c.is_ascii_digit() || c == '.') && number.contains([',', ' '])
+    };
+    match word.to_str().filter(|text| is_list(text)) {
+        Some(text) => format!(" {text}").into(),
+        None => word,
+    }
 }
 
 const FORM: &str = "4 wheel speeds such as 0.6,1,0.4,0.5 (single-sensor), or 8 and an angle such as \
@@ -66,6 +79,26 @@ mod tests {
             "0,0,0,0,0,0,0,0,2pi/3",
             &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0 * PI / 3.0],
         );
+    }
+
+    #[test]
+    fn options_and_single_numbers_are_no_controllers() {
+        let check = |word: &str, marked_as: &str| assert_eq!(marked(word.into()), marked_as);
+        for controller in ["-0.7,0.3,1,1", "-.7, 0.3, 1, 1", "-1 0 0 0", "-0.7,0.3"] {
+            check(controller, &format!(" {controller}"));
+        }
+        for other in [
+            "-0.7",
+            "--json",
+            "-h",
+            "-",
+            "--",
+            "0.6,1,0.4,0.5",
+            "--seed=1,2",
+            "-x,1",
+        ] {
+            check(other, other);
+        }
     }
 
     #[test]

@@ -14,11 +14,11 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  murmuration filter 0.6,1,0.4,0.5 -- -0.7,0.3,1,1
+  murmuration filter -0.7,0.3,1,1 0.6,1,0.4,0.5
   murmuration filter --file controllers.txt --json")]
 pub(super) struct Filter {
     /// Controllers: 4 wheel speeds, or 8 and an angle
-    #[arg(required_unless_present = "file", allow_hyphen_values = true)]
+    #[arg(required_unless_present = "file")]
     controllers: Vec<String>,
     /// Also read controllers from a file, one a line (- for stdin)
     #[arg(long, value_name = "FILE")]
@@ -54,7 +54,9 @@ fn lines(path: &Path) -> Result<Vec<String>, CliError> {
         read_text(path, InputKind::Controllers)
     };
     let text = read.map_err(|error| CliError::unreadable(path, &error))?;
+    // Some editors put a mark of the byte order before a text.
     Ok(text
+        .trim_start_matches('\u{feff}')
         .lines()
         .filter(|line| !line.trim().is_empty())
         .map(str::to_owned)

@@ -19,8 +19,8 @@ use std::path::PathBuf;
 /// Arguments of `judge`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Simulates the labelled swarms again and lets the rule-based judge name the class of each. A file has columns id, class,
-v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the world is the paper's where it does not say
+Simulates the labelled swarms again and lets the rule-based judge name the class of each. A file has columns id, class, \
+v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the world is the paper's where it does not say \
 (docs/labels.md). What the synthetic annotator answered is left out: it is this judge.
 
 Examples:

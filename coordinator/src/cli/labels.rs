@@ -23,30 +23,33 @@ use std::{
 /// Arguments of `label`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The file has a line of column names, among them id (index of an individual) and class (or `not sure`, or `skip`); and
-perhaps annotator and time (milliseconds since 1970): it is what `murmuration labels --csv` writes (docs/labels.md). Rows
-without a class are passed over. Where there are columns seed or v1, ..., they must be those of the individuals. All rows are
-stored, or none.
+With --csv people's answers are read from a file. It has a line of column names, among them id (the index of an individual) \
+and class (or `not sure`, or `skip`), and perhaps annotator and time (milliseconds since 1970): it is what `murmuration labels \
+--csv` writes (docs/labels.md). Rows without a class are passed over. Columns seed, v1, ... must hold the seeds and controllers \
+of the individuals. All rows are stored, or none.
 
-With --synthetic the rule-based judge answers instead, from the motion of each individual, as the annotator `synthetic`; no
+With --synthetic the rule-based judge answers instead, from the motion of each individual, as the annotator `synthetic`; no \
 person may be called so. `murmuration judge` says how well it agrees with people.
+
+On the pages of `murmuration serve` people answer with a key or a mouse.
 
 Examples:
   murmuration label latest --csv my.csv --annotator ana
   murmuration label latest --synthetic 200 --strategy medoids")]
+#[command(group = clap::ArgGroup::new("answers").required(true))]
 pub(super) struct LabelCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Answers to add
-    #[arg(long, value_name = "FILE", required_unless_present = "synthetic")]
+    /// File of answers to add
+    #[arg(long, value_name = "FILE", group = "answers")]
     csv: Option<PathBuf>,
-    /// Who gave those answers that do not say
+    /// Annotator of the rows of --csv without one
     #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
     annotator: Option<Annotator>,
-    /// Have the rule-based judge label so many individuals that nobody has labelled
-    #[arg(long, value_name = "N", conflicts_with = "csv")]
+    /// Have the rule-based judge label N individuals that nobody has labelled
+    #[arg(long, value_name = "N", group = "answers")]
     synthetic: Option<u32>,
-    /// How those are chosen: medoids, random or committee
+    /// How --synthetic chooses the individuals: medoids, random or committee
     #[arg(long, default_value_t = Strategy::Medoids, requires = "synthetic")]
     strategy: Strategy,
 }
@@ -56,8 +59,8 @@ pub(super) struct LabelCommand {
 pub(super) struct LabelsCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Write them to this file, which `label`, `accuracy` and `judge` read. What a spreadsheet would take for a formula (it
-    /// begins with =, +, -, @ or ') has a ' in front there, which they take off again
+    /// Write the labels to this file, which `label`, `accuracy` and `judge` read. A cell that a spreadsheet would take for a
+    /// formula (it begins with =, +, -, @ or ') has a ' in front there, which these commands take off again
     #[arg(long, value_name = "OUT")]
     csv: Option<PathBuf>,
 }
@@ -80,7 +83,7 @@ pub(super) struct ClassesCommand {
     /// Give a class another colour, such as '#1d96e6'
     #[arg(long, num_args = 2, value_names = ["CLASS", "COLOUR"], group = "change")]
     colour: Vec<String>,
-    /// Who says so, for the log
+    /// Who makes the change, for the log
     #[arg(
         long,
         value_name = "NAME",
@@ -96,7 +99,7 @@ pub(super) struct ClassesCommand {
 pub(super) struct AgreementCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// The two to compare
+    /// The two annotators to compare
     #[arg(long, num_args = 2, required = true, value_names = ["A", "B"])]
     annotators: Vec<String>,
 }
@@ -136,7 +139,8 @@ impl LabelCommand {
             json::print(&json::labelled(&campaign, count, &digest))?;
         } else {
             let answers = counted(count as u64, "answer");
-            errln!("campaign {campaign} has {answers} more; next: murmuration classes {campaign}");
+            let next = global.next(&format!("classes {campaign}"));
+            errln!("campaign {campaign} has {answers} more; next: {next}");
         }
         Ok(())
     }

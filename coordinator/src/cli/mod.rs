@@ -40,7 +40,7 @@ const EXAMPLES: &str = "\
 Examples:
   murmuration run examples/quick.toml              search, and write a report, in half a minute
   murmuration run examples/single-sensor.toml      the paper's single-sensor campaign
-  murmuration simulate --controller 0.6,1,0.4,0.5 --gif milling.gif
+  murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration list                                 what there is
   murmuration resume latest                        go on after an interruption
   murmuration serve --workers 0                    a coordinator for workers elsewhere
@@ -59,6 +59,7 @@ struct Arguments {
 
 /// What every command understands.
 #[derive(Debug, clap::Args)]
+#[command(next_help_heading = "Options of every command")]
 struct Global {
     /// Data directory
     #[arg(
@@ -200,7 +201,8 @@ pub fn command() -> clap::Command {
 /// Parses the command line and does what it says.
 #[must_use]
 pub fn main() -> ExitCode {
-    let arguments: Arguments = match parse_arguments() {
+    let words = std::env::args_os().map(controller::marked);
+    let arguments: Arguments = match parse_arguments(words) {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };

@@ -23,21 +23,16 @@ const GREY_SCALE: u32 = 10;
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A controller is its numbers with commas between them, as they are or in square brackets, as commands and reports print it:
+A controller is its numbers with commas between them, as they are or in square brackets, as commands and reports print it: \
 4 wheel speeds (single-sensor), or 8 and an angle (two-sensor), which may be a multiple of pi.
 
 Examples:
-  murmuration simulate --controller 0.6,1,0.4,0.5 --gif milling.gif
+  murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration simulate --controller 0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 --seed 3 --png nested-cycle.png
   murmuration simulate --case tests/vectors/milling_s0.json --json")]
 pub(super) struct Simulate {
-    /// Wheel speeds (and angle) of a controller, with commas between them: 0.6,1,0.4,0.5
-    #[arg(
-        long,
-        required_unless_present = "case",
-        conflicts_with = "case",
-        allow_hyphen_values = true
-    )]
+    /// Wheel speeds (and angle) of a controller, with commas between them: -0.7,0.3,1,1
+    #[arg(long, required_unless_present = "case", conflicts_with = "case")]
     controller: Option<String>,
     /// Capability model; known from the controller's length, checked if given
     #[arg(long, requires = "controller")]

@@ -56,6 +56,39 @@ fn the_filter_scores_controllers() {
 }
 
 #[test]
+fn a_controller_that_begins_with_a_minus_sign_is_told_from_an_option() {
+    let desk = Desk::new();
+    let (one, other) = ("0.6,1,0.4,0.5", "-0.7,0.3,1,1");
+    for arguments in [
+        &["filter", one, other, "--json"][..],
+        &["filter", "--json", one, other],
+        &["filter", one, "--json", other],
+        &["filter", one, "--json", "--", other],
+        &["filter", "--json", "--", one, other],
+    ] {
+        let scored = desk.murmuration.run(arguments);
+        assert_eq!(scored.code, Some(0), "{arguments:?}: {}", scored.stderr);
+        let lines = scored.lines();
+        assert_eq!(lines.len(), 2, "{arguments:?}");
+        assert_eq!(lines[1]["controller"][0], -0.7, "{arguments:?}");
+    }
+    let simulated = desk
+        .murmuration
+        .run(&["simulate", "--controller", other, "--json"]);
+    assert_eq!(simulated.last_line()["controller"][0], -0.7);
+    desk.check(&["filter", "-0.7,0.3,1"], 2, "controller = 3 values");
+    desk.check(&["filter", one, "--jsn"], 2, "'--json'");
+    desk.check(
+        &["simulate", "--controller", "--json"],
+        2,
+        "a value is required for '--controller <CONTROLLER>'",
+    );
+    let file = desk.write("controllers.txt", "\u{feff}0.6,1,0.4,0.5\r\n-0.7,0.3,1,1\r\n");
+    let scored = desk.murmuration.run(&["filter", "--file", &file, "--json"]);
+    assert_eq!(scored.lines().len(), 2, "{}", scored.stderr);
+}
+
+#[test]
 fn checkpoints_are_imported_listed_shown_and_exported() {
     let desk = Desk::new();
     let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");

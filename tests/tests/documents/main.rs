@@ -1,6 +1,7 @@
 //! The README and the pages of docs/: their commands are run, their links lead somewhere, and what they list is all there is.
 
 mod commands;
+mod help;
 mod map;
 mod options;
 mod pages;
@@ -18,6 +19,9 @@ fn main() -> ExitCode {
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),
         test!(pages::every_block_says_what_it_is),
+        test!(help::prose_flows_to_the_width_of_the_terminal),
+        test!(help::what_every_command_has_stands_after_its_own_options),
+        test!(help::every_example_works),
         test!(commands::of_the_readme),
         test!(commands::of_the_page_on_operations),
         test!(commands::of_the_page_on_security),

@@ -27,6 +27,7 @@ pub enum Rule {
 /// A script made of a page.
 pub struct Script {
     name: String,
+    commands: Vec<String>,
     rules: Vec<(&'static str, Rule)>,
     replaced: Vec<(&'static str, String)>,
 }
@@ -77,8 +78,17 @@ interrupted() {
 impl Script {
     /// The blocks of this page.
     pub fn of(name: &str) -> Self {
+        let text = page(name);
+        let blocks = blocks(&text).into_iter();
+        let shell = blocks.filter(|(language, _)| language == "sh");
+        Self::new(name, shell.flat_map(|(_, lines)| commands(&lines)).collect())
+    }
+
+    /// These commands, of what is called so.
+    pub fn new(name: &str, commands: Vec<String>) -> Self {
         Self {
             name: name.to_owned(),
+            commands,
             rules: Vec::new(),
             replaced: Vec::new(),
         }
@@ -133,13 +143,7 @@ impl Script {
     fn text(&self) -> String {
         let mut script = PRELUDE.to_owned();
         let mut used = vec![false; self.rules.len()];
-        let text = page(&self.name);
-        let commands: Vec<String> = blocks(&text)
-            .into_iter()
-            .filter(|(language, _)| language == "sh")
-            .flat_map(|(_, lines)| commands(&lines))
-            .collect();
-        for (number, command) in commands.iter().enumerate() {
+        for (number, command) in self.commands.iter().enumerate() {
             let rules = self
                 .rules
                 .iter()

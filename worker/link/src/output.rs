@@ -6,6 +6,7 @@
 
 use clap::Parser;
 use std::{
+    ffi::OsString,
     fmt,
     io::{self, Write as _},
     process::ExitCode,
@@ -70,13 +71,13 @@ macro_rules! errln {
     ($($text:tt)*) => { $crate::say(format_args!($($text)*)) };
 }
 
-/// Reads the command line. Help and version are data and go to standard output, what is wrong with the command line to
+/// Reads the `words` of a command line, of which the first is the program. Help and version are data and go to standard output, what is wrong with the command line to
 /// standard error; then there is an exit code to end with.
 ///
 /// # Errors
 /// The exit code: 0 after help and version, 1 where these cannot be written, 2 for bad usage.
-pub fn parse_arguments<A: Parser>() -> Result<A, ExitCode> {
-    A::try_parse().map_err(|error| {
+pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> Result<A, ExitCode> {
+    A::try_parse_from(words).map_err(|error| {
         let printed = error.print().and_then(|()| io::stdout().flush());
         match printed.map_err(OutputError::from) {
             Err(failed @ OutputError::Write(_)) if !error.use_stderr() => {

@@ -23,8 +23,8 @@ use std::{
 /// Arguments of `bench labels`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-For each seed an embedder is trained without labels as the campaign would train it, then fine-tuned on the labels of so
-many behaviours of train.csv, chosen by each strategy, and judged by validation.csv. Their controllers are simulated from
+For each seed an embedder is trained without labels as the campaign would train it, then fine-tuned on the labels of so \
+many behaviours of train.csv, chosen by each strategy, and judged by validation.csv. Their controllers are simulated from \
 further starts, as feedback.starts says: train.csv has columns v1 to v4, or v1 to v8 and theta.
 
 Example:
