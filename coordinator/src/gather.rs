@@ -2,9 +2,10 @@
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
-    labels::{Class, Label, newest_classes},
+    labels::{Class, Label, given_classes},
     novelty::{Behaviours, Misfit},
     projection,
+    repetition::Repetition,
     report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report},
 };
 use bytes::Bytes;
@@ -38,7 +39,7 @@ pub enum GatherError {
     Interrupted(#[from] Interrupted),
 }
 
-/// What people called the behaviours of a campaign.
+/// What the behaviours of a campaign were called, and by whom.
 ///
 /// # Errors
 /// See [`GatherError`].
@@ -66,7 +67,7 @@ where
             .filter(|class| class.labels > 0)
             .map(class)
             .collect::<Result<_, _>>()?,
-        by_individual: newest_classes(labels.into_iter()),
+        by_individual: given_classes(labels.into_iter()),
     })
 }
 
@@ -91,7 +92,7 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
     })
 }
 
-/// The report of a completed campaign, with what people called its behaviours.
+/// The report of a completed campaign, with what its behaviours were called.
 ///
 /// # Errors
 /// See [`GatherError`].
@@ -146,6 +147,7 @@ where
     }
     Ok(Report {
         campaign: id(),
+        repetition: repetition(&digest)?,
         digest: digest.digest,
         checkpoint: status.checkpoint,
         created_ms: status.created_ms,
@@ -158,6 +160,15 @@ where
         loss: taxonomy.loss,
         names,
         spec,
+    })
+}
+
+fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
+    let rounds = digest.rounds.iter().cloned().map(TryInto::try_into);
+    Ok(Repetition {
+        rounds: rounds.collect::<Result<_, _>>()?,
+        attended: digest.attended,
+        adopted: digest.adopted,
     })
 }
 

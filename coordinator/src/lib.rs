@@ -34,6 +34,7 @@ pub mod picture;
 mod probes;
 pub mod projection;
 pub mod queries;
+pub mod repetition;
 pub mod report;
 mod requests;
 pub mod server;

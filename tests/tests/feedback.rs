@@ -58,6 +58,14 @@ async fn label(cluster: &Cluster, request_id: &str, classes: &[&str]) {
     labels(cluster).await.append_labels(request).await.unwrap();
 }
 
+/// What it takes to get the archive of a campaign again.
+async fn repetition(cluster: &mut Cluster, campaign: &str) -> v1::GetDigestResponse {
+    let request = v1::GetDigestRequest {
+        campaign: campaign.to_owned(),
+    };
+    cluster.client.get_digest(request).await.unwrap().into_inner()
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_cluster() {
     let mut outcomes = Vec::new();
@@ -84,6 +92,17 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
         assert_eq!(second.metrics["labelled_pictures"], 320.0);
         assert!(pretrained.parent.is_empty() && pretrained.label_digest.is_empty());
         assert_ne!(first.label_digest, second.label_digest);
+        // What the specification says is all that it takes.
+        let takes = repetition(&mut cluster, &id).await;
+        assert_eq!(
+            (takes.attended, takes.adopted, takes.rounds.len()),
+            (false, false, 2)
+        );
+        assert_eq!(takes.rounds[0].parent, pretrained.digest);
+        assert_eq!(
+            (takes.rounds[1].labels, &takes.rounds[1].label_digest),
+            (80, &second.label_digest)
+        );
         outcomes.push((last.checkpoint, labels.digest, cluster.digest(&id).await));
         cluster.stop().await;
     }
@@ -155,6 +174,11 @@ async fn people_teach_as_often_as_they_like() {
     let id = cluster.create(&taught(0)).await;
     let pretrained = completed(&mut cluster, &id).await;
     assert_eq!((pretrained.rounds_done, pretrained.generations_done), (0, 5));
+    let takes = repetition(&mut cluster, &id).await;
+    assert_eq!(
+        (takes.attended, takes.adopted, takes.rounds.len()),
+        (false, false, 0)
+    );
 
     let refused = refine(&mut cluster, &id).await.unwrap_err();
     assert_eq!(refused.code(), Code::FailedPrecondition);
@@ -187,6 +211,17 @@ async fn people_teach_as_often_as_they_like() {
         (8.0, 2.0)
     );
 
+    let takes = repetition(&mut cluster, &id).await;
+    assert_eq!(
+        (takes.attended, takes.adopted, takes.rounds.len()),
+        (true, false, 1)
+    );
+    let round = &takes.rounds[0];
+    assert_eq!(
+        (&round.parent, &round.checkpoint, round.labels),
+        (&pretrained.checkpoint, &taught.checkpoint, 8)
+    );
+
     refine(&mut cluster, "latest").await.unwrap();
     let again = completed(&mut cluster, &id).await;
     assert_eq!((again.rounds_done, again.generations_done), (2, 9));
@@ -194,6 +229,15 @@ async fn people_teach_as_often_as_they_like() {
         checkpoint(&cluster, &again.checkpoint).await.parent,
         taught.checkpoint
     );
+
+    // Back to a space that neither the specification nor the rounds end in.
+    let request = v1::AdoptCheckpointRequest {
+        campaign: id.clone(),
+        checkpoint: taught.checkpoint,
+    };
+    cluster.client.adopt_checkpoint(request).await.unwrap();
+    completed(&mut cluster, &id).await;
+    assert!(repetition(&mut cluster, &id).await.adopted);
     cluster.stop().await;
 }
 
@@ -213,8 +257,14 @@ async fn what_was_trained_elsewhere_is_taught_on_the_pictures_of_the_archive() {
     let lineage = checkpoint(&cluster, &last.checkpoint).await;
     assert_eq!(
         (lineage.parent, lineage.metrics["behaviours"]),
-        (published, 100.0)
+        (published.clone(), 100.0)
     );
+    let takes = repetition(&mut cluster, &id).await;
+    assert_eq!(
+        (takes.attended, takes.adopted, takes.rounds.len()),
+        (false, false, 1)
+    );
+    assert_eq!(takes.rounds[0].parent, published);
     cluster.stop().await;
 }
 

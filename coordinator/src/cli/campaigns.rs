@@ -8,7 +8,7 @@ use super::{
     json,
     run::{CrewSize, go_on, read_spec},
 };
-use crate::{campaign::Weight, local::Crew};
+use crate::{campaign::Weight, local::Crew, repetition::generations_in_words};
 use murmuration_link::{OutputError, errln, outln, print};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
 use std::path::PathBuf;
@@ -305,10 +305,12 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
             outln!("# {said}")?;
         }
     }
+    let why = generations_in_words(&spec, campaign.generations, campaign.rounds_done);
     outln!(
-        "# {} of {} complete",
+        "# {} of {} complete{}",
         campaign.generations_done,
-        counted(campaign.generations.into(), "generation")
+        counted(campaign.generations.into(), "generation"),
+        why.map_or_else(String::new, |why| format!(": {why}"))
     )?;
     if !campaign.checkpoint.is_empty() {
         outln!("# embedded by checkpoint {}", campaign.checkpoint)?;

@@ -112,6 +112,11 @@ impl Heard for v1::Agreement {
 impl Heard for v1::GetDigestResponse {
     fn heard(mut self) -> Result<Self, CliError> {
         clean(&mut self.digest);
+        for round in &mut self.rounds {
+            clean(&mut round.parent);
+            clean(&mut round.checkpoint);
+            clean(&mut round.label_digest);
+        }
         Ok(self)
     }
 }

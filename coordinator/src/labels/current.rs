@@ -1,8 +1,9 @@
 //! What a log comes to: the classes there are, and the answers that stand.
 
 use super::{
-    Action, Annotator, Answer, Change, ClassName, Colour, Entry, Refusal,
+    Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Refusal,
     classes::{ClassNumber, Classes},
+    given::given_classes,
     lesson::class_numbers,
     near::near,
 };
@@ -87,24 +88,6 @@ impl fmt::Display for LabelDigest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0.to_hex())
     }
-}
-
-/// The class of each individual that has one in the answers that stand: where annotators differ, what was said last.
-pub fn newest_classes(standing: impl Iterator<Item = Label>) -> BTreeMap<u64, ClassName> {
-    let mut newest: BTreeMap<u64, (u64, ClassName)> = BTreeMap::new();
-    for label in standing {
-        if let Answer::Class(class) = label.answer
-            && newest
-                .get(&label.index)
-                .is_none_or(|(entry, _)| *entry < label.entry)
-        {
-            newest.insert(label.index, (label.entry, class));
-        }
-    }
-    newest
-        .into_iter()
-        .map(|(index, (_, class))| (index, class))
-        .collect()
 }
 
 impl Labels {
@@ -377,7 +360,28 @@ impl Labels {
     /// The class of each individual that has one: where annotators differ, what was said last.
     #[must_use]
     pub fn by_individual(&self) -> BTreeMap<u64, ClassName> {
-        newest_classes(self.standing())
+        let given = self.given_classes().into_iter();
+        given.map(|(index, given)| (index, given.class)).collect()
+    }
+
+    /// As [`Labels::by_individual`], with whether a person gave the class.
+    #[must_use]
+    pub fn given_classes(&self) -> BTreeMap<u64, GivenClass> {
+        given_classes(self.standing())
+    }
+
+    /// Individuals about which this annotator has a standing answer.
+    #[must_use]
+    pub fn answered_by(&self, annotator: &Annotator) -> usize {
+        self.own.get(annotator).map_or(0, BTreeSet::len)
+    }
+
+    /// Individuals about which the synthetic annotator alone has a standing answer.
+    #[must_use]
+    pub fn answered_by_machine(&self) -> usize {
+        let synthetic = Annotator::synthetic();
+        let alone = |about: &&BTreeMap<_, _>| about.len() == 1 && about.contains_key(&synthetic);
+        self.standing.values().filter(alone).count()
     }
 
     /// What an embedder can learn from: each individual that has a class, with the [number](class_numbers) of its class.

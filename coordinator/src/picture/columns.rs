@@ -40,9 +40,16 @@ pub(crate) fn motion(replay: &Replay, world: &World, most_bytes: usize) -> Value
 /// Finite `values` over the span that they take, as 0 to 65535; in the middle where they are all the same.
 pub(crate) fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
     let low = values.clone().fold(f64::INFINITY, f64::min);
-    let span = values.clone().fold(f64::NEG_INFINITY, f64::max) - low;
+    let span = span(values.clone());
     let place = move |value: f64| if span > 0.0 { (value - low) / span } else { 0.5 };
     column(values.map(|value| sixteen_bits(place(value)).to_le_bytes()))
+}
+
+/// From the least to the greatest of finite `values`; 0 of none.
+pub(crate) fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let high = values.fold(f64::NEG_INFINITY, f64::max);
+    (high - low).max(0.0)
 }
 
 /// Numbers, each as its bytes.

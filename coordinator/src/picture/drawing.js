@@ -16,6 +16,18 @@ function fit(canvas) {
   return true;
 }
 
+// How points lie on a canvas whose columns run from 0 to 65535 over `spans`: in the middle of it, and a unit as long across
+// as it is up, so that distances can be compared.
+function equalScale(spans, width, height, room) {
+  const fits = [(width - 2 * room) / spans[0], (height - 2 * room) / spans[1]].filter(Number.isFinite);
+  // Nothing is as long as nothing, nor is a canvas that is not shown.
+  const unit = fits.length ? Math.max(Math.min(...fits), 0) : 0;
+  return {
+    across: (x) => width / 2 + (x / 65535 - 0.5) * spans[0] * unit,
+    down: (y) => height / 2 - (y / 65535 - 0.5) * spans[1] * unit,
+  };
+}
+
 // A swarm's motion, to be asked for its poses at any step.
 class Run {
   constructor({ agents, steps, x, y, heading }) {

@@ -47,6 +47,10 @@ pub struct Asked {
     pub queries: Vec<Query>,
     /// Individuals about which somebody has answered.
     pub answered: u64,
+    /// Individuals about which this annotator has answered.
+    pub own: u64,
+    /// Individuals about which the synthetic annotator alone has answered.
+    pub synthetic: u64,
     /// Individuals in the archive.
     pub individuals: u64,
 }
@@ -291,6 +295,8 @@ fn lease(
     Ok(Asked {
         queries,
         answered: labels.individuals() as u64,
+        own: labels.answered_by(&wish.holder.annotator) as u64,
+        synthetic: labels.answered_by_machine() as u64,
         individuals,
     })
 }

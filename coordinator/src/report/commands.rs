@@ -1,10 +1,22 @@
 //! The command lines that a report offers, ready to be typed.
 
-use super::Entry;
+use super::{Entry, Report};
 use murmuration_proto::{CampaignSpec, World};
 
 /// Runs the campaign of a `spec.toml` again.
 pub(super) const RUN_AGAIN: &str = "murmuration run spec.toml";
+
+/// Teaches the campaign that a `spec.toml` ran, a round at a time.
+pub(super) const TEACH_AGAIN: [&str; 3] = [
+    RUN_AGAIN,
+    "murmuration label latest --csv labels.csv",
+    "murmuration refine latest",
+];
+
+/// Writes the labels of a report's campaign.
+pub(super) fn write_labels(report: &Report) -> String {
+    format!("murmuration labels {} --csv labels.csv", report.campaign)
+}
 
 /// Shows one individual's whole run as a GIF.
 pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {

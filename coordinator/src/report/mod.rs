@@ -3,6 +3,7 @@
 //! A report is plain data in ([`Report`]) and a folder of files out ([`write()`]). It does not simulate, project or
 //! cluster; whoever calls it has done so.
 
+mod again;
 mod commands;
 mod files;
 mod names;
@@ -16,7 +17,10 @@ mod sample;
 
 pub use names::Names;
 
-use crate::picture::{self, Paper, PictureError};
+use crate::{
+    picture::{self, Paper, PictureError},
+    repetition::Repetition,
+};
 use files::Folder;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay};
 use rayon::prelude::*;
@@ -52,8 +56,10 @@ pub struct Report {
     pub map: Map,
     /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
     pub loss: f64,
-    /// What people called the behaviours.
+    /// What the behaviours were called, and by whom.
     pub names: Names,
+    /// What led to the archive, besides the specification.
+    pub repetition: Repetition,
 }
 
 impl Report {
@@ -68,7 +74,7 @@ impl Report {
 pub struct GenerationSummary {
     /// Its number, from 0.
     pub generation: u32,
-    /// Highest novelty among its individuals when it was evaluated.
+    /// Highest novelty among its individuals when it was evaluated, in the behaviour space of the report.
     pub best_novelty: f64,
     /// Their mean novelty.
     pub mean_novelty: f64,
@@ -89,7 +95,8 @@ pub struct Entry {
     pub features: Features,
     /// The embedding of its picture by the report's checkpoint; empty if none.
     pub embedding: Vec<f32>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
+    /// behaviour space of the report.
     pub novelty_when_evaluated: f64,
 }
 
@@ -176,7 +183,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     let page = page::render(report, &pictures, Files::Beside)?;
 
     let mut files = Folder::create(folder)?;
-    files.text("spec.toml", &report.spec.to_toml())?;
+    files.text("spec.toml", &again::specification(report))?;
     files.write("archive.csv", |file| tables::archive(report, file))?;
     files.write("taxonomy.csv", |file| tables::taxonomy(report, file))?;
     files.write("classes.csv", |file| tables::classes(report, file))?;

@@ -4,12 +4,14 @@ use super::{GenerationSummary, Report, ReportError};
 use crate::picture::{
     axis::axis_number,
     colours::{self, Rgb},
+    columns::span,
 };
 use plotters::{
     coord::Shift,
     prelude::*,
     style::text_anchor::{HPos, Pos, VPos},
 };
+use std::ops::Range;
 
 /// Size in pixels for a wide page and for papers.
 pub(super) const WIDE: (u32, u32) = (1180, 340);
@@ -22,6 +24,11 @@ const MUTED: RGBColor = RGBColor(0x5f, 0x5e, 0x58);
 const GRID: RGBColor = RGBColor(0xe4, 0xe1, 0xd8);
 const BEST: RGBColor = RGBColor(0x1f, 0x5f, 0x8b);
 const MEAN: RGBColor = RGBColor(0xb0, 0x62, 0x1c);
+
+/// Size in pixels of the map, and what of it is around the points.
+const MAP: (u32, u32) = (1080, 720);
+const MAP_MARGIN: u32 = 16;
+const MAP_LABELS: (u32, u32) = (64, 44);
 
 /// Most points of a line and most individuals of a map that are drawn one by one.
 const MOST_STEPS: usize = 1500;
@@ -62,7 +69,7 @@ pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> R
 
 /// All individuals in the colours of their clusters, and the medoids with their numbers.
 pub(super) fn map(report: &Report) -> Result<String, ReportError> {
-    draw("map.svg", (1080, 720), |area| behaviour_space(area, report))
+    draw("map.svg", MAP, |area| behaviour_space(area, report))
 }
 
 fn draw(
@@ -136,19 +143,12 @@ fn over_generations(area: &Area<'_>, lines: &[Line], title: &str) -> Result<(), 
 fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
     area.fill(&WHITE)?;
     let points = &report.map.points;
-    let bounds = |axis: usize| {
-        let values = points.iter().map(|point| point[axis]);
-        let low = values.clone().fold(f64::INFINITY, f64::min);
-        let high = values.fold(f64::NEG_INFINITY, f64::max);
-        let room = if high > low { 0.05 * (high - low) } else { 1.0 };
-        low - room..high + room
-    };
-    let (across, up) = (bounds(0), bounds(1));
+    let (across, up) = equal_bounds(points);
     let text = |colour: RGBColor, size: u32| ("sans-serif", size).into_font().color(&colour);
     let mut chart = ChartBuilder::on(area)
-        .margin(16)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
+        .margin(MAP_MARGIN)
+        .x_label_area_size(MAP_LABELS.1)
+        .y_label_area_size(MAP_LABELS.0)
         .build_cartesian_2d(across.clone(), up.clone())?;
     chart
         .configure_mesh()
@@ -185,6 +185,26 @@ fn behaviour_space(area: &Area<'_>, report: &Report) -> Result<(), Failed> {
         chart.plotting_area().draw(&mark)?;
     }
     Ok(())
+}
+
+/// What the axes of the map span, across and up: all points with some room, and a unit as long across as it is up.
+fn equal_bounds(points: &[[f64; 2]]) -> (Range<f64>, Range<f64>) {
+    let around = 2 * MAP_MARGIN;
+    let pixels = [MAP.0 - around - MAP_LABELS.0, MAP.1 - around - MAP_LABELS.1].map(f64::from);
+    let values = |axis: usize| points.iter().map(move |point| point[axis]);
+    let spans = [0, 1].map(|axis| span(values(axis)));
+    let a_pixel = (spans[0] / pixels[0]).max(spans[1] / pixels[1]);
+    let a_pixel = if a_pixel > 0.0 {
+        1.1 * a_pixel
+    } else {
+        1.0 / pixels[1]
+    };
+    let bounds = |axis: usize| {
+        let low = values(axis).fold(f64::INFINITY, f64::min);
+        let (middle, half) = (low + spans[axis] / 2.0, a_pixel * pixels[axis] / 2.0);
+        middle - half..middle + half
+    };
+    (bounds(0), bounds(1))
 }
 
 const fn rgb([red, green, blue]: Rgb) -> RGBColor {
@@ -256,6 +276,41 @@ mod tests {
             let nearest = ticks.iter().map(|tick| tick.parse::<f64>().unwrap().abs());
             let nearest = nearest.filter(|&tick| tick != 0.0).fold(f64::INFINITY, f64::min);
             assert!(nearest > 1e-3 * (places.end - places.start), "{ticks:?}");
+        }
+    }
+
+    #[test]
+    fn a_unit_of_the_map_is_as_long_across_as_up() {
+        let mut report = sample::report(&sample::SMALL);
+        for (width, height) in [(8.0, 1.0), (1.0, 1.0), (0.01, 3.0), (2.0, 0.0)] {
+            let count = report.map.points.len() as f64;
+            for (i, point) in report.map.points.iter_mut().enumerate() {
+                let part = i as f64 / (count - 1.0);
+                *point = [width * part, height * part];
+            }
+            let svg = map(&report).unwrap();
+            let place = |circle: &str, axis: &str| -> f64 {
+                let text = circle.split_once(axis).unwrap().1;
+                text.split('"').nth(1).unwrap().parse().unwrap()
+            };
+            // Those of the individuals come first.
+            let circles: Vec<&str> = svg
+                .split("<circle")
+                .skip(1)
+                .take(report.map.points.len())
+                .collect();
+            let spans = ["cx", "cy"]
+                .map(|axis| (place(circles[0], axis) - place(circles.last().unwrap(), axis)).abs());
+            let (across, up) = (spans[0] * height, spans[1] * width);
+            // To the pixel.
+            assert!(
+                (across - up).abs() <= 2.0 * width.max(height),
+                "{spans:?} for {width} by {height}"
+            );
+            assert!(
+                spans[0] > 560.0 || spans[1] > 560.0,
+                "{spans:?} leaves the map empty"
+            );
         }
     }
 

@@ -3,7 +3,10 @@
 //! Its swarms obey the robots' kinematics and sensors but not the simulator's exact rules: the report does not care.
 
 use super::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report};
-use crate::labels::Class;
+use crate::{
+    labels::{Class, GivenClass},
+    repetition::Repetition,
+};
 use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, Replay, Stream, World};
 
 /// What the sample should look like; the fields are those of a campaign.
@@ -116,11 +119,12 @@ pub(super) fn report(sample: &Sample) -> Report {
         clusters,
         loss: 123.4,
         names: names(),
+        repetition: Repetition::default(),
         spec,
     }
 }
 
-/// Two classes, the first medoid and two others of the first of them.
+/// Two classes, the first medoid and two others of the first of them, one of these by the machine alone.
 fn names() -> Names {
     let class = |name: &str, colour: &str, labels| Class {
         name: name.parse().unwrap(),
@@ -129,9 +133,15 @@ fn names() -> Names {
         near: Vec::new(),
     };
     let ring = "ring, or \"mill\"";
+    let given = |by_machine| GivenClass {
+        class: ring.parse().unwrap(),
+        by_machine,
+    };
     Names {
         classes: vec![class(ring, "#1d96e6", 4), class("wall", "#e6861d", 0)],
-        by_individual: [0, 5, 7].map(|index| (index, ring.parse().unwrap())).into(),
+        by_individual: [(0, false), (5, false), (7, true)]
+            .map(|(index, by_machine)| (index, given(by_machine)))
+            .into(),
     }
 }
 

@@ -56,7 +56,7 @@ pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
         table.write_record([
             to_cell(class.name.as_str()).into_owned(),
             class.colour.to_string(),
-            report.names.individuals(class).to_string(),
+            report.names.individuals(class).total().to_string(),
             class.labels.to_string(),
         ])?;
     }

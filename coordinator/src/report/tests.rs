@@ -4,14 +4,21 @@ use super::{
     sample::{SMALL, Sample},
     *,
 };
-use crate::picture::sample::decode_png;
-use murmuration_proto::CapabilityModel;
+use crate::{labels::GivenClass, picture::sample::decode_png, repetition::Round};
+use murmuration_proto::{CapabilityModel, CheckpointDigest};
 use std::fs;
 
 fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {
     let place = tempfile::tempdir().unwrap();
     let files = write(report, &place.path().join("new/report")).unwrap();
     (place, files)
+}
+
+fn given(class: &crate::labels::ClassName) -> GivenClass {
+    GivenClass {
+        class: class.clone(),
+        by_machine: false,
+    }
 }
 
 fn page(report: &Report) -> String {
@@ -94,7 +101,7 @@ fn what_comes_from_data_is_escaped() {
     report.campaign = hostile.into();
     let name: crate::labels::ClassName = hostile.parse().unwrap();
     report.names.classes[0].name = name.clone();
-    report.names.by_individual.insert(1, name);
+    report.names.by_individual.insert(1, given(&name));
     report.digest = hostile.into();
     report.simulator_version = hostile.into();
     report.map.axis_titles = [hostile.into(), hostile.into()];
@@ -125,7 +132,122 @@ fn the_page_bears_the_names_that_people_gave_and_their_colours() {
     assert!(named.contains("wall · 0") && named.contains("Behaviour 2") && !named.contains(">Behaviour 1<"));
     report.names = Names::default();
     let nameless = page(&report);
-    assert!(nameless.contains("Behaviour 1") && !nameless.contains("What people called them"));
+    assert!(nameless.contains("Behaviour 1") && !nameless.contains("What they were called"));
+}
+
+#[test]
+fn what_people_named_and_what_the_machine_named_are_told_apart() {
+    const MARK: &str = "Named by the rule-based judge, not by a person.";
+    let mut report = sample::report(&SMALL);
+    let named = page(&report);
+    assert!(named.contains("people have named 2, and the rule-based judge, a machine, another 1."));
+    assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them by the rule-based judge alone"));
+    assert!(!named.contains(MARK), "a person named the first behaviour");
+    report.names.by_individual.get_mut(&0).unwrap().by_machine = true;
+    let named = page(&report);
+    assert_eq!(named.matches(MARK).count(), 1);
+    assert!(named.contains("ring, or &quot;mill&quot; (by the rule-based judge) · "));
+}
+
+const LATENT: Sample = Sample {
+    spec: "name = \"sample\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n[taxonomy]\nmedoids = 3\n[search]\ngenerations = 15\n\
+           [feedback]\ngenerations = 5\n[world]\nagents = 6\nhorizon = 200",
+    ..SMALL
+};
+
+/// A campaign that people taught in one round.
+fn taught() -> Report {
+    let mut report = sample::report(&LATENT);
+    let checkpoint = CheckpointDigest::of(b"taught");
+    report.checkpoint = checkpoint.to_string();
+    report.repetition = Repetition {
+        rounds: vec![Round {
+            parent: CheckpointDigest::of(b"pretrained"),
+            checkpoint,
+            labels: 206,
+            label_digest: "0a1b".to_owned(),
+        }],
+        attended: true,
+        adopted: false,
+    };
+    report
+}
+
+#[test]
+fn a_specification_promises_its_archive_only_where_it_leads_there() {
+    const PROMISE: &str = "gives the same archive again";
+    for sample in [SMALL, LATENT] {
+        let alone = sample::report(&sample);
+        assert!(page(&alone).contains(PROMISE));
+        assert_eq!(again::specification(&alone), alone.spec.to_toml());
+    }
+    let taught = taught();
+    let (_place, files) = written(&taught);
+    let page = fs::read_to_string(&files.page).unwrap();
+    assert!(!page.contains(PROMISE));
+    let spec = fs::read_to_string(files.page.with_file_name("spec.toml")).unwrap();
+    let round = &taught.repetition.rounds[0];
+    let (parent, checkpoint) = (round.parent, round.checkpoint);
+    for said in [
+        "This specification alone does not give the archive of campaign sample-1 again.".to_owned(),
+        "It takes the labels that campaign sample-1 learned from".to_owned(),
+        format!("Round 1 fine-tuned checkpoint {parent} on the classes of 206 individuals"),
+        format!("made checkpoint {checkpoint}"),
+    ] {
+        assert!(page.contains(&said) && spec.contains(&said), "{said}");
+    }
+    assert!(page.contains("murmuration labels sample-1 --csv labels.csv"));
+    assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), taught.spec);
+
+    let mut adopted = taught;
+    adopted.repetition.adopted = true;
+    let page = super::page(&adopted).unwrap();
+    assert!(page.contains("to which somebody moved the campaign"));
+    let digest = CheckpointDigest::of(b"elsewhere");
+    let mut published = sample::report(&LATENT);
+    let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{digest}\"");
+    published.spec = CampaignSpec::from_toml(&text).unwrap();
+    assert!(again::specification(&published).contains(&format!("# It takes checkpoint {digest}")));
+}
+
+#[test]
+fn a_space_that_changed_is_said_to_have() {
+    let alone = page(&sample::report(&LATENT));
+    assert!(alone.contains("Each generation was bred by that of the generation before it."));
+    assert!(!alone.contains("The embedding changed") && alone.contains("Nobody said beforehand"));
+    let taught = page(&taught());
+    assert!(taught.contains("during this campaign: it was fine-tuned on labels in 1 round."));
+    assert!(!taught.contains("Each generation was bred by") && !taught.contains("Nobody said beforehand"));
+    assert!(taught.contains("20 (15 of the search, 5 for 1 round of feedback)"));
+    let drawn = page(&sample::report(&Sample {
+        spec: "model = \"single-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 6\nhorizon = 200",
+        ..SMALL
+    }));
+    assert!(drawn.contains("Nothing was bred by it"));
+}
+
+#[test]
+fn a_page_names_what_behaviours_are_compared_by() {
+    let features = page(&sample::report(&SMALL));
+    for said in [
+        "(Table 1 of Mattson and Brown), each its mean over the last 100 steps: average speed, angular momentum, radial variance \
+         (times 20, as in the authors' simulator), scatter, group rotation. The distance of two behaviours is the Euclidean one.",
+        "The space has 5 dimensions",
+        "Here nothing is measured on it.",
+    ] {
+        assert!(
+            features.contains(&said.replace('\'', "&#39;")) || features.contains(said),
+            "{said}"
+        );
+    }
+    let report = sample::report(&LATENT);
+    let embedding = page(&report);
+    let compared = format!(
+        "Behaviours are compared by the 5 numbers that checkpoint <code>{}</code> makes of a grey image.",
+        report.checkpoint
+    );
+    assert!(embedding.contains(&compared) && embedding.contains("The space has 5 dimensions"));
+    assert!(!embedding.contains("average speed"));
 }
 
 #[test]
@@ -195,7 +317,7 @@ fn no_name_in_a_table_is_a_formula() {
     let mut report = sample::report(&SMALL);
     let name: crate::labels::ClassName = "=HYPERLINK(1)".parse().unwrap();
     report.names.classes[0].name = name.clone();
-    report.names.by_individual = [0, 5].map(|index| (index, name.clone())).into();
+    report.names.by_individual = [0, 5].map(|index| (index, given(&name))).into();
     let (_place, files) = written(&report);
     for name in ["archive.csv", "taxonomy.csv", "classes.csv"] {
         let text = fs::read_to_string(files.page.with_file_name(name)).unwrap();

@@ -5,6 +5,7 @@ use crate::{
     campaign::{Campaigns, Weight, blocking},
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
+    repetition::Repetition,
     store::{CampaignRecord, Store, StoreError},
     taxonomy::Taxonomy,
 };
@@ -175,12 +176,17 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
 
     async fn get_digest(&self, request: Request<v1::GetDigestRequest>) -> Answer<v1::GetDigestResponse> {
         let record = self.record(&request.get_ref().campaign).await?;
-        let found = self
-            .read(move |store| digest(store, &record.id, record.spec.model()))
-            .await?;
+        let read = move |store: &Store| {
+            let digest = digest(store, &record.id, record.spec.model())?;
+            Ok((digest, Repetition::read(store, &record)?))
+        };
+        let (found, repetition) = self.read(read).await?;
         Ok(Response::new(v1::GetDigestResponse {
             digest: found.digest,
             evaluations: found.evaluations,
+            rounds: repetition.rounds.into_iter().map(Into::into).collect(),
+            attended: repetition.attended,
+            adopted: repetition.adopted,
         }))
     }
 

@@ -23,7 +23,7 @@ const ASSETS: [(&str, &str, &str); 21] = [
         SCRIPT,
         concat!(
             include_str!("../picture/drawing.js"),
-            "export { Run, column, dotOf, drawSwarm, fit, stamp };\n"
+            "export { Run, column, dotOf, drawSwarm, equalScale, fit, stamp };\n"
         ),
     ),
     (

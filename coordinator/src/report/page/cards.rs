@@ -12,6 +12,10 @@ use maud::{Markup, html};
 
 /// The section with every card.
 pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup {
+    let one_colour = match report.spec.world().agents() as usize <= colours::AGENTS.len() {
+        true => ", one colour a robot",
+        false => ", a colour for every few robots",
+    };
     html! {
         section #behaviours aria-labelledby="behaviours-title" {
             div.heading {
@@ -31,7 +35,7 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
             }
             p.lead {
                 "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
-                ", one colour a robot, older parts fainter. "
+                (one_colour) ", older parts fainter. "
                 span.scripted { "Point at a picture, or select it and press Space, to watch the whole run from its random start." }
             }
             div.cards {
@@ -93,6 +97,11 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
 fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
     let whole = report.individuals.len() as u64;
     let part = percent(medoid.cluster_size, whole);
+    let members = format!(
+        "{} of {} are nearer to this one than to any other behaviour here",
+        grouped(medoid.cluster_size),
+        counted(whole, "individual")
+    );
     let width = 100.0 * medoid.cluster_size as f64 / whole.max(1) as f64;
     html! {
         div.name {
@@ -103,8 +112,9 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
                     None => { "Behaviour " (number) },
                 }
             }
-            p { strong { (part) } " · " (grouped(medoid.cluster_size)) " alike" }
+            p title=(members) { strong { (part) } " · cluster of " (grouped(medoid.cluster_size)) }
         }
+        @if report.names.is_by_machine(medoid.index) { p.judged { "Named by the rule-based judge, not by a person." } }
         div.bar aria-hidden="true" { span style={ "width:" (format!("{width:.2}")) "%" } {} }
     }
 }

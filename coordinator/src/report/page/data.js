@@ -11,9 +11,11 @@ window.murmuration = {
   archive: {
     x: column(archive.x, Uint16Array),
     y: column(archive.y, Uint16Array),
+    spans: archive.spans,
     cluster: column(archive.cluster, Uint16Array),
     index: column(archive.index, Uint32Array),
     class: column(archive.class, Uint16Array),
+    machine: column(archive.machine, Uint8Array),
     generation: column(archive.generation, Uint32Array),
     novelty: column(archive.novelty, Float32Array),
     genes: column(archive.genes, Int16Array),
@@ -22,6 +24,7 @@ window.murmuration = {
   counted,
   fit,
   drawSwarm,
+  equalScale,
   dotOf,
   stamp,
 };

@@ -4,7 +4,7 @@
 use crate::{
     picture::{
         colours,
-        columns::{self, column, spread},
+        columns::{self, column, span, spread},
         thinned,
     },
     report::Report,
@@ -53,20 +53,22 @@ fn content(report: &Report) -> Value {
 /// In place of a class, for an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
-/// The individuals on the map: place, cluster, index, class, generation, novelty when evaluated and genes in ten-thousandths.
+/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated and genes in ten-thousandths.
 fn archive(report: &Report) -> Value {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
-    let axis = |axis: usize| spread(shown.iter().map(|&index| report.map.points[index][axis]));
+    let axis = |axis: usize| shown.iter().map(move |&index| report.map.points[index][axis]);
     let place_of = |medoid: u64| shown.partition_point(|&index| index < medoid as usize);
     json!({
-        "x": axis(0),
-        "y": axis(1),
+        "x": spread(axis(0)),
+        "y": spread(axis(1)),
+        "spans": [span(axis(0)), span(axis(1))],
         "cluster": column(shown.iter().map(|&index| (report.clusters[index] as u16).to_le_bytes())),
         "index": column(shown.iter().map(|&index| (index as u32).to_le_bytes())),
         "class": column(shown.iter().map(|&index| {
             report.names.of(index as u64).map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
         })),
+        "machine": column(shown.iter().map(|&index| [u8::from(report.names.is_by_machine(index as u64))])),
         "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
         "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
         "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| ((gene * 1e4).round() as i16).to_le_bytes())),

@@ -1,5 +1,5 @@
 // Draws the behaviour space, and brings one cluster out: on the map, the small maps, the cards and the legend.
-const { archive, classes, clusterColours, fit, dotOf, stamp } = window.murmuration;
+const { archive, classes, clusterColours, equalScale, fit, dotOf, stamp } = window.murmuration;
 const canvas = document.getElementById("space");
 const pen = canvas.getContext("2d");
 const pins = document.getElementById("pins");
@@ -25,10 +25,10 @@ const down = new Float32Array(count);
 function spread() {
   const width = canvas.clientWidth;
   const height = canvas.clientHeight;
-  const room = Math.min(ROOM, width / 14);
+  const scale = equalScale(archive.spans, width, height, Math.min(ROOM, width / 14));
   for (let i = 0; i < count; i++) {
-    across[i] = room + (archive.x[i] / 65535) * (width - 2 * room);
-    down[i] = height - room - (archive.y[i] / 65535) * (height - 2 * room);
+    across[i] = scale.across(archive.x[i]);
+    down[i] = scale.down(archive.y[i]);
   }
 }
 const place = (i) => [across[i], down[i]];
@@ -159,15 +159,9 @@ function paintSmall(small, cluster) {
   const brush = small.getContext("2d");
   const { width, height } = small;
   brush.clearRect(0, 0, width, height);
-  const edge = 0.06 * width;
+  const scale = equalScale(archive.spans, width, height, 0.06 * width);
   const dot = Math.max(width / 90, 1);
-  const mark = (i) =>
-    brush.fillRect(
-      edge + (archive.x[i] / 65535) * (width - 2 * edge) - dot / 2,
-      height - edge - (archive.y[i] / 65535) * (height - 2 * edge) - dot / 2,
-      dot,
-      dot,
-    );
+  const mark = (i) => brush.fillRect(scale.across(archive.x[i]) - dot / 2, scale.down(archive.y[i]) - dot / 2, dot, dot);
   const every = Math.max(Math.floor(count / 6000), 1);
   brush.fillStyle = isDark() ? "#45463f" : "#d9d6cd";
   for (let at = 0; at < count; at += every) mark(order[at]);
@@ -176,13 +170,7 @@ function paintSmall(small, cluster) {
   const centre = archive.medoids[cluster];
   brush.fillStyle = isDark() ? "#ffffff" : "#1d1d1b";
   brush.beginPath();
-  brush.arc(
-    edge + (archive.x[centre] / 65535) * (width - 2 * edge),
-    height - edge - (archive.y[centre] / 65535) * (height - 2 * edge),
-    width / 32,
-    0,
-    2 * Math.PI,
-  );
+  brush.arc(scale.across(archive.x[centre]), scale.down(archive.y[centre]), width / 32, 0, 2 * Math.PI);
   brush.fill();
 }
 
@@ -241,10 +229,11 @@ function nearest(x, y) {
   return best;
 }
 
-// What people called a behaviour, if anything.
+// What a behaviour was called, if anything, and whether no person called it so.
 function named(i) {
   const name = classes[archive.class[i]];
-  return name === undefined ? "" : ` · ${name}`;
+  if (name === undefined) return "";
+  return archive.machine[i] ? ` · ${name} (by the rule-based judge)` : ` · ${name}`;
 }
 
 function describe(i) {

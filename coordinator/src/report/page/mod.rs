@@ -11,6 +11,7 @@ use super::{
     Files, MedoidPictures, Report, ReportError,
     numbers::{counted, day, grouped},
 };
+use crate::repetition::generations_in_words;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use murmuration_proto::{CapabilityModel, Method};
@@ -86,7 +87,12 @@ fn header(report: &Report) -> Markup {
                 }
             }
             p.answer {
-                "Nobody said beforehand which behaviours exist. This campaign tried "
+                @match report.repetition.rounds.last() {
+                    None => { "Nobody said beforehand which behaviours exist. This campaign tried " },
+                    Some(round) => {
+                        "The classes of " (counted(round.labels, "individual")) " taught this campaign which behaviours are alike. It tried "
+                    },
+                }
                 (counted(report.individuals.len() as u64, "controller")) " and grouped what the swarms did; "
                 @match report.medoids.len() {
                     1 => { "this one behaviour stands for them all." },
@@ -102,7 +108,7 @@ fn header(report: &Report) -> Markup {
 fn facts(report: &Report) -> Markup {
     let spec = &report.spec;
     let method = match spec.method() {
-        Method::Random => "uniform random sampling",
+        Method::Random => "uniform random sampling, compared on five hand-crafted features",
         Method::HandCrafted => "novelty search on five hand-crafted features",
         Method::Latent => "novelty search on a learned embedding",
         Method::Untrained => "novelty search on the embedding of an untrained network",
@@ -114,13 +120,25 @@ fn facts(report: &Report) -> Markup {
             (fact("Model", html! { (spec.model()) }))
             (fact("Method", html! { (method) }))
             (fact("Filter", html! { @if spec.filter() { "on" } @else { "off" } }))
-            (fact("Evaluations", html! { (grouped(report.individuals.len() as u64)) }))
-            (fact("Generations", html! { (grouped(report.generations.len() as u64)) }))
+            (fact("Individuals", html! { (grouped(report.individuals.len() as u64)) }))
+            (fact("Generations", html! { (generations(report)) }))
             @if !report.checkpoint.is_empty() {
                 (fact("Checkpoint", html! { code title=(report.checkpoint) { (shortened(&report.checkpoint)) } }))
             }
             (fact("Archive digest", html! { code title=(report.digest) { (shortened(&report.digest)) } }))
         }
+    }
+}
+
+/// How many generations there are, and where more came than the specification says, why.
+fn generations(report: &Report) -> String {
+    let (count, rounds) = (
+        report.generations.len() as u32,
+        report.repetition.rounds.len() as u32,
+    );
+    match generations_in_words(&report.spec, count, rounds) {
+        Some(why) => format!("{} ({why})", grouped(count.into())),
+        None => grouped(count.into()),
     }
 }
 

@@ -227,6 +227,8 @@ impl From<Asked> for v1::NextQueriesResponse {
         Self {
             queries: asked.queries.into_iter().map(query).collect(),
             answered: asked.answered,
+            own: asked.own,
+            synthetic: asked.synthetic,
             individuals: asked.individuals,
         }
     }
