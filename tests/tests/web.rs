@@ -87,6 +87,10 @@ async fn a_finished_campaign_shows_its_behaviours() {
     );
     let page = browser.page("/campaigns/small-1").await;
     assert!(
+        page.contains("<dt>Best novelty of the last generation</dt>"),
+        "{page}"
+    );
+    assert!(
         page.contains("4 behaviours") && page.contains("<strong>completed</strong>"),
         "{page}"
     );
@@ -97,6 +101,8 @@ async fn a_finished_campaign_shows_its_behaviours() {
     // The novelty of its day is of an archive that was emptier.
     let cards = browser.page("/campaigns/small-1/taxonomy").await;
     for medoid in &taxonomy.medoids {
+        let size = format!("cluster of {}<", medoid.cluster_size);
+        assert!(cards.contains(&size), "{size} {cards}");
         let shown = format!("<dt>Novelty</dt><dd>{:.4}</dd>", medoid.novelty);
         assert!(cards.contains(&shown), "{shown} {cards}");
     }
@@ -239,6 +245,43 @@ async fn what_scripts_say_is_checked_and_said_once() {
     for (path, said, status) in refused {
         browser.tell(path, said, status).await;
     }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_the_machine_said_is_told_apart_from_what_people_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let request = v1::GetTaxonomyRequest {
+        campaign: "small-1".to_owned(),
+    };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    let medoid = |place: usize| taxonomy.medoids[place].individual.as_ref().unwrap().index;
+    let (first, second) = (medoid(0), medoid(1));
+    let say = async |request: u32, annotator: &str, indices: &[u64]| {
+        let answer = |index: &u64| format!(r#"{{"index":{index},"answer":"ring"}}"#);
+        let answers: Vec<String> = indices.iter().map(answer).collect();
+        let answers = answers.join(",");
+        let said = format!(r#"{{"request_id":"{request}","annotator":"{annotator}","answers":[{answers}]}}"#);
+        browser.tell("labels", &said, StatusCode::OK).await;
+    };
+    say(1, "synthetic", &[first, second]).await;
+    say(2, "ben", &[second]).await;
+    let cards = browser.page("/campaigns/small-1/taxonomy").await;
+    let mark = "Named “ring” by the rule-based judge, not by a person.";
+    assert_eq!(cards.matches(mark).count(), 1, "{cards}");
+    let labels: Value = serde_json::from_str(&browser.page("/campaigns/small-1/labels").await).unwrap();
+    let machine = labels["machine"].as_str().unwrap();
+    let expected: &str = if first < second { "AQA=" } else { "AAE=" };
+    assert_eq!(machine, expected);
+    let ask =
+        r#"{"annotator":"ana","session":"1","strategy":"random","count":1,"agreement":false,"again":[]}"#;
+    let asked = browser.tell("questions", ask, StatusCode::OK).await;
+    let counts = ["answered", "own", "synthetic", "individuals"].map(|count| asked[count].as_u64().unwrap());
+    assert_eq!(counts, [2, 0, 1, 100]);
     cluster.stop().await;
 }
 

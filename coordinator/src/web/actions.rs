@@ -14,7 +14,7 @@ use serde::Deserialize;
 pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     (
         "quick-latent",
-        "A small campaign on a learned embedding, in half a minute",
+        "A small campaign on a learned embedding",
         include_str!("../../../examples/quick-latent.toml"),
     ),
     (
@@ -24,7 +24,7 @@ pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     ),
     (
         "single-sensor-latent",
-        "One sensor, a learned embedding: the paper's campaign",
+        "One sensor, a learned embedding, as many evaluations as the paper",
         include_str!("../../../examples/single-sensor-latent.toml"),
     ),
     (

@@ -26,10 +26,14 @@ pub(super) async fn one(
     let content = html! {
         div.wide-bar {
             h1 { "What does this swarm do?" }
-            p.counted.scripted { progress #share max="1" value="0" aria-label="Answered" {} span #count { "…" } }
+            p.counted.once-named.scripted {
+                progress #share max="1" value="0" aria-label="Answered by you" {}
+                span #count { "…" }
+                span #others {}
+            }
         }
         (parts::who())
-        div.desk {
+        div.desk.once-named {
             section.watch.scripted aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
             section.side aria-label="Your answer" {
                 div.seen.scripted {
@@ -41,7 +45,7 @@ pub(super) async fn one(
                 (parts::learn(&record))
             }
         }
-        details.settings.scripted {
+        details.settings.once-named.scripted {
             summary { "Settings and keys" }
             div.choices {
                 label { "Ask " select #strategy {
@@ -104,19 +108,19 @@ pub(super) async fn sheet(
     let content = html! {
         div.wide-bar {
             h1 { "Which of these differ?" }
-            div.choices.scripted {
+            div.choices.once-named.scripted {
                 button.plain #before type="button" { "Previous " kbd { "←" } }
                 label { "Cluster " select #cluster {} }
                 button.plain #after type="button" { "Next " kbd { "→" } }
             }
         }
         (parts::who())
-        p.lead.scripted {
+        p.lead.once-named.scripted {
             "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
             "rest. What differs stays for the next look. " span #so-far role="status" {} " "
             button.plain #fresh type="button" hidden { "Show them" }
         }
-        div.desk.sheet-desk {
+        div.desk.sheet-desk.once-named {
             section.sheet.scripted aria-label="Members of the cluster" {
                 div #sheet {}
                 canvas #over aria-hidden="true" {}

@@ -13,7 +13,7 @@ use crate::{
     medoids::Clustering,
     picture::{
         colours,
-        columns::{column, spread},
+        columns::{column, span, spread},
     },
 };
 use axum::{
@@ -58,8 +58,9 @@ pub(super) async fn page(
                     p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
                 }
                 ul #legend.legend aria-label="Colours" {}
+                p #distances.reason role="status" {}
                 p #how.reason {
-                    "Near each other is alike. Point at a behaviour for its picture, click it for its motion. Draw around "
+                    "Point at a behaviour for its picture, click it for its motion. Draw around "
                     "several to select them (with Shift, more of them; Escape, none), then press the number of a class."
                 }
             }
@@ -127,6 +128,7 @@ pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -
 }
 
 fn places(points: &[[f64; 2]]) -> Value {
-    let axis = |axis: usize| spread(points.iter().map(move |point| point[axis]));
-    json!({ "x": axis(0), "y": axis(1) })
+    let axis = |axis: usize| points.iter().map(move |point| point[axis]);
+    let spans = [span(axis(0)), span(axis(1))];
+    json!({ "x": spread(axis(0)), "y": spread(axis(1)), "spans": spans })
 }

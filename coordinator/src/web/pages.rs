@@ -10,6 +10,7 @@ use super::{
 use crate::{
     campaign::{CampaignError, CampaignState, CampaignStatus, Change, Stage, blocking},
     picture::grey_png,
+    repetition::generations_in_words,
     store::CampaignRecord,
     taxonomy::Taxonomy,
 };
@@ -328,11 +329,16 @@ fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
 /// Figures of the moment.
 fn facts(status: &CampaignStatus) -> Markup {
     let fact = |name: &str, value: String| html! { div { dt { (name) } dd { (value) } } };
+    let record = &status.record;
+    let generations = record.generations();
+    let why = generations_in_words(&record.spec, generations, record.rounds_done);
+    let why = why.map_or_else(String::new, |why| format!(": {why}"));
     html! {
         dl.facts {
+            (fact("Generations", format!("{} of {generations}{why}", record.generations_done)))
             @if let Some((best, mean)) = status.record.last_novelty {
-                (fact("Best novelty", format!("{best:.4}")))
-                (fact("Mean novelty", format!("{mean:.4}")))
+                (fact("Best novelty of the last generation", format!("{best:.4}")))
+                (fact("Mean novelty of the last generation", format!("{mean:.4}")))
             }
             @if let Some(training) = status.training {
                 @if let Some(loss) = training.loss { (fact("Loss", format!("{loss:.4}"))) }
@@ -370,7 +376,7 @@ fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
                 li {
                     img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
                         alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
-                    p { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
+                    p title={ "cluster of " (medoid.cluster_size) } { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
                     p { code { (medoid.individual.controller) } }
                 }
             }

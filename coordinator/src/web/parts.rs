@@ -41,7 +41,13 @@ pub(super) fn palette(single: bool) -> Markup {
                 }
                 button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
             }
-            p.reason.near role="status" hidden {}
+            div.near role="status" hidden {
+                p.reason {}
+                div.others {
+                    button.plain type="button" data-do="instead" { "Say the other instead" }
+                    button.plain type="button" data-do="differ" { "They differ" }
+                }
+            }
             p.reason { "What fits no class is " strong { (RANDOM) } ": two of those need not be alike." }
         }
     }
@@ -53,14 +59,14 @@ pub(super) fn learn(record: &CampaignRecord) -> Markup {
     html! {
         @if offered {
             form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } {
-                button { "Learn from these labels" }
+                button { "Learn from all labels" }
                 p #doing.reason role="status" {}
             }
         }
     }
 }
 
-/// Asks for the annotator's name, until the browser knows it.
+/// Asks for the annotator's name, until the browser knows it; nothing with the class `once-named` is shown meanwhile.
 pub(super) fn who() -> Markup {
     html! {
         form #who.who hidden {

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     campaign::blocking,
     gather,
-    labels::{ClassName, Labels},
+    labels::{GivenClass, Labels},
     report,
     store::{CampaignRecord, StoreError},
     taxonomy::{Medoid, Taxonomy},
@@ -21,6 +21,7 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{Markup, html};
+use murmuration_proto::counted;
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
     label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
@@ -41,7 +42,7 @@ pub(super) async fn page(
         Ok((taxonomy, store.labels(&campaign)?))
     };
     let (taxonomy, labels) = blocking(read).await??;
-    let names = labels.by_individual();
+    let names = labels.given_classes();
     let content = html! {
         div.wide-bar {
             h1 { "Taxonomy" }
@@ -53,9 +54,11 @@ pub(super) async fn page(
             None => p.empty { "There is no taxonomy yet: it is made when the search has ended." },
             Some(taxonomy) => {
                 p.lead {
-                    "One card a behaviour, the most frequent first: the one in the middle of its cluster. "
+                    "One card a behaviour, that of the largest cluster first: the one in the middle of its cluster. "
                     span.scripted {
-                        "Point at a picture to watch it. A name is a label: it teaches the embedding like any other answer."
+                        "Point at a picture to watch it. A name is a label like any other answer"
+                        @if record.spec.method().embeds() { ": the embedding learns from it when somebody has it learn from the labels" }
+                        "."
                     }
                 }
                 (parts::who())
@@ -83,11 +86,12 @@ fn card(
     place: usize,
     medoid: &Medoid,
     individuals: usize,
-    names: &BTreeMap<u64, ClassName>,
+    names: &BTreeMap<u64, GivenClass>,
 ) -> Markup {
     let index = medoid.individual.index;
     let share = medoid.cluster_size as f64 / individuals.max(1) as f64;
     let number = place + 1;
+    let given = names.get(&index);
     html! {
         article.medoid data-index=(index) aria-labelledby={ "behaviour-" (number) } {
             div.stage tabindex="0" role="button" aria-label={ "Play behaviour " (number) } {
@@ -96,14 +100,20 @@ fn card(
                 canvas aria-hidden="true" {}
             }
             h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
-            p.reason { (format!("{:.1} %", 100.0 * share)) " · " (medoid.cluster_size) " alike" }
-            progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all behaviours" {}
+            p.reason title={
+                (medoid.cluster_size) " of " (counted(individuals as u64, "individual"))
+                " are nearer to this one than to any other behaviour here"
+            } { (format!("{:.1} %", 100.0 * share)) " · cluster of " (medoid.cluster_size) }
+            progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all individuals" {}
             form.naming.scripted data-index=(index) {
                 label { span.unseen { "Name of behaviour " (number) }
                     input name="name" list="names" maxlength="64" autocomplete="off" placeholder="Name it"
-                        value=[names.get(&index)];
+                        value=[given.map(|given| &given.class)];
                 }
                 button.plain { "Save" }
+            }
+            @if given.is_some_and(|given| given.by_machine) {
+                p.reason { "Named “" (given.map_or("", |given| given.class.as_str())) "” by the rule-based judge, not by a person." }
             }
             dl.figures {
                 div { dt { "Individual" } dd { (index) } }

@@ -51,6 +51,8 @@ pub(super) async fn ask(State(web): State<Web>, Path(campaign): Path<String>, Js
     Ok(Json(json!({
         "queries": asked.queries.iter().map(query).collect::<Vec<_>>(),
         "answered": asked.answered,
+        "own": asked.own,
+        "synthetic": asked.synthetic,
         "individuals": asked.individuals,
     })))
 }
@@ -159,7 +161,8 @@ async fn classes(web: &Web, campaign: String) -> Told {
     ))
 }
 
-/// The classes, and the class of each individual that has one: as two columns, index and place among the classes.
+/// The classes, and the class of each individual that has one: as columns, its index, the place of the class, and whether
+/// nobody but the rule-based judge gave it that.
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
     let labels =
@@ -167,10 +170,10 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
             .await??;
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
-    let by_individual = labels.by_individual();
-    let placed: Vec<(u64, u16)> = by_individual
+    let given = labels.given_classes();
+    let placed: Vec<(u64, u16, bool)> = given
         .iter()
-        .filter_map(|(index, class)| Some((*index, *place.get(class)?)))
+        .filter_map(|(index, given)| Some((*index, *place.get(&given.class)?, given.by_machine)))
         .collect();
     let class = |class: &crate::labels::Class| {
         let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
@@ -178,7 +181,8 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
     };
     Ok(Json(json!({
         "classes": classes.iter().map(class).collect::<Vec<_>>(),
-        "individual": column(placed.iter().map(|(index, _)| (*index as u32).to_le_bytes())),
-        "class": column(placed.iter().map(|(_, class)| class.to_le_bytes())),
+        "individual": column(placed.iter().map(|(index, ..)| (*index as u32).to_le_bytes())),
+        "class": column(placed.iter().map(|(_, class, _)| class.to_le_bytes())),
+        "machine": column(placed.iter().map(|(.., by_machine)| [u8::from(*by_machine)])),
     })))
 }

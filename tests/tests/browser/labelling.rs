@@ -176,17 +176,84 @@ pub async fn who_goes_on_after_the_goal_is_told_so() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
     let many = (0..60).map(|index| (index, "milling".to_owned()));
-    scene.labels.say("Ben", many).await;
+    scene.labels.say("Ana", many).await;
     let window = scene.visit(&driver, "/label", "Ana").await;
     asked(&window).await;
-    assert_eq!(window.text("#count").await, "60 of 100");
+    assert_eq!(window.text("#count").await, "60 of 100 answered by you");
     window.click("summary").await;
     let choose = "const goal = document.getElementById('goal'); goal.value = '50'; goal.dispatchEvent(new Event('change'))";
     window.driver.execute(choose, vec![]).await.unwrap();
     window
-        .until("document.getElementById('count').textContent === '60 answered, more than the goal of 50'")
+        .until(
+            "document.getElementById('count').textContent === '60 answered by you, more than the goal of 50'",
+        )
         .await;
     assert_eq!(window.value("document.getElementById('share').value").await, 50.0);
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_before() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let said = |range: std::ops::Range<u64>| range.map(|index| (index, "milling".to_owned()));
+    scene.labels.say("synthetic", said(0..60)).await;
+    scene.labels.say("Ben", said(60..70)).await;
+    for page in ["/label", "/sheet"] {
+        let window = driver.open(&scene.url(page)).await;
+        window.until("!document.getElementById('who').hidden").await;
+        let frames = window
+            .value("[...document.querySelectorAll('main img, main canvas, main button')].filter((part) => part.checkVisibility()).map((part) => part.textContent)")
+            .await;
+        assert_eq!(frames, serde_json::json!(["Begin"]), "{page}");
+        window.close().await;
+    }
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    asked(&window).await;
+    assert_eq!(window.text("#count").await, "0 of 30 answered by you");
+    assert_eq!(
+        window.text("#others").await,
+        "10 by other people, 60 by the rule-based judge alone, 30 by nobody yet"
+    );
+    answer(&window, "1").await;
+    saved(&window).await;
+    window
+        .until("document.getElementById('count').textContent === '1 of 30 answered by you'")
+        .await;
+    window.picture("label-others").await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn a_name_that_was_typed_wrongly_is_exchanged_with_a_button() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    let right = name(&window, "milling").await;
+    let wrong = name(&window, "miling").await;
+    window.until("!document.querySelector('.near').hidden").await;
+    window.picture("label-near").await;
+    assert_eq!(window.text("[data-do=instead]").await, "Say “milling” instead");
+    window.click("[data-do=instead]").await;
+    window.until("document.querySelector('.near').hidden").await;
+    saved(&window).await;
+    let standing = scene.labels.standing().await;
+    assert_eq!((&*standing[&right], &*standing[&wrong]), ("milling", "milling"));
+    assert_eq!(
+        window.value("document.querySelectorAll('.class').length").await,
+        1
+    );
+
+    // One may also mean it.
+    name(&window, "mixing").await;
+    name(&window, "mixings").await;
+    window.until("!document.querySelector('.near').hidden").await;
+    window.click("[data-do=differ]").await;
+    window.until("document.querySelector('.near').hidden").await;
+    assert_eq!(
+        window.value("document.querySelectorAll('.class').length").await,
+        3
+    );
     window.close().await;
     scene.cluster.stop().await;
 }

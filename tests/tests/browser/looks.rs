@@ -83,6 +83,43 @@ pub async fn long_names_many_classes_and_large_type_stay_within_the_page() {
     scene.cluster.stop().await;
 }
 
+/// Words of classes that lie on more than one line, though the palette is wider than they are.
+const BROKEN: &str = "[...document.querySelectorAll('.class .name')].flatMap((name) => { \
+    const text = name.firstChild; \
+    return [...text.data.matchAll(/[^ -]+/g)].filter(({ 0: word, index }) => { \
+        const range = document.createRange(); \
+        range.setStart(text, index); \
+        range.setEnd(text, index + word.length); \
+        return new Set([...range.getClientRects()].map(({ top }) => Math.round(top))).size > 1; \
+    }).map(([word]) => word); })";
+
+pub async fn a_word_of_a_class_is_not_broken() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let classes = [
+        "dispersal",
+        "wall following",
+        "synchronisation",
+        "cyclic pursuit",
+        "aggregation",
+    ];
+    let said = (0..).zip(classes).map(|(index, class)| (index, class.to_owned()));
+    scene.labels.say("Ben", said).await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    for (width, height) in SIZES.into_iter().chain(ZOOMED) {
+        window.resize(width, height, false).await;
+        for page in ["/label", "/sheet", "/map"] {
+            window.driver.goto(scene.url(page)).await.unwrap();
+            window
+                .until("document.querySelectorAll('.class').length === 5")
+                .await;
+            assert_eq!(window.value(BROKEN).await, json!([]), "{page} at {width}");
+        }
+    }
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
 /// What plays a motion, outside of its player.
 const OUTSIDE: &str = "[...document.querySelectorAll('.transport > *')].filter((part) => { \
     const [own, player] = [part, part.closest('.player')].map((one) => one.getBoundingClientRect()); \

@@ -9,11 +9,12 @@ use murmuration_tests::small_spec;
 
 /// Across the canvas, where the points lie; what the script makes of the columns that it is sent.
 const ACROSS: &str = "(async () => { \
-    const { x } = await (await fetch('/campaigns/small-1/points/axes')).json(); \
+    const { x, spans } = await (await fetch('/campaigns/small-1/points/axes')).json(); \
     const bytes = Uint8Array.from(atob(x), (c) => c.charCodeAt(0)); \
     const { clientWidth, clientHeight } = document.getElementById('over'); \
+    const unit = Math.min((clientWidth - 52) / spans[0], (clientHeight - 52) / spans[1]); \
     return [clientWidth, clientHeight, Array.from(new Uint16Array(bytes.buffer), \
-        (x) => 26 + (x / 65535) * (clientWidth - 52))]; })()";
+        (x) => clientWidth / 2 + (x / 65535 - 0.5) * spans[0] * unit)]; })()";
 
 /// Draws around ten points of the map, or a few more where there is no room between two; how many.
 async fn lasso_ten(window: &Window) -> usize {

@@ -36,7 +36,7 @@ const outbox = new Outbox(queue.session, {
     count();
   },
 });
-const palette = new Palette({ answer, undo });
+const palette = new Palette({ answer, say, undo });
 beforeLearning(outbox);
 
 function answer(text) {
@@ -45,7 +45,12 @@ function answer(text) {
   durations.push(Math.min(performance.now() - since, SLOWEST_MS));
   if (durations.length > RECENT) durations.shift();
   queue.take();
-  outbox.add("labels", { annotator: annotator(), answers: [{ index, answer: text }] });
+  say([index], text);
+  return [index];
+}
+
+function say(indices, text) {
+  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
 }
 
 function undo() {
@@ -78,22 +83,37 @@ function nothing() {
   if (!queue.loaded || !queue.exhausted) return ["…", ""];
   const why = queue.individuals === 0
     ? "The first generation is still to come; this page goes on by itself."
-    : "Every behaviour has been asked about, or is with somebody else.";
+    : queue.agreement
+      ? "Every behaviour to which others gave a class is answered by you too, or is with somebody else."
+      : "Every behaviour is answered, or is with somebody else.";
   return ["Nothing to ask", why];
 }
 
 function count() {
-  const goal = at("goal").value === "all" ? queue.individuals : Math.min(Number(at("goal").value), queue.individuals);
   const unsent = outbox?.items.filter((item) => item.path === "labels").length ?? 0;
-  const done = queue.answered + unsent;
+  const done = queue.own + unsent;
+  const open = Math.max(queue.individuals - queue.answered - unsent, 0);
+  // For agreement the questions are what others have answered.
+  const most = queue.agreement ? Math.max(queue.answered, done) : done + open;
+  const goal = at("goal").value === "all" ? most : Math.min(Number(at("goal").value), most);
   at("share").max = Math.max(goal, 1);
   at("share").value = Math.min(done, goal);
   at("count").textContent = queue.loaded ? howMany(done, goal) : "…";
+  at("others").textContent = queue.loaded ? whoElse(open) : "";
 }
 
 function howMany(done, goal) {
-  if (done > goal) return `${done} answered, more than the goal of ${goal}`;
-  return `${done} of ${goal}${left(goal - done)}`;
+  if (done > goal) return `${done} answered by you, more than the goal of ${goal}`;
+  return `${done} of ${goal} answered by you${left(goal - done)}`;
+}
+
+// What was answered by whom else, and what remains.
+function whoElse(open) {
+  const people = queue.answered - queue.own - queue.synthetic;
+  const parts = [`${open} by nobody yet`];
+  if (queue.synthetic > 0) parts.unshift(`${queue.synthetic} by the rule-based judge alone`);
+  if (people > 0) parts.unshift(`${people} by other people`);
+  return parts.join(", ");
 }
 
 function left(open) {

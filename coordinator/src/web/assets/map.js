@@ -17,7 +17,7 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
 const plot = new Plot(at("points"));
 const player = new Player(document.querySelector(".player"));
-let known = { classes: [], of: new Map() };
+let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
 let selected = new Set();
 let hovered = -1;
@@ -28,15 +28,23 @@ const outbox = new Outbox(await session(), {
   refused: (_, error) => complain(status, error),
   changed: (outbox) => outbox.tell(status),
 });
-const palette = new Palette({ answer, undo });
+const palette = new Palette({ answer, say, undo });
 beforeLearning(outbox);
 
 async function answer(text) {
-  if (selected.size === 0) return complain(status, new Error("Draw around behaviours first: they are what is named."));
+  if (selected.size === 0) {
+    complain(status, new Error("Draw around behaviours first: they are what is named."));
+    return;
+  }
   await introduced();
-  const answers = [...selected].map((index) => ({ index, answer: text }));
-  outbox.add("labels", { annotator: annotator(), answers });
+  const indices = [...selected];
+  say(indices, text);
   select([]);
+  return indices;
+}
+
+function say(indices, text) {
+  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
 }
 
 function undo() {
@@ -62,12 +70,19 @@ function colouring() {
     }
     default: {
       const colours = known.classes.map(({ colour }) => number(colour));
-      const named = known.classes.filter(({ labels }) => labels > 0);
-      const entries = named.map(({ colour, name, labels }) => [colour, name, labels]);
+      const entries = known.classes.map(({ colour, name }, place) => [colour, name, individualsOf(place)]).filter(([, , of]) => of);
       entries.push([`#${nameless.toString(16)}`, "without a name", points.count - known.of.size]);
       return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
     }
   }
+}
+
+// How many are of a class, and how many of these no person named; nothing where there is none.
+function individualsOf(place) {
+  const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
+  const machine = all.filter((index) => known.machine.has(index)).length;
+  if (all.length === 0) return null;
+  return machine === 0 ? `${all.length}` : `${all.length}, ${machine} of them by the rule-based judge alone`;
 }
 
 // From early to late: three colours that differ in lightness too.
@@ -115,7 +130,9 @@ function sketch() {
 }
 
 function nameOf(i) {
-  return known.of.has(i) ? known.classes[known.of.get(i)].name : "without a name";
+  if (!known.of.has(i)) return "without a name";
+  const { name } = known.classes[known.of.get(i)];
+  return known.machine.has(i) ? `${name} (by the rule-based judge)` : name;
 }
 
 function hover(i) {
@@ -185,10 +202,19 @@ addEventListener("resize", () => {
   paint();
 });
 
-const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array)];
+const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array), places.spans];
+
+// What a distance on the map means.
+const DISTANCES = {
+  axes:
+    "The two directions in which the behaviours vary most, a unit as long across as it is up: what lies far apart here " +
+    "differs, what lies close may still differ otherwise.",
+  neighbours: "What lies close here is alike; how far groups lie from each other means nothing.",
+};
 
 function settle() {
   const places = points.places[at("projection").value] ?? points.places.axes;
+  at("distances").textContent = DISTANCES[at("projection").value];
   plot.place(...places);
   hover(-1);
   paint();
@@ -230,7 +256,12 @@ async function label() {
   const labels = await insist(() => get("labels"));
   const individual = column(labels.individual, Uint32Array);
   const of = column(labels.class, Uint16Array);
-  known = { classes: labels.classes, of: new Map(Array.from(individual, (index, i) => [index, of[i]])) };
+  const machine = column(labels.machine, Uint8Array);
+  known = {
+    classes: labels.classes,
+    of: new Map(Array.from(individual, (index, i) => [index, of[i]])),
+    machine: new Set(individual.filter((_, i) => machine[i])),
+  };
   palette.show(labels.classes);
   paint();
 }

@@ -5,14 +5,22 @@ import { counted } from "./words.js";
 const KEYS = 9;
 
 export class Palette {
-  // `answer(text)` hears what was chosen, `undo()` that it is to be taken back.
-  constructor({ answer, undo }) {
+  // `answer(text)` hears what was chosen and tells which individuals it was said of, `say(indices, text)` that these are to
+  // be called something else, `undo()` that what was said last is to be taken back.
+  constructor({ answer, say, undo }) {
     this.root = document.querySelector(".palette");
     this.buttons = this.root.querySelector(".classes");
     this.form = this.root.querySelector("form");
     this.field = this.form.elements.class;
-    this.answer = answer;
+    this.choose = answer;
+    this.say = say;
     this.undo = undo;
+    // By class, the individuals that were called so here.
+    this.said = new Map();
+    // Pairs of classes of which somebody here said that they differ.
+    this.differ = new Set();
+    this.doubt = null;
+    this.classes = [];
     // By key, less one: the class that it means.
     this.keys = new Array(KEYS).fill(null);
     this.form.addEventListener("submit", (event) => {
@@ -34,6 +42,8 @@ export class Palette {
       // A pointer leaves no focus behind: Space plays.
       if (event.detail > 0) button.blur();
       if (button.dataset.do === "undo") this.undo();
+      else if (button.dataset.do === "instead") this.instead();
+      else if (button.dataset.do === "differ") this.keep();
       else this.answer(button.dataset.answer);
     });
     document.addEventListener("keydown", (event) => {
@@ -83,12 +93,39 @@ export class Palette {
     this.warn(classes);
   }
 
-  // Two names that are nearly the same may be meant to be one.
+  // Two names that are nearly the same may be meant to be one: what was said here can be said otherwise at once.
   warn(classes) {
-    const [doubtful] = classes.filter(({ near }) => near.length > 0);
-    const line = this.root.querySelector(".near");
-    line.hidden = !doubtful;
-    if (doubtful) line.textContent = `Are “${doubtful.name}” and “${doubtful.near[0]}” the same class?`;
+    this.classes = classes;
+    const pairs = classes.flatMap(({ name, near }) => near.map((other) => [name, other]));
+    const open = pairs.filter((pair) => !this.differ.has(String([...pair].sort())));
+    const own = open.filter(([name]) => this.said.has(name));
+    this.doubt = own.at(-1) ?? open[0] ?? null;
+    const hint = this.root.querySelector(".near");
+    hint.hidden = this.doubt === null;
+    if (!this.doubt) return;
+    const [name, other] = this.doubt;
+    hint.querySelector("p").textContent = `“${name}” and “${other}” are two classes. Are they meant to be one?`;
+    const instead = hint.querySelector("[data-do=instead]");
+    instead.hidden = own.length === 0;
+    instead.textContent = `Say “${other}” instead`;
+  }
+
+  // What was called by a name that was typed wrongly is called by the other.
+  instead() {
+    const [name, other] = this.doubt;
+    const indices = this.said.get(name);
+    this.said.delete(name);
+    this.say(indices, other);
+  }
+
+  keep() {
+    this.differ.add(String([...this.doubt].sort()));
+    this.warn(this.classes);
+  }
+
+  async answer(text) {
+    const indices = await this.choose(text);
+    if (indices) this.said.set(text, [...(this.said.get(text) ?? []), ...indices]);
   }
 
   button({ name, colour, labels }) {

@@ -1,5 +1,5 @@
 // Ten thousand points and more on a canvas: where they are, which one is near, which are within a line.
-import { dotOf, fit, stamp } from "./drawing.js";
+import { dotOf, equalScale, fit, stamp } from "./drawing.js";
 import { encloses } from "./lasso.js";
 
 const ROOM = 26;
@@ -12,8 +12,9 @@ export class Plot {
     this.count = 0;
   }
 
-  // Places, 0 to 65535 each way.
-  place(x, y) {
+  // Places, 0 to 65535 each way over spans that need not be equal.
+  place(x, y, spans) {
+    this.spans = spans;
     this.x = x;
     this.y = y;
     this.count = x.length;
@@ -25,9 +26,10 @@ export class Plot {
   layOut() {
     fit(this.canvas);
     const { clientWidth: width, clientHeight: height } = this.canvas;
+    const scale = equalScale(this.spans, width, height, ROOM);
     for (let i = 0; i < this.count; i++) {
-      this.across[i] = ROOM + (this.x[i] / 65535) * (width - 2 * ROOM);
-      this.down[i] = height - ROOM - (this.y[i] / 65535) * (height - 2 * ROOM);
+      this.across[i] = scale.across(this.x[i]);
+      this.down[i] = scale.down(this.y[i]);
     }
     this.sort();
   }

@@ -16,7 +16,10 @@ export class Queue {
     this.session = session;
     this.changed = changed;
     this.questions = [];
+    // Individuals: answered by anybody, by whoever sits here, by the rule-based judge alone; and all that there are.
     this.answered = 0;
+    this.own = 0;
+    this.synthetic = 0;
     this.individuals = 0;
     this.loaded = false;
     // Whether the coordinator had no question when it was last asked.
@@ -93,6 +96,8 @@ export class Queue {
     // What was answered meanwhile was on its way.
     this.questions = asked.queries.filter(({ index }) => !this.said.has(index));
     this.answered = asked.answered;
+    this.own = asked.own;
+    this.synthetic = asked.synthetic;
     this.individuals = asked.individuals;
     this.loaded = true;
     this.exhausted = asked.queries.length === 0;

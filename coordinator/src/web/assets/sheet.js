@@ -39,20 +39,25 @@ const outbox = new Outbox(await session(), {
   },
   changed: (outbox) => outbox.tell(status),
 });
-const palette = new Palette({ answer, undo });
+const palette = new Palette({ answer, say, undo });
 beforeLearning(outbox);
 
 function answer(text) {
   const rest = cards().filter((card) => card.getAttribute("aria-pressed") === "false");
   if (rest.length === 0) return;
-  const answers = rest.map((card) => ({ index: Number(card.dataset.index), answer: text }));
-  for (const { index } of answers) {
+  const indices = rest.map((card) => Number(card.dataset.index));
+  for (const index of indices) {
     said.add(index);
     labelled.add(index);
   }
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
-  outbox.add("labels", { annotator: annotator(), answers });
+  say(indices, text);
   look();
+  return indices;
+}
+
+function say(indices, text) {
+  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
 }
 
 function undo() {
@@ -114,7 +119,7 @@ function tell(count = open) {
   const all = cards().length;
   const marked = cards().filter((card) => card.getAttribute("aria-pressed") === "true").length;
   at("rest").textContent = all
-    ? `${all - marked} of ${all} alike, ${marked} differ${marked === 1 ? "s" : ""}; ${open} of this cluster without a name.`
+    ? `${all} shown: ${all - marked} to be named together, ${marked} marked as different. ${open} of this cluster without a name.`
     : "Nothing to name here.";
 }
 
