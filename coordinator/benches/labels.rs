@@ -3,19 +3,15 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_coordinator::{
     campaign::{CampaignId, Weight},
-    checkpoints::Checkpoints,
-    dispatch::{Dispatch, Options},
     interrupt::Interrupt,
     labels::{Action, Change, Labels},
-    metrics::{Metrics, Party},
-    queries::{Holder, Queries, Viewers, Wish},
+    queries::{Holder, Queries, Wish},
     space::Spaces,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
 use std::{
     error::Error,
-    path::Path,
     time::{Duration, Instant},
 };
 
@@ -76,21 +72,6 @@ fn question() -> Done<Wish> {
     })
 }
 
-/// Questions about what is stored, without workers.
-fn queries(store: &Store, folder: &Path) -> Done<Queries> {
-    let workers = Metrics::new().dispatch(Party::Worker);
-    let viewers = Viewers {
-        checkpoints: Checkpoints::open(store.clone(), folder, None)?,
-        dispatch: Dispatch::start(Options::default(), workers, Vec::new()),
-        store: store.clone(),
-    };
-    Ok(Queries::new(
-        viewers,
-        Spaces::new(store.clone()),
-        Interrupt::default(),
-    ))
-}
-
 #[expect(clippy::expect_used, reason = "what cannot be measured has no figure")]
 fn labels(c: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -98,10 +79,8 @@ fn labels(c: &mut Criterion) {
     let store = Store::open(&directory).expect("a store");
     let id = labelled(&store).expect("a labelled campaign");
     let runtime = tokio::runtime::Runtime::new().expect("threads");
-    let queries = {
-        let _entered = runtime.enter();
-        queries(&store, folder.path()).expect("a shelf")
-    };
+    // Questions about what is stored, without workers.
+    let queries = Queries::new(store.clone(), Spaces::new(store.clone()), Interrupt::default());
     let wish = question().expect("a wish");
     let ask = || {
         let asked = queries.next(id.as_str(), wish.clone(), Instant::now());

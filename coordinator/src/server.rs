@@ -15,7 +15,7 @@ use crate::{
     maps::Maps,
     metrics::{Metrics, Party},
     probes::{Probes, Readiness},
-    queries::{Queries, Viewers},
+    queries::Queries,
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
     space::Spaces,
     store::{DataDirectory, Store, StoreError},
@@ -125,14 +125,9 @@ impl Coordinator {
         );
         let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
         let interrupt = Interrupt::default();
-        let viewers = Viewers {
-            store: store.clone(),
-            checkpoints: checkpoints.clone(),
-            dispatch: dispatch.clone(),
-        };
         // One for questions and maps, which are of the same archives.
         let spaces = Spaces::new(store.clone());
-        let queries = Queries::new(viewers, spaces.clone(), interrupt.clone());
+        let queries = Queries::new(store.clone(), spaces.clone(), interrupt.clone());
         let annotator = SyntheticAnnotator {
             store: store.clone(),
             queries: queries.clone(),

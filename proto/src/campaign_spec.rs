@@ -253,11 +253,6 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             search,
         };
         spec.check_memory()?;
-        let committee = spec.feedback.as_ref().map_or(1, Feedback::committee);
-        if committee > 1 && matches!(spec.embedder, Some(EmbedderSource::Published(_))) {
-            let allowed = "1: others are trained as the first one is, and that is a published checkpoint";
-            return Err(Invalid::new("feedback.committee", committee, allowed));
-        }
         // A single round counts where none is planned: somebody may ask for it.
         let round = spec.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(spec.search.population())

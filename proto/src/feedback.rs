@@ -10,8 +10,6 @@ pub enum Strategy {
     Random,
     /// The medoids of the archive, then the members of their clusters that nearly belong to another.
     Medoids,
-    /// Where several embeddings differ most about what is near to what.
-    Committee,
 }
 
 /// How a campaign is taught, round by round: individuals are labelled, the embedder is fine-tuned on all labels, the
@@ -23,7 +21,6 @@ pub struct Feedback {
     strategy: Strategy,
     generations: u32,
     recipe: Recipe,
-    committee: u32,
     starts: u32,
 }
 
@@ -58,13 +55,6 @@ impl Feedback {
         &self.recipe
     }
 
-    /// Embedders whose differences may be asked about, the campaign's own among them: 1 (none but that) to 16. Every
-    /// further one is trained on the same pictures and labels with [a seed of its own](Feedback::member_seed).
-    #[must_use]
-    pub const fn committee(&self) -> u32 {
-        self.committee
-    }
-
     /// Simulations of each labelled controller that are learned from, 1 to 16: that which was labelled, and others from
     /// random starts.
     #[must_use]
@@ -78,14 +68,6 @@ impl Feedback {
         let places = first + 1..first + u64::from(self.starts);
         places.map(move |place| Stream::derive(seed, Purpose::LessonStart, place).bits())
     }
-
-    /// Seed of the training of a further member of the committee, the first of which is 1, where that of the campaign's own
-    /// embedder is `own`.
-    #[must_use]
-    pub fn member_seed(own: u64, member: u32) -> u64 {
-        // A specification's seeds are signed where they are written down.
-        Stream::derive(own, Purpose::Committee, member.into()).bits() >> 1
-    }
 }
 
 impl TryFrom<v1::Feedback> for Feedback {
@@ -94,7 +76,6 @@ impl TryFrom<v1::Feedback> for Feedback {
     fn try_from(message: v1::Feedback) -> Result<Self, Invalid> {
         let strategy = message.strategy.as_deref().unwrap_or("medoids").parse()?;
         Ok(Self {
-            committee: committee(message.committee, strategy)?,
             starts: invalid::whole("starts", message.starts.unwrap_or(4), 1..=16)?,
             rounds: invalid::whole("rounds", message.rounds.unwrap_or(0), 0..=1_000)?,
             labels: invalid::whole("labels", message.labels.unwrap_or(100), 2..=50_000)?,
@@ -102,19 +83,6 @@ impl TryFrom<v1::Feedback> for Feedback {
             generations: invalid::whole("generations", message.generations.unwrap_or(20), 0..=100_000)?,
             recipe: recipe(message.recipe.as_deref())?,
         })
-    }
-}
-
-/// Three embedders, as the paper's authors had, where their differences are asked about and nothing is said.
-fn committee(members: Option<u32>, strategy: Strategy) -> Result<u32, Invalid> {
-    match (members, strategy) {
-        (Some(1), Strategy::Committee) => Err(Invalid::new(
-            "committee",
-            1,
-            "2 or more: the strategy is \"committee\"",
-        )),
-        (None, Strategy::Committee) => Ok(3),
-        (members, _) => invalid::whole("committee", members.unwrap_or(1), 1..=16),
     }
 }
 
@@ -151,7 +119,6 @@ impl From<&Feedback> for v1::Feedback {
             strategy: Some(feedback.strategy.to_string()),
             generations: Some(feedback.generations),
             recipe: Some(toml::to_string(&feedback.recipe).unwrap_or_default()),
-            committee: Some(feedback.committee),
             starts: Some(feedback.starts),
         }
     }
@@ -159,7 +126,7 @@ impl From<&Feedback> for v1::Feedback {
 
 impl Strategy {
     /// Every strategy.
-    pub const ALL: [Self; 3] = [Self::Random, Self::Medoids, Self::Committee];
+    pub const ALL: [Self; 2] = [Self::Random, Self::Medoids];
 
     /// Its name in files and on the command line.
     #[must_use]
@@ -167,7 +134,6 @@ impl Strategy {
         match self {
             Self::Random => "random",
             Self::Medoids => "medoids",
-            Self::Committee => "committee",
         }
     }
 }
@@ -197,12 +163,7 @@ impl TryFrom<v1::QueryStrategy> for Strategy {
         match strategy {
             v1::QueryStrategy::Random => Ok(Self::Random),
             v1::QueryStrategy::Medoids => Ok(Self::Medoids),
-            v1::QueryStrategy::Committee => Ok(Self::Committee),
-            v1::QueryStrategy::Unspecified => Err(Invalid::new(
-                "strategy",
-                "nothing",
-                "random, medoids or committee",
-            )),
+            v1::QueryStrategy::Unspecified => Err(Invalid::new("strategy", "nothing", "random or medoids")),
         }
     }
 }
@@ -212,14 +173,13 @@ impl From<Strategy> for v1::QueryStrategy {
         match strategy {
             Strategy::Random => Self::Random,
             Strategy::Medoids => Self::Medoids,
-            Strategy::Committee => Self::Committee,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::{CampaignSpec, Feedback};
+    use crate::CampaignSpec;
 
     fn spec(text: &str) -> Result<CampaignSpec, String> {
         let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\n{text}");
@@ -258,28 +218,6 @@ mod tests {
             (feedback.recipe().name(), feedback.recipe().epochs()),
             ("paper-labelled", 7)
         );
-    }
-
-    #[test]
-    fn a_committee_is_there_where_it_is_asked_for() {
-        let committee = |text: &str| spec(text).unwrap().feedback().unwrap().committee();
-        assert_eq!(committee(""), 1);
-        assert_eq!(committee("[feedback]\nstrategy = \"committee\""), 3);
-        assert_eq!(committee("[feedback]\ncommittee = 2"), 2);
-        let seeds = [7, 8].map(|own| [1, 2].map(|member| Feedback::member_seed(own, member)));
-        let mut seeds = seeds.concat();
-        assert!(seeds.iter().all(|&seed| i64::try_from(seed).is_ok()));
-        seeds.sort_unstable();
-        seeds.dedup();
-        assert_eq!(seeds.len(), 4);
-        check_refused("[feedback]\ncommittee = 17", "feedback.committee = 17");
-        check_refused(
-            "[feedback]\ncommittee = 1\nstrategy = \"committee\"",
-            "feedback.committee = 1: must be 2 or more",
-        );
-        let digest = crate::CheckpointDigest::of(b"model");
-        let text = format!("checkpoint = \"{digest}\"\n[feedback]\ncommittee = 2");
-        check_refused(&text, "feedback.committee = 2: must be 1");
     }
 
     #[test]

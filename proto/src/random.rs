@@ -35,9 +35,6 @@ pub enum Purpose {
     DatasetSubstitute,
     /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result rests on it.
     Audit,
-    /// Seed of the training of a member of a committee; the seed is that of the campaign's own embedder, the index the
-    /// member's.
-    Committee,
     /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's, and the start's.
     LessonStart,
 }
@@ -59,7 +56,6 @@ impl Purpose {
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
-            Self::Committee => "committee",
             Self::LessonStart => "lesson start",
         }
     }

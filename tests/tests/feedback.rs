@@ -109,64 +109,6 @@ async fn an_unattended_campaign_labels_learns_and_searches_on_whatever_the_clust
     assert_eq!(outcomes[0], outcomes[1]);
 }
 
-/// What a campaign asks next by committee, and why.
-async fn asked_by_committee(cluster: &Cluster) -> Result<Vec<v1::Query>, Status> {
-    let request = v1::NextQueriesRequest {
-        campaign: "latest".to_owned(),
-        annotator: "ana".to_owned(),
-        strategy: v1::QueryStrategy::Committee as i32,
-        count: 100,
-        ..Default::default()
-    };
-    let asked = labels(cluster).await.next_queries(request).await?;
-    Ok(asked.into_inner().queries)
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_committee_is_trained_learns_and_says_what_to_ask_whatever_the_cluster() {
-    let feedback = FEEDBACK.replace(
-        "[feedback]",
-        "[feedback]\nrounds = 1\nstrategy = \"committee\"\ncommittee = 2",
-    );
-    let mut outcomes = Vec::new();
-    for workers in [1, 3] {
-        let folder = tempfile::tempdir().unwrap();
-        let mut cluster = Cluster::start(folder.path(), workers).await;
-        let id = cluster.create(&small_latent_spec(&feedback)).await;
-        let last = completed(&mut cluster, &id).await;
-        let mut checkpoints = CheckpointServiceClient::connect(cluster.url()).await.unwrap();
-        let request = v1::ListCheckpointsRequest {};
-        let published = checkpoints.list_checkpoints(request).await.unwrap();
-        let published = whole(published.into_inner()).await.unwrap().checkpoints;
-        // The campaign's own and the other: from the same pictures, then from the same labels.
-        let [own, other, taught, other_taught] = published.as_slice() else {
-            panic!("{} checkpoints", published.len());
-        };
-        assert_eq!(taught.digest, last.checkpoint);
-        assert_eq!(
-            (&taught.parent, &other_taught.parent),
-            (&own.digest, &other.digest)
-        );
-        assert_eq!(own.data_digest, other.data_digest);
-        assert_eq!(taught.label_digest, other_taught.label_digest);
-        assert_ne!(own.configuration, other.configuration);
-
-        let asked = asked_by_committee(&cluster).await.unwrap();
-        // 40 of the 140 are answered.
-        assert_eq!(asked.len(), 100);
-        assert!(
-            asked
-                .iter()
-                .all(|query| query.reason.starts_with("embeddings differ on"))
-        );
-        let asked: Vec<u64> = asked.into_iter().map(|query| query.index).collect();
-        assert!(!asked.is_sorted());
-        outcomes.push((asked, cluster.digest(&id).await));
-        cluster.stop().await;
-    }
-    assert_eq!(outcomes[0], outcomes[1]);
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn people_teach_as_often_as_they_like() {
     let folder = tempfile::tempdir().unwrap();

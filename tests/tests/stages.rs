@@ -13,7 +13,7 @@ fn spec() -> CampaignSpec {
     let text = "name = \"stages\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
                 [dataset]\ncontrollers = 6000\n[training.recipe.in-batch]\nepochs = 5\npatience = 5\n\
                 [world]\nhorizon = 200\n[search]\npopulation = 2000\ngenerations = 6\n[taxonomy]\nmedoids = 600\n\
-                [feedback]\nrounds = 1\nlabels = 1500\nstrategy = \"random\"\ncommittee = 2\nstarts = 2\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 4\n";
+                [feedback]\nrounds = 1\nlabels = 1500\nstrategy = \"random\"\nstarts = 2\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 4\n";
     CampaignSpec::from_toml(text).unwrap()
 }
 
@@ -68,7 +68,7 @@ impl Processes {
             );
             let begun = match stage {
                 v1::CampaignStage::Dataset => status.dataset_done > 0,
-                v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune | v1::CampaignStage::Committee => {
+                v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune => {
                     status.training.is_some_and(|training| training.epoch > 0)
                 }
                 v1::CampaignStage::Label => status.labelled > 0,
@@ -131,7 +131,6 @@ async fn worker_trainer_and_coordinator_killed_in_every_stage_change_nothing() {
     for stage in [
         v1::CampaignStage::Dataset,
         v1::CampaignStage::Pretrain,
-        v1::CampaignStage::Committee,
         v1::CampaignStage::Evolve,
         v1::CampaignStage::Label,
         v1::CampaignStage::FineTune,

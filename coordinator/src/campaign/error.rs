@@ -7,7 +7,7 @@ use crate::{
     dispatch::JobError,
     interrupt::Interrupted,
     novelty::Misfit,
-    queries::{QueryError, UnviewedError},
+    queries::QueryError,
     space::SpaceError,
     store::{DecisionError, LabelError, StoreError},
 };
@@ -113,7 +113,6 @@ pub enum CampaignError {
 impl From<QueryError> for CampaignError {
     fn from(error: QueryError) -> Self {
         match error {
-            QueryError::Committee(UnviewedError::Job(error)) => Self::Job(error),
             QueryError::Space(SpaceError::Interrupted(interrupted)) => Self::Interrupted(interrupted),
             error => Self::Query(error),
         }

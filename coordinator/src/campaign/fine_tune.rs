@@ -34,28 +34,18 @@ pub(super) async fn fine_tune(
     if further_starts(means, &record, entries, live).await? == Outcome::Stopped {
         return Ok(Outcome::Stopped);
     }
-    let training = on_labels(means, &record, feedback, (parent, entries)).await?;
-    let Some(checkpoint) = train(means, &record, training, live).await? else {
-        return Ok(Outcome::Stopped);
-    };
-    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
-    Ok(Outcome::of(means.commit(live, finish).await?))
-}
-
-/// The training that goes on from `parent`, on the first `entries` of the label log.
-pub(super) async fn on_labels(
-    means: &Means,
-    record: &CampaignRecord,
-    feedback: &Feedback,
-    (parent, entries): (CheckpointDigest, u64),
-) -> Result<(Configuration, Option<Lesson>), CampaignError> {
-    let pictures = read(means, record, entries).await?;
+    let pictures = read(means, &record, entries).await?;
     let lesson = Lesson {
         parent,
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
     };
-    Ok((configuration(means, parent, feedback).await?, Some(lesson)))
+    let training = (configuration(means, parent, feedback).await?, Some(lesson));
+    let Some(checkpoint) = train(means, &record, training, live).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
+    Ok(Outcome::of(means.commit(live, finish).await?))
 }
 
 async fn read(means: &Means, record: &CampaignRecord, entries: u64) -> Result<LessonPictures, CampaignError> {

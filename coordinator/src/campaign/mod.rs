@@ -2,7 +2,6 @@
 
 mod campaigns;
 mod commit;
-mod committee;
 mod dataset;
 mod decisions;
 mod embed;

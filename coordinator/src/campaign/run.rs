@@ -1,8 +1,8 @@
 //! A campaign at work: one stage after the other, each begun where the disk says that it was left.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, Stage, committee, dataset, embed, fine_tune, label, live::Live,
-    pretrain, recheck, search,
+    CampaignError, CampaignId, CampaignState, Stage, dataset, embed, fine_tune, label, live::Live, pretrain,
+    recheck, search,
 };
 use crate::{
     checkpoints::Checkpoints,
@@ -123,7 +123,6 @@ async fn stages(means: &Means, run: &RunId, live: &mut Live) -> Result<Outcome, 
             Stage::Pretrain => pretrain::pretrain(means, record, live).await?,
             Stage::Embed => embed::embed(means, record, live).await?,
             Stage::Label => label::label(means, record, live).await?,
-            Stage::Committee => committee::train_member(means, record, live).await?,
             Stage::FineTune => fine_tune::fine_tune(means, record, live).await?,
             Stage::Evolve => search::evolve(means, record, seen, live).await?,
             Stage::Taxonomy => match search::complete(means, record, live).await? {

@@ -49,7 +49,7 @@ pub(super) struct LabelCommand {
     /// Have the rule-based judge label N individuals that nobody has labelled
     #[arg(long, value_name = "N", group = "answers")]
     synthetic: Option<u32>,
-    /// How --synthetic chooses the individuals: medoids, random or committee
+    /// How --synthetic chooses the individuals: medoids or random
     #[arg(long, default_value_t = Strategy::Medoids, requires = "synthetic")]
     strategy: Strategy,
 }

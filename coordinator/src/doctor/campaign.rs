@@ -54,7 +54,6 @@ impl CampaignFindings {
         let lacking = [record.checkpoint, record.next_checkpoint]
             .into_iter()
             .flatten()
-            .chain(store.committee(id).unwrap_or_default())
             .find(|&digest| !checkpoints.contains(&(digest, Condition::Whole)));
         let prospect = match (problems.is_empty(), lacking) {
             (false, _) => Prospect::Partly,

@@ -16,7 +16,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     medoids,
     novelty::{self, Misfit},
-    queries::{Committee, NoCommittee, by_committee, by_doubt, by_lot},
+    queries::{by_doubt, by_lot},
 };
 use murmuration_proto::{
     Invalid, Purpose, Strategy, Stream,
@@ -77,9 +77,6 @@ pub enum CurveError {
     /// Nobody waits for the curve any more.
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
-    /// There is only one seed.
-    #[error("strategy \"committee\": {0}: give more seeds")]
-    Committee(#[from] NoCommittee),
 }
 
 /// What all curves have in common.
@@ -87,7 +84,7 @@ pub enum CurveError {
 pub struct Curves<'a> {
     /// What is labelled, and what judges.
     pub sets: &'a Sets,
-    /// An embedder a seed; together they are the committee.
+    /// An embedder a seed.
     pub pretrained: &'a [Pretrained],
     /// How they are fine-tuned, a recipe for labels.
     pub recipe: &'a Recipe,
@@ -98,8 +95,8 @@ pub struct Curves<'a> {
 impl Curves<'_> {
     /// The curve of a strategy from the embedder at `which`, at ascending numbers of labels; `told` hears of every point.
     ///
-    /// As in a campaign, what to ask next is chosen with the embedders that have learned from the labels so far; unlike
-    /// there, each number's embedders are fine-tuned from the pretrained ones, so that they do not depend on the numbers
+    /// As in a campaign, what to ask next is chosen with the embedder that has learned from the labels so far; unlike
+    /// there, each number's embedder is fine-tuned from the pretrained one, so that it does not depend on the numbers
     /// before it.
     ///
     /// # Errors
@@ -111,28 +108,22 @@ impl Curves<'_> {
         counts: &[usize],
         mut told: impl FnMut(Point),
     ) -> Result<(), CurveError> {
-        let seed = self.pretrained[which].seed;
-        // The campaign's own embedder, and who it is compared with.
-        let mut members = vec![&self.pretrained[which]];
-        if strategy == Strategy::Committee {
-            let others = (0..self.pretrained.len()).filter(|&other| other != which);
-            members.extend(others.map(|other| &self.pretrained[other]));
-        }
-        let mut embedders: Vec<Network> = members.iter().map(|member| member.network.clone()).collect();
+        let pretrained = &self.pretrained[which];
+        let seed = pretrained.seed;
+        let mut embedder = pretrained.network.clone();
         let mut asked: Vec<usize> = Vec::new();
         for &count in counts {
             let begun = Instant::now();
-            for index in self.ranking(strategy, &embedders, seed)? {
+            for index in self.ranking(strategy, &embedder, seed)? {
                 if asked.len() < count && !asked.contains(&index) {
                     asked.push(index);
                 }
             }
             if !asked.is_empty() {
-                let taught = members.iter().map(|member| self.fine_tuned(member, &asked));
-                embedders = taught.collect::<Result<_, _>>()?;
+                embedder = self.fine_tuned(pretrained, &asked)?;
             }
             let took = begun.elapsed();
-            let accuracy = self.accuracy(&embedders[0]);
+            let accuracy = self.accuracy(&embedder);
             told(Point {
                 strategy,
                 labels: asked.len(),
@@ -146,26 +137,15 @@ impl Curves<'_> {
     }
 
     /// All behaviours of the set that is labelled, the first to ask about first.
-    fn ranking(
-        &self,
-        strategy: Strategy,
-        embedders: &[Network],
-        seed: u64,
-    ) -> Result<Vec<usize>, CurveError> {
+    fn ranking(&self, strategy: Strategy, embedder: &Network, seed: u64) -> Result<Vec<usize>, CurveError> {
         let train = self.sets.train();
         let queries = match strategy {
             Strategy::Random => by_lot(train.count(), &mut Stream::derive(seed, Purpose::Query, 0)),
             Strategy::Medoids => {
-                let points = points(&embedders[0], train)?;
+                let points = points(embedder, train)?;
                 let mut stream = Stream::derive(seed, Purpose::Medoids, 0);
                 let clustering = medoids::cluster(&points, self.medoids, &mut stream, &Interrupt::default())?;
                 by_doubt(&points, &clustering)
-            }
-            Strategy::Committee => {
-                let members = embedders.iter().map(|embedder| points(embedder, train));
-                let members = members.collect::<Result<Vec<_>, _>>()?;
-                let committee = Committee::new(members)?;
-                by_committee(&committee, &mut Stream::derive(seed, Purpose::Query, 0))
             }
         };
         Ok(queries.into_iter().map(|query| query.index).collect())

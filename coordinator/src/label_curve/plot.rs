@@ -98,7 +98,6 @@ const fn colour(strategy: Strategy) -> RGBColor {
     match strategy {
         Strategy::Random => RGBColor(0x5f, 0x5e, 0x58),
         Strategy::Medoids => RGBColor(0x1f, 0x5f, 0x8b),
-        Strategy::Committee => RGBColor(0xb0, 0x62, 0x1c),
     }
 }
 
@@ -123,7 +122,7 @@ mod tests {
             point(Strategy::Medoids, 100, 92.0),
         ];
         let svg = plot(&points, "two sensors").unwrap();
-        assert!(svg.contains("random") && svg.contains("medoids") && !svg.contains("committee"));
+        assert!(svg.contains("random") && svg.contains("medoids"));
         assert_eq!(svg.matches("<circle").count(), 3);
     }
 }

@@ -3,20 +3,16 @@
 //! A *ranking* is an order of all behaviours of an archive, each with the reason for its place; it does not depend on who
 //! asks, nor on what was asked. [`QueryLeases`] gives the first of a ranking that are open to whoever asks, so that nobody
 //! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator, and the clusters
-//! that contact sheets show; what the members of a committee see is asked of [`Viewers`].
+//! that contact sheets show.
 
 mod clusters;
-mod committee;
 mod doubt;
 mod leases;
 mod open;
 mod ranking;
-mod viewers;
 
 pub use clusters::Clustered;
-pub use committee::{Committee, NoCommittee};
 pub use leases::{Holder, PATIENCE, QueryLeases};
 pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, Wish};
-pub use ranking::{Query, Reason, by_committee, by_doubt, by_lot};
-pub use viewers::{UnviewedError, Viewers};
+pub use ranking::{Query, Reason, by_doubt, by_lot};

@@ -4,7 +4,6 @@ use super::{
     Holder, Query, QueryLeases, Reason,
     clusters::{self, Clustered, Clusters},
     ranking,
-    viewers::{UnviewedError, Viewed, Viewers},
 };
 use crate::{
     campaign::{self, CampaignId},
@@ -64,9 +63,6 @@ pub enum QueryError {
     /// The archive cannot be read as behaviours.
     #[error("{0}")]
     Space(#[from] SpaceError),
-    /// There is no committee that could differ.
-    #[error("strategy \"committee\": {0}")]
-    Committee(#[from] UnviewedError),
     /// A bug: an order of questions could not be made.
     #[error(
         "what to ask could not be found out; the log says where it broke off (this is a bug, no label is lost)"
@@ -77,7 +73,7 @@ pub enum QueryError {
 /// Which queries are with whom, campaign by campaign; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Queries {
-    viewers: Viewers,
+    store: Store,
     rankings: Arc<Kept<Rankings>>,
     leases: Arc<Mutex<LeasesById>>,
     clusters: Clusters,
@@ -111,12 +107,11 @@ struct Ranked {
 }
 
 impl Queries {
-    /// Nobody has been asked anything yet; committees ask where what `viewers` see differs. Archives are clustered until
-    /// `interrupt` is raised.
+    /// Nobody has been asked anything yet. Archives are clustered until `interrupt` is raised.
     #[must_use]
-    pub fn new(viewers: Viewers, spaces: Spaces, interrupt: Interrupt) -> Self {
+    pub fn new(store: Store, spaces: Spaces, interrupt: Interrupt) -> Self {
         Self {
-            viewers,
+            store,
             rankings: Arc::new(Kept::within(MOST_BYTES)),
             leases: Arc::default(),
             clusters: Clusters::new(spaces),
@@ -130,10 +125,10 @@ impl Queries {
     /// # Errors
     /// See [`QueryError`].
     pub async fn next(&self, campaign: &str, wish: Wish, now: Instant) -> Result<Asked, QueryError> {
-        let (store, campaign) = (self.viewers.store.clone(), campaign.to_owned());
+        let (store, campaign) = (self.store.clone(), campaign.to_owned());
         let record = blocking(move || store.campaign(&campaign)).await??;
         let ranked = self.ranked(&record, wish.strategy).await?;
-        let (store, leases) = (self.viewers.store.clone(), self.leases_of(&record.id, now));
+        let (store, leases) = (self.store.clone(), self.leases_of(&record.id, now));
         blocking(move || Ok(lease(&leases, &store, &record, &ranked, &wish, now)?)).await?
     }
 
@@ -146,7 +141,7 @@ impl Queries {
     }
 
     /// The first `count` individuals in the order of a strategy that nobody has answered about, fewer where there are not
-    /// so many: a function of archive, committee and log alone, whoever is being asked meanwhile. Clustering ends early once
+    /// so many: a function of archive and log alone, whoever is being asked meanwhile. Clustering ends early once
     /// `interrupt` is raised.
     ///
     /// # Errors
@@ -158,7 +153,7 @@ impl Queries {
         count: usize,
         interrupt: &Interrupt,
     ) -> Result<Vec<usize>, QueryError> {
-        let (store, id) = (self.viewers.store.clone(), record.id.clone());
+        let (store, id) = (self.store.clone(), record.id.clone());
         let labels = blocking(move || store.labels(&id)).await??;
         let (clusters, interrupt) = (self.clusters.clone(), interrupt.clone());
         let now = move |record: &CampaignRecord| clusters.now(record, &interrupt);
@@ -204,12 +199,8 @@ impl Queries {
         if let Ok(making) = Arc::clone(&ranking.making).try_lock_owned() {
             let (queries, record) = (self.clone(), record.clone());
             tokio::spawn(async move {
-                match queries.renew(&rankings, record, strategy).await {
-                    // What is to be expected between a round and the end of its trainings.
-                    Ok(_) | Err(QueryError::Committee(UnviewedError::Unready(_))) => {}
-                    Err(error) => {
-                        tracing::warn!(%error, %strategy, "questions go on in the former order");
-                    }
+                if let Err(error) = queries.renew(&rankings, record, strategy).await {
+                    tracing::warn!(%error, %strategy, "questions go on in the former order");
                 }
                 drop(making);
             });
@@ -242,23 +233,16 @@ impl Queries {
         strategy: Strategy,
         clustered: impl FnOnce(&CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
     ) -> Result<Ranked, QueryError> {
-        let viewed = match strategy {
-            Strategy::Committee => Some(self.viewers.view(&record).await?),
-            Strategy::Random | Strategy::Medoids => None,
-        };
         blocking(move || {
-            let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-            let (order, edition) = match viewed {
-                Some(Viewed { committee, edition }) => {
-                    (ranking::by_committee(&committee, &mut stream), edition)
-                }
-                None if strategy == Strategy::Medoids => {
+            let (order, edition) = match strategy {
+                Strategy::Medoids => {
                     let clustered = clustered(&record)?;
                     let order = ranking::by_doubt(&clustered.space.behaviours, &clustered.clustering);
                     (order, clustered.space.edition)
                 }
-                None => {
+                Strategy::Random => {
                     let count = record.individuals() as usize;
+                    let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
                     (ranking::by_lot(count, &mut stream), record.edition())
                 }
             };

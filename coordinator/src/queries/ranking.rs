@@ -1,9 +1,9 @@
 //! Orders of behaviours to ask about.
 
-use super::{committee::Committee, doubt};
+use super::doubt;
 use crate::{medoids::Clustering, novelty::Behaviours};
 use murmuration_proto::{Stream, counted};
-use std::{cmp::Reverse, fmt};
+use std::fmt;
 
 /// Why a behaviour is asked about, in words for whoever is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,11 +23,6 @@ pub enum Reason {
         cluster: usize,
         /// The other; `None` where there is but one cluster.
         other: Option<usize>,
-    },
-    /// Embeddings do not agree what it is like.
-    Disputed {
-        /// Share of the comparisons about which they are not of one mind, 0 to 1.
-        share: f64,
     },
     /// Whoever is asked wished to be.
     Again,
@@ -60,13 +55,6 @@ impl fmt::Display for Reason {
             } => write!(f, "between cluster {cluster} and cluster {other}"),
             Self::Doubtful { cluster, other: None } => write!(f, "in cluster {cluster}"),
             Self::Again => f.write_str("asked again, as you wished"),
-            Self::Disputed { share } => {
-                write!(
-                    f,
-                    "embeddings differ on {:.0} % of its comparisons",
-                    share * 100.0
-                )
-            }
         }
     }
 }
@@ -112,22 +100,6 @@ fn in_turns(lists: Vec<Vec<Query>>) -> Vec<Query> {
     let longest = lists.iter().map(Vec::len).max().unwrap_or(0);
     let turn = |place| lists.iter().filter_map(move |list| list.get(place).copied());
     (0..longest).flat_map(turn).collect()
-}
-
-/// All behaviours, those first about which the committee is least of one mind; equal ones by index. The stream draws the
-/// comparisons.
-#[must_use]
-pub fn by_committee(committee: &Committee, stream: &mut Stream) -> Vec<Query> {
-    let disputed = committee.disputed(stream);
-    let mut order: Vec<usize> = (0..disputed.len()).collect();
-    order.sort_by_key(|&index| Reverse(disputed[index].minority));
-    let query = |index: usize| Query {
-        index,
-        reason: Reason::Disputed {
-            share: disputed[index].share(),
-        },
-    };
-    order.into_iter().map(query).collect()
 }
 
 #[cfg(test)]

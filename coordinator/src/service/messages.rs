@@ -139,6 +139,7 @@ impl From<StoreError> for Status {
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
             | StoreError::Newer { .. }
+            | StoreError::Unreleased { .. }
             | StoreError::Superseded(_) => Self::failed_precondition(said),
             StoreError::File { .. } | StoreError::Sqlite { .. } => Self::internal(said),
         }

@@ -5,7 +5,7 @@ use super::{
     work::{CheckVersion, serve},
 };
 use crate::{
-    campaign::blocking,
+    campaign::{Stage, blocking},
     dispatch::Trainers,
     metrics::Party,
     store::{CampaignRecord, Store, StoreError, TrainingPictures},
@@ -95,9 +95,11 @@ fn send(
             return Ok(());
         }
     }
-    let lesson = match record.lesson_of_stage() {
-        Some(entries) => store.lesson_pictures(record, entries)?.pictures,
-        None => Vec::new(),
+    let lesson = match record.lesson {
+        Some(entries) if Stage::of(record) == Stage::FineTune => {
+            store.lesson_pictures(record, entries)?.pictures
+        }
+        _ => Vec::new(),
     };
     for part in lesson.chunks(each) {
         let mut message = v1::LabelledPart::default();

@@ -1,7 +1,7 @@
 //! Rows of campaigns.
 
 use super::{Store, StoreError, checkpoints::checkpoint_number};
-use crate::campaign::{CampaignId, CampaignState, Stage, Weight};
+use crate::campaign::{CampaignId, CampaignState, Weight};
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, SIMULATOR_VERSION, Text,
 };
@@ -47,10 +47,6 @@ pub struct CampaignRecord {
     pub lesson: Option<u64>,
     /// How many entries the last round that is done learned from.
     pub learned: Option<u64>,
-    /// Further members of its committee that there are.
-    pub members: u32,
-    /// How many of those, the first ones, have learned in every round that is done.
-    pub members_ready: u32,
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
@@ -107,26 +103,6 @@ impl CampaignRecord {
         }
     }
 
-    /// Further members that its committee is to have.
-    #[must_use]
-    pub fn members_wanted(&self) -> u32 {
-        self.spec
-            .feedback()
-            .map_or(0, |feedback| feedback.committee() - 1)
-    }
-
-    /// The labels that the training of its stage learns from, as a number of entries of the log; `None` where that learns
-    /// without labels, or nothing is trained.
-    #[must_use]
-    pub fn lesson_of_stage(&self) -> Option<u64> {
-        match Stage::of(self) {
-            Stage::FineTune => self.lesson,
-            // Who is there has been trained without labels.
-            Stage::Committee if self.members_ready < self.members => self.learned,
-            _ => None,
-        }
-    }
-
     /// Generations that there are to be, those after the rounds so far included.
     #[must_use]
     pub fn generations(&self) -> u32 {
@@ -151,8 +127,6 @@ const SELECT: &str = "
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
             WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
            c.rounds, c.lesson, c.weight, c.taken_back, c.learned,
-           (SELECT count(*) FROM committee m WHERE m.campaign = c.number),
-           (SELECT count(*) FROM committee m WHERE m.campaign = c.number AND m.rounds = c.rounds),
            c.decisions
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
@@ -276,8 +250,6 @@ struct Columns {
     weight: u32,
     taken_back: i64,
     learned: Option<i64>,
-    members: u32,
-    members_ready: u32,
     decisions: i64,
 }
 
@@ -301,9 +273,7 @@ fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
         weight: row.get(15)?,
         taken_back: row.get(16)?,
         learned: row.get(17)?,
-        members: row.get(18)?,
-        members_ready: row.get(19)?,
-        decisions: row.get(20)?,
+        decisions: row.get(18)?,
     })
 }
 
@@ -338,8 +308,6 @@ impl TryFrom<Columns> for CampaignRecord {
             rounds_done: columns.rounds_done,
             lesson: columns.lesson.map(i64::unsigned_abs),
             learned: columns.learned.map(i64::unsigned_abs),
-            members: columns.members,
-            members_ready: columns.members_ready,
         })
     }
 }

@@ -49,6 +49,20 @@ pub enum StoreError {
         /// The newest that is understood.
         known: u32,
     },
+    /// The database was written before the first release, by a version that is not followed.
+    #[error(
+        "{path} has schema version {found}, the oldest that this murmuration ({}) opens is {oldest}: it was written before \
+         the first release; run the campaigns again in another data directory (nothing was changed)",
+        env!("CARGO_PKG_VERSION")
+    )]
+    Unreleased {
+        /// The database.
+        path: PathBuf,
+        /// Its schema version.
+        found: u32,
+        /// The oldest that is understood.
+        oldest: u32,
+    },
     /// The file is no SQLite database, or it is damaged.
     #[error("{path} is damaged ({reason}): `murmuration doctor` says what can be saved")]
     Damaged {

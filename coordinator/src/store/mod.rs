@@ -6,7 +6,6 @@
 mod archive;
 mod campaigns;
 mod checkpoints;
-mod committee;
 mod data_directory;
 mod embeddings;
 mod error;

@@ -33,7 +33,7 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     }
     let named = |source| StoreError::from_sqlite(source, &path);
     let mut connection = Connection::open(&path).map_err(named)?;
-    schema::migrate(&mut connection, 0).map_err(named)?;
+    schema::create(&mut connection).map_err(named)?;
     connection.close().map_err(|(_, source)| named(source))?;
     let placed = File::open(&path)
         .and_then(|file| file.sync_all())

@@ -80,7 +80,6 @@ impl Store {
                     copy(source, target, "taxonomies", "WHERE campaign = ?1", [number])?;
                 }
                 copy(source, target, "trainings", "WHERE campaign = ?1", [number])?;
-                copy(source, target, "committee", "WHERE campaign = ?1", [number])?;
                 copy(source, target, "notices", "WHERE campaign = ?1", [number])?;
                 copy(source, target, "provenance", "WHERE campaign = ?1", [number])?;
                 if let Some(why) = cut {

@@ -59,7 +59,7 @@ impl Store {
     pub fn begin_again(&self, campaign: &CampaignId, pictures: u64, why: &str) -> Result<(), StoreError> {
         self.take(campaign, |transaction, number, labels| {
             take_generations(transaction, number, labels, 0)?;
-            for table in ["embeddings", "trainings", "committee"] {
+            for table in ["embeddings", "trainings"] {
                 transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
             }
             forget(transaction, number, Work::Embedding, 0)?;

@@ -7,7 +7,6 @@ use super::{
     visitor::Visitor,
     wrong::Wrong,
 };
-use crate::store::CampaignRecord;
 use axum::extract::{Path, State};
 use maud::{Markup, html};
 use murmuration_proto::{Feedback, Strategy};
@@ -49,7 +48,7 @@ pub(super) async fn one(
             summary { "Settings and keys" }
             div.choices {
                 label { "Ask " select #strategy {
-                    @for (strategy, said) in strategies(&record) {
+                    @for (strategy, said) in STRATEGIES {
                         option value=(strategy) selected[strategy == usual] { (said) }
                     }
                 } }
@@ -76,15 +75,11 @@ pub(super) async fn one(
     ))
 }
 
-/// How it may be chosen what to ask about a campaign.
-fn strategies(record: &CampaignRecord) -> impl Iterator<Item = (Strategy, &'static str)> {
-    let committee = (record.members_wanted() > 0).then_some((Strategy::Committee, "where embedders differ"));
-    let always = [
-        (Strategy::Medoids, "medoids, then doubtful ones"),
-        (Strategy::Random, "at random"),
-    ];
-    always.into_iter().chain(committee)
-}
+/// How it may be chosen what to ask.
+const STRATEGIES: [(Strategy, &str); 2] = [
+    (Strategy::Medoids, "medoids, then doubtful ones"),
+    (Strategy::Random, "at random"),
+];
 
 const KEYS: [(&str, &str); 9] = [
     ("1 … 9", "the class with that number"),

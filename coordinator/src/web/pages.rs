@@ -293,7 +293,6 @@ const fn stage(stage: Stage) -> &'static str {
         Stage::Evolve => "searching",
         Stage::Label => "labelling",
         Stage::FineTune => "learning from labels",
-        Stage::Committee => "training the committee",
         Stage::Taxonomy => "clustering",
     }
 }
@@ -311,7 +310,7 @@ fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
             dataset.pictures(),
             "picture",
         ),
-        (Stage::Pretrain | Stage::FineTune | Stage::Committee, _) => {
+        (Stage::Pretrain | Stage::FineTune, _) => {
             let training = status.training?;
             (training.epoch, training.epochs, "epoch")
         }

@@ -184,10 +184,6 @@ async fn what_cannot_be_said_has_a_status_and_leaves_nothing() {
             ana.ask(v1::QueryStrategy::Random, 0, false).await.err(),
             Code::InvalidArgument,
         ),
-        (
-            ana.ask(v1::QueryStrategy::Committee, 1, false).await.err(),
-            Code::FailedPrecondition,
-        ),
     ];
     for (error, code) in refused {
         assert_eq!(error.as_ref().map(Status::code), Some(code), "{error:?}");

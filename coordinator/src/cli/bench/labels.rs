@@ -35,7 +35,7 @@ pub(in crate::cli) struct LabelsBench {
     /// Folder with train.csv, validation.csv and images/ID.png; repeat it to join sets
     #[arg(long, required = true, value_name = "DIR")]
     set: Vec<PathBuf>,
-    /// Seeds, instead of the file's; all embedders together are the committee
+    /// Seeds, instead of the file's
     #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
     seeds: Vec<u64>,
     /// Numbers of labels; more than there are means all

@@ -25,7 +25,6 @@ pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
         v1::CampaignStage::Evolve => "evolve",
         v1::CampaignStage::Label => "label",
         v1::CampaignStage::FineTune => "fine-tune",
-        v1::CampaignStage::Committee => "committee",
         v1::CampaignStage::Taxonomy => "taxonomy",
     }
 }
@@ -55,9 +54,7 @@ impl News {
                 let done = status.dataset_done.min(total);
                 Self::counted(status, (done, total), "picture", "simulations")
             }
-            v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune | v1::CampaignStage::Committee => {
-                Self::training(status)
-            }
+            v1::CampaignStage::Pretrain | v1::CampaignStage::FineTune => Self::training(status),
             v1::CampaignStage::Label => {
                 let total = spec
                     .as_ref()

@@ -3,11 +3,8 @@
 use super::*;
 use crate::{
     campaign::{CampaignState, Weight},
-    checkpoints::Checkpoints,
-    dispatch::{Dispatch, Options},
     labels::{Action, Change},
     medoids::Clustering,
-    metrics::{Metrics, Party},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::CampaignSpec;
@@ -25,21 +22,12 @@ impl Campaign {
     fn new(generations: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-        let viewers = Viewers {
-            checkpoints: Checkpoints::open(store.clone(), folder.path(), None).unwrap(),
-            dispatch: Dispatch::start(
-                Options::default(),
-                Metrics::new().dispatch(Party::Worker),
-                Vec::new(),
-            ),
-            store: store.clone(),
-        };
         let text = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = 10";
         let spec = CampaignSpec::from_toml(text).unwrap();
         let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
         let campaign = Self {
             _folder: folder,
-            queries: Queries::new(viewers, Spaces::new(store.clone()), Interrupt::default()),
+            queries: Queries::new(store.clone(), Spaces::new(store.clone()), Interrupt::default()),
             store,
             id,
         };
@@ -133,17 +121,6 @@ async fn what_was_taken_back_is_not_asked_about() {
     let left: BTreeSet<usize> = (0..50).collect();
     assert_eq!(campaign.ask("ana", Strategy::Medoids, false).await, left);
     assert_eq!(campaign.ask_later(Strategy::Medoids).await, left);
-}
-
-#[tokio::test]
-async fn who_searches_without_an_embedder_has_no_committee() {
-    let campaign = Campaign::new(1);
-    let record = campaign.store.campaign("latest").unwrap();
-    let asked = campaign
-        .queries
-        .unanswered(&record, Strategy::Committee, 2, campaign.queries.interrupt());
-    let refused = asked.await.unwrap_err().to_string();
-    assert!(refused.contains("has a single embedder"), "{refused}");
 }
 
 #[tokio::test]

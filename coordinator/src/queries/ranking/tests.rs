@@ -1,7 +1,7 @@
 //! What is asked first, and that everything is asked once.
 
 use super::*;
-use crate::{interrupt::Interrupt, medoids, queries::NoCommittee};
+use crate::{interrupt::Interrupt, medoids};
 use murmuration_proto::Purpose;
 use proptest::{prelude::*, strategy::Strategy};
 
@@ -56,31 +56,6 @@ fn a_single_cluster_has_no_border() {
     assert_eq!(ranking[2].reason.to_string(), "in cluster 1");
 }
 
-#[test]
-fn a_committee_asks_where_it_differs() {
-    let one = [0.0, 1.0, 2.0, 3.0, 4.0, 20.0, 21.0, 22.0, 23.0, 24.0];
-    // The second embedding is larger throughout, and has individual 2 among the others.
-    let mut other = one.map(|x| 10.0 * x);
-    other[2] = 225.0;
-    let members = [line(&one), line(&other)];
-    let committee = Committee::new(members.into()).unwrap();
-    let ranking = by_committee(&committee, &mut stream());
-    assert_eq!(ranking[0].index, 2);
-    let of_one_mind = [line(&one), line(&one.map(|x| 10.0 * x))];
-    let ranking = by_committee(&Committee::new(of_one_mind.into()).unwrap(), &mut stream());
-    assert_eq!(indices(&ranking), (0..10).collect::<Vec<_>>());
-    assert_eq!(ranking[0].reason, Reason::Disputed { share: 0.0 });
-}
-
-#[test]
-fn a_committee_has_two_members_of_the_same_individuals() {
-    let [three, two] = [line(&[0.0, 1.0, 2.0]), line(&[0.0, 1.0])];
-    let refused = |members: &[Behaviours]| Committee::new(members.to_vec()).unwrap_err();
-    assert_eq!(refused(&[]), NoCommittee::TooFew(0));
-    assert_eq!(refused(std::slice::from_ref(&two)), NoCommittee::TooFew(1));
-    assert_eq!(refused(&[three, two]), NoCommittee::OtherIndividuals(3, 2));
-}
-
 /// If these change, so does what people are asked.
 #[test]
 fn the_lot_is_the_same_for_ever() {
@@ -97,14 +72,10 @@ proptest! {
     #[test]
     fn every_behaviour_is_ranked_once_and_always_alike(points in points(), k in 1usize..6) {
         let behaviours = behaviours(&points);
-        let turned: Vec<_> = points.iter().map(|[x, y]| [*y, -x * x]).collect();
-        let members = [behaviours.clone(), self::behaviours(&turned)];
-        let committee = Committee::new(members.into()).unwrap();
         let clustering = medoids::cluster(&behaviours, k, &mut stream(), &Interrupt::default()).unwrap();
         let rank = || [
             by_lot(points.len(), &mut stream()),
             by_doubt(&behaviours, &clustering),
-            by_committee(&committee, &mut stream()),
         ];
         for (ranking, again) in rank().iter().zip(rank()) {
             prop_assert_eq!(ranking, &again);

@@ -1,12 +1,11 @@
 //! Labels and queries as the messages that carry them, and their errors as statuses.
 
 use crate::{
-    dispatch::JobError,
     labels::{
         Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label, Labels,
         Refusal,
     },
-    queries::{Asked, Holder, Query, QueryError, UnviewedError, Wish},
+    queries::{Asked, Holder, Query, QueryError, Wish},
     space::SpaceError,
     store::{LabelError, Undone},
 };
@@ -282,13 +281,7 @@ impl From<QueryError> for Status {
             QueryError::Space(SpaceError::Store(error)) => error.into(),
             QueryError::Space(SpaceError::Misfit(_)) => Self::internal(said),
             QueryError::Space(SpaceError::Interrupted(_)) => Self::unavailable(said),
-            QueryError::Committee(UnviewedError::Store(error)) => error.into(),
-            QueryError::Committee(UnviewedError::Space(SpaceError::Store(error))) => error.into(),
-            QueryError::Committee(UnviewedError::Job(JobError::ShuttingDown)) => Self::unavailable(said),
-            QueryError::Committee(UnviewedError::Alone(_) | UnviewedError::Unready(_)) => {
-                Self::failed_precondition(said)
-            }
-            QueryError::Committee(_) | QueryError::Broken => Self::internal(said),
+            QueryError::Broken => Self::internal(said),
         }
     }
 }

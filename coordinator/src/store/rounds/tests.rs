@@ -95,41 +95,6 @@ fn the_end_of_a_round_is_a_move_and_further_generations() {
 }
 
 #[test]
-fn members_of_a_committee_are_ready_once_they_have_learned_what_was_learned() {
-    let (_folder, store, id, checkpoint) = open();
-    let progress = || {
-        let record = store.campaign("latest").unwrap();
-        (record.members, record.members_ready)
-    };
-    assert_eq!(progress(), (0, 0));
-    let saved = SavedTraining {
-        epoch: 3,
-        bytes: vec![1],
-    };
-    store.save_training(&id, &saved).unwrap();
-    store.seat_member(&id, 1, 0, checkpoint).unwrap();
-    // The next member's training is another one.
-    assert_eq!(store.saved_training(&id).unwrap(), None);
-    store.seat_member(&id, 2, 0, checkpoint).unwrap();
-    assert_eq!(progress(), (2, 2));
-    store.begin_round(&id, 3).unwrap();
-    assert_eq!(progress(), (2, 2));
-    store.finish_round(&id, checkpoint).unwrap();
-    assert_eq!(progress(), (2, 0));
-    assert_eq!(store.campaign("latest").unwrap().learned, Some(3));
-    store.seat_member(&id, 1, 1, checkpoint).unwrap();
-    assert_eq!(progress(), (2, 1));
-    assert_eq!(store.committee(&id).unwrap(), [checkpoint; 2]);
-    let nobody = CheckpointDigest::of(b"nobody");
-    assert!(matches!(
-        store.seat_member(&id, 1, 1, nobody),
-        Err(StoreError::NoCheckpoint(_))
-    ));
-    store.begin_again(&id, 0, "a picture was wrong").unwrap();
-    assert_eq!(progress(), (0, 0));
-}
-
-#[test]
 fn a_round_that_begins_again_forgets_the_training_on_other_labels() {
     let (_folder, store, id, _) = open();
     store.begin_round(&id, 1).unwrap();

@@ -39,7 +39,7 @@ fn checkpoint(store: &Store) -> CheckpointDigest {
 /// Every change that a stage makes.
 type Commit = fn(&Store, &CampaignId) -> Result<(), StoreError>;
 
-const COMMITS: [(&str, Commit); 12] = [
+const COMMITS: [(&str, Commit); 11] = [
     ("a generation", |store, id| {
         let record = GenerationRecord::of(0, &[0.0], 0);
         let individuals = [ArchivedIndividual::still(0, 0)];
@@ -65,9 +65,6 @@ const COMMITS: [(&str, Commit); 12] = [
     }),
     ("a move", |store, id| {
         store.move_to(id, CheckpointDigest::of(b"checkpoint"))
-    }),
-    ("a member", |store, id| {
-        store.seat_member(id, 1, 0, CheckpointDigest::of(b"checkpoint"))
     }),
     ("a round's end", |store, id| {
         store.finish_round(id, CheckpointDigest::of(b"checkpoint"))
