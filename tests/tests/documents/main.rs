@@ -1,5 +1,6 @@
 //! The README and the pages of docs/: their commands are run, their links lead somewhere, and what they list is all there is.
 
+mod arrows;
 mod commands;
 mod help;
 mod map;
@@ -14,6 +15,9 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     // One after the other: the commands use what cores there are.
     run_one_by_one(vec![
+        test!(arrows::rings_are_found),
+        test!(arrows::no_crate_knows_one_of_its_floor_or_above),
+        test!(arrows::no_modules_know_each_other_in_a_ring),
         test!(map::every_module_of_the_coordinator_is_on_the_map_and_no_other),
         test!(options::what_starts_a_service_is_an_environment_variable_too),
         test!(references::links_and_paths_lead_somewhere),

@@ -1,0 +1,152 @@
+//! Arrows of the house: a crate knows only crates below it, and no modules of a crate know each other in a ring.
+
+mod code;
+mod rings;
+
+use crate::pages::root;
+use code::Crate;
+use rings::rings;
+use std::{collections::BTreeMap, fs};
+
+/// The floor of each crate, by its folder. A crate depends only on crates of lower floors; tests, benchmarks and build
+/// scripts included.
+const FLOORS: &[(&str, u8)] = &[
+    ("proto", 0),
+    ("worker/embed", 1),
+    ("worker/link", 1),
+    ("worker", 2),
+    ("trainer", 2),
+    ("coordinator", 9),
+    ("tests", 10),
+];
+
+/// Rings that are still to be opened: `CRATE[::PARENT]: MODULES`, in the order of the alphabet.
+const RINGS: &[&str] = &[
+    "proto: invalid text",
+    "proto::onnx: budget embedder_model operators",
+    "proto::training: labelled_recipe recipe",
+    "trainer::client: course dataset job task",
+    "coordinator: access campaign checkpoints digest dispatch kept maps metrics queries service space store synthetic taxonomy web",
+    "coordinator::campaign: campaigns dataset decisions embed fine_tune label pretrain recheck run search train",
+    "coordinator::cli: campaigns run",
+    "coordinator::judge: arrangement body measures motion walls",
+    "coordinator::leases: job turns workers",
+    "coordinator::queries: doubt ranking",
+    "coordinator::service: snapshots work",
+    "coordinator::store: archive provenance",
+    "coordinator::store: data_directory error",
+    "coordinator::web: actions pages wrong",
+    "tests: binaries faulty_libc",
+];
+
+pub fn no_crate_knows_one_of_its_floor_or_above() {
+    let floors: BTreeMap<String, u8> = FLOORS
+        .iter()
+        .map(|(folder, floor)| (name(folder), *floor))
+        .collect();
+    assert_eq!(floors.len(), FLOORS.len());
+    assert_eq!(
+        members(),
+        FLOORS.iter().map(|(folder, _)| *folder).collect::<Vec<_>>(),
+        "the members of the workspace, from the lowest floor up"
+    );
+    for (folder, floor) in FLOORS {
+        for dependency in dependencies(folder) {
+            if let Some(below) = floors.get(&dependency) {
+                assert!(
+                    below < floor,
+                    "{folder} is on floor {floor} and depends on {dependency}, on floor {below}"
+                );
+            }
+        }
+    }
+}
+
+pub fn no_modules_know_each_other_in_a_ring() {
+    let mut found = Vec::new();
+    for (folder, _) in FLOORS {
+        let code = Crate::read(&root().join(folder).join("src"));
+        assert!(!code.modules.is_empty(), "{folder}");
+        for (parent, ring) in rings(&code) {
+            let path = [*folder, &parent].into_iter().filter(|part| !part.is_empty());
+            let path: Vec<&str> = path.collect();
+            found.push(format!("{}: {}", path.join("::"), ring.join(" ")));
+        }
+    }
+    assert_eq!(found, RINGS, "rings found (left), rings that are allowed (right)");
+}
+
+/// A ring is found where there is one, through names that a module hands on; code of tests is left out.
+pub fn rings_are_found() {
+    let files = |files: &[(&str, &str)]| {
+        let folder = tempfile::tempdir().unwrap();
+        for (file, text) in files {
+            let path = folder.path().join(file);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        rings(&Crate::read(folder.path()))
+    };
+    let ring = |parent: &str, modules: &[&str]| {
+        (
+            parent.to_owned(),
+            modules.iter().map(|module| (*module).to_owned()).collect(),
+        )
+    };
+    let lib = ("lib.rs", "mod a; mod b; mod c;");
+    let straight = [
+        lib,
+        ("a.rs", "use crate::{b::B, c::{self, C}}; fn f() { c::g() }"),
+        (
+            "b.rs",
+            "pub struct B; #[cfg(test)] mod tests { use crate::a::A; }",
+        ),
+        ("c.rs", "use super::b;"),
+    ];
+    assert_eq!(files(&straight), []);
+    let plain = [
+        lib,
+        ("a.rs", "use crate::b::B; pub struct A;"),
+        ("b.rs", "fn f() { crate::c::g() }"),
+        ("c.rs", "use super::a;"),
+    ];
+    assert_eq!(files(&plain), [ring("", &["a", "b", "c"])]);
+    let nested = [
+        ("lib.rs", "mod inner;"),
+        ("inner/mod.rs", "mod x; mod y; pub use x::X; use y::Y;"),
+        ("inner/x.rs", "fn f(y: super::Y) {} pub struct X;"),
+        ("inner/y.rs", "use crate::inner::X; pub struct Y;"),
+    ];
+    assert_eq!(files(&nested), [ring("inner", &["x", "y"])]);
+}
+
+/// The package that lies in `folder`.
+fn name(folder: &str) -> String {
+    let manifest = manifest(folder);
+    manifest["package"]["name"].as_str().unwrap().to_owned()
+}
+
+/// What the package in `folder` depends on, in whatever way.
+fn dependencies(folder: &str) -> Vec<String> {
+    let manifest = manifest(folder);
+    ["dependencies", "dev-dependencies", "build-dependencies"]
+        .iter()
+        .filter_map(|section| manifest.get(*section)?.as_table())
+        .flat_map(|table| table.keys().cloned())
+        .collect()
+}
+
+/// The members of the workspace, from the lowest floor up.
+fn members() -> Vec<String> {
+    let manifest = manifest("");
+    let members = manifest["workspace"]["members"].as_array().unwrap();
+    members
+        .iter()
+        .map(|member| member.as_str().unwrap().to_owned())
+        .collect()
+}
+
+fn manifest(folder: &str) -> toml::Table {
+    let path = root().join(folder).join("Cargo.toml");
+    fs::read_to_string(path).unwrap().parse().unwrap()
+}
