@@ -16,12 +16,14 @@
 
 mod job;
 mod quarantine;
+mod queues;
 mod task;
 mod turns;
 mod workers;
 
 use job::Job;
 use murmuration_proto::Invalid;
+use queues::Queues;
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt,
@@ -29,7 +31,6 @@ use std::{
     time::{Duration, Instant},
 };
 use task::Task;
-use turns::Queues;
 use workers::Worker;
 
 /// A worker's connection; a worker that connects anew has another one.

@@ -1,6 +1,6 @@
 //! The one error of validation: which field, what it held, what it may hold.
 
-use crate::{Text, text::beginning};
+use crate::beginning::beginning;
 use std::{fmt::Display, ops::RangeInclusive};
 
 /// Most characters of a value that are shown: any number in full, and several of them.
@@ -33,13 +33,6 @@ impl Invalid {
     pub fn within(mut self, outer: &str) -> Self {
         self.field = format!("{outer}.{}", self.field);
         self
-    }
-}
-
-impl From<Invalid> for tonic::Status {
-    fn from(invalid: Invalid) -> Self {
-        // A value from outside may be of any length.
-        Self::invalid_argument(Text::line(&invalid.to_string()))
     }
 }
 

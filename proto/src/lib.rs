@@ -7,6 +7,7 @@
 //! Knows about nothing else in the workspace.
 #![deny(missing_docs)]
 
+mod beginning;
 mod campaign_spec;
 mod capability;
 mod checkpoint;
@@ -25,6 +26,7 @@ pub mod onnx;
 pub mod parts;
 mod random;
 mod record;
+mod refusal;
 mod replay;
 mod search;
 mod seen;

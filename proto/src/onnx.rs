@@ -6,14 +6,16 @@
 
 mod budget;
 mod embedder_model;
+mod limits;
 mod operators;
 mod shape;
 mod tensor;
 mod wire;
 
-pub use embedder_model::{
-    EMBEDDING_DIMENSIONS, EmbedderModel, IMAGE_SIDES, MAX_ELEMENTS, MAX_MODEL_BYTES, MAX_NODES, MAX_PRODUCTS,
-    MAX_VALUE_ELEMENTS, ModelError,
+pub use embedder_model::{EmbedderModel, ModelError};
+pub use limits::{
+    EMBEDDING_DIMENSIONS, IMAGE_SIDES, MAX_ELEMENTS, MAX_MODEL_BYTES, MAX_NODES, MAX_PRODUCTS,
+    MAX_VALUE_ELEMENTS,
 };
 
 use prost::Message;

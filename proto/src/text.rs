@@ -4,9 +4,11 @@
 //! (bidirectional overrides) or hide (zero-width characters). Free text is cleaned and cut; a name is refused, since
 //! whoever chose it should choose another.
 
+pub use crate::beginning::beginning;
+
 use crate::Invalid;
 use icu_properties::{CodePointSetData, props::DefaultIgnorableCodePoint};
-use std::{borrow::Cow, fmt};
+use std::fmt;
 
 /// Free text from outside, without characters that a reader cannot see and of bounded length.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
@@ -99,15 +101,6 @@ pub fn marked(text: &str) -> String {
 #[must_use]
 pub fn quoted(text: &str) -> String {
     format!("\"{}\"", beginning(text, 80).escape_debug())
-}
-
-/// A text if it has at most `most` characters; or else so many, and an ellipsis.
-#[must_use]
-pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
-    match text.char_indices().nth(most) {
-        None => text.into(),
-        Some((end, _)) => format!("{}…", &text[..end]).into(),
-    }
 }
 
 /// Each character, and whether it is hidden.

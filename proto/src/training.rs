@@ -5,8 +5,10 @@ mod architecture;
 mod configuration;
 mod labelled_recipe;
 mod recipe;
+mod unlabelled_recipe;
 
 pub use architecture::{Architecture, ArchitectureError, Layer, Shape, parameters};
 pub use configuration::{Configuration, ConfigurationError, NetworkSettings, Settings};
 pub use labelled_recipe::{Labelled, PaperLabelled};
-pub use recipe::{InBatch, RandomTriplets, Recipe};
+pub use recipe::Recipe;
+pub use unlabelled_recipe::{InBatch, RandomTriplets};

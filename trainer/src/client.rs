@@ -5,10 +5,12 @@
 
 mod course;
 mod dataset;
+mod event;
 mod job;
 mod task;
 
-use job::{Event, Running};
+use event::{Event, Undone};
+use job::Running;
 use murmuration_link::{Address, Broken, Coordinator, Credentials, Health, Link, Party, Role, keep, stopped};
 use murmuration_proto::{
     PART_BYTES,
@@ -78,7 +80,7 @@ impl Party for Trainer {
                         running = self.take(lease, &link, &stop).await?;
                     }
                     coordinator_message::Message::Lease(lease) => {
-                        let busy = job::Undone::retryable("this trainer has a training already");
+                        let busy = Undone::retryable("this trainer has a training already");
                         answer(&link, lease.id, busy.into()).await?;
                     }
                     coordinator_message::Message::Withdrawal(withdrawal) => {

@@ -1,9 +1,9 @@
 //! How a swarm is spread out: neighbours and clusters.
 
 use super::{
-    Scale,
     geometry::{length, minus},
-    measures::{quantile, share},
+    scale::Scale,
+    statistics::{quantile, share},
     window::{Point, Window},
 };
 

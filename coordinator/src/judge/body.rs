@@ -3,8 +3,8 @@
 use super::{
     arrangement::linked,
     geometry::{Outline, angle_between, cross, length, minus},
-    measures::{quantile, ratio, share},
     motion::SharedPaths,
+    statistics::{quantile, ratio, share},
     window::{Point, Window},
 };
 use std::f64::consts::TAU;

@@ -11,14 +11,17 @@ mod geometry;
 mod measures;
 mod motion;
 mod rules;
+mod scale;
+mod statistics;
 mod walls;
 mod window;
 
 pub use arrangement::Arrangement;
 pub use body::Body;
 pub use class::{Class, Pattern};
-pub use measures::{Measures, Scale};
+pub use measures::Measures;
 pub use motion::Motion;
+pub use scale::Scale;
 pub use walls::Walls;
 
 use murmuration_proto::{Frames, Replay, World};

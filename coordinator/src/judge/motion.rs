@@ -1,9 +1,9 @@
 //! How agents move, and how their paths lie to each other.
 
 use super::{
-    Scale,
     geometry::{angle_between, cross, distance_to_segment, dot, length, minus, segments_cross},
-    measures::{quantile, ratio, share},
+    scale::Scale,
+    statistics::{quantile, ratio, share},
     window::{Point, Window, mean},
 };
 

@@ -1,9 +1,9 @@
 //! What a swarm does at the walls.
 
 use super::{
-    Scale,
     geometry::{cross, length, minus},
-    measures::{ratio, share},
+    scale::Scale,
+    statistics::{ratio, share},
     window::{Point, Window, mean},
 };
 use murmuration_proto::World;

@@ -2,8 +2,8 @@
 
 use super::{
     Agree, MachineId, WorkerProcessId,
+    queues::Queues,
     task::{Task, Verdict},
-    turns::Queues,
 };
 
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! Members of clusters that nearly belong to another.
 
-use super::{Query, Reason};
+use super::query::{Query, Reason};
 use crate::{medoids::Clustering, novelty::Behaviours};
 use rayon::prelude::*;
 

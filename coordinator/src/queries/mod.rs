@@ -9,10 +9,12 @@ mod clusters;
 mod doubt;
 mod leases;
 mod open;
+mod query;
 mod ranking;
 
 pub use clusters::Clustered;
 pub use leases::{Holder, PATIENCE, QueryLeases};
 pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, Wish};
-pub use ranking::{Query, Reason, by_doubt, by_lot};
+pub use query::{Query, Reason};
+pub use ranking::{by_doubt, by_lot};

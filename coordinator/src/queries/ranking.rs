@@ -1,63 +1,11 @@
 //! Orders of behaviours to ask about.
 
-use super::doubt;
+use super::{
+    doubt,
+    query::{Query, Reason},
+};
 use crate::{medoids::Clustering, novelty::Behaviours};
-use murmuration_proto::{Stream, counted};
-use std::fmt;
-
-/// Why a behaviour is asked about, in words for whoever is asked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Reason {
-    /// By lot.
-    Lot,
-    /// It stands for a cluster.
-    Medoid {
-        /// The cluster, from 1, the largest first.
-        cluster: usize,
-        /// How many behaviours it has.
-        size: usize,
-    },
-    /// It is nearly as far from the medoid of its own cluster as from that of another.
-    Doubtful {
-        /// Its cluster, from 1.
-        cluster: usize,
-        /// The other; `None` where there is but one cluster.
-        other: Option<usize>,
-    },
-    /// Whoever is asked wished to be.
-    Again,
-}
-
-/// A behaviour to ask about.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Query {
-    /// Its index in the archive.
-    pub index: usize,
-    /// Why.
-    pub reason: Reason,
-}
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Lot => f.write_str("drawn by lot"),
-            Self::Medoid { cluster, size: 1 } => write!(f, "cluster {cluster} on its own"),
-            Self::Medoid { cluster, size } => {
-                write!(
-                    f,
-                    "stands for cluster {cluster}, {}",
-                    counted(*size as u64, "behaviour")
-                )
-            }
-            Self::Doubtful {
-                cluster,
-                other: Some(other),
-            } => write!(f, "between cluster {cluster} and cluster {other}"),
-            Self::Doubtful { cluster, other: None } => write!(f, "in cluster {cluster}"),
-            Self::Again => f.write_str("asked again, as you wished"),
-        }
-    }
-}
+use murmuration_proto::Stream;
 
 /// `count` behaviours in an order that the stream decides.
 #[must_use]

@@ -1,8 +1,8 @@
 //! The data directory: held by one process at a time, which leaves its address there for others.
 
-use super::StoreError;
+use super::{Holder, StoreError};
 use std::{
-    fmt, fs,
+    fs,
     io::{self, Read as _, Seek as _, Write as _},
     path::{Path, PathBuf},
 };
@@ -12,26 +12,6 @@ use std::{
 pub struct DataDirectory {
     path: PathBuf,
     lock: fs::File,
-}
-
-/// Who holds a data directory.
-#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(default)]
-pub struct Holder {
-    /// Its process id; 0 if it has not said yet.
-    pub process: u32,
-    /// Where its coordinator listens, `http://HOST:PORT`; empty if it has not said yet.
-    pub address: String,
-}
-
-impl fmt::Display for Holder {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (self.process, self.address.as_str()) {
-            (0, _) => write!(f, "another murmuration process"),
-            (process, "") => write!(f, "process {process}"),
-            (process, address) => write!(f, "process {process} at {address}"),
-        }
-    }
 }
 
 impl DataDirectory {

@@ -2,9 +2,9 @@
 
 use super::{
     GenerationRecord, Provenance, Store, StoreError,
-    archive::{clamped, numbers_to_blob},
     campaigns::number_of,
     checkpoints::checkpoint_number,
+    numbers::{clamped, numbers_to_blob},
     provenance::{Work, add_provenance},
 };
 use crate::campaign::{CampaignId, CampaignState};
@@ -110,7 +110,7 @@ impl Store {
                     AND checkpoint = (SELECT next_checkpoint FROM campaigns WHERE number = ?1) ORDER BY place",
             )?;
             let rows = statement.query_map([number], |row| row.get::<_, Vec<u8>>(0))?;
-            rows.map(|blob| Ok(super::archive::blob_to_numbers(&blob?))).collect()
+            rows.map(|blob| Ok(super::numbers::blob_to_numbers(&blob?))).collect()
         })
     }
 }

@@ -6,7 +6,7 @@ mod rows;
 pub(super) use followed::Followed;
 pub(super) use rows::{entries, insert};
 
-use super::{Store, StoreError, archive::clamped, campaigns::number_of};
+use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
 use crate::{
     campaign::CampaignId,
     labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},

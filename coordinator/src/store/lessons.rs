@@ -3,8 +3,8 @@
 
 use super::{
     ArchivedIndividual, CampaignRecord, Store, StoreError, TrainingPictures,
-    archive::{clamped, floats_to_blob},
     campaigns::number_of,
+    numbers::{clamped, floats_to_blob},
 };
 use murmuration_proto::Controller;
 use rusqlite::params;

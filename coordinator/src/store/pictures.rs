@@ -2,8 +2,8 @@
 
 use super::{
     Provenance, Store, StoreError,
-    archive::{blob_to_floats, clamped, floats_to_blob},
     campaigns::number_of,
+    numbers::{blob_to_floats, clamped, floats_to_blob},
     provenance::{Work, add_provenance},
 };
 use crate::campaign::CampaignId;

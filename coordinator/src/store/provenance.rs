@@ -1,6 +1,6 @@
 //! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
 
-use super::{Store, StoreError, archive::clamped, campaigns::number_of};
+use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
 use crate::{
     campaign::CampaignId,
     dispatch::{Maker, Quarantined},

@@ -142,7 +142,7 @@ pub(super) fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> 
         "UPDATE campaigns SET lesson = ?2, state = ?3, error = '' WHERE number = ?1",
         params![
             number,
-            super::archive::clamped(lesson),
+            super::numbers::clamped(lesson),
             CampaignState::Running.name()
         ],
     )?;

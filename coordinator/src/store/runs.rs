@@ -6,7 +6,7 @@
 //! person is what the disk says, even if a run of before goes on computing.
 
 use super::{
-    CampaignRecord, Store, StoreError, archive::clamped, campaigns::number_of, embeddings::begin_move, rounds,
+    CampaignRecord, Store, StoreError, campaigns::number_of, embeddings::begin_move, numbers::clamped, rounds,
 };
 use crate::campaign::{CampaignId, CampaignState, Change, NotAllowed};
 use murmuration_proto::CheckpointDigest;

@@ -1,6 +1,6 @@
 //! Taking over what remains of a damaged store, into a new one.
 
-use super::{Store, StoreError, archive::clamped, campaigns::number_of};
+use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
 use crate::campaign::{CampaignId, CampaignState};
 use rusqlite::{Connection, Params, Transaction, params, params_from_iter, types::Value};
 

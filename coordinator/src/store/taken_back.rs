@@ -3,9 +3,9 @@
 
 use super::{
     LabelError, Store, StoreError,
-    archive::clamped,
     campaigns::number_of,
     labels::insert,
+    numbers::clamped,
     provenance::{Work, add_notices, now_ms},
 };
 use crate::{

@@ -1,7 +1,7 @@
 //! What running a model may cost, counted before it runs.
 
 use super::{
-    embedder_model::{MAX_ELEMENTS, MAX_PRODUCTS, MAX_VALUE_ELEMENTS},
+    limits::{MAX_ELEMENTS, MAX_PRODUCTS, MAX_VALUE_ELEMENTS},
     shape::product,
 };
 

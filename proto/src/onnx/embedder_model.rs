@@ -4,26 +4,12 @@
 //! again: the runtime meets only that, never the bytes as they came.
 
 use super::{
-    DataType, GraphProto, ModelProto, NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators,
-    shape::Value, tensor, wire,
+    DataType, EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
+    NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor, wire,
 };
 use prost::Message as _;
-use std::{collections::BTreeMap, ops::RangeInclusive};
+use std::collections::BTreeMap;
 
-/// Most bytes of a model file (64 MiB).
-pub const MAX_MODEL_BYTES: usize = 64 << 20;
-/// Most numbers in any value between two nodes, for each image (4 Mi).
-pub const MAX_VALUE_ELEMENTS: usize = 4 << 20;
-/// Most numbers in all values between nodes together, for each image (64 Mi).
-pub const MAX_ELEMENTS: usize = 64 << 20;
-/// Most multiplications of all nodes together, for each image (2 Gi: about a second of one core).
-pub const MAX_PRODUCTS: usize = 2 << 30;
-/// Most nodes of a graph.
-pub const MAX_NODES: usize = 1024;
-/// Dimensions that an embedding may have.
-pub const EMBEDDING_DIMENSIONS: RangeInclusive<usize> = 1..=1024;
-/// Sides that an image may have, in pixels.
-pub const IMAGE_SIDES: RangeInclusive<usize> = 1..=1000;
 /// The oldest version of ONNX's operators that is read: broadcasting is as it is today.
 const OLDEST_OPSET: i64 = 9;
 

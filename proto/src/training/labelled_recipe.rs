@@ -1,6 +1,6 @@
 //! How a trained network is trained further on what people have labelled.
 
-use super::recipe::{RandomTriplets, check_crop};
+use super::unlabelled_recipe::{RandomTriplets, check_crop};
 use crate::{
     Invalid,
     invalid::{positive, real, whole},

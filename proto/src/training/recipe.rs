@@ -1,10 +1,10 @@
 //! How a network is trained: recipes by name, with every number of theirs as it is written.
 
-use super::labelled_recipe::{Labelled, PaperLabelled};
-use crate::{
-    Invalid,
-    invalid::{positive, real, whole},
+use super::{
+    labelled_recipe::{Labelled, PaperLabelled},
+    unlabelled_recipe::{InBatch, RandomTriplets},
 };
+use crate::Invalid;
 use serde::{Deserialize, Serialize};
 
 /// A way to train.
@@ -101,121 +101,4 @@ impl Default for Recipe {
     fn default() -> Self {
         Self::InBatch(InBatch::default())
     }
-}
-
-/// The numbers of the paper's recipe ("Data and Network Architecture"; the margin is from the authors' code). The
-/// anchor and the negative are taken as they are, only the positive is augmented.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RandomTriplets {
-    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
-    pub margin: f64,
-    /// Triplets a step, 1 to 65,536.
-    pub batch: usize,
-    /// Steps an epoch, every one with fresh triplets, 1 to 100,000.
-    pub steps: usize,
-    /// Adam's first learning rate, over 0 to 1.
-    pub learning_rate: f64,
-    /// Share of the weights that is added to the gradient, 0 to 1.
-    pub weight_decay: f64,
-    /// Epochs in a row without a lower loss that are borne; after one more the learning rate falls. 1 to 100,000.
-    pub plateau: u64,
-    /// What it is then multiplied by, over 0 to 1.
-    pub plateau_factor: f64,
-    /// Most epochs, 1 to 100,000.
-    pub epochs: u64,
-    /// Mean loss of the last `enough_over` epochs under which training stops, 0 or more.
-    pub enough: f64,
-    /// Epochs that `enough` is a mean over, 1 to 10,000.
-    pub enough_over: usize,
-    /// Least and greatest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
-    /// on black.
-    pub crop: [f64; 2],
-}
-
-impl Default for RandomTriplets {
-    fn default() -> Self {
-        Self {
-            margin: 10.0,
-            batch: 4096,
-            steps: 4,
-            learning_rate: 0.08,
-            weight_decay: 1e-6,
-            plateau: 15,
-            plateau_factor: 0.1,
-            epochs: 500,
-            enough: 1e-3,
-            enough_over: 10,
-            crop: [0.6, 1.0],
-        }
-    }
-}
-
-impl RandomTriplets {
-    pub(super) fn check(&self) -> Result<(), Invalid> {
-        positive("margin", self.margin, 1000.0)?;
-        whole("batch", self.batch, 1..=65_536)?;
-        whole("steps", self.steps, 1..=100_000)?;
-        positive("learning_rate", self.learning_rate, 1.0)?;
-        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
-        whole("plateau", self.plateau, 1..=100_000)?;
-        positive("plateau_factor", self.plateau_factor, 1.0)?;
-        whole("epochs", self.epochs, 1..=100_000)?;
-        real("enough", self.enough, 0.0..=1e9)?;
-        whole("enough_over", self.enough_over, 1..=10_000)?;
-        check_crop("crop", self.crop)
-    }
-}
-
-/// The numbers of the in-batch recipe. Anchors and positives are augmented.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct InBatch {
-    /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
-    pub margin: f64,
-    /// Anchors a step, each with a positive, 2 to 65,536 (fewer if there are not so many behaviours).
-    pub batch: usize,
-    /// Adam's first learning rate, over 0 to 1. It falls to nothing in a straight line over all epochs.
-    pub learning_rate: f64,
-    /// Share of the weights that is added to the gradient, 0 to 1.
-    pub weight_decay: f64,
-    /// Most epochs (each shows every behaviour that is not held out once), 1 to 100,000.
-    pub epochs: u64,
-    /// Epochs in a row without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
-    pub patience: u64,
-    /// Least and greatest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
-    /// on black.
-    pub crop: [f64; 2],
-}
-
-impl Default for InBatch {
-    fn default() -> Self {
-        Self {
-            margin: 1.0,
-            batch: 256,
-            learning_rate: 3e-3,
-            weight_decay: 1e-6,
-            epochs: 16,
-            patience: 8,
-            crop: [0.7, 1.3],
-        }
-    }
-}
-
-impl InBatch {
-    fn check(&self) -> Result<(), Invalid> {
-        positive("margin", self.margin, 1000.0)?;
-        whole("batch", self.batch, 2..=65_536)?;
-        positive("learning_rate", self.learning_rate, 1.0)?;
-        real("weight_decay", self.weight_decay, 0.0..=1.0)?;
-        whole("epochs", self.epochs, 1..=100_000)?;
-        whole("patience", self.patience, 1..=100_000)?;
-        check_crop("crop", self.crop)
-    }
-}
-
-pub(super) fn check_crop(field: &str, crop: [f64; 2]) -> Result<(), Invalid> {
-    positive(&format!("{field}[0]"), crop[0], 2.0)?;
-    real(&format!("{field}[1]"), crop[1], crop[0]..=2.0)?;
-    Ok(())
 }

@@ -2,7 +2,7 @@
 
 use super::{
     dataset::Material,
-    job::{Event, Undone},
+    event::{Event, Undone},
     task::Task,
 };
 use crate::{

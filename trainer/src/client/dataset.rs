@@ -2,7 +2,7 @@
 //! and what was put aside of it.
 
 use super::{
-    job::Undone,
+    event::Undone,
     task::{LessonTask, Task},
 };
 use crate::{labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning};

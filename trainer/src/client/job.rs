@@ -1,88 +1,26 @@
 //! One lease's training, from its task to the published checkpoint.
 
-use super::{course::Course, dataset, task::Task};
+use super::{
+    course::Course,
+    dataset,
+    event::{Event, Undone},
+    task::Task,
+};
 use murmuration_embed::Runtime;
-use murmuration_link::{Coordinator, attempts, follow, for_lease, may_pass_elsewhere, stopped};
+use murmuration_link::{Coordinator, attempts, follow, for_lease, stopped};
 use murmuration_proto::{
     CheckpointDigest,
     v1::{self, batch_result::Outcome, checkpoint_service_client::CheckpointServiceClient},
 };
-use std::{fmt, sync::Arc};
+use std::sync::Arc;
 use tokio::{
     sync::{Mutex, mpsc, watch},
-    task::{JoinError, JoinSet, spawn_blocking},
+    task::{JoinSet, spawn_blocking},
 };
-use tonic::Status;
 use tracing::{Instrument as _, Span};
 
 /// Events that may wait to be sent: a training that is ahead of the network waits.
 const EVENTS: usize = 4;
-
-/// What a training has to say.
-#[derive(Debug)]
-pub(super) enum Event {
-    /// How far it has come.
-    Progress(v1::TrainingProgress),
-    /// It was put aside after so many epochs, as these bytes.
-    Snapshot { epoch: u64, bytes: Vec<u8> },
-    /// It is over.
-    Done(Outcome),
-}
-
-/// Why a training was not done.
-#[derive(Debug)]
-pub(super) struct Undone {
-    class: v1::FailureClass,
-    message: String,
-}
-
-impl Undone {
-    /// It would fail anywhere, as far as this trainer can tell: the coordinator asks another.
-    pub(super) fn fatal(message: impl fmt::Display) -> Self {
-        Self {
-            class: v1::FailureClass::Fatal,
-            message: message.to_string(),
-        }
-    }
-
-    /// Another trainer, or a later attempt, may do it.
-    pub(super) fn retryable(message: impl fmt::Display) -> Self {
-        Self {
-            class: v1::FailureClass::Retryable,
-            message: message.to_string(),
-        }
-    }
-
-    /// A call failed for good; or the coordinator was away for too long, or did not let this trainer in.
-    pub(super) fn call(what: &str, status: &Status) -> Self {
-        let message = format!("{what}: {}", status.message());
-        match may_pass_elsewhere(status) {
-            true => Self::retryable(message),
-            false => Self::fatal(message),
-        }
-    }
-}
-
-impl fmt::Display for Undone {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.message)
-    }
-}
-
-impl From<JoinError> for Undone {
-    fn from(error: JoinError) -> Self {
-        Self::fatal(format!("the training broke: {error}"))
-    }
-}
-
-impl From<Undone> for Outcome {
-    fn from(Undone { class, message }: Undone) -> Self {
-        Self::Failure(v1::Failure {
-            class: class.into(),
-            message,
-        })
-    }
-}
 
 /// A training under way. It ends where this is dropped, a computing epoch first running to its end.
 pub(super) struct Running {

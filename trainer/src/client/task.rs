@@ -1,6 +1,6 @@
 //! A training task taken in from the wire.
 
-use super::job::Undone;
+use super::event::Undone;
 use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configuration, v1};
 
 /// A training to be done.

@@ -1,6 +1,6 @@
 //! Entries of the label log as rows.
 
-use super::super::{StoreError, archive::clamped};
+use super::super::{StoreError, numbers::clamped};
 use crate::labels::{Action, Annotator, Change, ClassName, Entry, RequestId};
 use murmuration_proto::{Invalid, text::marked};
 use rusqlite::{Connection, Row, Transaction, params};

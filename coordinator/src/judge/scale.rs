@@ -1,0 +1,29 @@
+//! The lengths that measures are in.
+
+use murmuration_proto::World;
+
+/// The lengths that others are measured by, world units.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    /// Radius of a body.
+    pub radius: f64,
+    /// Radius of a disc in which the bodies would just fit if they could be cut up: body radius times the root of their number.
+    pub packed: f64,
+    /// Distance between neighbours if the agents stood on a square grid over all of the arena.
+    pub spacing: f64,
+}
+
+impl Scale {
+    /// The lengths of a world.
+    #[must_use]
+    pub fn of(world: &World) -> Self {
+        let agents = f64::from(world.agents());
+        let sides = [world.width(), world.height()].map(|side| side - 2.0 * world.margin());
+        Self {
+            radius: world.radius(),
+            packed: world.radius() * agents.sqrt(),
+            // Where the walls leave no room to move there is still that of a body.
+            spacing: (sides.map(|side| side.max(world.radius())).iter().product::<f64>() / agents).sqrt(),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Numbers as they stand in columns.
+
+/// SQLite's integers end at 2^63 - 1.
+pub(super) fn clamped(index: u64) -> i64 {
+    i64::try_from(index).unwrap_or(i64::MAX)
+}
+
+pub(super) fn floats_to_blob(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+pub(super) fn blob_to_floats(blob: &[u8]) -> Vec<f64> {
+    blob.as_chunks()
+        .0
+        .iter()
+        .map(|bytes| f64::from_le_bytes(*bytes))
+        .collect()
+}
+
+pub(super) fn numbers_to_blob(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+pub(super) fn blob_to_numbers(blob: &[u8]) -> Vec<f32> {
+    blob.as_chunks()
+        .0
+        .iter()
+        .map(|bytes| f32::from_le_bytes(*bytes))
+        .collect()
+}

@@ -1,0 +1,73 @@
+//! What comes of a training, as it goes on and in the end.
+
+use murmuration_link::may_pass_elsewhere;
+use murmuration_proto::v1::{self, batch_result::Outcome};
+use std::fmt;
+use tokio::task::JoinError;
+use tonic::Status;
+
+/// What a training has to say.
+#[derive(Debug)]
+pub(super) enum Event {
+    /// How far it has come.
+    Progress(v1::TrainingProgress),
+    /// It was put aside after so many epochs, as these bytes.
+    Snapshot { epoch: u64, bytes: Vec<u8> },
+    /// It is over.
+    Done(Outcome),
+}
+
+/// Why a training was not done.
+#[derive(Debug)]
+pub(super) struct Undone {
+    class: v1::FailureClass,
+    message: String,
+}
+
+impl Undone {
+    /// It would fail anywhere, as far as this trainer can tell: the coordinator asks another.
+    pub(super) fn fatal(message: impl fmt::Display) -> Self {
+        Self {
+            class: v1::FailureClass::Fatal,
+            message: message.to_string(),
+        }
+    }
+
+    /// Another trainer, or a later attempt, may do it.
+    pub(super) fn retryable(message: impl fmt::Display) -> Self {
+        Self {
+            class: v1::FailureClass::Retryable,
+            message: message.to_string(),
+        }
+    }
+
+    /// A call failed for good; or the coordinator was away for too long, or did not let this trainer in.
+    pub(super) fn call(what: &str, status: &Status) -> Self {
+        let message = format!("{what}: {}", status.message());
+        match may_pass_elsewhere(status) {
+            true => Self::retryable(message),
+            false => Self::fatal(message),
+        }
+    }
+}
+
+impl fmt::Display for Undone {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl From<JoinError> for Undone {
+    fn from(error: JoinError) -> Self {
+        Self::fatal(format!("the training broke: {error}"))
+    }
+}
+
+impl From<Undone> for Outcome {
+    fn from(Undone { class, message }: Undone) -> Self {
+        Self::Failure(v1::Failure {
+            class: class.into(),
+            message,
+        })
+    }
+}
