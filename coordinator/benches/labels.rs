@@ -2,9 +2,9 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_coordinator::{
-    campaign::{CampaignId, Weight},
     interrupt::Interrupt,
     labels::{Action, Change, Labels},
+    model::{CampaignId, Weight},
     queries::{Holder, Queries, Wish},
     space::Spaces,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},

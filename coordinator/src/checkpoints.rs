@@ -4,8 +4,10 @@ mod shelf;
 
 pub use shelf::{Condition, Shelf};
 
-use crate::dispatch::Embedder;
-use crate::store::{CheckpointRecord, Store, StoreError};
+use crate::{
+    model::Embedder,
+    store::{CheckpointRecord, Store, StoreError},
+};
 use bytes::Bytes;
 use murmuration_proto::{
     CheckpointDigest, ImageFormat, Lineage,

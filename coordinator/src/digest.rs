@@ -1,7 +1,7 @@
 //! The digest of an archive: what two runs of one specification must have in common.
 
 use crate::{
-    campaign::CampaignId,
+    model::CampaignId,
     store::{Store, StoreError},
 };
 use murmuration_proto::CapabilityModel;

@@ -10,17 +10,14 @@ mod trainers;
 mod work;
 
 pub use headway::Headway;
-pub use job::{
-    Embedder, EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, Maker, ReplayJob, SetAside,
-    TrainingJob,
-};
+pub use job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob};
 pub use trainers::Trainers;
 
 use crate::{
     access::Origin,
-    leases::{LeaseNumber, MachineId, WorkerId},
+    leases::{LeaseNumber, WorkerId},
     metrics::DispatchMetrics,
-    store::SavedTraining,
+    model::{MachineId, Maker, Quarantined, SavedTraining},
 };
 use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
 use service::Service;
@@ -104,15 +101,6 @@ pub struct Dispatch {
     commands: mpsc::Sender<Command>,
     workers: watch::Receiver<usize>,
     quarantined: watch::Receiver<Vec<Quarantined>>,
-}
-
-/// A machine that was found wrong.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Quarantined {
-    /// The machine.
-    pub machine: MachineId,
-    /// Name and address of the worker that gave it away.
-    pub name: String,
 }
 
 /// Who connects.

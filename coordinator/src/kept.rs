@@ -2,7 +2,7 @@
 //!
 //! Everything kept here can be made again from the store, with the same outcome. Knows bytes, not what they are.
 
-use crate::campaign::CampaignId;
+use crate::model::CampaignId;
 use hashlink::LruCache;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -21,13 +21,11 @@ mod task;
 mod turns;
 mod workers;
 
+use crate::model::MachineId;
 use job::Job;
-use murmuration_proto::Invalid;
 use queues::Queues;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fmt,
-    str::FromStr,
     time::{Duration, Instant},
 };
 use task::Task;
@@ -36,29 +34,6 @@ use workers::Worker;
 /// A worker's connection; a worker that connects anew has another one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct WorkerId(u64);
-
-/// A machine that runs workers: what has one vote. The coordinator derives it from what a connection shows
-/// (`access::origin`), never from what a worker says of itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct MachineId(pub u64);
-
-impl fmt::Display for MachineId {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:016x}", self.0)
-    }
-}
-
-impl FromStr for MachineId {
-    type Err = Invalid;
-
-    fn from_str(text: &str) -> Result<Self, Invalid> {
-        let is_one = text.len() == 16 && text.bytes().all(|letter| letter.is_ascii_hexdigit());
-        let number = u64::from_str_radix(text, 16).ok().filter(|_| is_one);
-        number
-            .map(Self)
-            .ok_or_else(|| Invalid::new("machine", text, "16 hexadecimal digits"))
-    }
-}
 
 /// A worker's process, the same over all its connections from one machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

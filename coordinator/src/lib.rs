@@ -29,6 +29,7 @@ pub mod local;
 pub mod maps;
 pub mod medoids;
 pub mod metrics;
+pub mod model;
 pub mod novelty;
 pub mod picture;
 mod probes;

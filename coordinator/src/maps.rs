@@ -7,12 +7,11 @@
 mod neighbours;
 
 use crate::{
-    campaign::CampaignState,
     interrupt::Interrupt,
     kept::Kept,
+    model::{CampaignRecord, CampaignState, Edition},
     projection::{self, Projection},
     space::{Space, SpaceError, Spaces},
-    store::{CampaignRecord, Edition},
 };
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -3,7 +3,8 @@
 
 use crate::{
     labels::RequestId,
-    store::{CampaignRecord, Store, StoreError},
+    model::CampaignRecord,
+    store::{Store, StoreError},
 };
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, Lineage, Text, counted,

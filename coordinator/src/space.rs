@@ -3,8 +3,9 @@
 use crate::{
     interrupt::Interrupted,
     kept::Kept,
+    model::{CampaignRecord, Edition},
     novelty::{Behaviours, Misfit},
-    store::{CampaignRecord, Edition, Store, StoreError},
+    store::{Store, StoreError},
 };
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -6,8 +6,9 @@ use crate::{
     interrupt::Interrupt,
     judge::{self, judge},
     labels::{Action, Annotator, Answer, Change},
+    model::CampaignRecord,
     queries::Queries,
-    store::{ArchivedIndividual, CampaignRecord, Store},
+    store::{ArchivedIndividual, Store},
 };
 use murmuration_proto::{Strategy, World};
 use std::{

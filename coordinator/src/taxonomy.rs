@@ -1,9 +1,9 @@
 //! The taxonomy of a completed campaign, put together from what the store holds.
 
 use crate::{
-    campaign::CampaignId,
     interrupt::{Interrupt, Interrupted},
     medoids::Clustering,
+    model::CampaignId,
     novelty::{self, Behaviours},
     store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy},
 };
@@ -142,7 +142,7 @@ fn measure_again(
 mod tests {
     use super::*;
     use crate::{
-        campaign::Weight,
+        model::Weight,
         store::{DataDirectory, GenerationRecord, Provenance},
     };
 

@@ -1,6 +1,6 @@
 //! Machines: what a certificate says that its holder is, and which machine is at the other end of a connection.
 
-use crate::{connections::Visit, leases::MachineId};
+use crate::{connections::Visit, model::MachineId};
 use rustls_pki_types::CertificateDer;
 use std::{fmt, net::IpAddr};
 use tonic::{Extensions, transport::server::TlsConnectInfo};

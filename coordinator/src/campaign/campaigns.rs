@@ -1,7 +1,7 @@
 //! Every campaign of the store, and those at work in this process.
 
 use super::{
-    CampaignError, CampaignId, CampaignState, Stage, Weight,
+    CampaignError,
     decisions::check_simulator,
     live::{Live, Progress},
     registry::{AtWork, Deciding, Registry, Snapshot},
@@ -9,10 +9,11 @@ use super::{
 };
 use crate::{
     checkpoints::Checkpoints,
-    dispatch::{Quarantined, Trainers},
+    dispatch::Trainers,
     interrupt::Interrupt,
     metrics::Metrics,
-    store::{CampaignRecord, Notice, StoreError},
+    model::{CampaignId, CampaignRecord, CampaignState, Quarantined, Stage, Weight},
+    store::{Notice, StoreError},
     synthetic::SyntheticAnnotator,
 };
 use murmuration_proto::{CampaignSpec, EmbedderSource, v1};

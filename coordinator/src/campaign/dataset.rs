@@ -9,7 +9,8 @@ use super::{
 use crate::{
     breeding::{self, ProposeError},
     dispatch::EvaluationJob,
-    store::{CampaignRecord, Store},
+    model::CampaignRecord,
+    store::Store,
 };
 use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
 use std::ops::Range;

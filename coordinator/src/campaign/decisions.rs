@@ -1,14 +1,11 @@
 //! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
 //! that the former run still does can change the campaign, so nobody has to wait for its end.
 
-use super::{
-    CampaignError, CampaignId, CampaignStatus, Campaigns, Change, NotAllowed, registry::Deciding,
-    run::blocking,
-};
+use super::{CampaignError, CampaignStatus, Campaigns, registry::Deciding, run::blocking};
 use crate::{
-    campaign::CampaignState,
     labels::Labels,
-    store::{CampaignRecord, Decision},
+    model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed},
+    store::Decision,
 };
 use murmuration_proto::{CheckpointDigest, SIMULATOR_VERSION};
 use std::collections::BTreeSet;

@@ -2,15 +2,16 @@
 //! at once.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
     live::Live,
     run::{Means, Outcome, blocking, pictures_at_once},
 };
 use crate::{
     dispatch::EmbeddingJob,
     interrupt::Interrupt,
+    model::{CampaignId, CampaignRecord},
     novelty::{self, Behaviours},
-    store::{CampaignRecord, GenerationRecord, Provenance, Store, Switch},
+    store::{GenerationRecord, Provenance, Store, Switch},
 };
 use murmuration_proto::CampaignSpec;
 

@@ -1,11 +1,11 @@
 //! What can go wrong with a campaign.
 
-use super::{CampaignId, NotAllowed};
 use crate::{
     breeding::ProposeError,
     checkpoints::CheckpointError,
     dispatch::JobError,
     interrupt::Interrupted,
+    model::{CampaignId, NotAllowed},
     novelty::Misfit,
     queries::QueryError,
     space::SpaceError,

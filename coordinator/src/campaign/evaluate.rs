@@ -3,7 +3,8 @@
 use super::{CampaignError, live::Live};
 use crate::{
     breeding::ProposeError,
-    dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, Maker, SetAside},
+    dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside},
+    model::Maker,
     store::{Picture, Provenance},
 };
 use murmuration_proto::{Controller, Evaluation};

@@ -10,7 +10,8 @@ use super::{
 };
 use crate::{
     dispatch::{EvaluationJob, Lesson},
-    store::{CampaignRecord, FurtherStart, LessonPictures, Store},
+    model::CampaignRecord,
+    store::{FurtherStart, LessonPictures, Store},
 };
 use murmuration_proto::{
     CheckpointDigest, Feedback,

@@ -5,10 +5,7 @@ use super::{
     live::Live,
     run::{Means, Outcome, blocking},
 };
-use crate::{
-    labels::RequestId,
-    store::{CampaignRecord, Store},
-};
+use crate::{labels::RequestId, model::CampaignRecord, store::Store};
 
 /// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
 pub(super) async fn label(

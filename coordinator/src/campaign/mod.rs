@@ -15,16 +15,10 @@ mod recheck;
 mod registry;
 mod run;
 mod search;
-mod stage;
-mod state;
 mod train;
-mod weight;
 
 pub use campaigns::{CampaignStatus, Campaigns};
 pub use error::CampaignError;
-pub use stage::Stage;
-pub use state::{CampaignId, CampaignState, Change, NotAllowed};
-pub use weight::Weight;
 
 pub(crate) use dataset::tasks as dataset_tasks;
 pub(crate) use run::blocking;

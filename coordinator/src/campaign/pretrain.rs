@@ -6,7 +6,7 @@ use super::{
     run::{Means, Outcome},
     train::train,
 };
-use crate::store::{CampaignRecord, Store};
+use crate::{model::CampaignRecord, store::Store};
 use murmuration_proto::EmbedderSource;
 
 /// Has the embedder trained, and the campaign move to the checkpoint.

@@ -5,14 +5,15 @@
 //! people said. Such a campaign fails aloud.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
     evaluate::{Done, evaluate},
     live::Live,
     run::{Means, Outcome, blocking, pictures_at_once},
 };
 use crate::{
     dispatch::{EmbeddingJob, EvaluationJob},
-    store::{ArchivedIndividual, CampaignRecord, Store, StoreError, Suspect, Suspects},
+    model::{CampaignId, CampaignRecord},
+    store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects},
 };
 use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
 

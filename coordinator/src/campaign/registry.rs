@@ -3,8 +3,8 @@
 //! Whoever changes what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and who only looks,
 //! do not wait for it. The registry's own lock is held for a look-up, never while something is awaited or computed.
 
-use super::{CampaignId, live::Progress};
-use crate::interrupt::Interrupt;
+use super::live::Progress;
+use crate::{interrupt::Interrupt, model::CampaignId};
 use std::{
     collections::BTreeMap,
     sync::{Arc, Mutex, MutexGuard, PoisonError},

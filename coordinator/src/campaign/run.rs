@@ -1,14 +1,12 @@
 //! A campaign at work: one stage after the other, each begun where the disk says that it was left.
 
-use super::{
-    CampaignError, CampaignId, CampaignState, Stage, dataset, embed, fine_tune, label, live::Live, pretrain,
-    recheck, search,
-};
+use super::{CampaignError, dataset, embed, fine_tune, label, live::Live, pretrain, recheck, search};
 use crate::{
     checkpoints::Checkpoints,
-    dispatch::{Dispatch, Embedder, Trainers},
+    dispatch::{Dispatch, Trainers},
     metrics::Metrics,
-    store::{CampaignRecord, RunId, Store, Suspects},
+    model::{CampaignId, CampaignRecord, CampaignState, Embedder, Stage},
+    store::{RunId, Store, Suspects},
     synthetic::SyntheticAnnotator,
 };
 use murmuration_proto::ImageFormat;

@@ -8,14 +8,13 @@ use super::{
 };
 use crate::{
     breeding::{self, Parent, Proposal, ProposeError},
-    dispatch::{Embedder, EvaluationJob},
+    dispatch::EvaluationJob,
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
     metrics::Metrics,
+    model::{CampaignRecord, Embedder},
     novelty::{self, Behaviours},
-    store::{
-        ArchivedIndividual, CampaignRecord, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError,
-    },
+    store::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError},
     taxonomy,
 };
 use murmuration_proto::{Method, Purpose, Stream};

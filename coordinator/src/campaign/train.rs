@@ -1,13 +1,14 @@
 //! A training as a stage waits for it: what the trainer tells is passed on, what it puts aside is kept.
 
 use super::{
-    CampaignError, CampaignId,
+    CampaignError,
     live::{COUNTING_INTERVAL, Hands, Live, held_up_by},
     run::{Means, blocking},
 };
 use crate::{
     dispatch::{Headway, Lesson, TrainingJob},
-    store::{CampaignRecord, SavedTraining, Store, StoreError, TrainingPictures},
+    model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures},
+    store::{Store, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use std::{sync::Arc, time::Instant};

@@ -8,7 +8,7 @@ use super::{
     json,
     run::{CrewSize, go_on, read_spec},
 };
-use crate::{campaign::Weight, local::Crew, repetition::generations_in_words};
+use crate::{local::Crew, model::Weight, repetition::generations_in_words};
 use murmuration_link::{OutputError, errln, outln, print};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
 use std::path::PathBuf;

@@ -3,9 +3,9 @@
 use crate::{
     access::{EntranceError, TokensError},
     backup::BackupError,
-    campaign::CampaignId,
     gather::GatherError,
     labels::LabelFileError,
+    model::CampaignId,
     picture::PictureError,
     report::ReportError,
     server::ServerError,

@@ -2,7 +2,7 @@
 
 use super::{CliError, Global, json, keeping::of_this_machine};
 use crate::{
-    leases::MachineId,
+    model::MachineId,
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_link::{errln, outln};

@@ -6,7 +6,7 @@ use super::{
     error::report_folder,
     heard::{self, heard},
 };
-use crate::{campaign::CampaignId, gather, local::Crew, report};
+use crate::{gather, local::Crew, model::CampaignId, report};
 use murmuration_link::{errln, outln};
 use murmuration_proto::v1;
 use std::path::{Path, PathBuf};

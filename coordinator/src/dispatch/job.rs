@@ -1,12 +1,8 @@
 //! What campaigns hand to the dispatcher, and what they are told of it.
 
-use crate::{
-    campaign::{CampaignId, Weight},
-    leases::MachineId,
-    store::{CampaignRecord, SavedTraining, TrainingPictures},
-};
+use crate::model::{CampaignId, CampaignRecord, Embedder, Maker, SavedTraining, TrainingPictures, Weight};
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Evaluation, Frames, ImageFormat, World,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, World,
     training::Configuration, v1,
 };
 use tokio::sync::watch;
@@ -47,15 +43,6 @@ impl EvaluationJob {
             tasks,
         }
     }
-}
-
-/// A published embedder, as far as jobs need to know it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Embedder {
-    /// Its checkpoint.
-    pub checkpoint: CheckpointDigest,
-    /// Numbers in an embedding, 1 or more.
-    pub dimensions: usize,
 }
 
 /// Stored pictures to embed.
@@ -124,15 +111,6 @@ pub struct ReplayJob {
     pub seed: u64,
     /// The frames that are wanted of its motion.
     pub frames: Frames,
-}
-
-/// Who made a result.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Maker {
-    /// How its machine embeds; unknown for one that does not, and for results of older versions.
-    pub kind: EmbeddingKind,
-    /// Its machine, where that alone says so; `None` where another machine found the same.
-    pub unaudited: Option<MachineId>,
 }
 
 /// What became of a controller that was to be evaluated.

@@ -3,13 +3,13 @@
 mod results;
 
 use super::{
-    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Quarantined, Request, Room,
-    WorkerReport,
+    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Request, Room, WorkerReport,
     work::{Output, Work},
 };
 use crate::{
     leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
     metrics::DispatchMetrics,
+    model::Quarantined,
 };
 use murmuration_link::trace_parent;
 use murmuration_proto::{EmbeddingKind, Purpose, Stream, v1};

@@ -1,10 +1,10 @@
 //! The work of a job as the lease table, the wire and the dispatcher have it: terms, batches, results.
 
-use super::job::{EmbeddingJob, Evaluated, EvaluationJob, Maker, ReplayJob, TrainingJob};
+use super::job::{EmbeddingJob, Evaluated, EvaluationJob, ReplayJob, TrainingJob};
 use crate::{
-    campaign::{CampaignId, Weight},
     leases::{Agree, Terms},
     metrics::WorkKind,
+    model::{CampaignId, Maker, Weight},
 };
 use murmuration_proto::{
     CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, World, check_embedding,
@@ -246,7 +246,7 @@ impl Work {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dispatch::Embedder;
+    use crate::model::Embedder;
 
     #[test]
     fn machines_of_one_kind_agree_to_the_bit_and_others_nearly() {

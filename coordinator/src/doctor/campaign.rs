@@ -1,9 +1,9 @@
 //! What is whole of one campaign.
 
 use crate::{
-    campaign::{CampaignId, CampaignState},
     checkpoints::Condition,
-    store::{ArchivedIndividual, CampaignRecord, Remains, Store, StoreError},
+    model::{CampaignId, CampaignRecord, CampaignState},
+    store::{ArchivedIndividual, Remains, Store, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, EmbedderSource, SIMULATOR_VERSION};
 use std::ops::Range;

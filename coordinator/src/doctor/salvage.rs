@@ -2,9 +2,9 @@
 
 use super::{CampaignFindings, Findings, Prospect, findings, watch};
 use crate::{
-    campaign::CampaignId,
     checkpoints::{CheckpointError, Condition, Shelf},
     files::{is_empty, without_links},
+    model::CampaignId,
     store::{DataDirectory, Store, StoreError},
 };
 use murmuration_proto::{CheckpointDigest, counted};

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, CampaignState, Weight},
     labels::{Action, Answer, Change, RequestId},
     medoids::Clustering,
+    model::{CampaignId, CampaignState, Weight},
     store::{ArchivedIndividual, GenerationRecord, Provenance},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel};

@@ -1,10 +1,11 @@
 //! The tasks of one job: what is heard of them changes where they wait, and how many are settled.
 
 use super::{
-    Agree, MachineId, WorkerProcessId,
+    Agree, WorkerProcessId,
     queues::Queues,
     task::{Task, Verdict},
 };
+use crate::model::MachineId;
 
 #[derive(Debug)]
 pub(super) struct Job<R> {

@@ -1,6 +1,7 @@
 //! Machines that were found wrong: what they said is forgotten, and they are not listened to.
 
-use super::{Agree, Back, LeaseTable, MachineId, News, WorkerProcessId, job::Job, task::Task};
+use super::{Agree, Back, LeaseTable, News, WorkerProcessId, job::Job, task::Task};
+use crate::model::MachineId;
 use std::collections::BTreeSet;
 
 impl<R: Agree> LeaseTable<R> {

@@ -1,6 +1,7 @@
 //! One task of a job: what workers said that its result is, and whether that settles it.
 
-use super::{Agree, MOST_LOST, MachineId, Settled, WorkerProcessId};
+use super::{Agree, MOST_LOST, Settled, WorkerProcessId};
+use crate::model::MachineId;
 use std::{collections::BTreeSet, time::Instant};
 
 #[derive(Debug)]

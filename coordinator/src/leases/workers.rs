@@ -1,9 +1,9 @@
 //! Those who work: they come, are heard, fall silent, and go.
 
 use super::{
-    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, MachineId, PATIENCE, WorkerId, WorkerProcessId,
-    job::Job,
+    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, PATIENCE, WorkerId, WorkerProcessId, job::Job,
 };
+use crate::model::MachineId;
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::{
-    campaign::Weight,
     interrupt::Interrupted,
     kept::ENTRY_BYTES,
+    model::Weight,
     novelty::Behaviours,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };

@@ -2,7 +2,8 @@
 
 use super::PREFIX;
 use crate::{
-    campaign::{CampaignError, CampaignState, CampaignStatus, Campaigns, blocking},
+    campaign::{CampaignError, CampaignStatus, Campaigns, blocking},
+    model::CampaignState,
     store::Store,
 };
 use prometheus_client::{

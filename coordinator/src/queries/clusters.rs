@@ -1,12 +1,11 @@
 //! The clusters of an archive, also while it grows: what questions by medoids and contact sheets go by.
 
 use crate::{
-    campaign::CampaignState,
     interrupt::Interrupt,
     kept::Kept,
     medoids::{self, Clustering},
+    model::{CampaignRecord, CampaignState, Edition},
     space::{Space, SpaceError, Spaces},
-    store::{CampaignRecord, Edition},
 };
 use murmuration_proto::{Purpose, Stream};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -6,12 +6,13 @@ use super::{
     ranking,
 };
 use crate::{
-    campaign::{self, CampaignId},
+    campaign::{self},
     interrupt::Interrupt,
     kept::Kept,
     labels::{Annotator, Labels},
+    model::{CampaignId, CampaignRecord, Edition},
     space::{SpaceError, Spaces},
-    store::{CampaignRecord, Edition, Store, StoreError},
+    store::{Store, StoreError},
 };
 use murmuration_proto::{Purpose, Strategy, Stream};
 use std::{

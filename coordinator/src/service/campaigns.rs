@@ -2,11 +2,12 @@
 
 use super::{Seats, Streamed, in_parts};
 use crate::{
-    campaign::{Campaigns, Weight, blocking},
+    campaign::{Campaigns, blocking},
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
+    model::{CampaignRecord, Weight},
     repetition::Repetition,
-    store::{CampaignRecord, Store, StoreError},
+    store::{Store, StoreError},
     taxonomy::Taxonomy,
 };
 use murmuration_proto::{CampaignSpec, Frames, Invalid, PART_BYTES, parts::parts, v1};

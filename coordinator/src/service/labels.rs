@@ -10,7 +10,7 @@ use crate::{
     store::{LabelError, Store, StoreError},
     synthetic::SyntheticAnnotator,
 };
-use murmuration_proto::{Invalid, Strategy, parts::parts, v1};
+use murmuration_proto::{Invalid, parts::parts, v1};
 use std::{
     sync::Arc,
     time::{Instant, SystemTime, UNIX_EPOCH},
@@ -207,12 +207,7 @@ impl v1::label_service_server::LabelService for LabelApi {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
         let wish: Wish = message.try_into()?;
-        let takes_workers = wish.strategy == Strategy::Committee;
-        let asked = self.queries.next(&campaign, wish, Instant::now());
-        let asked = match takes_workers {
-            true => self.annotator.dispatch.while_staffed(asked).await??,
-            false => asked.await?,
-        };
+        let asked = self.queries.next(&campaign, wish, Instant::now()).await?;
         Ok(Response::new(asked.into()))
     }
 

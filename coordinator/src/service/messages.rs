@@ -1,8 +1,9 @@
 //! Domain values as the messages that carry them, and errors as statuses.
 
 use crate::{
-    campaign::{CampaignError, CampaignStatus, Stage},
+    campaign::{CampaignError, CampaignStatus},
     dispatch::JobError,
+    model::Stage,
     store::{ArchivedIndividual, GenerationRecord, Notice, StoreError},
     taxonomy::{Medoid, Taxonomy},
 };

@@ -5,7 +5,7 @@ use super::work::lease_id;
 use crate::{
     dispatch::{Dispatch, Room, WorkerReport},
     leases::{LeaseNumber, WorkerId},
-    store::SavedTraining,
+    model::SavedTraining,
 };
 use murmuration_proto::{Invalid, PART_BYTES, v1};
 

@@ -5,10 +5,11 @@ use super::{
     work::{CheckVersion, serve},
 };
 use crate::{
-    campaign::{Stage, blocking},
+    campaign::blocking,
     dispatch::Trainers,
     metrics::Party,
-    store::{CampaignRecord, Store, StoreError, TrainingPictures},
+    model::{CampaignRecord, Stage, TrainingPictures},
+    store::{Store, StoreError},
 };
 use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
 use tokio::sync::mpsc;

@@ -7,8 +7,8 @@ use super::{
     provenance::{Work, add_provenance, suspects},
 };
 use crate::{
-    campaign::{CampaignId, CampaignState},
     medoids::Clustering,
+    model::{CampaignId, CampaignState},
 };
 use murmuration_proto::{CapabilityModel, Controller, Features};
 use rusqlite::{OptionalExtension as _, Row, params};

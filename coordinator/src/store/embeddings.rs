@@ -7,7 +7,7 @@ use super::{
     numbers::{clamped, numbers_to_blob},
     provenance::{Work, add_provenance},
 };
-use crate::campaign::{CampaignId, CampaignState};
+use crate::model::{CampaignId, CampaignState};
 use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
 

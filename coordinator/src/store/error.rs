@@ -2,7 +2,7 @@
 //!
 //! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
-use crate::campaign::CampaignId;
+use crate::model::CampaignId;
 use rusqlite::{ErrorCode, ffi};
 use std::{
     io,

@@ -1,7 +1,7 @@
 //! What can be said of a database whose rows may be damaged: nothing here trusts one row for what it says of another.
 
 use super::{Store, StoreError, campaigns::number_of, labels, open};
-use crate::{campaign::CampaignId, labels::Labels};
+use crate::{labels::Labels, model::CampaignId};
 use murmuration_proto::counted;
 use rusqlite::{Connection, OpenFlags, params};
 use std::path::Path;

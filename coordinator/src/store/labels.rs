@@ -8,8 +8,8 @@ pub(super) use rows::{entries, insert};
 
 use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
 use crate::{
-    campaign::CampaignId,
     labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
+    model::CampaignId,
 };
 use rusqlite::{Connection, Transaction, params};
 

@@ -2,10 +2,11 @@
 //! table of the dataset, behind it.
 
 use super::{
-    ArchivedIndividual, CampaignRecord, Store, StoreError, TrainingPictures,
+    ArchivedIndividual, Store, StoreError,
     campaigns::number_of,
     numbers::{clamped, floats_to_blob},
 };
+use crate::model::{CampaignRecord, TrainingPictures};
 use murmuration_proto::Controller;
 use rusqlite::params;
 use std::collections::BTreeMap;

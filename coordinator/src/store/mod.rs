@@ -25,7 +25,6 @@ mod schema;
 mod taken_back;
 
 pub use archive::{ArchivedIndividual, ClusterMeasures, GenerationRecord, StoredTaxonomy};
-pub use campaigns::{CampaignRecord, Edition};
 pub use checkpoints::CheckpointRecord;
 pub use data_directory::DataDirectory;
 pub use embeddings::Switch;
@@ -33,9 +32,8 @@ pub use error::StoreError;
 pub use holder::Holder;
 pub use labels::{LabelError, Undone};
 pub use lessons::{FurtherStart, LessonPicture, LessonPictures};
-pub use pictures::{Picture, SavedTraining};
+pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
-pub use rounds::TrainingPictures;
 pub use runs::{Decision, DecisionError, RunId};
 pub use salvage::Remains;
 

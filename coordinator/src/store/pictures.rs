@@ -6,7 +6,7 @@ use super::{
     numbers::{blob_to_floats, clamped, floats_to_blob},
     provenance::{Work, add_provenance},
 };
-use crate::campaign::CampaignId;
+use crate::model::{CampaignId, SavedTraining};
 use murmuration_proto::{CapabilityModel, Controller};
 use rusqlite::{OptionalExtension as _, params};
 use std::ops::Range;
@@ -20,15 +20,6 @@ pub struct Picture {
     pub seed: u64,
     /// Grey values, index x * resolution + y.
     pub image: Vec<u8>,
-}
-
-/// A training put aside.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SavedTraining {
-    /// Epochs done.
-    pub epoch: u64,
-    /// What the trainer takes it up from.
-    pub bytes: Vec<u8>,
 }
 
 impl Store {

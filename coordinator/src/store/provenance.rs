@@ -1,11 +1,7 @@
 //! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
 
 use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
-use crate::{
-    campaign::CampaignId,
-    dispatch::{Maker, Quarantined},
-    leases::MachineId,
-};
+use crate::model::{CampaignId, MachineId, Maker, Quarantined};
 use murmuration_proto::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
 use std::{

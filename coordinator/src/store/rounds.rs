@@ -1,62 +1,18 @@
 //! Rounds of feedback: what a fine-tuning learns from, from the first label to the move to what it made.
 
 use super::{
-    CampaignRecord, Store, StoreError,
+    Store, StoreError,
     campaigns::number_of,
     embeddings::begin_move,
     labels::{self, LabelError},
 };
 use crate::{
-    campaign::{CampaignId, CampaignState},
     labels::{Change, Labels, RequestId},
+    model::{CampaignId, CampaignRecord, CampaignState, TrainingPictures},
 };
-use murmuration_proto::{CheckpointDigest, EmbedderSource};
+use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
 use std::ops::Range;
-
-/// Most individuals of an archive that a training without a dataset looks at.
-const MOST_FROM_ARCHIVE: u64 = 10_000;
-
-/// Where the pictures without labels come from that embedders of a campaign are trained on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TrainingPictures {
-    /// Pictures of each behaviour.
-    pub views: u32,
-    /// Number of behaviours.
-    pub behaviours: u32,
-    /// They are the archive's, for want of a dataset.
-    from_archive: bool,
-}
-
-impl TrainingPictures {
-    /// Those of a campaign: its dataset, or the beginning of its archive where it was begun with a published checkpoint.
-    #[must_use]
-    pub fn of(record: &CampaignRecord) -> Self {
-        match record.spec.embedder() {
-            Some(EmbedderSource::Trained { dataset, .. }) => Self {
-                views: dataset.starts(),
-                behaviours: dataset.controllers(),
-                from_archive: false,
-            },
-            Some(EmbedderSource::Published(_)) | None => Self {
-                views: 1,
-                behaviours: record.individuals().min(MOST_FROM_ARCHIVE) as u32,
-                from_archive: true,
-            },
-        }
-    }
-
-    /// How many of them are the dataset's.
-    pub(super) const fn in_dataset(&self) -> u64 {
-        if self.from_archive { 0 } else { self.count() }
-    }
-
-    /// Number of pictures.
-    #[must_use]
-    pub const fn count(&self) -> u64 {
-        self.views as u64 * self.behaviours as u64
-    }
-}
 
 impl Store {
     /// Begins a round: the campaign is to be fine-tuned on the first `lesson` entries of its label log, from its first
@@ -126,7 +82,7 @@ impl Store {
     pub fn training_images(&self, record: &CampaignRecord, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
         let pictures = TrainingPictures::of(record);
         let range = range.start..range.end.min(pictures.count());
-        if !pictures.from_archive {
+        if !pictures.is_from_archive() {
             return self.dataset_images(&record.id, range);
         }
         let individuals = self.individuals(&record.id, record.spec.model(), range, true)?;

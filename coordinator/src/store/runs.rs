@@ -5,10 +5,8 @@
 //! makes sure first that the campaign still runs, and that no decision has been made since. So what was acknowledged to a
 //! person is what the disk says, even if a run of before goes on computing.
 
-use super::{
-    CampaignRecord, Store, StoreError, campaigns::number_of, embeddings::begin_move, numbers::clamped, rounds,
-};
-use crate::campaign::{CampaignId, CampaignState, Change, NotAllowed};
+use super::{Store, StoreError, campaigns::number_of, embeddings::begin_move, numbers::clamped, rounds};
+use crate::model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
 use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
 

@@ -1,7 +1,7 @@
 //! Taking over what remains of a damaged store, into a new one.
 
 use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
-use crate::campaign::{CampaignId, CampaignState};
+use crate::model::{CampaignId, CampaignState};
 use rusqlite::{Connection, Params, Transaction, params, params_from_iter, types::Value};
 
 /// What of a campaign is whole, from its beginning on.

@@ -9,8 +9,8 @@ use super::{
     provenance::{Work, add_notices, now_ms},
 };
 use crate::{
-    campaign::CampaignId,
     labels::{Action, Change, Labels, RequestId},
+    model::CampaignId,
 };
 use rusqlite::{Transaction, params};
 

@@ -2,10 +2,8 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, CampaignState, Weight},
-    dispatch::{Maker, Quarantined},
-    leases::MachineId,
     medoids::Clustering,
+    model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight},
 };
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Lineage,

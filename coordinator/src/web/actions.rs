@@ -1,7 +1,7 @@
 //! What people ask for with a button.
 
 use super::{Web, wrong::Wrong};
-use crate::campaign::Weight;
+use crate::model::Weight;
 use axum::{
     Form,
     extract::{Path, State},

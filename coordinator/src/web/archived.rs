@@ -2,7 +2,7 @@
 //! same id at the same address, and what a wrong worker did is taken back. An address that also says when its campaign was
 //! created, and how often something of it was taken back, means one thing for ever.
 
-use crate::store::CampaignRecord;
+use crate::model::CampaignRecord;
 use axum::http::{HeaderName, HeaderValue, header::CACHE_CONTROL};
 use serde::Deserialize;
 
@@ -21,7 +21,7 @@ pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
 pub(super) struct Created {
     /// The [`Edition::origin`] of what is meant; absent from addresses that people type.
     ///
-    /// [`Edition::origin`]: crate::store::Edition::origin
+    /// [`Edition::origin`]: crate::model::Edition::origin
     created: Option<String>,
 }
 

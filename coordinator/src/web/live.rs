@@ -2,9 +2,9 @@
 
 use super::{Web, pages, wrong::Wrong};
 use crate::{
-    campaign::{CampaignError, CampaignState, blocking},
+    campaign::{CampaignError, blocking},
+    model::{CampaignRecord, CampaignState, Edition},
     service::Seat,
-    store::{CampaignRecord, Edition},
 };
 use axum::{
     extract::{Path, State},

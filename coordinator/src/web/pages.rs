@@ -8,10 +8,10 @@ use super::{
     wrong::Wrong,
 };
 use crate::{
-    campaign::{CampaignError, CampaignState, CampaignStatus, Change, Stage, blocking},
+    campaign::{CampaignError, CampaignStatus, blocking},
+    model::{CampaignRecord, CampaignState, Change, Stage},
     picture::grey_png,
     repetition::generations_in_words,
-    store::CampaignRecord,
     taxonomy::Taxonomy,
 };
 use axum::{

@@ -1,6 +1,9 @@
 //! Parts that several pages are made of.
 
-use crate::{accuracy::RANDOM, campaign::CampaignState, store::CampaignRecord};
+use crate::{
+    accuracy::RANDOM,
+    model::{CampaignRecord, CampaignState},
+};
 use maud::{Markup, html};
 
 /// Where a motion is played, with what plays it.

@@ -11,8 +11,9 @@ use crate::{
     campaign::blocking,
     gather,
     labels::{GivenClass, Labels},
+    model::CampaignRecord,
     report,
-    store::{CampaignRecord, StoreError},
+    store::StoreError,
     taxonomy::{Medoid, Taxonomy},
 };
 use axum::{
@@ -21,10 +22,12 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{Markup, html};
-use murmuration_proto::counted;
-use murmuration_proto::v1::{
-    campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
-    label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
+use murmuration_proto::{
+    counted,
+    v1::{
+        campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+        label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
+    },
 };
 use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;

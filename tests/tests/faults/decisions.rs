@@ -8,7 +8,7 @@ use super::{
     table::Row,
 };
 use murmuration_coordinator::{
-    campaign::Weight,
+    model::Weight,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };
 use murmuration_proto::{CampaignSpec, Controller, Purpose, Stream, parts::whole, v1};

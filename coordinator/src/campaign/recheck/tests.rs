@@ -1,5 +1,5 @@
 use super::*;
-use crate::{campaign::Weight, store::DataDirectory};
+use crate::{model::Weight, store::DataDirectory};
 use murmuration_proto::{CampaignSpec, CheckpointDigest};
 
 /// A latent campaign as it is when it was just created.

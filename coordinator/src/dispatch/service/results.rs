@@ -3,10 +3,11 @@
 use super::{Given, Job, Service};
 use crate::{
     dispatch::{
-        Evaluated, JobError, Maker, NotWelcome, Quarantined, SetAside, TrainingJob,
+        Evaluated, JobError, NotWelcome, SetAside, TrainingJob,
         work::{Output, Work},
     },
     leases::{JobId, LeaseNumber, News, Refused, Settled, WorkerId, WorkerProcessId},
+    model::{Maker, Quarantined},
 };
 use murmuration_proto::{
     EmbeddingKind,

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignState, Weight},
     labels::{Action, Change},
     medoids::Clustering,
+    model::{CampaignState, Weight},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::CampaignSpec;

@@ -9,9 +9,9 @@ use super::{
     LabelError, log,
 };
 use crate::{
-    campaign::CampaignId,
     kept,
     labels::{BrokenLog, Labels},
+    model::CampaignId,
 };
 use rusqlite::{Connection, Transaction};
 use std::{

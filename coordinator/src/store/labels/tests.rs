@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    campaign::Weight,
     labels::ClassName,
+    model::Weight,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::CampaignSpec;

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, Weight},
     labels::{Action, Change},
+    model::{CampaignId, Weight},
     store::{DataDirectory, GenerationRecord, Picture, Provenance},
 };
 use murmuration_proto::CampaignSpec;

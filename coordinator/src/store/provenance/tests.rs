@@ -1,6 +1,6 @@
 use super::*;
 use crate::{
-    campaign::Weight,
+    model::Weight,
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::{
-    campaign::{CampaignId, CampaignState, Weight},
+    model::{CampaignId, CampaignState, Weight},
     store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
 };
 use murmuration_proto::CampaignSpec;

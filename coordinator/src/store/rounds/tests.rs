@@ -2,11 +2,9 @@
 
 use super::*;
 use crate::{
-    campaign::Weight,
     labels::Action,
-    store::{
-        ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance, SavedTraining,
-    },
+    model::{SavedTraining, Weight},
+    store::{ArchivedIndividual, CheckpointRecord, DataDirectory, GenerationRecord, Provenance},
 };
 use murmuration_proto::{CampaignSpec, Lineage};
 

@@ -2,12 +2,10 @@
 
 use super::*;
 use crate::{
-    campaign::Weight,
     labels::RequestId,
     medoids::Clustering,
-    store::{
-        ArchivedIndividual, DataDirectory, GenerationRecord, Picture, Provenance, SavedTraining, Switch,
-    },
+    model::{SavedTraining, Weight},
+    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture, Provenance, Switch},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Lineage};
 

@@ -86,7 +86,7 @@ fn what_is_taken_back_is_of_another_edition_whatever_the_clock_says() {
     // Its clock was a century ahead, and has been set right since.
     let ahead = now_ms().unsigned_abs() + 100 * 365 * 86_400_000;
     let spec = murmuration_proto::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
-    let weight = crate::campaign::Weight::default();
+    let weight = crate::model::Weight::default();
     let id = store.create_campaign(&spec.unwrap(), weight, ahead).unwrap();
     let edition = || store.campaign(id.as_str()).unwrap().edition();
     let mut editions = vec![edition()];

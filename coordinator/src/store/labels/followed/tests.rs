@@ -116,7 +116,7 @@ fn logs_that_were_forgotten_come_to_the_same_again() {
     let mut ids = vec![first];
     for turn in 0..6 {
         let id = store
-            .create_campaign(&spec, crate::campaign::Weight::default(), turn)
+            .create_campaign(&spec, crate::model::Weight::default(), turn)
             .unwrap();
         ids.push(id);
     }

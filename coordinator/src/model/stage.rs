@@ -1,6 +1,6 @@
 //! What a campaign does next, as a function of what is on disk.
 
-use crate::store::CampaignRecord;
+use crate::model::CampaignRecord;
 use murmuration_proto::{EmbedderSource, Feedback, v1};
 
 /// What a running campaign does, or one that does not run would do next.
@@ -66,7 +66,7 @@ impl From<Stage> for v1::CampaignStage {
 mod tests {
     use super::*;
     use crate::{
-        campaign::Weight,
+        model::Weight,
         store::{DataDirectory, Store},
     };
     use murmuration_proto::{CampaignSpec, CheckpointDigest};

@@ -1,0 +1,115 @@
+//! A campaign as it is stored, and what its archive is of.
+
+use super::{CampaignId, CampaignState, Weight};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
+use std::fmt;
+
+/// A campaign as it is stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CampaignRecord {
+    /// Its id.
+    pub id: CampaignId,
+    /// What it was asked to do.
+    pub spec: CampaignSpec,
+    /// Its share of the workers.
+    pub weight: Weight,
+    /// Where it stands.
+    pub state: CampaignState,
+    /// Why it failed; empty unless it did.
+    pub error: String,
+    /// When it was created, milliseconds since 1970-01-01 UTC.
+    pub created_ms: u64,
+    /// How many times something of it was taken back.
+    pub taken_back: u64,
+    /// How many decisions have been made about it since it was created.
+    pub decisions: u64,
+    /// Version of the simulator that its evaluations come from.
+    pub simulator_version: String,
+    /// Complete generations on disk.
+    pub generations_done: u32,
+    /// Best and mean novelty of the last complete generation.
+    pub last_novelty: Option<(f64, f64)>,
+    /// The checkpoint whose embeddings its archive holds.
+    pub checkpoint: Option<CheckpointDigest>,
+    /// The checkpoint that it is moving to.
+    pub next_checkpoint: Option<CheckpointDigest>,
+    /// Pictures of its dataset on disk, those of the further starts of labelled controllers behind them.
+    pub pictures_done: u64,
+    /// Individuals, from index 0, that are embedded with the next checkpoint, on disk.
+    pub embedded: u64,
+    /// Rounds of feedback whose fine-tuned checkpoint it has moved, or is moving, to.
+    pub rounds_done: u32,
+    /// While a round is fine-tuned: the number of entries, from the first, of the label log that it learns from.
+    pub lesson: Option<u64>,
+    /// How many entries the last round that is done learned from.
+    pub learned: Option<u64>,
+}
+
+/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
+/// As text, for scripts to compare: its [`Edition::origin`], and the digest of the checkpoint if there is one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Edition {
+    /// When the campaign was created, milliseconds since 1970-01-01 UTC: it tells apart campaigns of one id in different data
+    /// directories.
+    pub created_ms: u64,
+    /// How many times something of it was taken back: counted, for a clock may be set back.
+    pub taken_back: u64,
+    /// The checkpoint whose embeddings it holds.
+    pub checkpoint: Option<CheckpointDigest>,
+}
+
+impl Edition {
+    /// What tells its individuals from those of any other campaign of this id, and from those that were taken back.
+    #[must_use]
+    pub fn origin(&self) -> String {
+        match self.taken_back {
+            0 => self.created_ms.to_string(),
+            count => format!("{}.{count}", self.created_ms),
+        }
+    }
+}
+
+impl fmt::Display for Edition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.origin())?;
+        match self.checkpoint {
+            Some(checkpoint) => write!(f, "-{checkpoint}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl CampaignRecord {
+    /// The edition that its archive is of.
+    #[must_use]
+    pub fn edition(&self) -> Edition {
+        Edition {
+            created_ms: self.created_ms,
+            taken_back: self.taken_back,
+            checkpoint: self.checkpoint,
+        }
+    }
+
+    /// Pictures of its dataset on disk; 0 where it has none.
+    #[must_use]
+    pub fn dataset_done(&self) -> u64 {
+        match self.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => self.pictures_done.min(dataset.pictures()),
+            Some(EmbedderSource::Published(_)) | None => 0,
+        }
+    }
+
+    /// Generations that there are to be, those after the rounds so far included.
+    #[must_use]
+    pub fn generations(&self) -> u32 {
+        let further = self.spec.feedback().map_or(0, Feedback::generations);
+        let further = further.saturating_mul(self.rounds_done);
+        self.spec.search().generations().saturating_add(further)
+    }
+
+    /// Number of individuals of complete generations.
+    #[must_use]
+    pub fn individuals(&self) -> u64 {
+        u64::from(self.generations_done) * u64::from(self.spec.search().population())
+    }
+}

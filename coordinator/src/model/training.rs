@@ -1,0 +1,64 @@
+//! What an embedder is trained on, and a training that was put aside.
+
+use super::CampaignRecord;
+use murmuration_proto::EmbedderSource;
+
+/// Most individuals of an archive that a training without a dataset looks at.
+const MOST_FROM_ARCHIVE: u64 = 10_000;
+
+/// A training put aside.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SavedTraining {
+    /// Epochs done.
+    pub epoch: u64,
+    /// What the trainer takes it up from.
+    pub bytes: Vec<u8>,
+}
+
+/// Where the pictures without labels come from that embedders of a campaign are trained on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TrainingPictures {
+    /// Pictures of each behaviour.
+    pub views: u32,
+    /// Number of behaviours.
+    pub behaviours: u32,
+    /// They are the archive's, for want of a dataset.
+    from_archive: bool,
+}
+
+impl TrainingPictures {
+    /// Those of a campaign: its dataset, or the beginning of its archive where it was begun with a published checkpoint.
+    #[must_use]
+    pub fn of(record: &CampaignRecord) -> Self {
+        match record.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => Self {
+                views: dataset.starts(),
+                behaviours: dataset.controllers(),
+                from_archive: false,
+            },
+            Some(EmbedderSource::Published(_)) | None => Self {
+                views: 1,
+                behaviours: record.individuals().min(MOST_FROM_ARCHIVE) as u32,
+                from_archive: true,
+            },
+        }
+    }
+
+    /// Whether they are the archive's, for want of a dataset.
+    #[must_use]
+    pub const fn is_from_archive(&self) -> bool {
+        self.from_archive
+    }
+
+    /// How many of them are the dataset's.
+    #[must_use]
+    pub const fn in_dataset(&self) -> u64 {
+        if self.from_archive { 0 } else { self.count() }
+    }
+
+    /// Number of pictures.
+    #[must_use]
+    pub const fn count(&self) -> u64 {
+        self.views as u64 * self.behaviours as u64
+    }
+}
