@@ -5,18 +5,19 @@
 
 mod headway;
 mod job;
+mod metrics;
 mod service;
 mod trainers;
 mod work;
 
 pub use headway::Headway;
 pub use job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob};
+pub use metrics::{DispatchMetrics, Families, Party, WorkKind};
 pub use trainers::Trainers;
 
 use crate::{
     access::Origin,
     leases::{LeaseNumber, WorkerId},
-    metrics::DispatchMetrics,
     model::{MachineId, Maker, Quarantined, SavedTraining},
 };
 use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};

@@ -7,6 +7,7 @@
 pub mod access;
 pub mod accuracy;
 pub mod backup;
+pub mod blocking;
 pub mod breeding;
 pub mod campaign;
 pub mod checkpoints;

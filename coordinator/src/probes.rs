@@ -4,7 +4,8 @@
 //! campaign contains.
 
 use crate::{
-    campaign::{Campaigns, blocking},
+    blocking::blocking,
+    campaign::Campaigns,
     metrics::{CONTENT_TYPE, Metrics},
     store::Store,
 };

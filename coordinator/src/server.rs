@@ -9,11 +9,11 @@ use crate::{
     campaign::{CampaignError, Campaigns},
     checkpoints::{CheckpointError, Checkpoints},
     connections::Places,
-    dispatch::{self, Dispatch, Trainers},
+    dispatch::{self, Dispatch, Party, Trainers},
     interrupt::Interrupt,
     limits,
     maps::Maps,
-    metrics::{Metrics, Party},
+    metrics::Metrics,
     probes::{Probes, Readiness},
     queries::Queries,
     service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
@@ -137,7 +137,7 @@ impl Coordinator {
             trainers.clone(),
             checkpoints.clone(),
             annotator.clone(),
-            metrics.clone(),
+            metrics.campaigns(),
             interrupt.clone(),
         );
 

@@ -1,14 +1,14 @@
 //! The synthetic annotator: answers in a person's place, by what the rule-based judge says of a motion.
 
 use crate::{
-    campaign::{CampaignError, blocking},
-    dispatch::{Dispatch, Headway, ReplayJob},
+    blocking::{Broken, blocking},
+    dispatch::{Dispatch, Headway, JobError, ReplayJob},
     interrupt::Interrupt,
     judge::{self, judge},
     labels::{Action, Annotator, Answer, Change},
     model::CampaignRecord,
-    queries::Queries,
-    store::{ArchivedIndividual, Store},
+    queries::{Queries, QueryError},
+    store::{ArchivedIndividual, Store, StoreError},
 };
 use murmuration_proto::{Strategy, World};
 use std::{
@@ -21,6 +21,23 @@ use tokio::task::JoinSet;
 const AT_ONCE: usize = 64;
 /// Agents that are judged at a time: the judge compares each of a swarm with each other.
 const AGENTS_AT_ONCE: usize = 20_000;
+
+/// Why the synthetic annotator cannot answer.
+#[derive(Debug, thiserror::Error)]
+pub enum AnnotatorError {
+    /// The store could not be read.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// What to ask it could not be found out.
+    #[error("{0}")]
+    Query(#[from] QueryError),
+    /// A motion could not be simulated.
+    #[error("{0}")]
+    Job(#[from] JobError),
+    /// A bug: it broke off.
+    #[error("{0}")]
+    Broken(#[from] Broken),
+}
 
 /// The synthetic annotator of a coordinator; cheap to clone.
 #[derive(Debug, Clone)]
@@ -40,7 +57,7 @@ impl SyntheticAnnotator {
     /// With the same archive and log they are the same answers.
     ///
     /// # Errors
-    /// If the store cannot be read, the strategy has not what it needs, or a motion cannot be simulated.
+    /// See [`AnnotatorError`].
     pub async fn answers(
         &self,
         record: &CampaignRecord,
@@ -48,7 +65,7 @@ impl SyntheticAnnotator {
         count: usize,
         headway: Arc<Headway>,
         interrupt: &Interrupt,
-    ) -> Result<Vec<Change>, CampaignError> {
+    ) -> Result<Vec<Change>, AnnotatorError> {
         let asked = self
             .queries
             .unanswered(record, strategy, count, interrupt)
@@ -62,12 +79,12 @@ impl SyntheticAnnotator {
                 answering.spawn(async move {
                     let answer = annotator.answer(&record, index as u64).await?;
                     headway.one_more();
-                    Ok::<_, CampaignError>((place, answer))
+                    Ok::<_, AnnotatorError>((place, answer))
                 });
             }
             let mut part = Vec::new();
             while let Some(answer) = answering.join_next().await {
-                part.push(answer.map_err(|_| CampaignError::Broken)??);
+                part.push(answer.map_err(|_| Broken)??);
             }
             part.sort_by_key(|&(place, _)| place);
             answers.extend(part.into_iter().map(|(_, answer)| answer));
@@ -75,7 +92,7 @@ impl SyntheticAnnotator {
         Ok(answers)
     }
 
-    async fn answer(&self, record: &CampaignRecord, index: u64) -> Result<Change, CampaignError> {
+    async fn answer(&self, record: &CampaignRecord, index: u64) -> Result<Change, AnnotatorError> {
         let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model());
         let ArchivedIndividual { controller, seed, .. } =
             blocking(move || store.individual(&id, model, index)).await??;

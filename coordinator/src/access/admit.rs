@@ -10,13 +10,12 @@ use super::{
 use crate::{
     connections::Visit,
     limits::{MAX_HEADER_BYTES, MAX_HEADERS},
-    web,
 };
 use axum::{
     body::{Body, BodyDataStream},
     extract::{MatchedPath, Request, State},
     http::{
-        HeaderMap, HeaderValue,
+        HeaderMap, HeaderValue, Uri,
         header::{AUTHORIZATION, CONTENT_TYPE, HOST},
     },
     middleware::Next,
@@ -46,7 +45,12 @@ pub(crate) struct Door {
     pub(crate) hosts: Hosts,
     /// Whether what passes is encrypted.
     pub(crate) is_encrypted: bool,
+    /// How it looks to a person that a request is refused.
+    pub(crate) show_refusal: ShowRefusal,
 }
+
+/// A refusal, shown to whoever asked for a path with these headers.
+pub(crate) type ShowRefusal = fn(Refusal, &Uri, &HeaderMap) -> Response;
 
 /// Turns away what may not come in, in the words of who asked: a status, a page, or a line of text.
 pub(crate) async fn admit(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
@@ -63,7 +67,7 @@ pub(crate) async fn admit(State(door): State<Arc<Door>>, request: Request, next:
             tracing::debug!(path = request.uri().path(), %refusal, "turned away");
             match speaks_grpc {
                 true => Status::from(refusal).into_http(),
-                false => web::turn_away(refusal, request.uri(), request.headers()),
+                false => (door.show_refusal)(refusal, request.uri(), request.headers()),
             }
         }
     }

@@ -4,14 +4,15 @@ use super::{
     CampaignError,
     decisions::check_simulator,
     live::{Live, Progress},
+    metrics::CampaignMetrics,
     registry::{AtWork, Deciding, Registry, Snapshot},
-    run::{self, Means, blocking},
+    run::{self, Means},
 };
 use crate::{
+    blocking::blocking,
     checkpoints::Checkpoints,
     dispatch::Trainers,
     interrupt::Interrupt,
-    metrics::Metrics,
     model::{CampaignId, CampaignRecord, CampaignState, Quarantined, Stage, Weight},
     store::{Notice, StoreError},
     synthetic::SyntheticAnnotator,
@@ -62,7 +63,7 @@ impl Campaigns {
         trainers: Trainers,
         checkpoints: Checkpoints,
         annotator: SyntheticAnnotator,
-        metrics: Metrics,
+        metrics: CampaignMetrics,
         interrupt: Interrupt,
     ) -> Self {
         let means = Means {

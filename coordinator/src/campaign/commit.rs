@@ -1,11 +1,7 @@
 //! Writing what a stage has come to, however long the disk takes.
 
-use super::{
-    CampaignError,
-    live::Live,
-    run::{Means, blocking},
-};
-use crate::store::Store;
+use super::{CampaignError, live::Live, run::Means};
+use crate::{blocking::blocking, store::Store};
 use std::{sync::Arc, time::Duration};
 
 /// Pauses before a refused change is made again: they double from the first to the last.

@@ -1,8 +1,9 @@
 //! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
 //! that the former run still does can change the campaign, so nobody has to wait for its end.
 
-use super::{CampaignError, CampaignStatus, Campaigns, registry::Deciding, run::blocking};
+use super::{CampaignError, CampaignStatus, Campaigns, registry::Deciding};
 use crate::{
+    blocking::blocking,
     labels::Labels,
     model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed},
     store::Decision,

@@ -4,9 +4,10 @@
 use super::{
     CampaignError,
     live::Live,
-    run::{Means, Outcome, blocking, pictures_at_once},
+    run::{Means, Outcome, pictures_at_once},
 };
 use crate::{
+    blocking::blocking,
     dispatch::EmbeddingJob,
     interrupt::Interrupt,
     model::{CampaignId, CampaignRecord},

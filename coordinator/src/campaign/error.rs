@@ -1,6 +1,7 @@
 //! What can go wrong with a campaign.
 
 use crate::{
+    blocking::Broken,
     breeding::ProposeError,
     checkpoints::CheckpointError,
     dispatch::JobError,
@@ -10,6 +11,7 @@ use crate::{
     queries::QueryError,
     space::SpaceError,
     store::{DecisionError, LabelError, StoreError},
+    synthetic::AnnotatorError,
 };
 use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
 
@@ -110,11 +112,28 @@ pub enum CampaignError {
     Broken,
 }
 
+impl From<Broken> for CampaignError {
+    fn from(_: Broken) -> Self {
+        Self::Broken
+    }
+}
+
 impl From<QueryError> for CampaignError {
     fn from(error: QueryError) -> Self {
         match error {
             QueryError::Space(SpaceError::Interrupted(interrupted)) => Self::Interrupted(interrupted),
             error => Self::Query(error),
+        }
+    }
+}
+
+impl From<AnnotatorError> for CampaignError {
+    fn from(error: AnnotatorError) -> Self {
+        match error {
+            AnnotatorError::Store(error) => error.into(),
+            AnnotatorError::Query(error) => error.into(),
+            AnnotatorError::Job(error) => error.into(),
+            AnnotatorError::Broken(error) => error.into(),
         }
     }
 }

@@ -5,10 +5,11 @@ use super::{
     CampaignError,
     evaluate::evaluate,
     live::Live,
-    run::{Means, Outcome, blocking, pictures_at_once},
+    run::{Means, Outcome, pictures_at_once},
     train::train,
 };
 use crate::{
+    blocking::blocking,
     dispatch::{EvaluationJob, Lesson},
     model::CampaignRecord,
     store::{FurtherStart, LessonPictures, Store},

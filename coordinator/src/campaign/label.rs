@@ -3,9 +3,9 @@
 use super::{
     CampaignError,
     live::Live,
-    run::{Means, Outcome, blocking},
+    run::{Means, Outcome},
 };
-use crate::{labels::RequestId, model::CampaignRecord, store::Store};
+use crate::{blocking::blocking, labels::RequestId, model::CampaignRecord, store::Store};
 
 /// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
 pub(super) async fn label(

@@ -10,6 +10,7 @@ mod evaluate;
 mod fine_tune;
 mod label;
 mod live;
+mod metrics;
 mod pretrain;
 mod recheck;
 mod registry;
@@ -19,6 +20,6 @@ mod train;
 
 pub use campaigns::{CampaignStatus, Campaigns};
 pub use error::CampaignError;
+pub use metrics::CampaignMetrics;
 
 pub(crate) use dataset::tasks as dataset_tasks;
-pub(crate) use run::blocking;

@@ -8,9 +8,10 @@ use super::{
     CampaignError,
     evaluate::{Done, evaluate},
     live::Live,
-    run::{Means, Outcome, blocking, pictures_at_once},
+    run::{Means, Outcome, pictures_at_once},
 };
 use crate::{
+    blocking::blocking,
     dispatch::{EmbeddingJob, EvaluationJob},
     model::{CampaignId, CampaignRecord},
     store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects},

@@ -1,10 +1,13 @@
 //! A campaign at work: one stage after the other, each begun where the disk says that it was left.
 
-use super::{CampaignError, dataset, embed, fine_tune, label, live::Live, pretrain, recheck, search};
+use super::{
+    CampaignError, dataset, embed, fine_tune, label, live::Live, metrics::CampaignMetrics, pretrain, recheck,
+    search,
+};
 use crate::{
+    blocking::blocking,
     checkpoints::Checkpoints,
     dispatch::{Dispatch, Trainers},
-    metrics::Metrics,
     model::{CampaignId, CampaignRecord, CampaignState, Embedder, Stage},
     store::{RunId, Store, Suspects},
     synthetic::SyntheticAnnotator,
@@ -20,7 +23,7 @@ pub(super) struct Means {
     pub(super) trainers: Trainers,
     pub(super) checkpoints: Checkpoints,
     pub(super) annotator: SyntheticAnnotator,
-    pub(super) metrics: Metrics,
+    pub(super) metrics: CampaignMetrics,
 }
 
 impl Means {
@@ -161,13 +164,4 @@ async fn suspects(
 pub(super) async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
     let (store, id) = (store.clone(), id.clone());
     Ok(blocking(move || store.campaign(id.as_str())).await??)
-}
-
-/// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
-pub(crate) async fn blocking<T: Send + 'static>(
-    work: impl FnOnce() -> T + Send + 'static,
-) -> Result<T, CampaignError> {
-    tokio::task::spawn_blocking(work)
-        .await
-        .map_err(|_| CampaignError::Broken)
 }

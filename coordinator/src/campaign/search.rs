@@ -4,14 +4,15 @@ use super::{
     CampaignError,
     evaluate::{Done, Placed, evaluate},
     live::Live,
-    run::{Means, Outcome, blocking},
+    metrics::CampaignMetrics,
+    run::{Means, Outcome},
 };
 use crate::{
+    blocking::blocking,
     breeding::{self, Parent, Proposal, ProposeError},
     dispatch::EvaluationJob,
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
-    metrics::Metrics,
     model::{CampaignRecord, Embedder},
     novelty::{self, Behaviours},
     store::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError},
@@ -33,7 +34,7 @@ struct Generation {
 /// A campaign's search between two generations: a function of its specification, its embedder and its archive.
 struct Search {
     store: Store,
-    metrics: Metrics,
+    metrics: CampaignMetrics,
     /// Ends what it computes.
     interrupt: Interrupt,
     campaign: Arc<CampaignRecord>,

@@ -3,9 +3,10 @@
 use super::{
     CampaignError,
     live::{COUNTING_INTERVAL, Hands, Live, held_up_by},
-    run::{Means, blocking},
+    run::Means,
 };
 use crate::{
+    blocking::blocking,
     dispatch::{Headway, Lesson, TrainingJob},
     model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures},
     store::{Store, StoreError},

@@ -7,8 +7,8 @@ use super::{
     work::{Output, Work},
 };
 use crate::{
+    dispatch::DispatchMetrics,
     leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
-    metrics::DispatchMetrics,
     model::Quarantined,
 };
 use murmuration_link::trace_parent;

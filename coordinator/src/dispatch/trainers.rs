@@ -4,7 +4,7 @@ use super::{
     Dispatch, Headway, JobError, Options, TrainingJob,
     work::{Output, Work},
 };
-use crate::metrics::DispatchMetrics;
+use crate::dispatch::DispatchMetrics;
 use murmuration_proto::CheckpointDigest;
 use std::sync::Arc;
 use tokio::sync::watch;

@@ -2,8 +2,8 @@
 
 use super::job::{EmbeddingJob, Evaluated, EvaluationJob, ReplayJob, TrainingJob};
 use crate::{
+    dispatch::WorkKind,
     leases::{Agree, Terms},
-    metrics::WorkKind,
     model::{CampaignId, Maker, Weight},
 };
 use murmuration_proto::{

@@ -4,26 +4,20 @@
 //! happens, through handles that are cheap to clone; what the store knows anyway is read when somebody asks
 //! (`observed`). Every name is explained in docs/operations.md.
 
-mod dispatching;
 mod observed;
 
-pub use dispatching::{DispatchMetrics, WorkKind};
-
 use crate::{
-    campaign::{CampaignError, Campaigns},
+    campaign::{CampaignError, CampaignMetrics, Campaigns},
+    dispatch::{DispatchMetrics, Families, Party},
     store::Store,
 };
-use dispatching::Families;
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
 use prometheus_client::{
     encoding::text::{encode_eof, encode_registry},
-    metrics::{
-        histogram::{Histogram, exponential_buckets},
-        info::Info,
-    },
-    registry::{Registry, Unit},
+    metrics::info::Info,
+    registry::Registry,
 };
-use std::{sync::Arc, time::Duration};
+use std::sync::Arc;
 
 /// Content type of [`Metrics::render`]'s text.
 pub const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
@@ -36,25 +30,7 @@ const PREFIX: &str = "murmuration";
 pub struct Metrics {
     registry: Arc<Registry>,
     dispatch: Families,
-    commit: Histogram,
-}
-
-/// With whom a dispatcher deals.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Party {
-    /// Workers.
-    Worker,
-    /// Trainers.
-    Trainer,
-}
-
-impl Party {
-    const fn name(self) -> &'static str {
-        match self {
-            Self::Worker => "worker",
-            Self::Trainer => "trainer",
-        }
-    }
+    campaigns: CampaignMetrics,
 }
 
 impl Metrics {
@@ -68,19 +44,12 @@ impl Metrics {
             ("trainer", TRAINER_VERSION),
         ];
         registry.register("build", "Versions of what runs", Info::new(versions.to_vec()));
-        // From a millisecond to half a minute.
-        let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));
-        registry.register_with_unit(
-            "generation_commit",
-            "Time to put a generation on disk",
-            Unit::Seconds,
-            commit.clone(),
-        );
+        let campaigns = CampaignMetrics::register(&mut registry);
         let dispatch = Families::register(&mut registry);
         Self {
             registry: Arc::new(registry),
             dispatch,
-            commit,
+            campaigns,
         }
     }
 
@@ -90,9 +59,10 @@ impl Metrics {
         self.dispatch.of(party)
     }
 
-    /// A generation was put on disk.
-    pub fn generation_committed(&self, took: Duration) {
-        self.commit.observe(took.as_secs_f64());
+    /// Where campaigns count.
+    #[must_use]
+    pub fn campaigns(&self) -> CampaignMetrics {
+        self.campaigns.clone()
     }
 
     /// Everything, as text in the OpenMetrics format, which Prometheus reads.

@@ -2,7 +2,8 @@
 
 use super::PREFIX;
 use crate::{
-    campaign::{CampaignError, CampaignStatus, Campaigns, blocking},
+    blocking::blocking,
+    campaign::{CampaignError, CampaignStatus, Campaigns},
     model::CampaignState,
     store::Store,
 };

@@ -6,7 +6,7 @@ use super::{
     ranking,
 };
 use crate::{
-    campaign::{self},
+    blocking,
     interrupt::Interrupt,
     kept::Kept,
     labels::{Annotator, Labels},
@@ -298,7 +298,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Runs `work`, which computes or waits for the disk, where it does not hold up the network.
 async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> Result<T, QueryError> {
-    campaign::blocking(work).await.map_err(|_| QueryError::Broken)
+    blocking::blocking(work).await.map_err(|_| QueryError::Broken)
 }
 
 impl Ranked {

@@ -67,6 +67,7 @@ impl Served {
             sessions: sessions.clone(),
             hosts: entrance.hosts(),
             is_encrypted: tls.is_some(),
+            show_refusal: web::turn_away,
         };
         let mut servers = vec![self.at(listener, tls, door)?];
         let way = if is_open {
@@ -81,6 +82,7 @@ impl Served {
                 sessions,
                 hosts: Hosts::Any,
                 is_encrypted: false,
+                show_refusal: web::turn_away,
             };
             servers.push(self.at(listener, None, door)?);
             LocalWay {

@@ -2,7 +2,8 @@
 
 use super::{Seats, Streamed, in_parts};
 use crate::{
-    campaign::{Campaigns, blocking},
+    blocking::blocking,
+    campaign::Campaigns,
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
     model::{CampaignRecord, Weight},

@@ -4,7 +4,8 @@ mod messages;
 
 use super::{Streamed, in_parts};
 use crate::{
-    campaign::blocking,
+    blocking::blocking,
+    campaign::CampaignError,
     labels::{Agreement, Annotator, Change, Entry, Labels, RequestId},
     queries::{Queries, Wish},
     store::{LabelError, Store, StoreError},
@@ -121,7 +122,8 @@ impl v1::label_service_server::LabelService for LabelApi {
             let done = Arc::default();
             let interrupt = self.queries.interrupt();
             let answers = self.annotator.answers(&record, strategy, count, done, interrupt);
-            let answers = self.annotator.dispatch.while_staffed(answers).await??;
+            let answers = self.annotator.dispatch.while_staffed(answers).await?;
+            let answers = answers.map_err(CampaignError::from)?;
             self.add(record.id.to_string(), request, answers).await?
         } else {
             before

@@ -1,6 +1,7 @@
 //! Domain values as the messages that carry them, and errors as statuses.
 
 use crate::{
+    blocking::Broken,
     campaign::{CampaignError, CampaignStatus},
     dispatch::JobError,
     model::Stage,
@@ -144,6 +145,12 @@ impl From<StoreError> for Status {
             | StoreError::Superseded(_) => Self::failed_precondition(said),
             StoreError::File { .. } | StoreError::Sqlite { .. } => Self::internal(said),
         }
+    }
+}
+
+impl From<Broken> for Status {
+    fn from(broken: Broken) -> Self {
+        Self::internal(broken.to_string())
     }
 }
 

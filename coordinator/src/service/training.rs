@@ -5,9 +5,8 @@ use super::{
     work::{CheckVersion, serve},
 };
 use crate::{
-    campaign::blocking,
-    dispatch::Trainers,
-    metrics::Party,
+    blocking::blocking,
+    dispatch::{Party, Trainers},
     model::{CampaignRecord, Stage, TrainingPictures},
     store::{Store, StoreError},
 };

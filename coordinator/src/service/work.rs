@@ -3,9 +3,8 @@
 use super::{snapshots::Snapshots, unreadable::blamed};
 use crate::{
     access::origin,
-    dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, WorkerReport},
+    dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, Party, WorkerReport},
     leases::{LeaseNumber, WorkerId},
-    metrics::Party,
 };
 use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
 use std::time::Duration;

@@ -2,7 +2,8 @@
 
 use super::{Web, pages, wrong::Wrong};
 use crate::{
-    campaign::{CampaignError, blocking},
+    blocking::blocking,
+    campaign::CampaignError,
     model::{CampaignRecord, CampaignState, Edition},
     service::Seat,
 };

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     access::{Door, Refusal},
-    campaign::blocking,
+    blocking::blocking,
 };
 use axum::{
     Extension, Form,

@@ -9,7 +9,7 @@ use super::{
     wrong::Wrong,
 };
 use crate::{
-    campaign::blocking,
+    blocking::blocking,
     medoids::Clustering,
     picture::{
         colours,

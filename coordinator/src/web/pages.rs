@@ -8,7 +8,8 @@ use super::{
     wrong::Wrong,
 };
 use crate::{
-    campaign::{CampaignError, CampaignStatus, blocking},
+    blocking::blocking,
+    campaign::{CampaignError, CampaignStatus},
     model::{CampaignRecord, CampaignState, Change, Stage},
     picture::grey_png,
     repetition::generations_in_words,

@@ -8,7 +8,7 @@ use super::{
     wrong::Wrong,
 };
 use crate::{
-    campaign::blocking,
+    blocking::blocking,
     gather,
     labels::{GivenClass, Labels},
     model::CampaignRecord,

@@ -2,7 +2,7 @@
 
 use super::{Web, refused::Refused};
 use crate::{
-    campaign::blocking,
+    blocking::blocking,
     labels::{ClassName, Labels},
     picture::columns::column,
     store::StoreError,

@@ -1,7 +1,9 @@
 //! Why a page cannot be shown, as a page.
 
 use super::{pages::layout, refused, visitor::Visitor};
-use crate::{access::Refusal, campaign::CampaignError, picture::PictureError, store::StoreError};
+use crate::{
+    access::Refusal, blocking::Broken, campaign::CampaignError, picture::PictureError, store::StoreError,
+};
 use axum::{
     http::{HeaderMap, StatusCode, header::ACCEPT},
     response::{IntoResponse, Response},
@@ -91,6 +93,12 @@ pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
         Refusal::Rate => StatusCode::TOO_MANY_REQUESTS,
         Refusal::Headers => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
         Refusal::ContentType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
+    }
+}
+
+impl From<Broken> for Wrong {
+    fn from(broken: Broken) -> Self {
+        CampaignError::from(broken).into()
     }
 }
 

@@ -1,6 +1,5 @@
 //! What a dispatcher counts: work, leases, and those who hold them.
 
-use super::Party;
 use prometheus_client::{
     metrics::{
         counter::Counter,
@@ -11,6 +10,24 @@ use prometheus_client::{
     registry::{Registry, Unit},
 };
 use std::time::Duration;
+
+/// With whom a dispatcher deals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Party {
+    /// Workers.
+    Worker,
+    /// Trainers.
+    Trainer,
+}
+
+impl Party {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Worker => "worker",
+            Self::Trainer => "trainer",
+        }
+    }
+}
 
 /// What is farmed out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,9 +70,9 @@ impl WorkKind {
 
 type Labels = [(&'static str, &'static str); 1];
 
-/// Every dispatcher's metrics, told apart by labels.
+/// What all dispatchers of a coordinator count, told apart by labels; cheap to clone.
 #[derive(Debug, Clone)]
-pub(super) struct Families {
+pub struct Families {
     connected: Family<Labels, Gauge>,
     pending: Family<Labels, Gauge>,
     leased: Family<Labels, Gauge>,
@@ -81,7 +98,9 @@ pub struct DispatchMetrics {
 }
 
 impl Families {
-    pub(super) fn register(registry: &mut Registry) -> Self {
+    /// All at nought, and told to `registry`.
+    #[must_use]
+    pub fn register(registry: &mut Registry) -> Self {
         let families = Self {
             connected: Family::default(),
             pending: Family::default(),
@@ -152,7 +171,9 @@ impl Families {
         families
     }
 
-    pub(super) fn of(&self, party: Party) -> DispatchMetrics {
+    /// Where the dispatcher of workers or trainers counts.
+    #[must_use]
+    pub fn of(&self, party: Party) -> DispatchMetrics {
         let labels = [("party", party.name())];
         // What has not happened yet is nought, not absent: a rate over it is one from the first scrape on.
         for kind in WorkKind::ALL.into_iter().filter(|kind| kind.party() == party) {

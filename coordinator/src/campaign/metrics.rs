@@ -1,0 +1,34 @@
+//! What campaigns count.
+
+use prometheus_client::{
+    metrics::histogram::{Histogram, exponential_buckets},
+    registry::{Registry, Unit},
+};
+use std::time::Duration;
+
+/// Where campaigns count; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct CampaignMetrics {
+    commit: Histogram,
+}
+
+impl CampaignMetrics {
+    /// All at nought, and told to `registry`.
+    #[must_use]
+    pub fn register(registry: &mut Registry) -> Self {
+        // From a millisecond to half a minute.
+        let commit = Histogram::new(exponential_buckets(0.001, 2.0, 16));
+        registry.register_with_unit(
+            "generation_commit",
+            "Time to put a generation on disk",
+            Unit::Seconds,
+            commit.clone(),
+        );
+        Self { commit }
+    }
+
+    /// A generation was put on disk.
+    pub(super) fn generation_committed(&self, took: Duration) {
+        self.commit.observe(took.as_secs_f64());
+    }
+}
