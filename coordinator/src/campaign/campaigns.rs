@@ -2,11 +2,12 @@
 
 use super::{
     CampaignError,
-    decisions::check_simulator,
-    live::{Live, Progress},
+    context::StageContext,
     metrics::CampaignMetrics,
+    preconditions::check_simulator,
     registry::{AtWork, Deciding, Registry, Snapshot},
-    run::{self, Means},
+    run,
+    run_handle::{Progress, RunHandle},
 };
 use crate::{
     blocking::blocking,
@@ -50,7 +51,7 @@ pub struct CampaignStatus {
 /// Every campaign of a store; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Campaigns {
-    pub(super) means: Means,
+    pub(super) context: StageContext,
     pub(super) registry: Registry,
     /// Ends what campaigns compute.
     interrupt: Interrupt,
@@ -66,7 +67,7 @@ impl Campaigns {
         metrics: CampaignMetrics,
         interrupt: Interrupt,
     ) -> Self {
-        let means = Means {
+        let context = StageContext {
             store: annotator.store.clone(),
             dispatch: annotator.dispatch.clone(),
             trainers,
@@ -75,7 +76,7 @@ impl Campaigns {
             metrics,
         };
         Self {
-            means,
+            context,
             registry: Registry::default(),
             interrupt,
         }
@@ -87,7 +88,10 @@ impl Campaigns {
     /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
     pub async fn create(&self, spec: CampaignSpec, weight: Weight) -> Result<CampaignStatus, CampaignError> {
         if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
-            self.means.checkpoints.embedder(checkpoint, spec.image()).await?;
+            self.context
+                .checkpoints
+                .embedder(checkpoint, spec.image())
+                .await?;
         }
         let created_ms = SystemTime::now()
             .duration_since(UNIX_EPOCH)
@@ -95,7 +99,7 @@ impl Campaigns {
         let campaigns = self.clone();
         // Of its own: what was stored also starts where who asked is gone before.
         let creating = async move {
-            let store = campaigns.means.store.clone();
+            let store = campaigns.context.store.clone();
             let id = blocking(move || store.create_campaign(&spec, weight, created_ms)).await??;
             tracing::info!(campaign = %id, "created");
             // Somebody may have cancelled it by now.
@@ -111,7 +115,7 @@ impl Campaigns {
     /// # Errors
     /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
     pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
-        let store = self.means.store.clone();
+        let store = self.context.store.clone();
         let records = blocking(move || store.campaigns()).await??;
         let running = records
             .into_iter()
@@ -130,7 +134,7 @@ impl Campaigns {
     /// Whenever workers are found wrong, has those completed campaigns go on that rest on their word; those at work look
     /// themselves. Ends with the dispatcher.
     pub async fn watch_quarantine(self) {
-        let mut quarantined = self.means.dispatch.quarantined();
+        let mut quarantined = self.context.dispatch.quarantined();
         loop {
             let wrong = quarantined.borrow_and_update().clone();
             if !wrong.is_empty()
@@ -145,7 +149,7 @@ impl Campaigns {
     }
 
     async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
-        let store = self.means.store.clone();
+        let store = self.context.store.clone();
         let concerned = blocking(move || {
             // Before they are looked at: a campaign that completes from now on looks at them itself.
             store.quarantine(&wrong)?;
@@ -170,7 +174,7 @@ impl Campaigns {
     async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {
         check_simulator(record)?;
         let deciding = self.registry.deciding(&record.id).await;
-        let (store, id) = (self.means.store.clone(), record.id.clone());
+        let (store, id) = (self.context.store.clone(), record.id.clone());
         if blocking(move || store.reopen(&id)).await?? {
             self.registry.stop(&deciding);
             self.go_on(&deciding).await?;
@@ -183,7 +187,7 @@ impl Campaigns {
     /// # Errors
     /// If the store cannot be read.
     pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
-        let store = self.means.store.clone();
+        let store = self.context.store.clone();
         let at_work = self.registry.snapshots();
         let read = move || {
             let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
@@ -210,7 +214,7 @@ impl Campaigns {
     pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let id = self.record(id).await?.id;
         let snapshot = self.registry.snapshot(&id);
-        let store = self.means.store.clone();
+        let store = self.context.store.clone();
         let (record, notices) = blocking(move || {
             let record = store.campaign(id.as_str())?;
             let notices = store.notices(&record.id)?;
@@ -241,7 +245,7 @@ impl Campaigns {
     }
 
     pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
-        let (store, id) = (self.means.store.clone(), id.to_owned());
+        let (store, id) = (self.context.store.clone(), id.to_owned());
         Ok(blocking(move || store.campaign(&id)).await??)
     }
 
@@ -251,9 +255,14 @@ impl Campaigns {
         let (stop, stopped) = watch::channel(false);
         let (sender, progress) = watch::channel(Progress::default());
         let interrupt = self.interrupt.child();
-        let live = Live::new(sender, stopped, self.means.dispatch.workers(), interrupt.clone());
+        let handle = RunHandle::new(
+            sender,
+            stopped,
+            self.context.dispatch.workers(),
+            interrupt.clone(),
+        );
         let run = record.run_id();
-        let means = self.means.during(run.clone());
+        let context = self.context.during(run.clone());
         // Of nobody's request: it goes on after the one that started it, and says itself whose it is.
         let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
         self.registry.start(deciding, |former| {
@@ -262,7 +271,7 @@ impl Campaigns {
                     // One that panicked has ended too.
                     let _ = former.await;
                 }
-                run::run(means, run, live).await;
+                run::run(context, run, handle).await;
             };
             AtWork {
                 stop,
@@ -296,8 +305,8 @@ impl Campaigns {
             per_second: if active { progress.per_second } else { 0.0 },
             training: progress.training.filter(|_| active),
             waiting: progress.waiting.filter(|_| active),
-            workers: *self.means.dispatch.workers().borrow(),
-            trainers: *self.means.trainers.connected().borrow(),
+            workers: *self.context.dispatch.workers().borrow(),
+            trainers: *self.context.trainers.connected().borrow(),
             notices,
             record,
         }

@@ -2,9 +2,9 @@
 
 use super::{
     CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
     evaluate::{Placed, evaluate},
-    live::Live,
-    run::{Means, Outcome, pictures_at_once},
+    run_handle::RunHandle,
 };
 use crate::{
     breeding::{self, ProposeError},
@@ -20,9 +20,9 @@ const CHUNK: u64 = 500;
 
 /// Simulates what the dataset still lacks.
 pub(super) async fn collect(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let Some(&EmbedderSource::Trained { dataset, .. }) = record.spec.embedder() else {
         return Ok(Outcome::Done);
@@ -43,7 +43,7 @@ pub(super) async fn collect(
         let job = EvaluationJob::of(&record, None, tasks);
         let substitute =
             |place: usize, attempt| substitutes(spec, &dataset, chunk.start, place as u64, attempt);
-        let Some(done) = evaluate(&means.dispatch, live, job, substitute).await? else {
+        let Some(done) = evaluate(&context.dispatch, handle, job, substitute).await? else {
             return Ok(Outcome::Stopped);
         };
         let (pictures, provenance) = done.into_pictures(|place, reason| {
@@ -55,10 +55,10 @@ pub(super) async fn collect(
         let count = pictures.len() as u64;
         let (id, place) = (id.clone(), chunk.start * starts);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if means.commit(live, add).await?.is_none() {
+        if context.commit(handle, add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
-        live.committed(count);
+        handle.committed(count);
         next = chunk.end;
     }
     Ok(Outcome::Done)

@@ -1,15 +1,17 @@
 //! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
 //! that the former run still does can change the campaign, so nobody has to wait for its end.
 
-use super::{CampaignError, CampaignStatus, Campaigns, registry::Deciding};
+use super::{
+    CampaignError, CampaignStatus, Campaigns,
+    preconditions::{check_lesson, check_simulator},
+    registry::Deciding,
+};
 use crate::{
     blocking::blocking,
-    labels::Labels,
     model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed},
     store::Decision,
 };
-use murmuration_proto::{CheckpointDigest, SIMULATOR_VERSION};
-use std::collections::BTreeSet;
+use murmuration_proto::CheckpointDigest;
 use tracing::Instrument as _;
 
 impl Campaigns {
@@ -55,7 +57,7 @@ impl Campaigns {
     ) -> Result<CampaignStatus, CampaignError> {
         let record = self.movable(id, Change::Adopt).await?;
         let image = record.spec.image();
-        self.means.checkpoints.embedder(checkpoint, image).await?;
+        self.context.checkpoints.embedder(checkpoint, image).await?;
         self.decide(record.id, Decision::Adopt(checkpoint)).await
     }
 
@@ -69,7 +71,7 @@ impl Campaigns {
         if record.checkpoint.is_none() {
             return Err(CampaignError::NoEmbedder(record.id));
         }
-        let (store, labelled) = (self.means.store.clone(), record.id.clone());
+        let (store, labelled) = (self.context.store.clone(), record.id.clone());
         let labels = blocking(move || store.labels(&labelled)).await??;
         check_lesson(&record.id, &labels)?;
         self.decide(record.id, Decision::Refine(labels.entries())).await
@@ -111,7 +113,7 @@ impl Campaigns {
         if decision == Decision::Resume && run.active && !has_failed {
             return Ok(());
         }
-        let (store, id) = (self.means.store.clone(), deciding.id().clone());
+        let (store, id) = (self.context.store.clone(), deciding.id().clone());
         blocking(move || store.decide(&id, decision, has_failed)).await??;
         tracing::info!(campaign = %deciding.id(), change = decision.change().name(), "decided");
         self.registry.stop(deciding);
@@ -127,28 +129,5 @@ impl Campaigns {
         }
         self.start(deciding, &record)?;
         Ok(true)
-    }
-}
-
-/// Whether its archive can go on to grow with the evaluations of this simulator.
-pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignError> {
-    match record.simulator_version == SIMULATOR_VERSION {
-        true => Ok(()),
-        false => Err(CampaignError::OtherSimulator {
-            id: record.id.clone(),
-            theirs: record.simulator_version.clone(),
-        }),
-    }
-}
-
-/// Whether there is something to learn from labels.
-pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
-    let classes: BTreeSet<u32> = labels.lesson().into_iter().map(|(_, class)| class).collect();
-    match classes.len() {
-        2.. => Ok(()),
-        classes => Err(CampaignError::TooFewClasses {
-            id: id.clone(),
-            classes,
-        }),
     }
 }

@@ -3,8 +3,8 @@
 
 use super::{
     CampaignError,
-    live::Live,
-    run::{Means, Outcome, pictures_at_once},
+    context::{Outcome, StageContext, pictures_at_once},
+    run_handle::RunHandle,
 };
 use crate::{
     blocking::blocking,
@@ -21,9 +21,9 @@ const CHUNK: usize = 2048;
 
 /// Embeds what is not embedded yet, measures novelty anew, and switches.
 pub(super) async fn embed(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let CampaignRecord {
         id,
@@ -36,10 +36,10 @@ pub(super) async fn embed(
     else {
         return Ok(Outcome::Done);
     };
-    let embedder = means.checkpoints.embedder(checkpoint, spec.image()).await?;
+    let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
     let at_once = pictures_at_once(spec.image(), CHUNK) as u64;
     loop {
-        let (store, of, model) = (means.store.clone(), id.clone(), spec.model());
+        let (store, of, model) = (context.store.clone(), id.clone(), spec.model());
         let range = embedded..embedded + at_once;
         let individuals = blocking(move || store.individuals(&of, model, range, true)).await??;
         if individuals.is_empty() {
@@ -55,8 +55,8 @@ pub(super) async fn embed(
             embedder,
             images,
         };
-        let Some(embeddings) = live
-            .until_stopped(|headway| means.dispatch.embed(job, headway))
+        let Some(embeddings) = handle
+            .until_stopped(|headway| context.dispatch.embed(job, headway))
             .await
         else {
             return Ok(Outcome::Stopped);
@@ -69,16 +69,16 @@ pub(super) async fn embed(
         let count = embeddings.len() as u64;
         let of = id.clone();
         let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings, &provenance);
-        if means.commit(live, add).await?.is_none() {
+        if context.commit(handle, add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
         embedded += count;
-        live.committed(count);
+        handle.committed(count);
     }
-    let (store, of, interrupt) = (means.store.clone(), id.clone(), live.interrupt().clone());
+    let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt().clone());
     let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
-    let switched = means
-        .commit(live, move |store| store.switch(&id, &measured))
+    let switched = context
+        .commit(handle, move |store| store.switch(&id, &measured))
         .await?;
     Ok(Outcome::of(switched))
 }

@@ -1,6 +1,6 @@
 //! Evaluations by the workers, with something in the place of what had to be set aside.
 
-use super::{CampaignError, live::Live};
+use super::{CampaignError, run_handle::RunHandle};
 use crate::{
     breeding::ProposeError,
     dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside},
@@ -58,7 +58,7 @@ pub(super) type Placed = (usize, (Controller, u64));
 /// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
-    live: &mut Live,
+    handle: &mut RunHandle,
     job: EvaluationJob,
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
 ) -> Result<Option<Done>, CampaignError> {
@@ -72,7 +72,7 @@ pub(super) async fn evaluate(
             tasks: wanted.iter().map(|(_, task)| *task).collect(),
             ..job
         };
-        let Some(evaluated) = live
+        let Some(evaluated) = handle
             .until_stopped(|headway| dispatch.evaluate(job, headway))
             .await
         else {

@@ -3,9 +3,9 @@
 
 use super::{
     CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
     evaluate::evaluate,
-    live::Live,
-    run::{Means, Outcome, pictures_at_once},
+    run_handle::RunHandle,
     train::train,
 };
 use crate::{
@@ -24,46 +24,50 @@ const CHUNK: usize = 1000;
 
 /// Has the embedder fine-tuned on the labels of the round that was begun, and the campaign move to the checkpoint.
 pub(super) async fn fine_tune(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let (Some(parent), Some(entries), Some(feedback)) =
         (record.checkpoint, record.lesson, record.spec.feedback())
     else {
         return Ok(Outcome::Done);
     };
-    if further_starts(means, &record, entries, live).await? == Outcome::Stopped {
+    if further_starts(context, &record, entries, handle).await? == Outcome::Stopped {
         return Ok(Outcome::Stopped);
     }
-    let pictures = read(means, &record, entries).await?;
+    let pictures = read(context, &record, entries).await?;
     let lesson = Lesson {
         parent,
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
     };
-    let training = (configuration(means, parent, feedback).await?, Some(lesson));
-    let Some(checkpoint) = train(means, &record, training, live).await? else {
+    let training = (configuration(context, parent, feedback).await?, Some(lesson));
+    let Some(checkpoint) = train(context, &record, training, handle).await? else {
         return Ok(Outcome::Stopped);
     };
     let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
-    Ok(Outcome::of(means.commit(live, finish).await?))
+    Ok(Outcome::of(context.commit(handle, finish).await?))
 }
 
-async fn read(means: &Means, record: &CampaignRecord, entries: u64) -> Result<LessonPictures, CampaignError> {
-    let (store, record) = (means.store.clone(), record.clone());
+async fn read(
+    context: &StageContext,
+    record: &CampaignRecord,
+    entries: u64,
+) -> Result<LessonPictures, CampaignError> {
+    let (store, record) = (context.store.clone(), record.clone());
     Ok(blocking(move || store.lesson_pictures(&record, entries)).await??)
 }
 
 /// Has the workers simulate what labelled controllers do from further starts, as far as that is not on disk yet: a class is
 /// what a controller does, wherever its agents begin.
 async fn further_starts(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     entries: u64,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
-    let missing = read(means, record, entries).await?.missing;
+    let missing = read(context, record, entries).await?.missing;
     let mut place = record.pictures_done;
     for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
         let tasks = starts
@@ -78,7 +82,7 @@ async fn further_starts(
             } = starts[place];
             Ok(vec![(place, (controller, labelled))])
         };
-        let Some(done) = evaluate(&means.dispatch, live, job, labelled).await? else {
+        let Some(done) = evaluate(&context.dispatch, handle, job, labelled).await? else {
             return Ok(Outcome::Stopped);
         };
         let (pictures, provenance) = done.into_pictures(|_, reason| {
@@ -86,7 +90,7 @@ async fn further_starts(
         });
         let (id, count) = (record.id.clone(), pictures.len() as u64);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if means.commit(live, add).await?.is_none() {
+        if context.commit(handle, add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
         place += count;
@@ -96,7 +100,7 @@ async fn further_starts(
 
 /// That of the checkpoint to go on from, with the recipe for labels.
 async fn configuration(
-    means: &Means,
+    context: &StageContext,
     parent: CheckpointDigest,
     feedback: &Feedback,
 ) -> Result<Configuration, CampaignError> {
@@ -104,7 +108,7 @@ async fn configuration(
         checkpoint: parent,
         reason: error.to_string(),
     };
-    let lineage = means.checkpoints.describe(parent).await?.lineage;
+    let lineage = context.checkpoints.describe(parent).await?.lineage;
     let configuration = Configuration::from_toml(&lineage.configuration).map_err(untrainable)?;
     let configuration = configuration.with_recipe(feedback.recipe().clone());
     configuration.map_err(|error| untrainable(error.into()))

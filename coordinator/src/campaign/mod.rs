@@ -2,6 +2,7 @@
 
 mod campaigns;
 mod commit;
+mod context;
 mod dataset;
 mod decisions;
 mod embed;
@@ -9,12 +10,13 @@ mod error;
 mod evaluate;
 mod fine_tune;
 mod label;
-mod live;
 mod metrics;
+mod preconditions;
 mod pretrain;
-mod recheck;
 mod registry;
+mod reverify;
 mod run;
+mod run_handle;
 mod search;
 mod train;
 

@@ -2,8 +2,8 @@
 
 use super::{
     CampaignError,
-    live::Live,
-    run::{Means, Outcome},
+    context::{Outcome, StageContext},
+    run_handle::RunHandle,
     train::train,
 };
 use crate::{model::CampaignRecord, store::Store};
@@ -11,17 +11,17 @@ use murmuration_proto::EmbedderSource;
 
 /// Has the embedder trained, and the campaign move to the checkpoint.
 pub(super) async fn pretrain(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let Some(EmbedderSource::Trained { training, .. }) = record.spec.embedder() else {
         return Ok(Outcome::Done);
     };
     let configuration = (**training).clone();
-    let Some(checkpoint) = train(means, &record, (configuration, None), live).await? else {
+    let Some(checkpoint) = train(context, &record, (configuration, None), handle).await? else {
         return Ok(Outcome::Stopped);
     };
     let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
-    Ok(Outcome::of(means.commit(live, begin).await?))
+    Ok(Outcome::of(context.commit(handle, begin).await?))
 }

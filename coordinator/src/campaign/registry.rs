@@ -3,7 +3,7 @@
 //! Whoever changes what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and who only looks,
 //! do not wait for it. The registry's own lock is held for a look-up, never while something is awaited or computed.
 
-use super::live::Progress;
+use super::run_handle::Progress;
 use crate::{interrupt::Interrupt, model::CampaignId};
 use std::{
     collections::BTreeMap,

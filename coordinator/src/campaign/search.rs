@@ -2,10 +2,10 @@
 
 use super::{
     CampaignError,
+    context::{Outcome, StageContext},
     evaluate::{Done, Placed, evaluate},
-    live::Live,
     metrics::CampaignMetrics,
-    run::{Means, Outcome},
+    run_handle::RunHandle,
 };
 use crate::{
     blocking::blocking,
@@ -48,14 +48,14 @@ struct Search {
 /// Searches from where the archive ends to the last generation, or until further workers than the first `seen` are found
 /// wrong.
 pub(super) async fn evolve(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
     seen: usize,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let generations = record.generations();
-    let mut search = restore(means, record, live).await?;
-    let quarantined = means.dispatch.quarantined();
+    let mut search = restore(context, record, handle).await?;
+    let quarantined = context.dispatch.quarantined();
     loop {
         // What they did may be in this archive: that is looked at between stages.
         if quarantined.borrow().len() != seen {
@@ -73,7 +73,7 @@ pub(super) async fn evolve(
         let proposal = proposal?;
         let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
         let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
-        let evaluated = evaluate(&means.dispatch, live, job, |place, attempt| {
+        let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
         });
         let Some(done) = evaluated.await? else {
@@ -94,25 +94,25 @@ pub(super) async fn evolve(
             metrics.generation_committed(begun.elapsed());
             Ok::<_, StoreError>(())
         };
-        if means.commit(live, commit).await?.is_none() {
+        if context.commit(handle, commit).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
-        live.committed(count);
+        handle.committed(count);
     }
 }
 
 /// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`]. `None` if the campaign is
 /// to stop.
 pub(super) async fn complete(
-    means: &Means,
+    context: &StageContext,
     record: CampaignRecord,
-    live: &Live,
+    handle: &RunHandle,
 ) -> Result<Option<bool>, CampaignError> {
-    let search = restore(means, record, live).await?;
+    let search = restore(context, record, handle).await?;
     let id = search.campaign.id.clone();
     let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
     let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
-    means.commit(live, complete).await
+    context.commit(handle, complete).await
 }
 
 /// Numbers in a behaviour vector.
@@ -125,16 +125,20 @@ pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usiz
 }
 
 /// The search as the store left it.
-async fn restore(means: &Means, record: CampaignRecord, live: &Live) -> Result<Search, CampaignError> {
+async fn restore(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &RunHandle,
+) -> Result<Search, CampaignError> {
     let method = record.spec.method();
-    let embedder = means.embedder(&record).await?;
+    let embedder = context.embedder(&record).await?;
     let search = Search {
         behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
         parents: Vec::new(),
         next_generation: record.generations_done,
-        store: means.store.clone(),
-        metrics: means.metrics.clone(),
-        interrupt: live.interrupt().clone(),
+        store: context.store.clone(),
+        metrics: context.metrics.clone(),
+        interrupt: handle.interrupt().clone(),
         campaign: Arc::new(record),
         embedder,
     };

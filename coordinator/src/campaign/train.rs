@@ -2,8 +2,8 @@
 
 use super::{
     CampaignError,
-    live::{COUNTING_INTERVAL, Hands, Live, held_up_by},
-    run::Means,
+    context::StageContext,
+    run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
 };
 use crate::{
     blocking::blocking,
@@ -17,10 +17,10 @@ use tokio::sync::watch;
 
 /// Has an embedder trained and published; `None` if the campaign is to stop.
 pub(super) async fn train(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     (configuration, lesson): (Configuration, Option<Lesson>),
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<CheckpointDigest>, CampaignError> {
     let (progress, mut reports) = watch::channel(None);
     let (saved, snapshots) = watch::channel(None);
@@ -34,22 +34,22 @@ pub(super) async fn train(
         progress,
         saved,
     };
-    let keeping = tokio::spawn(keep(means.store.clone(), record.id.clone(), snapshots));
+    let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
     let trained = {
         let headway = Arc::<Headway>::default();
-        let training = means.trainers.train(job, headway.clone());
+        let training = context.trainers.train(job, headway.clone());
         tokio::pin!(training);
-        let mut trainers = Hands::trainers(means.trainers.connected());
+        let mut trainers = Hands::trainers(context.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
-                () = live.stopped() => break None,
+                () = handle.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
-                Ok(()) = reports.changed() => live.training(*reports.borrow_and_update()),
+                Ok(()) = reports.changed() => handle.training(*reports.borrow_and_update()),
                 _ = tick.tick() => {
                     let missing = trainers.missing(Instant::now());
-                    live.waiting(held_up_by(missing, headway.trouble()));
+                    handle.waiting(held_up_by(missing, headway.trouble()));
                 }
             }
         }
@@ -61,7 +61,7 @@ pub(super) async fn train(
     let Some(checkpoint) = trained.transpose()? else {
         return Ok(None);
     };
-    means.checkpoints.describe(checkpoint).await?;
+    context.checkpoints.describe(checkpoint).await?;
     Ok(Some(checkpoint))
 }
 

@@ -22,7 +22,6 @@ const FLOORS: &[(&str, u8)] = &[
 
 /// Rings that are still to be opened: `CRATE[::PARENT]: MODULES`, in the order of the alphabet.
 const RINGS: &[&str] = &[
-    "coordinator::campaign: campaigns dataset decisions embed fine_tune label pretrain recheck run search train",
     "coordinator::cli: campaigns run",
     "coordinator::service: snapshots work",
     "coordinator::web: actions pages wrong",

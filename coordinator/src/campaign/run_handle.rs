@@ -83,7 +83,7 @@ pub(super) struct Progress {
 
 /// A campaign's end of the line.
 #[derive(Debug)]
-pub(super) struct Live {
+pub(super) struct RunHandle {
     progress: watch::Sender<Progress>,
     stopped: watch::Receiver<bool>,
     /// Workers, who do all but training.
@@ -96,7 +96,7 @@ pub(super) struct Live {
     history: VecDeque<(Instant, u64)>,
 }
 
-impl Live {
+impl RunHandle {
     pub(super) fn new(
         progress: watch::Sender<Progress>,
         stopped: watch::Receiver<bool>,
@@ -247,10 +247,10 @@ mod tests {
     fn the_rate_stays_a_rate_when_results_are_discarded() {
         let (progress, shown) = watch::channel(Progress::default());
         let (stopped, workers) = (watch::channel(false).1, watch::channel(1).1);
-        let mut live = Live::new(progress, stopped, workers, Interrupt::default());
+        let mut handle = RunHandle::new(progress, stopped, workers, Interrupt::default());
         let begun = Instant::now();
         let rates = [(0, 0), (1, 100), (2, 200), (3, 20), (4, 120)].map(|(second, arrived)| {
-            live.count(arrived, begun + Duration::from_secs(second));
+            handle.count(arrived, begun + Duration::from_secs(second));
             shown.borrow().per_second
         });
         // After 180 results were discarded, the next 100 took a second.

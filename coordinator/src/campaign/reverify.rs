@@ -6,9 +6,9 @@
 
 use super::{
     CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
     evaluate::{Done, evaluate},
-    live::Live,
-    run::{Means, Outcome, pictures_at_once},
+    run_handle::RunHandle,
 };
 use crate::{
     blocking::blocking,
@@ -41,11 +41,11 @@ enum Remedy {
 }
 
 /// Does again what rests on the word of machines that were found wrong.
-pub(super) async fn recheck(
-    means: &Means,
+pub(super) async fn reverify(
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: Suspects,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
     let names: Vec<_> = suspects
         .machines
@@ -57,7 +57,7 @@ pub(super) async fn recheck(
         names.join(", ")
     );
     tracing::warn!(campaign = %record.id, results = suspects.len(), "{begins}");
-    let Some(wrong) = first_wrong(means, record, &suspects, live).await? else {
+    let Some(wrong) = first_wrong(context, record, &suspects, handle).await? else {
         return Ok(Outcome::Stopped);
     };
     let id = record.id.clone();
@@ -65,39 +65,39 @@ pub(super) async fn recheck(
         let results = counted(suspects.len() as u64, "result");
         let said = format!("{begins}: of {results} none was wrong");
         let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
-        return Ok(Outcome::of(means.commit(live, confirm).await?));
+        return Ok(Outcome::of(context.commit(handle, confirm).await?));
     };
-    let remedy = remedy(means, record, wrong, names.join(", ")).await?;
+    let remedy = remedy(context, record, wrong, names.join(", ")).await?;
     let said = format!("{begins}: {}", remedy.because_of(wrong));
     tracing::warn!(campaign = %record.id, "{said}");
     let apply = move |store: &Store| remedy.apply(store, &id, &said);
-    Ok(Outcome::of(means.commit(live, apply).await?))
+    Ok(Outcome::of(context.commit(handle, apply).await?))
 }
 
 /// The first result that others find to be different; `None` outside if the campaign is to stop.
 async fn first_wrong(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: &Suspects,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     // What is stored and what is found again.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
-        match wrong_picture(means, record, chunk, live).await? {
+        match wrong_picture(context, record, chunk, handle).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
     // Before individuals, which are not to blame for what was made of them later.
     for chunk in suspects.embeddings.chunks(at_once) {
-        match wrong_embedding(means, record, chunk, live).await? {
+        match wrong_embedding(context, record, chunk, handle).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
     for chunk in suspects.individuals.chunks(at_once) {
-        match wrong_individual(means, record, chunk, live).await? {
+        match wrong_individual(context, record, chunk, handle).await? {
             Some(None) => {}
             found => return Ok(found),
         }
@@ -106,19 +106,19 @@ async fn first_wrong(
 }
 
 async fn wrong_picture(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: &[Suspect],
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     let (id, model) = (record.id.clone(), record.spec.model());
-    let pictures = read_all(means, suspects, move |store, place| {
+    let pictures = read_all(context, suspects, move |store, place| {
         store.picture(&id, model, place)
     })
     .await?;
     let tasks = pictures.iter().map(|old| (old.controller, old.seed)).collect();
     let job = EvaluationJob::of(record, None, tasks);
-    let Some(again) = evaluated_again(means, job, live).await? else {
+    let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
     };
     let mut both = suspects.iter().zip(pictures.iter().zip(&again.evaluations));
@@ -127,17 +127,17 @@ async fn wrong_picture(
 }
 
 async fn wrong_individual(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: &[Suspect],
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
-    let archived = archived(means, record, suspects).await?;
-    let embedder = means.embedder(record).await?;
-    let moved = moved(means, record).await?;
+    let archived = archived(context, record, suspects).await?;
+    let embedder = context.embedder(record).await?;
+    let moved = moved(context, record).await?;
     let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
     let job = EvaluationJob::of(record, embedder, tasks);
-    let Some(again) = evaluated_again(means, job, live).await? else {
+    let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
     };
     let new = again.evaluations.iter().zip(&again.makers);
@@ -156,10 +156,10 @@ async fn wrong_individual(
 }
 
 async fn wrong_embedding(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: &[Suspect],
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     // Those of a move that has not ended are made anew, whoever made them.
     let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
@@ -167,11 +167,11 @@ async fn wrong_embedding(
             suspects.first().map(|suspect| Wrong::Embedding(suspect.place)),
         ));
     };
-    let archived = archived(means, record, suspects).await?;
+    let archived = archived(context, record, suspects).await?;
     let job = EmbeddingJob {
         campaign: record.id.clone(),
         weight: record.weight,
-        embedder: means
+        embedder: context
             .checkpoints
             .embedder(checkpoint, record.spec.image())
             .await?,
@@ -180,8 +180,8 @@ async fn wrong_embedding(
             .map(|old| old.image.clone().unwrap_or_default())
             .collect(),
     };
-    let embed = |headway| means.dispatch.embed(job, headway);
-    let Some(again) = live.until_stopped(embed).await else {
+    let embed = |headway| context.dispatch.embed(job, headway);
+    let Some(again) = handle.until_stopped(embed).await else {
         return Ok(None);
     };
     let again = again?;
@@ -193,12 +193,12 @@ async fn wrong_embedding(
 }
 
 async fn archived(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     suspects: &[Suspect],
 ) -> Result<Vec<ArchivedIndividual>, CampaignError> {
     let (id, model) = (record.id.clone(), record.spec.model());
-    read_all(means, suspects, move |store, index| {
+    read_all(context, suspects, move |store, index| {
         store.individual(&id, model, index)
     })
     .await
@@ -206,11 +206,11 @@ async fn archived(
 
 /// Reads what the store has at these places.
 async fn read_all<T: Send + 'static>(
-    means: &Means,
+    context: &StageContext,
     suspects: &[Suspect],
     read: impl Fn(&Store, u64) -> Result<T, StoreError> + Send + 'static,
 ) -> Result<Vec<T>, CampaignError> {
-    let (store, suspects) = (means.store.clone(), suspects.to_vec());
+    let (store, suspects) = (context.store.clone(), suspects.to_vec());
     let read = move || {
         let read = |suspect: Suspect| read(&store, suspect.place);
         suspects.into_iter().map(read).collect()
@@ -220,33 +220,33 @@ async fn read_all<T: Send + 'static>(
 }
 
 /// How many individuals an archive had when it moved to the embedder that it has; 0 while it moves to another.
-async fn moved(means: &Means, record: &CampaignRecord) -> Result<u64, CampaignError> {
+async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, CampaignError> {
     if record.next_checkpoint.is_some() {
         return Ok(0);
     }
-    let (store, id) = (means.store.clone(), record.id.clone());
+    let (store, id) = (context.store.clone(), record.id.clone());
     Ok(blocking(move || store.embedded_when_moved(&id)).await??)
 }
 
 /// The evaluations of a job by machines that nobody mistrusts; `None` if the campaign is to stop.
 async fn evaluated_again(
-    means: &Means,
+    context: &StageContext,
     job: EvaluationJob,
-    live: &mut Live,
+    handle: &mut RunHandle,
 ) -> Result<Option<Done>, CampaignError> {
     let tasks: Vec<(Controller, u64)> = job.tasks.clone();
     let same = |place: usize, _| Ok(vec![(place, tasks[place])]);
-    evaluate(&means.dispatch, live, job, same).await
+    evaluate(&context.dispatch, handle, job, same).await
 }
 
 /// What is to be taken back because of something wrong.
 async fn remedy(
-    means: &Means,
+    context: &StageContext,
     record: &CampaignRecord,
     wrong: Wrong,
     workers: String,
 ) -> Result<Remedy, CampaignError> {
-    let (store, id) = (means.store.clone(), record.id.clone());
+    let (store, id) = (context.store.clone(), record.id.clone());
     let read = move || Ok::<_, StoreError>((store.label_entries(&id)?, store.embedded_when_moved(&id)?));
     let (labels, moved) = blocking(read).await??;
     Remedy::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
