@@ -31,6 +31,7 @@ pub mod maps;
 pub mod medoids;
 pub mod metrics;
 pub mod model;
+
 pub mod novelty;
 pub mod picture;
 mod probes;

@@ -1,6 +1,5 @@
 //! The sections of a campaign file, and which fields each of them has.
 
-use super::toml_errors::quoted_names;
 use crate::{
     training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
     v1,
@@ -33,6 +32,11 @@ fn fields<T: DeserializeOwned>() -> Vec<String> {
         Ok(_) => Vec::new(),
         Err(error) => quoted_names(error.message()).skip(1).map(str::to_owned).collect(),
     }
+}
+
+/// What stands between backticks.
+pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
+    message.split('`').skip(1).step_by(2)
 }
 
 #[cfg(test)]

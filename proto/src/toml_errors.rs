@@ -1,6 +1,10 @@
 //! What is wrong with a campaign file, in words for the person who wrote it: serde's are for programmers.
 
-use crate::{Text, near::nearest, spec_sections::sections};
+use crate::{
+    Text,
+    near::nearest,
+    spec_sections::{quoted_names, sections},
+};
 use serde::de::DeserializeOwned;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
@@ -155,11 +159,6 @@ fn allowed(expected: &str) -> String {
             None => other.to_owned(),
         },
     }
-}
-
-/// What stands between backticks.
-pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
-    message.split('`').skip(1).step_by(2)
 }
 
 fn list(names: &[&str], before_last: &str) -> String {

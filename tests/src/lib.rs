@@ -3,6 +3,7 @@
 #![deny(missing_docs)]
 
 mod binaries;
+mod built;
 mod cluster;
 pub mod edges;
 mod faulty_libc;
@@ -11,7 +12,8 @@ mod impostor;
 pub mod requirements;
 mod small_disk;
 
-pub use binaries::{Finished, Murmuration, Running, binary};
+pub use binaries::{Finished, Murmuration, Running};
+pub use built::binary;
 pub use cluster::{Cluster, longer_spec, quick_dispatch, small_latent_spec, small_spec};
 pub use faulty_libc::FaultyLibc;
 pub use harness::{Test, block_on, run, run_one_by_one};

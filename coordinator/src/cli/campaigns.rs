@@ -6,10 +6,11 @@ use super::{
     follow::{Show as FollowShow, follow},
     heard::{Heard as _, heard},
     json,
+    next_step::{changed, failed, state, what_next},
     run::{CrewSize, go_on, read_spec},
 };
 use crate::{local::Crew, model::Weight, repetition::generations_in_words};
-use murmuration_link::{OutputError, errln, outln, print};
+use murmuration_link::{errln, outln, print};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
 use std::path::PathBuf;
 
@@ -125,58 +126,6 @@ impl Refine {
     }
 }
 
-/// Tells what a command changed, and what to type next; or the state that the campaign is in, where that is not (or no
-/// longer) the `expected` one.
-pub(super) fn changed(
-    global: &Global,
-    campaign: &v1::Campaign,
-    expected: v1::CampaignState,
-    what: &str,
-    next: &str,
-) -> Result<(), OutputError> {
-    if global.json {
-        return json::print(&json::campaign(campaign));
-    }
-    outln!("{}", campaign.id)?;
-    if campaign.state() == expected {
-        errln!("campaign {} {what}; next: {}", campaign.id, global.next(next));
-    } else {
-        let next = what_next(global, campaign);
-        errln!("campaign {} is {} by now; {next}", campaign.id, state(campaign));
-    }
-    Ok(())
-}
-
-/// What to type next about a campaign that has stopped.
-pub(super) fn what_next(global: &Global, campaign: &v1::Campaign) -> String {
-    let id = &campaign.id;
-    let spec = campaign.spec.clone().map(CampaignSpec::try_from);
-    let is_taught = matches!(&spec, Some(Ok(spec)) if spec.feedback().is_some());
-    let next = match campaign.state() {
-        v1::CampaignState::Completed => format!("report {id}"),
-        v1::CampaignState::Running if campaign.active => format!("watch {id}"),
-        v1::CampaignState::Running | v1::CampaignState::Paused | v1::CampaignState::Failed => {
-            format!("resume {id}")
-        }
-        v1::CampaignState::Cancelled | v1::CampaignState::Unspecified => "list".to_owned(),
-    };
-    let next = format!("next: {}", global.next(&next));
-    if campaign.state() == v1::CampaignState::Completed && is_taught {
-        let label = global.next(&format!("label {id} --csv FILE"));
-        return format!("{next}; to teach it what looks alike: {label} (or --synthetic N)");
-    }
-    next
-}
-
-/// Why a campaign that failed did, and what to type next.
-pub(super) fn failed(global: &Global, campaign: &v1::Campaign) -> CliError {
-    let (id, error) = (&campaign.id, &campaign.error);
-    CliError::Failed(format!(
-        "campaign {id} failed: {error}; {}",
-        what_next(global, campaign)
-    ))
-}
-
 pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliError> {
     let show = if global.json {
         FollowShow::Lines
@@ -249,18 +198,6 @@ fn stage(campaign: &v1::Campaign) -> &'static str {
     match campaign.state() {
         v1::CampaignState::Completed | v1::CampaignState::Cancelled => "-",
         _ => super::follow::stage_name(campaign.stage()),
-    }
-}
-
-/// The state in a word; a running campaign that nobody works on was interrupted, one whose disk is full waits.
-fn state(campaign: &v1::Campaign) -> String {
-    match campaign.state() {
-        v1::CampaignState::Running if !campaign.waiting.is_empty() => "waiting".to_owned(),
-        v1::CampaignState::Running if !campaign.active => "interrupted".to_owned(),
-        state => state
-            .as_str_name()
-            .trim_start_matches("CAMPAIGN_STATE_")
-            .to_lowercase(),
     }
 }
 

@@ -20,6 +20,7 @@ mod json;
 mod judge;
 mod keeping;
 mod labels;
+mod next_step;
 mod quarantine;
 mod report;
 mod run;

@@ -6,7 +6,7 @@ use super::{
     files::read_words,
     follow::{Show, follow, stage_name},
     heard::{self, heard},
-    json, quoted,
+    json, next_step, quoted,
     report::write_report,
 };
 use crate::{
@@ -176,7 +176,7 @@ pub(super) async fn go_on(
         None => {
             let next = format!("watch {}", campaign.id);
             let running = v1::CampaignState::Running;
-            super::campaigns::changed(global, &campaign, running, what, &next)?;
+            next_step::changed(global, &campaign, running, what, &next)?;
         }
     }
     Ok(())
@@ -248,9 +248,9 @@ async fn finish(
 ) -> Result<(v1::GetDigestResponse, PathBuf), CliError> {
     match last.state() {
         v1::CampaignState::Completed => {}
-        v1::CampaignState::Failed => return Err(super::campaigns::failed(global, &last)),
+        v1::CampaignState::Failed => return Err(next_step::failed(global, &last)),
         _ => {
-            let next = super::campaigns::what_next(global, &last);
+            let next = next_step::what_next(global, &last);
             let said = format!("somebody else stopped campaign {}; {next}", last.id);
             return Err(CliError::Failed(said));
         }

@@ -1,7 +1,7 @@
 //! What a log comes to: the classes there are, and the answers that stand.
 
 use super::{
-    Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Refusal,
+    Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal,
     classes::{ClassNumber, Classes},
     given::given_classes,
     lesson::class_numbers,
@@ -45,21 +45,6 @@ enum Verdict {
     Class(ClassNumber),
     NotSure,
     Skip,
-}
-
-/// An answer, as the log of today has it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Label {
-    /// Its entry in the log.
-    pub entry: u64,
-    /// Index of the individual.
-    pub index: u64,
-    /// Who answered.
-    pub annotator: Annotator,
-    /// The answer, its class by its name of today.
-    pub answer: Answer,
-    /// When, milliseconds since 1970-01-01 UTC.
-    pub time_ms: u64,
 }
 
 /// A class as it stands.

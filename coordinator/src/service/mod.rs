@@ -3,6 +3,7 @@
 mod campaigns;
 mod checkpoints;
 mod labels;
+mod lease_id;
 mod messages;
 mod seats;
 mod snapshots;

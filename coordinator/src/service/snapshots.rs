@@ -1,7 +1,7 @@
 //! Trainings that trainers put aside: they arrive part by part, and only of a training that the stream leases is a part
 //! kept.
 
-use super::work::lease_id;
+use super::lease_id::lease_id;
 use crate::{
     dispatch::{Dispatch, Room, WorkerReport},
     leases::{LeaseNumber, WorkerId},

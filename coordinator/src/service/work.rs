@@ -1,10 +1,10 @@
 //! The streams of workers and trainers: one each, validated and handed to a dispatcher.
 
-use super::{snapshots::Snapshots, unreadable::blamed};
+use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
 use crate::{
     access::origin,
     dispatch::{Dispatch, Newcomer, NotWelcome, OUTBOX, Party, WorkerReport},
-    leases::{LeaseNumber, WorkerId},
+    leases::WorkerId,
 };
 use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
 use std::time::Duration;
@@ -137,11 +137,6 @@ async fn pass_on(
         dispatch.report(worker, report).await;
     }
     Ok(())
-}
-
-pub(super) fn lease_id(lease: Option<v1::LeaseId>, field: &str) -> Result<(u64, LeaseNumber), Invalid> {
-    let lease = lease.ok_or_else(|| Invalid::new(field, "nothing", "a lease id"))?;
-    Ok((lease.epoch, LeaseNumber(lease.number)))
 }
 
 /// What a message says that is no part of a snapshot.

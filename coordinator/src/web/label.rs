@@ -2,7 +2,7 @@
 
 use super::{
     Web,
-    pages::{self, Part},
+    layout::{Part, campaign_page},
     parts,
     visitor::Visitor,
     wrong::Wrong,
@@ -66,13 +66,7 @@ pub(super) async fn one(
             }
         }
     };
-    Ok(pages::campaign_page(
-        &record,
-        Part::Label,
-        &visitor,
-        "label.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Label, &visitor, "label.js", content))
 }
 
 /// How it may be chosen what to ask.
@@ -130,11 +124,5 @@ pub(super) async fn sheet(
             }
         }
     };
-    Ok(pages::campaign_page(
-        &record,
-        Part::Sheet,
-        &visitor,
-        "sheet.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Sheet, &visitor, "sheet.js", content))
 }

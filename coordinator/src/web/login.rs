@@ -1,7 +1,7 @@
 //! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
 
 use super::{
-    pages::layout,
+    layout::layout,
     visitor::Visitor,
     wrong::{self, Wrong, status_of},
 };

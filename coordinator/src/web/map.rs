@@ -2,7 +2,7 @@
 
 use super::{
     Web,
-    pages::{self, Part},
+    layout::{Part, campaign_page},
     parts,
     refused::Refused,
     visitor::Visitor,
@@ -74,13 +74,7 @@ pub(super) async fn page(
             }
         }
     };
-    Ok(pages::campaign_page(
-        &record,
-        Part::Map,
-        &visitor,
-        "map.js",
-        content,
-    ))
+    Ok(campaign_page(&record, Part::Map, &visitor, "map.js", content))
 }
 
 /// What is known of each point besides its place; clusters of the first individuals alone while the archive grows.

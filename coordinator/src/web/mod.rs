@@ -7,8 +7,10 @@
 mod actions;
 mod archived;
 mod assets;
+mod examples;
 mod guard;
 mod label;
+mod layout;
 mod live;
 mod login;
 mod map;

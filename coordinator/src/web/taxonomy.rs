@@ -2,7 +2,7 @@
 
 use super::{
     Web, archived,
-    pages::{self, Part},
+    layout::{Part, campaign_page},
     parts,
     visitor::Visitor,
     wrong::Wrong,
@@ -75,7 +75,7 @@ pub(super) async fn page(
             }
         }
     };
-    Ok(pages::campaign_page(
+    Ok(campaign_page(
         &record,
         Part::Taxonomy,
         &visitor,

@@ -1,6 +1,6 @@
 //! Why a page cannot be shown, as a page.
 
-use super::{pages::layout, refused, visitor::Visitor};
+use super::{layout::layout, refused, visitor::Visitor};
 use crate::{
     access::Refusal, blocking::Broken, campaign::CampaignError, picture::PictureError, store::StoreError,
 };
