@@ -67,8 +67,8 @@ impl EmbedderModel {
     ///
     /// # Errors
     /// Where the file is not ONNX, does more or else than embed images, or needs another file, an operator that is
-    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`],
-    /// [`MAX_ELEMENTS`], [`MAX_PRODUCTS`]).
+    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
+    /// [`MAX_ELEMENTS`](super::MAX_ELEMENTS), [`MAX_PRODUCTS`](super::MAX_PRODUCTS)).
     pub fn read(file: &[u8]) -> Result<Self, ModelError> {
         if file.len() > MAX_MODEL_BYTES {
             return Err(ModelError::TooLarge(file.len()));
