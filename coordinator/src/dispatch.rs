@@ -16,9 +16,8 @@ pub use metrics::{DispatchMetrics, Families, Party, WorkKind};
 pub use trainers::Trainers;
 
 use crate::{
-    access::Origin,
     leases::{LeaseNumber, WorkerId},
-    model::{MachineId, Maker, Quarantined, SavedTraining},
+    model::{MachineId, Maker, Origin, Quarantined, SavedTraining},
 };
 use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
 use service::Service;

@@ -3,9 +3,9 @@
 use crate::{
     interrupt::{Interrupt, Interrupted},
     labels::{Class, Label, given_classes},
+    model::Repetition,
     novelty::{Behaviours, Misfit},
     projection,
-    repetition::Repetition,
     report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report},
 };
 use bytes::Bytes;

@@ -37,7 +37,6 @@ pub mod picture;
 mod probes;
 pub mod projection;
 pub mod queries;
-pub mod repetition;
 pub mod report;
 mod requests;
 pub mod server;

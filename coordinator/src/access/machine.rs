@@ -1,6 +1,9 @@
 //! Machines: what a certificate says that its holder is, and which machine is at the other end of a connection.
 
-use crate::{connections::Visit, model::MachineId};
+use crate::{
+    connections::Visit,
+    model::{MachineId, Origin},
+};
 use rustls_pki_types::CertificateDer;
 use std::{fmt, net::IpAddr};
 use tonic::{Extensions, transport::server::TlsConnectInfo};
@@ -69,15 +72,6 @@ impl Certificate {
     pub(super) fn is_for(&self, machine: Machine) -> bool {
         self.good_for.contains(&machine)
     }
-}
-
-/// Where a worker or trainer connects from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Origin {
-    /// Its machine: whoever shows a certificate is known by its public key, others by their address.
-    pub(crate) machine: MachineId,
-    /// Its address, for people.
-    pub(crate) address: IpAddr,
 }
 
 /// Where a request comes from, by its connection alone; `None` if it came by none.

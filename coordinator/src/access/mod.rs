@@ -16,7 +16,7 @@ mod tokens;
 pub(crate) use admit::{Door, admit, is_for_anybody};
 pub use entrance::{Entrance, EntranceError, Tls};
 pub(crate) use local::{Local, local_token};
-pub(crate) use machine::{Machine, Origin, origin};
+pub(crate) use machine::{Machine, origin};
 pub use needs::Role;
 pub(crate) use origin::Hosts;
 pub(crate) use sessions::{Session, Sessions};

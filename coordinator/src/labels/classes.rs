@@ -4,7 +4,7 @@
 //! as they are now; [`Labels::record`](super::Labels::record) refuses first what nobody should do.
 
 use super::{ClassKey, ClassName, Colour, Refusal};
-use crate::picture::colours;
+use crate::model::colours;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Most classes that go on, so that a file of another kind read by mistake ends as an error.

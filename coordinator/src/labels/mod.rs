@@ -1,8 +1,8 @@
 //! What people say about behaviours: an append-only log, and what it comes to.
 //!
 //! [`Labels`] is a pure function of the log of a campaign: whoever holds the entries knows the classes, the answers that
-//! stand, and what stood before. Limits: no I/O; where the log is kept is [`store`](crate::store)'s business, what to ask
-//! next is [`queries`](crate::queries)'.
+//! stand, and what stood before. Limits: no I/O; where the log is kept is the store's business, what to ask
+//! next is the queries'.
 
 mod agreement;
 mod cells;

@@ -1,7 +1,7 @@
 //! Machines that run workers, and what is known of them.
 
 use murmuration_proto::{EmbeddingKind, Invalid};
-use std::{fmt, str::FromStr};
+use std::{fmt, net::IpAddr, str::FromStr};
 
 /// A machine that runs workers: what has one vote. The coordinator derives it from what a connection shows
 /// (`access::origin`), never from what a worker says of itself.
@@ -42,4 +42,13 @@ pub struct Maker {
     pub kind: EmbeddingKind,
     /// Its machine, where that alone says so; `None` where another machine found the same.
     pub unaudited: Option<MachineId>,
+}
+
+/// Where a worker or trainer connects from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// Its machine: whoever shows a certificate is known by its public key, others by their address.
+    pub machine: MachineId,
+    /// Its address, for people.
+    pub address: IpAddr,
 }

@@ -2,9 +2,11 @@
 //! network, no tasks.
 
 mod campaign_id;
+pub mod colours;
 mod embedder;
 mod machine;
 mod record;
+mod repetition;
 mod stage;
 mod state;
 mod training;
@@ -12,8 +14,9 @@ mod weight;
 
 pub use campaign_id::CampaignId;
 pub use embedder::Embedder;
-pub use machine::{MachineId, Maker, Quarantined};
+pub use machine::{MachineId, Maker, Origin, Quarantined};
 pub use record::{CampaignRecord, Edition};
+pub use repetition::{Repetition, Round, generations_in_words};
 pub use stage::Stage;
 pub use state::{CampaignState, Change, NotAllowed};
 pub use training::{SavedTraining, TrainingPictures};

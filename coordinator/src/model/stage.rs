@@ -65,22 +65,30 @@ impl From<Stage> for v1::CampaignStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        model::Weight,
-        store::{DataDirectory, Store},
-    };
+    use crate::model::{CampaignState, Weight};
     use murmuration_proto::{CampaignSpec, CheckpointDigest};
 
     /// A campaign with its embedder and all pictures.
     fn record() -> CampaignRecord {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-        let spec = CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap();
-        store.create_campaign(&spec, Weight::default(), 7).unwrap();
         CampaignRecord {
-            pictures_done: 20_000,
+            id: "two-1".parse().unwrap(),
+            spec: CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap(),
+            weight: Weight::default(),
+            state: CampaignState::Running,
+            error: String::new(),
+            created_ms: 7,
+            taken_back: 0,
+            decisions: 0,
+            simulator_version: String::new(),
+            generations_done: 0,
+            last_novelty: None,
             checkpoint: Some(CheckpointDigest::of(b"own")),
-            ..store.campaign("latest").unwrap()
+            next_checkpoint: None,
+            pictures_done: 20_000,
+            embedded: 0,
+            rounds_done: 0,
+            lesson: None,
+            learned: None,
         }
     }
 

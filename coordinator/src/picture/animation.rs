@@ -141,9 +141,9 @@ fn changes(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::picture::{
-        colours::{AGENTS, PAPER},
-        sample::{ring, world},
+    use crate::{
+        model::colours::{AGENTS, PAPER},
+        picture::sample::{ring, world},
     };
 
     /// The delay and the whole picture, places in the palette.

@@ -1,9 +1,7 @@
 //! The palette that all frames of an animation share, and pixels as places in it.
 
-use super::{
-    colours::{AGENTS, LINE, PAPER, Rgb, over},
-    sketch::Sketch,
-};
+use super::sketch::Sketch;
+use crate::model::colours::{AGENTS, LINE, PAPER, Rgb, over};
 use std::collections::HashMap;
 
 /// Place of the colour that means "as in the frame before".

@@ -5,7 +5,6 @@
 
 mod animation;
 pub(crate) mod axis;
-pub(crate) mod colours;
 pub(crate) mod columns;
 mod grey;
 mod indexed;

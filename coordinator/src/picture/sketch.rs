@@ -2,7 +2,8 @@
 //!
 //! Agents of one colour are drawn together, so that the cost of a picture hardly grows with the swarm.
 
-use super::{PictureError, colours, colours::Rgb, side};
+use super::{PictureError, side};
+use crate::model::colours::{self, Rgb};
 use murmuration_proto::{Pose, World};
 use tiny_skia::{
     BlendMode, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,

@@ -1,6 +1,7 @@
 //! The paths of a swarm in colour.
 
-use super::{PictureError, colours, sketch::Sketch};
+use super::{PictureError, sketch::Sketch};
+use crate::model::colours;
 use murmuration_proto::{Pose, Replay, World};
 
 /// What a picture is drawn on.

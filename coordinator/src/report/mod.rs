@@ -18,8 +18,8 @@ mod sample;
 pub use names::Names;
 
 use crate::{
+    model::Repetition,
     picture::{self, Paper, PictureError},
-    repetition::Repetition,
 };
 use files::Folder;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay};

@@ -1,10 +1,9 @@
 //! The plots as SVG: novelty and filtering over generations, and the map of the behaviour space.
 
 use super::{GenerationSummary, Report, ReportError};
-use crate::picture::{
-    axis::axis_number,
-    colours::{self, Rgb},
-    columns::span,
+use crate::{
+    model::colours::{self, Rgb},
+    picture::{axis::axis_number, columns::span},
 };
 use plotters::{
     coord::Shift,

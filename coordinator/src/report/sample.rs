@@ -5,7 +5,7 @@
 use super::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report};
 use crate::{
     labels::{Class, GivenClass},
-    repetition::Repetition,
+    model::Repetition,
 };
 use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, Replay, Stream, World};
 

@@ -4,7 +4,7 @@ use super::{
     sample::{SMALL, Sample},
     *,
 };
-use crate::{labels::GivenClass, picture::sample::decode_png, repetition::Round};
+use crate::{labels::GivenClass, model::Round, picture::sample::decode_png};
 use murmuration_proto::{CapabilityModel, CheckpointDigest};
 use std::fs;
 

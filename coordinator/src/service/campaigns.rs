@@ -7,7 +7,6 @@ use crate::{
     digest::digest,
     dispatch::{Dispatch, ReplayJob},
     model::{CampaignRecord, Weight},
-    repetition::Repetition,
     store::{Store, StoreError},
     taxonomy::Taxonomy,
 };
@@ -180,7 +179,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let record = self.record(&request.get_ref().campaign).await?;
         let read = move |store: &Store| {
             let digest = digest(store, &record.id, record.spec.model())?;
-            Ok((digest, Repetition::read(store, &record)?))
+            Ok((digest, store.repetition(&record)?))
         };
         let (found, repetition) = self.read(read).await?;
         Ok(Response::new(v1::GetDigestResponse {

@@ -18,6 +18,7 @@ mod open;
 mod pictures;
 mod provenance;
 mod readers;
+mod repetition;
 mod rounds;
 mod runs;
 mod salvage;

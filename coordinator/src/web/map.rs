@@ -11,10 +11,8 @@ use super::{
 use crate::{
     blocking::blocking,
     medoids::Clustering,
-    picture::{
-        colours,
-        columns::{column, span, spread},
-    },
+    model::colours,
+    picture::columns::{column, span, spread},
 };
 use axum::{
     Json,

@@ -1,7 +1,7 @@
 //! The motion of an individual, for a script to draw.
 
 use super::{Web, archived::Created, refused::Refused};
-use crate::picture::{colours, columns};
+use crate::{model::colours, picture::columns};
 use axum::{
     Json,
     extract::{Path, Query, State},

@@ -11,9 +11,8 @@ use super::{
 use crate::{
     blocking::blocking,
     campaign::{CampaignError, CampaignStatus},
-    model::{CampaignRecord, CampaignState, Change, Stage},
+    model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words},
     picture::grey_png,
-    repetition::generations_in_words,
     taxonomy::Taxonomy,
 };
 use axum::{

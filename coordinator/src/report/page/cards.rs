@@ -2,7 +2,7 @@
 
 use super::{copyable, inline_png};
 use crate::{
-    picture::colours,
+    model::colours,
     report::{
         MedoidEntry, MedoidPictures, Report, commands,
         numbers::{counted, grouped, percent, short},

@@ -2,8 +2,8 @@
 //! individuals and the motion of every medoid stay small and load at once.
 
 use crate::{
+    model::colours,
     picture::{
-        colours,
         columns::{self, column, span, spread},
         thinned,
     },

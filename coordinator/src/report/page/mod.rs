@@ -11,7 +11,7 @@ use super::{
     Files, MedoidPictures, Report, ReportError,
     numbers::{counted, day, grouped},
 };
-use crate::repetition::generations_in_words;
+use crate::model::generations_in_words;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use murmuration_proto::{CapabilityModel, Method};

@@ -2,7 +2,7 @@
 
 use super::copyable;
 use crate::{
-    picture::colours,
+    model::colours,
     report::{
         Files, Report, ReportError, again, commands,
         names::Named,

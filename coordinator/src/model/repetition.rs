@@ -1,15 +1,7 @@
 //! What it takes to get an archive again, besides its specification: the rounds that taught it, and whether somebody
 //! intervened.
 
-use crate::{
-    labels::RequestId,
-    model::CampaignRecord,
-    store::{Store, StoreError},
-};
-use murmuration_proto::{
-    CampaignSpec, CheckpointDigest, EmbedderSource, Feedback, Invalid, Lineage, Text, counted,
-    training::Configuration, v1,
-};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, Invalid, Text, counted, v1};
 
 /// What led to an archive and to the checkpoint that it rests on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -47,39 +39,6 @@ pub fn generations_in_words(spec: &CampaignSpec, generations: u32, rounds: u32) 
 }
 
 impl Repetition {
-    /// What led to the archive of a campaign as it stands.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
-    pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, StoreError> {
-        let Some(checkpoint) = record.checkpoint else {
-            return Ok(Self::default());
-        };
-        let given = match record.spec.embedder() {
-            Some(EmbedderSource::Published(digest)) => Some(*digest),
-            Some(EmbedderSource::Trained { .. }) | None => None,
-        };
-        let mut rounds = Vec::new();
-        let (mut first, mut lineage) = (checkpoint, store.checkpoint(checkpoint)?.lineage);
-        while let Some(parent) = lineage.parent.filter(|_| Some(first) != given) {
-            rounds.push(Round {
-                parent,
-                checkpoint: first,
-                labels: lineage.metrics.get("labels").map_or(0, |&labels| labels as u64),
-                label_digest: lineage.label_digest,
-            });
-            (first, lineage) = (parent, store.checkpoint(parent)?.lineage);
-        }
-        rounds.reverse();
-        let leads_there =
-            rounds.len() == record.rounds_done as usize && begins(&record.spec, first, &lineage);
-        Ok(Self {
-            rounds,
-            attended: is_attended(store, record)?,
-            adopted: !leads_there,
-        })
-    }
-
     /// Whether the specification alone gives the archive again.
     #[must_use]
     pub const fn is_by_specification(&self) -> bool {
@@ -91,32 +50,6 @@ impl Repetition {
     pub const fn has_moved(&self) -> bool {
         self.adopted || !self.rounds.is_empty()
     }
-}
-
-/// Whether a campaign begins with that checkpoint.
-fn begins(spec: &CampaignSpec, checkpoint: CheckpointDigest, lineage: &Lineage) -> bool {
-    match spec.embedder() {
-        Some(EmbedderSource::Published(digest)) => *digest == checkpoint,
-        Some(EmbedderSource::Trained { training, .. }) => Configuration::from_toml(&lineage.configuration)
-            .is_ok_and(|configuration| lineage.label_digest.is_empty() && configuration == **training),
-        None => false,
-    }
-}
-
-/// Whether the rounds of a campaign learned from anything but what its specification has the synthetic annotator say.
-fn is_attended(store: &Store, record: &CampaignRecord) -> Result<bool, StoreError> {
-    if record.rounds_done > record.spec.feedback().map_or(0, Feedback::rounds) {
-        return Ok(true);
-    }
-    let mut own = 0;
-    for round in 1..=record.rounds_done {
-        let said = store.request_entries(&record.id, &RequestId::of_round(round))?;
-        if said.is_empty() {
-            return Ok(true);
-        }
-        own += said.len() as u64;
-    }
-    Ok(own != record.learned.unwrap_or(0))
 }
 
 impl From<Round> for v1::TaughtRound {
