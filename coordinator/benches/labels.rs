@@ -1,15 +1,17 @@
 //! An answer and a question with 10,000 labels on disk, beside reading the whole log, which neither does.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::{
-    interrupt::Interrupt,
-    labels::{Action, Change, Labels},
-    model::{CampaignId, Weight},
+use murmuration_engine::{
     queries::{Holder, Queries, Wish},
     space::Spaces,
-    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
+};
+use murmuration_model::{
+    CampaignId, Weight,
+    labels::{Action, Change, Labels},
 };
 use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
+use murmuration_search::interrupt::Interrupt;
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use std::{
     error::Error,
     time::{Duration, Instant},

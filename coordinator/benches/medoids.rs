@@ -4,8 +4,8 @@ mod archive;
 
 use archive::archive;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::{interrupt::Interrupt, medoids::cluster};
 use murmuration_proto::{Purpose, Stream};
+use murmuration_search::{interrupt::Interrupt, medoids::cluster};
 use std::{hint::black_box, time::Duration};
 
 fn medoids(c: &mut Criterion) {

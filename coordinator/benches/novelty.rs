@@ -4,7 +4,7 @@ mod archive;
 
 use archive::archive;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_coordinator::{
+use murmuration_search::{
     interrupt::Interrupt,
     novelty::{Lookup, novelty_by},
 };

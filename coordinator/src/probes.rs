@@ -3,12 +3,7 @@
 //! `/healthz`, `/readyz` and `/metrics`, beside the pages and gRPC. They change nothing, and say nothing of what a
 //! campaign contains.
 
-use crate::{
-    blocking::blocking,
-    campaign::Campaigns,
-    metrics::{CONTENT_TYPE, Metrics},
-    store::Store,
-};
+use crate::metrics::{CONTENT_TYPE, Metrics};
 use axum::{
     Router,
     extract::State,
@@ -16,7 +11,9 @@ use axum::{
     response::{IntoResponse as _, Response},
     routing::get,
 };
+use murmuration_engine::{blocking::blocking, campaign::Campaigns};
 use murmuration_link::Health;
+use murmuration_store::Store;
 use std::sync::{
     Arc,
     atomic::{AtomicBool, Ordering},

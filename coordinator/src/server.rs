@@ -5,24 +5,20 @@ mod doors;
 pub use doors::LocalWay;
 
 use crate::{
-    access::Entrance,
-    campaign::{CampaignError, Campaigns},
-    checkpoints::{CheckpointError, Checkpoints},
-    connections::Places,
-    dispatch::{self, Dispatch, Party, Trainers},
-    interrupt::Interrupt,
-    limits,
-    maps::Maps,
     metrics::Metrics,
     probes::{Probes, Readiness},
-    queries::Queries,
-    service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi},
-    space::Spaces,
-    store::{DataDirectory, Store, StoreError},
-    synthetic::SyntheticAnnotator,
-    web::Web,
 };
 use doors::{Served, Serving, listen, url};
+use murmuration_access::{Entrance, connections::Places, limits};
+use murmuration_dispatch as dispatch;
+use murmuration_dispatch::{Dispatch, Party, Trainers};
+use murmuration_engine::{
+    campaign::{CampaignError, Campaigns},
+    maps::Maps,
+    queries::Queries,
+    space::Spaces,
+    synthetic::SyntheticAnnotator,
+};
 use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
@@ -31,6 +27,13 @@ use murmuration_proto::{
         worker_service_server::WorkerServiceServer,
     },
 };
+use murmuration_search::interrupt::Interrupt;
+use murmuration_service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi};
+use murmuration_store::{
+    DataDirectory, Store, StoreError,
+    checkpoints::{CheckpointError, Checkpoints},
+};
+use murmuration_web::Web;
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
 use tonic::{server::NamedService as _, service::Routes};

@@ -1,18 +1,18 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
+use murmuration_access::Entrance;
 use murmuration_coordinator::{
-    access::Entrance,
-    dispatch,
     local::{Crew, LocalCluster},
     server::Options,
-    store::DataDirectory,
 };
+use murmuration_dispatch as dispatch;
 use murmuration_link::Coordinator;
 use murmuration_proto::{
     CampaignSpec,
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient},
 };
+use murmuration_store::DataDirectory;
 use std::{path::Path, time::Duration};
 use tonic::{service::interceptor::InterceptedService, transport::Channel};
 

@@ -2,7 +2,7 @@
 //!
 //! Limits: a parser may refuse what it likes; what it takes must come out the same when it is written and read again.
 
-use murmuration_coordinator::labels::{Labelled, Table, to_csv};
+use murmuration_model::labels::{Labelled, Table, to_csv};
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Purpose, Replay,
     Search, Stream, World, onnx::EmbedderModel, training::Configuration, v1,

@@ -1,10 +1,8 @@
 //! The synthetic annotator against people, on swarms that it was not tuned on.
 
-use murmuration_coordinator::{
-    accuracy::{Labels, Swarm},
-    judge::{frames, judge},
-    labels::ConfusionMatrix,
-};
+use murmuration_accuracy::{Labels, Swarm};
+use murmuration_judge::{frames, judge};
+use murmuration_model::labels::ConfusionMatrix;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::{replay, replay_frames};
 use serde_json::{Value, json};

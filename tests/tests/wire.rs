@@ -270,7 +270,7 @@ async fn what_one_machine_says_cannot_be_done_another_does() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_two_machines_say_cannot_be_done_fails_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
-    let options = murmuration_coordinator::dispatch::Options {
+    let options = murmuration_dispatch::Options {
         // One machine alone would have to wait for as long.
         silence_limit: std::time::Duration::from_secs(100),
         ..murmuration_tests::quick_dispatch()

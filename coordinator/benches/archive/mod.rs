@@ -1,7 +1,7 @@
 //! Behaviours to measure on.
 
-use murmuration_coordinator::novelty::Behaviours;
 use murmuration_proto::{Purpose, Stream};
+use murmuration_search::novelty::Behaviours;
 
 /// `points` behaviours of five values: clumps of differing width, as an archive has them.
 #[expect(clippy::expect_used, reason = "the vectors are made to fit")]

@@ -6,10 +6,8 @@ use super::{
     files::{is_there, read, synthetic, tell_counted},
     json,
 };
-use crate::{
-    accuracy::{Accuracy, Labels, Summary, Tally},
-    local::Crew,
-};
+use crate::local::Crew;
+use murmuration_accuracy::{Accuracy, Labels, Summary, Tally};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_link::{InputKind, OutputError, outln};
 use murmuration_proto::{

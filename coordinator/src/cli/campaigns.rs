@@ -9,11 +9,9 @@ use super::{
     next_step::{changed, failed, state, what_next},
     run::{CrewSize, go_on, read_spec},
 };
-use crate::{
-    local::Crew,
-    model::{Weight, generations_in_words},
-};
+use crate::local::Crew;
 use murmuration_link::{errln, outln, print};
+use murmuration_model::{Weight, generations_in_words};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
 use std::path::PathBuf;
 

@@ -5,7 +5,7 @@ use super::{
     files::{is_there, read, read_words},
     json,
 };
-use crate::access::Machine;
+use murmuration_access::Machine;
 use murmuration_link::{InputKind, errln};
 use murmuration_proto::Invalid;
 use rcgen::{

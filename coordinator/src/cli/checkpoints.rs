@@ -7,9 +7,10 @@ use super::{
     heard::{Heard as _, heard},
     json,
 };
-use crate::{local::Crew, store::DataDirectory};
+use crate::local::Crew;
 use murmuration_link::{InputKind, OutputError, outln, print};
 use murmuration_proto::{CheckpointDigest, Lineage, counted, onnx::MAX_MODEL_BYTES, parts::whole, v1};
+use murmuration_store::DataDirectory;
 use std::path::{Path, PathBuf};
 
 /// What to do with checkpoints.

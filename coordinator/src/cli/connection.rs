@@ -5,17 +5,17 @@
 
 use super::{CliError, Global};
 use crate::{
-    access::{Entrance, local_token},
-    dispatch,
     local::{Crew, LocalCluster},
     server::Options,
-    store::{DataDirectory, StoreError},
 };
+use murmuration_access::{Entrance, local_token};
+use murmuration_dispatch as dispatch;
 use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     label_service_client::LabelServiceClient,
 };
+use murmuration_store::{DataDirectory, StoreError};
 use std::time::Duration;
 use tonic::service::interceptor::InterceptedService;
 

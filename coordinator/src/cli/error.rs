@@ -1,18 +1,13 @@
 //! What a command tells a person when it cannot do what was asked.
 
-use crate::{
-    access::{EntranceError, TokensError},
-    backup::BackupError,
-    gather::GatherError,
-    labels::LabelFileError,
-    model::CampaignId,
-    picture::PictureError,
-    report::ReportError,
-    server::ServerError,
-    store::StoreError,
-};
+use crate::server::ServerError;
+use murmuration_access::{EntranceError, TokensError};
 use murmuration_link::{CredentialsError, OutputError, root_cause};
+use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_proto::{Invalid, SpecFileError, Text};
+use murmuration_report::{ReportError, picture::PictureError};
+use murmuration_service::gather::GatherError;
+use murmuration_store::{StoreError, backup::BackupError};
 use std::{
     error::Error as _,
     fmt, io,

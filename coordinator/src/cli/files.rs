@@ -1,9 +1,10 @@
 //! Files that a command reads and writes where a person says.
 
 use super::CliError;
-use crate::{accuracy::Labels, files};
+use murmuration_accuracy::Labels;
 use murmuration_link::{InputKind, errln, read_bytes, read_text};
 use murmuration_proto::counted;
+use murmuration_store::files;
 use std::{fs, path::Path};
 
 /// The bytes of a file.

@@ -1,9 +1,9 @@
 //! `filter`: how the heuristic filter scores controllers.
 
 use super::{CliError, controller, json};
-use crate::filter::{CUTOFF, METRICS, Score};
 use murmuration_link::{InputKind, OutputError, errln, outln, read_text, text_of};
 use murmuration_proto::Controller;
+use murmuration_search::filter::{CUTOFF, METRICS, Score};
 use serde_json::{Map, Value, json};
 use std::{
     io,

@@ -1,8 +1,8 @@
 //! `health`: whether a process is there, for container engines and scripts.
 
 use super::{CliError, Global, connection};
-use crate::store::{DataDirectory, StoreError};
 use murmuration_link::{Credentials, READY, outln};
+use murmuration_store::{DataDirectory, StoreError};
 use std::time::Duration;
 use tonic_health::pb::{
     HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,

@@ -3,7 +3,7 @@
 //! The coordinator at the other end may be a stranger's: its words are cleaned, and an id that is none is refused.
 
 use super::CliError;
-use crate::model::CampaignId;
+use murmuration_model::CampaignId;
 use murmuration_proto::{CheckpointDigest, Invalid, Text, v1};
 use tonic::Response;
 

@@ -1,13 +1,13 @@
 //! What programs read: one versioned schema for each kind of thing.
 
-use crate::{
+use murmuration_link::{OutputError, outln};
+use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Dataset, EmbedderSource, v1};
+use murmuration_store::{
+    Remains,
     backup::Manifest,
     checkpoints::Condition,
     doctor::{CampaignFindings, Findings, Prospect, Salvaged},
-    store::Remains,
 };
-use murmuration_link::{OutputError, outln};
-use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Dataset, EmbedderSource, v1};
 use serde_json::{Value, json};
 
 /// Version of every object printed here; it rises when a field changes its meaning or goes.

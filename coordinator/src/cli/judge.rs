@@ -5,12 +5,11 @@ use super::{
     files::{is_there, synthetic, tell_counted},
     json,
 };
-use crate::{
-    accuracy::{Labels, Swarm},
-    judge::{self, Pattern, Verdict},
-    labels::ConfusionMatrix,
-};
+use murmuration_accuracy::{Labels, Swarm};
+use murmuration_judge as judge;
+use murmuration_judge::{Pattern, Verdict};
 use murmuration_link::{OutputError, outln};
+use murmuration_model::labels::ConfusionMatrix;
 use murmuration_worker::replay::replay_frames;
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};

@@ -1,14 +1,14 @@
 //! `backup`, `restore`, `doctor`: what is kept in a data directory of this machine, without its coordinator.
 
 use super::{CliError, Global, json};
-use crate::{
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::counted;
+use murmuration_store::{
+    StoreError,
     backup::{self, Manifest},
     checkpoints::Condition,
     doctor::{self, CampaignFindings, Findings, Prospect, Salvaged},
-    store::StoreError,
 };
-use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::counted;
 use std::path::{Path, PathBuf};
 
 /// How a data directory is examined that another process holds.
@@ -120,7 +120,7 @@ impl Doctor {
             None => {
                 let found = doctor::examine(&global.data, location).await;
                 let found = found.map_err(|error| match error {
-                    crate::checkpoints::CheckpointError::Store(error) => held(error),
+                    murmuration_store::checkpoints::CheckpointError::Store(error) => held(error),
                     error => CliError::Failed(error.to_string()),
                 })?;
                 show(global, &found, None)?;

@@ -8,11 +8,9 @@ use super::{
     json,
     run::CrewSize,
 };
-use crate::{
-    labels::{Annotator, Answer, Labelled, Table, to_csv},
-    local::Crew,
-};
+use crate::local::Crew;
 use murmuration_link::{InputKind, OutputError, errln, outln};
+use murmuration_model::labels::{Annotator, Answer, Labelled, Table, to_csv};
 use murmuration_proto::{CampaignSpec, Strategy, Text, counted, parts::whole, v1};
 use std::{
     collections::BTreeMap,

@@ -1,11 +1,9 @@
 //! `quarantine`: machines whose results were found wrong, in a data directory of this machine.
 
 use super::{CliError, Global, json, keeping::of_this_machine};
-use crate::{
-    model::MachineId,
-    store::{DataDirectory, Store, StoreError},
-};
 use murmuration_link::{errln, outln};
+use murmuration_model::MachineId;
+use murmuration_store::{DataDirectory, Store, StoreError};
 use serde_json::json;
 
 const EXAMPLES: &str = "\

@@ -6,9 +6,12 @@ use super::{
     error::report_folder,
     heard::{self, heard},
 };
-use crate::{gather, local::Crew, model::CampaignId, report};
+use crate::local::Crew;
 use murmuration_link::{errln, outln};
+use murmuration_model::CampaignId;
 use murmuration_proto::v1;
+use murmuration_report as report;
+use murmuration_service::gather;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `report`.

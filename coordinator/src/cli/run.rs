@@ -9,13 +9,11 @@ use super::{
     json, next_step, quoted,
     report::write_report,
 };
-use crate::{
-    local::Crew,
-    store::{DataDirectory, StoreError},
-};
+use crate::local::Crew;
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, v1};
+use murmuration_store::{DataDirectory, StoreError};
 use std::{
     num::NonZeroUsize,
     path::{Path, PathBuf},

@@ -1,15 +1,13 @@
 //! `serve`: a coordinator that stays.
 
 use super::{CliError, Global, run::CrewSize};
-use crate::{
-    access::{Entrance, Tls, Tokens},
-    dispatch::{self, Share},
-    local::LocalCluster,
-    server::Options,
-    store::DataDirectory,
-};
+use crate::{local::LocalCluster, server::Options};
 use clap::builder::BoolishValueParser;
+use murmuration_access::{Entrance, Tls, Tokens};
+use murmuration_dispatch as dispatch;
+use murmuration_dispatch::Share;
 use murmuration_link::{errln, termination};
+use murmuration_store::DataDirectory;
 use std::{
     net::{Ipv4Addr, SocketAddr},
     path::PathBuf,

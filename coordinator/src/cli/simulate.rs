@@ -6,9 +6,9 @@ use super::{
     json,
     run::read_spec,
 };
-use crate::picture::{self, Animation, Paper};
 use murmuration_link::{InputKind, outln};
 use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World, v1};
+use murmuration_report::picture::{self, Animation, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
     num::NonZeroU32,

@@ -1,7 +1,7 @@
 //! `token`: a secret for somebody, shown once.
 
 use super::{CliError, json};
-use crate::access::{HolderName, Role, entry};
+use murmuration_access::{HolderName, Role, entry};
 use murmuration_link::{Token, errln, print};
 use serde_json::json;
 

@@ -11,16 +11,16 @@ pub use plot::plot;
 pub use pretrained::Pretrained;
 pub use sets::{Behaviours, Overlap, Sets};
 
-use crate::{
-    accuracy::Accuracy,
-    interrupt::{Interrupt, Interrupted},
-    medoids,
-    novelty::{self, Misfit},
-    queries::{by_doubt, by_lot},
-};
+use murmuration_accuracy::Accuracy;
+use murmuration_engine::queries::{by_doubt, by_lot};
 use murmuration_proto::{
     Invalid, Purpose, Strategy, Stream,
     training::{ArchitectureError, Recipe},
+};
+use murmuration_search::{
+    interrupt::{Interrupt, Interrupted},
+    medoids,
+    novelty::{self, Misfit},
 };
 use murmuration_trainer::{
     labelled_pictures::{LabelledPictures, LabelledPicturesError},
@@ -70,7 +70,7 @@ pub enum CurveError {
     Training(#[from] TrainingError),
     /// Controllers cannot be sampled.
     #[error("{0}")]
-    Propose(#[from] crate::breeding::ProposeError),
+    Propose(#[from] murmuration_search::breeding::ProposeError),
     /// An embedding is no behaviour.
     #[error("{0}")]
     Misfit(#[from] Misfit),

@@ -1,8 +1,9 @@
 //! The curves as a picture.
 
 use super::Point;
-use crate::{accuracy::Summary, picture::axis::axis_number};
+use murmuration_accuracy::Summary;
 use murmuration_proto::Strategy;
+use murmuration_report::picture::axis::axis_number;
 use plotters::prelude::*;
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! An embedder without labels: the one that a campaign's dataset and pretrain stages come to.
 
 use super::CurveError;
-use crate::campaign::dataset_tasks;
+use murmuration_engine::campaign::dataset_tasks;
 use murmuration_proto::{CampaignSpec, EmbedderSource, Invalid, training::Configuration};
 use murmuration_trainer::{network::Network, pictures::Pictures, training::Training};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};

@@ -1,6 +1,6 @@
 //! Labelled behaviours, and the wall between those that are learned from and those that judge.
 
-use crate::labels::class_numbers;
+use murmuration_model::labels::class_numbers;
 use murmuration_proto::SeenPictures;
 
 /// Behaviours whose classes are known.

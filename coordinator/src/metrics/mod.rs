@@ -6,12 +6,10 @@
 
 mod observed;
 
-use crate::{
-    campaign::{CampaignError, CampaignMetrics, Campaigns},
-    dispatch::{DispatchMetrics, Families, Party},
-    store::Store,
-};
+use murmuration_dispatch::{DispatchMetrics, Families, Party};
+use murmuration_engine::campaign::{CampaignError, CampaignMetrics, Campaigns};
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
+use murmuration_store::Store;
 use prometheus_client::{
     encoding::text::{encode_eof, encode_registry},
     metrics::info::Info,

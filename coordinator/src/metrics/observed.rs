@@ -1,12 +1,12 @@
 //! What is read from the store and from the campaigns at work whenever metrics are asked for.
 
 use super::PREFIX;
-use crate::{
+use murmuration_engine::{
     blocking::blocking,
     campaign::{CampaignError, CampaignStatus, Campaigns},
-    model::CampaignState,
-    store::Store,
 };
+use murmuration_model::CampaignState;
+use murmuration_store::Store;
 use prometheus_client::{
     metrics::{family::Family, gauge::Gauge},
     registry::Registry,

@@ -1,14 +1,15 @@
 //! The doors of a coordinator: the one that was asked for, and one for its own machine's processes.
 
 use super::{Options, ServerError};
-use crate::{
-    access::{Door, Hosts, Local, Sessions},
+use crate::probes::Probes;
+use murmuration_access::{
+    Door, Hosts, Local, Sessions,
     connections::{Places, connections},
     limits,
-    probes::Probes,
-    web::{self, Web},
 };
 use murmuration_link::Credentials;
+use murmuration_web as web;
+use murmuration_web::Web;
 use std::{
     net::{Ipv4Addr, SocketAddr},
     sync::Arc,

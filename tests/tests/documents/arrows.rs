@@ -10,12 +10,23 @@ use std::{collections::BTreeMap, fs};
 
 /// The floor of each crate, by its folder. A crate depends only on crates of lower floors; tests, benchmarks and build
 /// scripts included.
-const FLOORS: &[(&str, u8)] = &[
+pub const FLOORS: &[(&str, u8)] = &[
     ("proto", 0),
     ("worker/embed", 1),
     ("worker/link", 1),
     ("worker", 2),
     ("trainer", 2),
+    ("coordinator/search", 2),
+    ("coordinator/judge", 2),
+    ("coordinator/model", 3),
+    ("coordinator/accuracy", 4),
+    ("coordinator/store", 4),
+    ("coordinator/dispatch", 5),
+    ("coordinator/report", 5),
+    ("coordinator/access", 5),
+    ("coordinator/engine", 6),
+    ("coordinator/service", 7),
+    ("coordinator/web", 8),
     ("coordinator", 9),
     ("tests", 10),
 ];

@@ -1,24 +1,42 @@
 //! The map in ARCHITECTURE.md.
 
-use crate::pages::{page, root};
-use std::{collections::BTreeSet, fs};
+use crate::{
+    arrows::FLOORS,
+    pages::{page, root},
+};
+use std::fs;
 
-pub fn every_module_of_the_coordinator_is_on_the_map_and_no_other() {
-    let code = fs::read_to_string(root().join("coordinator/src/lib.rs")).unwrap();
-    let modules = code.lines().filter_map(|line| {
-        line.trim_start_matches("pub ")
-            .strip_prefix("mod ")?
-            .strip_suffix(';')
-    });
-    let modules: BTreeSet<&str> = modules.collect();
-    assert!(modules.len() > 30, "{modules:?}");
-
+/// Every crate stands on its floor, with its public modules; and no other.
+pub fn every_crate_is_on_the_map_with_its_floor_and_its_public_modules() {
     let text = page("ARCHITECTURE.md");
-    let (_, table) = text.split_once("| module | what it is |").unwrap();
+    let (_, table) = text.split_once("| floor | crate |").unwrap();
     let (table, _) = table.split_once("\n\n").unwrap();
-    let cells = table.lines().filter_map(|row| row.split('|').nth(1));
-    let named: BTreeSet<&str> = cells
-        .flat_map(|cell| cell.split('`').skip(1).step_by(2))
+    let rows: Vec<Vec<&str>> = table
+        .lines()
+        .skip(2)
+        .map(|row| {
+            row.split(" | ")
+                .map(|cell| cell.trim_matches(['|', ' ']))
+                .collect()
+        })
         .collect();
-    assert_eq!(named, modules);
+    let named: Vec<(&str, u8)> = rows
+        .iter()
+        .map(|row| (row[1].trim_matches('`'), row[0].parse().unwrap()))
+        .collect();
+    assert_eq!(named, FLOORS);
+
+    let mut modules = 0;
+    for (row, (folder, _)) in rows.iter().zip(FLOORS) {
+        let code = fs::read_to_string(root().join(folder).join("src/lib.rs")).unwrap();
+        let public = code
+            .lines()
+            .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'));
+        for module in public.filter(|_| *folder != "tests") {
+            let is_named = row[2].split('`').skip(1).step_by(2).any(|name| name == module);
+            assert!(is_named, "the map does not name {module} of {folder}");
+            modules += 1;
+        }
+    }
+    assert!(modules > 30, "{modules}");
 }

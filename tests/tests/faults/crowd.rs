@@ -7,7 +7,7 @@ use super::{
     soak::memory_mib,
     table::Row,
 };
-use murmuration_coordinator::limits::{
+use murmuration_access::limits::{
     HANDSHAKE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_WORKER_MESSAGE,
 };
 use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient, worker_message::Message};

@@ -7,11 +7,9 @@ use super::{
     processes::{Client, Cluster},
     table::Row,
 };
-use murmuration_coordinator::{
-    model::Weight,
-    store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store},
-};
+use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Controller, Purpose, Stream, parts::whole, v1};
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use std::{
     path::Path,
     sync::{

@@ -1,7 +1,7 @@
 //! Machines of different kinds embed a picture nearly alike, and neither is wrong.
 
 use crate::{Honest, LIAR, audited, connect, impossible, notices};
-use murmuration_coordinator::dispatch::Options;
+use murmuration_dispatch::Options;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_link::{Coordinator, Credentials, fetch_checkpoint};
 use murmuration_proto::{

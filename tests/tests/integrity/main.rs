@@ -3,7 +3,7 @@
 mod kinds;
 mod machines;
 
-use murmuration_coordinator::dispatch::{Options, Share};
+use murmuration_dispatch::{Options, Share};
 use murmuration_link::Credentials;
 use murmuration_proto::{CampaignSpec, Purpose, Stream, v1};
 use murmuration_tests::{Cluster, Impostor, Murmuration, quick_dispatch, small_latent_spec, small_spec};

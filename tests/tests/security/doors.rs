@@ -2,8 +2,8 @@
 //! speak gRPC or look at probes are let in as ever.
 
 use crate::Desk;
-use murmuration_coordinator::{
-    access::Entrance,
+use murmuration_access::{
+    Entrance,
     limits::{MAX_HEADER_BYTES, MAX_HEADERS},
 };
 use murmuration_proto::{

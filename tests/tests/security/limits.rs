@@ -1,7 +1,7 @@
 //! What is at a limit is taken, what is over it is refused, and the connection goes on.
 
 use crate::Desk;
-use murmuration_coordinator::limits::{
+use murmuration_access::limits::{
     MAX_HEADER_BYTES, MAX_LABEL_MESSAGE, MAX_MESSAGE, MAX_POST, MAX_READ_HEADER_BYTES,
     MAX_STREAMS_PER_CONNECTION,
 };

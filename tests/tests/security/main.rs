@@ -11,7 +11,7 @@ mod snapshots;
 mod unreadable;
 mod words;
 
-use murmuration_coordinator::access::{Entrance, Tls, Tokens};
+use murmuration_access::{Entrance, Tls, Tokens};
 use murmuration_link::{Credentials, IdentityFiles, TrustFiles};
 use murmuration_tests::{Cluster, Murmuration};
 use std::{

@@ -210,7 +210,7 @@ async fn a_session_ends_with_its_token_for_good() {
 /// Every route of pages and probes, as the routers have it.
 fn routes() -> Vec<String> {
     let sources = [
-        include_str!("../../../coordinator/src/web/mod.rs"),
+        include_str!("../../../coordinator/web/src/lib.rs"),
         include_str!("../../../coordinator/src/probes.rs"),
     ];
     let routes = sources.iter().flat_map(|source| source.split(".route(").skip(1));

@@ -6,10 +6,8 @@ use super::super::{
     json,
     run::read_spec,
 };
-use crate::{
-    accuracy::{Labels, Summary},
-    label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot},
-};
+use crate::label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot};
+use murmuration_accuracy::{Labels, Summary};
 use murmuration_link::{OutputError, errln, outln};
 use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, training::Recipe};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};

@@ -1,0 +1,260 @@
+//! The connections of a listener: as many as there is room for, none that says nothing, each at its own pace.
+//!
+//! What is over a limit is closed at once, so that nobody waits for an answer that will not come. Knows nothing of what
+//! is said on a connection.
+
+use crate::limits::{
+    HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, REQUEST_BURST,
+    REQUESTS_PER_SECOND, RESERVED_FILES,
+};
+use governor::{DefaultDirectRateLimiter, Quota, RateLimiter};
+use std::{
+    collections::HashMap,
+    io,
+    net::{IpAddr, SocketAddr},
+    pin::Pin,
+    sync::{Arc, Mutex, PoisonError},
+    task::{Context, Poll, ready},
+    time::Duration,
+};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    net::{TcpListener, TcpStream},
+    sync::mpsc,
+    time::{Instant, Sleep},
+};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::Connected;
+
+/// Connections that may wait to be served.
+const WAITING: usize = 64;
+/// Pause after the system could not take a connection: it has no files left, say.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Room for connections, shared by a coordinator's listeners; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Places {
+    most: usize,
+    most_per_peer: usize,
+    taken: Arc<Mutex<HashMap<IpAddr, usize>>>,
+}
+
+/// Room for one connection, until it is dropped.
+#[derive(Debug)]
+struct Place {
+    places: Places,
+    peer: IpAddr,
+}
+
+impl Places {
+    /// As many as the system lets this process have, and [`MAX_CONNECTIONS`] at most.
+    pub fn of_this_process() -> Self {
+        let wanted = MAX_CONNECTIONS as u64 + RESERVED_FILES;
+        // Where the system does not say, it has no such limit.
+        let files = rlimit::increase_nofile_limit(wanted).unwrap_or(wanted);
+        let most = files
+            .saturating_sub(RESERVED_FILES)
+            .clamp(16, MAX_CONNECTIONS as u64) as usize;
+        Self::new(most, MAX_CONNECTIONS_PER_PEER.min(most / 2))
+    }
+
+    fn new(most: usize, most_per_peer: usize) -> Self {
+        Self {
+            most,
+            most_per_peer,
+            taken: Arc::default(),
+        }
+    }
+
+    fn take(&self, peer: IpAddr) -> Option<Place> {
+        let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_peer = taken.get(&peer).copied().unwrap_or_default();
+        if taken.values().sum::<usize>() >= self.most || of_peer >= self.most_per_peer {
+            return None;
+        }
+        taken.insert(peer, of_peer + 1);
+        Some(Place {
+            places: self.clone(),
+            peer,
+        })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let mut taken = self.places.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        match taken.get_mut(&self.peer) {
+            Some(count) if *count > 1 => *count -= 1,
+            _ => drop(taken.remove(&self.peer)),
+        }
+    }
+}
+
+/// The connections that come to `listener`, until nobody takes them any more: then it is closed.
+pub fn connections(listener: TcpListener, places: Places) -> ReceiverStream<io::Result<Connection>> {
+    let (waiting, stream) = mpsc::channel(WAITING);
+    tokio::spawn(async move {
+        loop {
+            let accepted = tokio::select! {
+                accepted = listener.accept() => accepted,
+                () = waiting.closed() => return,
+            };
+            let (stream, peer) = match accepted {
+                Ok(accepted) => accepted,
+                Err(error) => {
+                    tracing::warn!(%error, "cannot take a connection");
+                    tokio::time::sleep(PAUSE).await;
+                    continue;
+                }
+            };
+            let Some(place) = places.take(peer.ip().to_canonical()) else {
+                tracing::debug!(%peer, "too many connections");
+                continue;
+            };
+            if waiting
+                .send(Ok(Connection::new(stream, peer, place)))
+                .await
+                .is_err()
+            {
+                return;
+            }
+        }
+    });
+    ReceiverStream::new(stream)
+}
+
+/// One connection; it fails once nothing has passed on it for too long.
+#[derive(Debug)]
+pub struct Connection {
+    stream: TcpStream,
+    visit: Visit,
+    /// When something passed last, and how long the silence after it may be.
+    active: Instant,
+    patience: Duration,
+    alarm: Pin<Box<Sleep>>,
+    _place: Place,
+}
+
+/// What requests know of their connection; an extension of each.
+#[derive(Debug, Clone)]
+pub struct Visit {
+    peer: IpAddr,
+    pace: Arc<DefaultDirectRateLimiter>,
+}
+
+impl Visit {
+    fn new(peer: IpAddr) -> Self {
+        let quota = Quota::per_second(REQUESTS_PER_SECOND).allow_burst(REQUEST_BURST);
+        Self {
+            peer,
+            pace: Arc::new(RateLimiter::direct(quota)),
+        }
+    }
+
+    /// Address of the other end; of IPv4 where it is one, however it was written.
+    pub const fn peer(&self) -> IpAddr {
+        self.peer
+    }
+
+    /// Whether a further request may come now; counts it if so.
+    pub fn may_ask(&self) -> bool {
+        self.pace.check().is_ok()
+    }
+}
+
+impl Connection {
+    fn new(stream: TcpStream, peer: SocketAddr, place: Place) -> Self {
+        if let Err(error) = stream.set_nodelay(true) {
+            tracing::debug!(%peer, %error, "answers may be delayed");
+        }
+        Self {
+            stream,
+            visit: Visit::new(peer.ip().to_canonical()),
+            active: Instant::now(),
+            patience: HANDSHAKE_LIMIT,
+            alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
+            _place: place,
+        }
+    }
+
+    fn passed(&mut self) {
+        self.active = Instant::now();
+        self.patience = IDLE_LIMIT;
+    }
+
+    /// Ready once it has been silent for too long. The alarm is set anew only when it rings, not for every byte.
+    fn is_silent(&mut self, context: &mut Context<'_>) -> Poll<()> {
+        loop {
+            ready!(self.alarm.as_mut().poll(context));
+            let end = self.active + self.patience;
+            if end <= Instant::now() {
+                return Poll::Ready(());
+            }
+            self.alarm.as_mut().reset(end);
+        }
+    }
+}
+
+impl Connected for Connection {
+    type ConnectInfo = Visit;
+
+    fn connect_info(&self) -> Visit {
+        self.visit.clone()
+    }
+}
+
+impl AsyncRead for Connection {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        match Pin::new(&mut self.stream).poll_read(context, buffer) {
+            Poll::Ready(read) => {
+                self.passed();
+                Poll::Ready(read)
+            }
+            Poll::Pending => {
+                ready!(self.is_silent(context));
+                Poll::Ready(Err(io::ErrorKind::TimedOut.into()))
+            }
+        }
+    }
+}
+
+impl AsyncWrite for Connection {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write(context, bytes));
+        self.passed();
+        Poll::Ready(written)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        let written = ready!(Pin::new(&mut self.stream).poll_write_vectored(context, slices));
+        self.passed();
+        Poll::Ready(written)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}
+
+#[cfg(test)]
+mod tests;

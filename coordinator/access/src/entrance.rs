@@ -1,0 +1,178 @@
+//! Where a coordinator listens, how what is said there is protected, and whom it lets in: only in combinations that
+//! somebody may want.
+
+use super::{Access, Hosts, Tokens};
+use crate::limits::HANDSHAKE_LIMIT;
+use murmuration_link::{CredentialsError, read_pem, root_cause};
+use std::{
+    net::{Ipv4Addr, SocketAddr},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
+
+/// Where and how to listen.
+#[derive(Debug)]
+pub struct Entrance {
+    address: SocketAddr,
+    tls: Option<Tls>,
+    tokens: Option<Arc<Tokens>>,
+}
+
+/// The coordinator's certificate, and the authority that signs machines'.
+#[derive(Debug)]
+pub struct Tls {
+    config: ServerTlsConfig,
+    /// Whether there is such an authority.
+    client_ca: bool,
+}
+
+/// Why one cannot listen like that.
+#[derive(Debug, thiserror::Error)]
+pub enum EntranceError {
+    /// Others could read what is said.
+    #[error(
+        "{0} is not this machine's alone, and nothing said there would be encrypted: give --certificate and --key \
+         (`murmuration certs DIR` makes some to begin with), or --insecure-listen on a network that you trust"
+    )]
+    Plain(SocketAddr),
+    /// Others could do anything.
+    #[error(
+        "{0} is not this machine's alone, and whoever reaches it could do anything: give --tokens FILE (`murmuration \
+         token NAME --role ROLE` makes its lines), or --insecure-listen on a network that you trust"
+    )]
+    Open(SocketAddr),
+    /// A file cannot be used.
+    #[error(transparent)]
+    File(#[from] CredentialsError),
+    /// Certificate, key and authority do not go together.
+    #[error("the certificate in {} cannot be used: {reason}", path.display())]
+    Unusable {
+        /// The certificate's file.
+        path: PathBuf,
+        /// What the TLS library said.
+        reason: String,
+    },
+}
+
+impl Tls {
+    /// Reads PEM files: the coordinator's certificate (its chain behind it) and key, and the certificate of the authority
+    /// that signs those of workers and trainers. With one they must show a certificate; people and browsers need none.
+    ///
+    /// # Errors
+    /// Says which file cannot be used, and why.
+    pub fn read(certificate: &Path, key: &Path, client_ca: Option<&Path>) -> Result<Self, EntranceError> {
+        let identity = Identity::from_pem(
+            read_pem(certificate, "certificate")?,
+            read_pem(key, "private key")?,
+        );
+        let mut config = ServerTlsConfig::new().identity(identity).timeout(HANDSHAKE_LIMIT);
+        if let Some(path) = client_ca {
+            let ca = Certificate::from_pem(read_pem(path, "certificate")?);
+            config = config.client_ca_root(ca).client_auth_optional(true);
+        }
+        // Now, not when the first connection comes.
+        let checked = Server::builder().tls_config(config.clone());
+        checked.map_err(|error| EntranceError::Unusable {
+            path: certificate.to_owned(),
+            reason: root_cause(&error),
+        })?;
+        Ok(Self {
+            config,
+            client_ca: client_ca.is_some(),
+        })
+    }
+}
+
+impl Entrance {
+    /// For one person's machine: in the clear, open to every process of this machine. Port 0 is any free one.
+    #[must_use]
+    pub fn loopback(port: u16) -> Self {
+        Self {
+            address: (Ipv4Addr::LOCALHOST, port).into(),
+            tls: None,
+            tokens: None,
+        }
+    }
+
+    /// At `address`, encrypted with `tls`, for the bearers of `tokens`. Without those it must be an address of this machine
+    /// alone, unless everybody who can reach it is `trusted`.
+    ///
+    /// # Errors
+    /// [`EntranceError::Plain`] and [`EntranceError::Open`], which say what is missing.
+    pub fn new(
+        address: SocketAddr,
+        tls: Option<Tls>,
+        tokens: Option<Tokens>,
+        trusted: bool,
+    ) -> Result<Self, EntranceError> {
+        let alone = address.ip().to_canonical().is_loopback();
+        match (&tls, &tokens) {
+            (None, _) if !alone && !trusted => Err(EntranceError::Plain(address)),
+            (Some(_), None) if !alone && !trusted => Err(EntranceError::Open(address)),
+            _ => Ok(Self {
+                address,
+                tls,
+                tokens: tokens.map(Arc::new),
+            }),
+        }
+    }
+
+    /// Where to listen.
+    #[must_use]
+    pub const fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// How to encrypt, if at all.
+    pub fn tls(&self) -> Option<ServerTlsConfig> {
+        self.tls.as_ref().map(|tls| tls.config.clone())
+    }
+
+    /// Under which names to answer.
+    pub fn hosts(&self) -> Hosts {
+        Hosts::of(self.address, &self.access(), self.tls.is_some())
+    }
+
+    /// Whom to let in.
+    pub fn access(&self) -> Access {
+        Access {
+            tokens: self.tokens.clone(),
+            certificates: self.tls.as_ref().is_some_and(|tls| tls.client_ca),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn enter(address: &str, tokens: bool, trusted: bool) -> Result<Entrance, EntranceError> {
+        let tokens = tokens.then(Tokens::default);
+        Entrance::new(address.parse().unwrap(), None, tokens, trusted)
+    }
+
+    #[test]
+    fn in_the_clear_one_listens_to_this_machine_or_on_purpose() {
+        for alone in [
+            "127.0.0.1:7700",
+            "127.8.8.8:0",
+            "[::1]:7700",
+            "[::ffff:127.0.0.1]:7700",
+        ] {
+            assert!(enter(alone, false, false).is_ok(), "{alone}");
+        }
+        for elsewhere in [
+            "0.0.0.0:7700",
+            "[::]:7700",
+            "192.168.0.7:7700",
+            "[::ffff:192.168.0.7]:1",
+        ] {
+            for tokens in [false, true] {
+                let refused = enter(elsewhere, tokens, false);
+                assert!(matches!(refused, Err(EntranceError::Plain(_))), "{elsewhere}");
+                assert!(enter(elsewhere, tokens, true).is_ok(), "{elsewhere}");
+            }
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! The way in for processes of the coordinator's own machine and user: a token that only the owner of the data
+//! directory can read.
+
+use super::{Access, HolderName, Role, Tokens};
+use murmuration_link::{CredentialsError, Token, read_token};
+use murmuration_store::{StoreError, files::is_there};
+use std::{
+    fs,
+    io::{self, Write as _},
+    path::{Path, PathBuf},
+    sync::Arc,
+};
+
+/// Name of its file in the data directory.
+const FILE: &str = "local-token";
+
+/// The token of a data directory.
+#[derive(Debug)]
+pub struct Local {
+    token: Token,
+}
+
+/// The token of a data directory, if it has one.
+///
+/// # Errors
+/// Where there is one that this process may not read.
+pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
+    match read_token(&data.join(FILE)) {
+        Ok(token) => Ok(Some(token)),
+        Err(CredentialsError::File { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+impl Local {
+    /// That of a data directory; makes one where there is none, or one that was never written to its end.
+    pub fn of(data: &Path) -> Result<Self, StoreError> {
+        let path = data.join(FILE);
+        let unread = |source| StoreError::File {
+            doing: "read",
+            path: path.clone(),
+            source,
+        };
+        is_there(&path).map_err(unread)?;
+        match local_token(data) {
+            Ok(Some(token)) => return Ok(Self { token }),
+            Err(CredentialsError::File { source, .. }) if source.kind() != io::ErrorKind::InvalidData => {
+                return Err(unread(source));
+            }
+            Ok(None) | Err(_) => {}
+        }
+        let token = Token::generate().map_err(io::Error::other);
+        let made = token.and_then(|token| write(&path, &token).map(|()| Self { token }));
+        made.map_err(|source| StoreError::File {
+            doing: "make the token for this machine's processes",
+            path,
+            source,
+        })
+    }
+
+    /// The token that they show.
+    pub const fn token(&self) -> &Token {
+        &self.token
+    }
+
+    /// Lets its bearer in as an operator, and nobody else.
+    pub fn access(&self) -> Access {
+        let holder = (HolderName::this_machine(), Role::Operator, self.token.digest());
+        Access {
+            tokens: Some(Arc::new(Tokens::of([holder]))),
+            certificates: false,
+        }
+    }
+}
+
+/// Writes a file that its owner alone can read.
+fn write(path: &PathBuf, token: &Token) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+        _ => {}
+    }
+    let mut options = fs::File::options();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    writeln!(options.open(path)?, "{}", token.reveal())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_stays_the_same_and_its_owner_alone_reads_it() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(local_token(folder.path()).unwrap().is_none());
+        let made = Local::of(folder.path()).unwrap();
+        let again = Local::of(folder.path()).unwrap();
+        assert_eq!(made.token().digest(), again.token().digest());
+        let path = folder.path().join(FILE);
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt as _;
+            assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        }
+        // One that cannot be read is not made anew: what it let in, it is to let in again.
+        let kept = folder.path().join("kept");
+        fs::rename(&path, &kept).unwrap();
+        fs::create_dir(&path).unwrap();
+        assert!(Local::of(folder.path()).is_err());
+        fs::remove_dir(&path).unwrap();
+        std::os::unix::fs::symlink(folder.path().join("unmounted"), &path).unwrap();
+        assert!(Local::of(folder.path()).is_err());
+        fs::rename(&kept, &path).unwrap();
+        fs::write(&path, "torn").unwrap();
+        let other = Local::of(folder.path()).unwrap();
+        assert_ne!(other.token().digest(), made.token().digest());
+        assert_eq!(
+            local_token(folder.path()).unwrap().unwrap().digest(),
+            other.token().digest()
+        );
+    }
+}

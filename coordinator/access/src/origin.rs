@@ -1,0 +1,283 @@
+//! What keeps other sites' pages from using a coordinator through somebody's browser: the host that a request names, the
+//! page that it comes from, and, for gRPC, its content type.
+//!
+//! Browsers say truly which host they mean and which page asks, and send a content type such as gRPC's to another site only
+//! after that site has agreed. Programs may say what they like: nothing here lets anybody in.
+
+use super::{Access, Refusal};
+use axum::{
+    extract::Request,
+    http::{
+        HeaderMap, HeaderValue, Method, Uri,
+        header::{CONTENT_TYPE, HOST, ORIGIN},
+        uri::Authority,
+    },
+};
+use std::net::{IpAddr, SocketAddr};
+
+/// What is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// A gRPC method that the coordinator has.
+    Method,
+    /// A gRPC method of a service that it does not have.
+    NoService,
+    /// A page, or what machines ask for over HTTP.
+    Page,
+}
+
+/// The hosts under whose names a door answers. A name of somebody else's may be made to point here (DNS rebinding), and a
+/// browser then takes this coordinator for a part of their site.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hosts {
+    /// All: a certificate vouches for the name, or a token, which no browser has for another site, is asked for.
+    Any,
+    /// Addresses and `localhost`.
+    ThisMachine,
+    /// Those, and names without a dot, which no site of the Internet has; gRPC, which no page can speak, under any.
+    TrustedNetwork,
+}
+
+impl Hosts {
+    /// Those of a door at `address`.
+    pub(super) fn of(address: SocketAddr, access: &Access, is_encrypted: bool) -> Self {
+        match (
+            is_encrypted || access.tokens.is_some(),
+            address.ip().to_canonical().is_loopback(),
+        ) {
+            (true, _) => Self::Any,
+            (false, true) => Self::ThisMachine,
+            (false, false) => Self::TrustedNetwork,
+        }
+    }
+
+    fn has(self, host: Option<&Authority>, asked: Asked) -> bool {
+        let is_ours = |host: &Authority| {
+            let name = host.host().trim_start_matches('[').trim_end_matches(']');
+            let is_address = name.parse::<IpAddr>().is_ok();
+            is_address || name.eq_ignore_ascii_case("localhost") || {
+                self == Self::TrustedNetwork && (asked != Asked::Page || !name.contains('.'))
+            }
+        };
+        self == Self::Any || host.is_some_and(is_ours)
+    }
+}
+
+/// Turns away what another site's page may have sent. What changes something must come from a page of the same host; what
+/// speaks gRPC, from no page at all.
+pub(super) fn check(
+    hosts: Hosts,
+    is_encrypted: bool,
+    asked: Asked,
+    request: &Request,
+) -> Result<(), Refusal> {
+    let headers = request.headers();
+    let host = named_host(request.uri(), headers)?;
+    if !hosts.has(host.as_ref(), asked) {
+        return Err(Refusal::Host);
+    }
+    let looks = [Method::GET, Method::HEAD].contains(request.method());
+    let mut origins = headers.get_all(ORIGIN).iter().peekable();
+    let from_here = match asked {
+        Asked::Method | Asked::NoService => origins.peek().is_none(),
+        Asked::Page if origins.peek().is_none() => looks,
+        Asked::Page => origins.all(|origin| is_same(origin, host.as_ref(), is_encrypted)),
+    };
+    if !from_here {
+        return Err(Refusal::Origin);
+    }
+    match asked {
+        Asked::Method if !is_grpc(headers) => Err(Refusal::ContentType),
+        _ => Ok(()),
+    }
+}
+
+/// Whether a request's body is of the type that gRPC clients send: messages in protocol buffers.
+pub(super) fn is_grpc(headers: &HeaderMap) -> bool {
+    let kind = headers.get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
+    let kind = kind.and_then(|kind| kind.split(';').next()).map(str::trim);
+    kind.is_some_and(|kind| {
+        ["application/grpc", "application/grpc+proto"]
+            .iter()
+            .any(|grpc| kind.eq_ignore_ascii_case(grpc))
+    })
+}
+
+/// The one host that a request names: in its address, in a header, or in both alike.
+fn named_host(uri: &Uri, headers: &HeaderMap) -> Result<Option<Authority>, Refusal> {
+    let read = |host: &HeaderValue| host.to_str().ok()?.parse::<Authority>().ok();
+    let in_headers = headers.get_all(HOST).iter().map(read);
+    let mut named = uri.authority().cloned().map(Some).into_iter().chain(in_headers);
+    let Some(first) = named.next() else {
+        return Ok(None);
+    };
+    match first.is_some() && named.all(|other| other == first) {
+        true => Ok(first),
+        false => Err(Refusal::Host),
+    }
+}
+
+fn is_same(origin: &HeaderValue, host: Option<&Authority>, is_encrypted: bool) -> bool {
+    let scheme = if is_encrypted { "https://" } else { "http://" };
+    let origin = origin
+        .to_str()
+        .ok()
+        .and_then(|origin| origin.strip_prefix(scheme));
+    // Compared without regard to case.
+    origin.zip(host).is_some_and(|(origin, host)| *host == *origin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::body::Body;
+
+    const OWN: (&str, &str) = ("host", "127.0.0.1:7700");
+    const NAMED: (&str, &str) = ("host", "swarm.example:7700");
+    const GRPC: (&str, &str) = ("content-type", "application/grpc");
+
+    /// A door, and what is asked at it.
+    struct At(Hosts, bool, Asked);
+
+    /// One person's machine; anything else has to be said.
+    const PAGE: At = At(Hosts::ThisMachine, false, Asked::Page);
+    const METHOD: At = At(Hosts::ThisMachine, false, Asked::Method);
+
+    impl At {
+        fn said(&self, method: &Method, headers: &[(&str, &str)]) -> Result<(), Refusal> {
+            let mut request = Request::builder().method(method).uri("/");
+            for (name, value) in headers {
+                request = request.header(*name, *value);
+            }
+            check(self.0, self.1, self.2, &request.body(Body::empty()).unwrap())
+        }
+
+        fn allows(&self, method: &Method, headers: &[(&str, &str)]) -> bool {
+            self.said(method, headers).is_ok()
+        }
+    }
+
+    #[test]
+    fn only_addresses_and_this_machine_are_hosts() {
+        for host in [
+            "127.0.0.1:7700",
+            "localhost:7700",
+            "LocalHost",
+            "[::1]:7700",
+            "192.168.0.7:80",
+        ] {
+            assert!(PAGE.allows(&Method::GET, &[("host", host)]), "{host}");
+            assert!(METHOD.allows(&Method::POST, &[("host", host), GRPC]), "{host}");
+        }
+        for host in ["evil.example:7700", "localhost.evil.example", "swarm", "", "a b"] {
+            assert!(!PAGE.allows(&Method::GET, &[("host", host)]), "{host}");
+            assert!(!METHOD.allows(&Method::POST, &[("host", host), GRPC]), "{host}");
+        }
+        assert!(!PAGE.allows(&Method::GET, &[]));
+        assert!(!PAGE.allows(&Method::GET, &[OWN, ("host", "evil.example")]));
+        assert!(PAGE.allows(&Method::GET, &[OWN, OWN]));
+    }
+
+    #[test]
+    fn on_a_trusted_network_names_without_a_dot_are_hosts_and_programs_come_under_any() {
+        let page = At(Hosts::TrustedNetwork, false, Asked::Page);
+        let method = At(Hosts::TrustedNetwork, false, Asked::Method);
+        for host in ["coordinator:7700", "10.0.0.7:7700"] {
+            assert!(page.allows(&Method::GET, &[("host", host)]), "{host}");
+        }
+        for host in ["evil.example:7700", "swarm.", ""] {
+            assert!(!page.allows(&Method::GET, &[("host", host)]), "{host}");
+        }
+        assert!(method.allows(&Method::POST, &[NAMED, GRPC]));
+        assert_eq!(
+            method.said(
+                &Method::POST,
+                &[NAMED, GRPC, ("origin", "http://swarm.example:7700")]
+            ),
+            Err(Refusal::Origin)
+        );
+    }
+
+    #[test]
+    fn only_our_own_pages_change_anything() {
+        let post = |origin: &str| PAGE.allows(&Method::POST, &[OWN, ("origin", origin)]);
+        assert!(post("http://127.0.0.1:7700"));
+        for origin in [
+            "http://evil.example",
+            "http://127.0.0.1:8000",
+            "null",
+            "https://127.0.0.1:7700",
+        ] {
+            assert!(!post(origin), "{origin}");
+            // Nor do they look at anything.
+            assert!(!PAGE.allows(&Method::GET, &[OWN, ("origin", origin)]), "{origin}");
+        }
+        assert!(!PAGE.allows(&Method::POST, &[OWN]));
+        let both = [
+            OWN,
+            ("origin", "http://127.0.0.1:7700"),
+            ("origin", "http://evil.example"),
+        ];
+        assert!(!PAGE.allows(&Method::POST, &both));
+    }
+
+    #[test]
+    fn under_tls_or_with_tokens_a_name_will_do_and_origins_still_count() {
+        for (is_encrypted, scheme, other) in [(true, "https", "http"), (false, "http", "https")] {
+            let page = At(Hosts::Any, is_encrypted, Asked::Page);
+            assert!(page.allows(&Method::GET, &[NAMED]));
+            assert!(page.allows(&Method::GET, &[]));
+            let post = |scheme: &str, host: &str| {
+                let origin = format!("{scheme}://{host}");
+                page.allows(&Method::POST, &[NAMED, ("origin", &origin)])
+            };
+            assert!(post(scheme, "swarm.example:7700"));
+            assert!(!post(other, "swarm.example:7700") && !post(scheme, "evil.example"));
+            assert!(!page.allows(&Method::POST, &[("origin", "https://swarm.example:7700")]));
+        }
+    }
+
+    #[test]
+    fn grpc_is_known_by_its_content_type() {
+        for kind in [
+            "application/grpc",
+            "application/grpc+proto",
+            "application/GRPC ; a=b",
+        ] {
+            assert!(
+                METHOD.allows(&Method::POST, &[OWN, ("content-type", kind)]),
+                "{kind}"
+            );
+        }
+        for kind in [
+            "text/plain",
+            "application/grpc-web",
+            "application/grpc+json",
+            "application/grp",
+            "",
+        ] {
+            assert_eq!(
+                METHOD.said(&Method::POST, &[OWN, ("content-type", kind)]),
+                Err(Refusal::ContentType),
+                "{kind}"
+            );
+        }
+        assert_eq!(METHOD.said(&Method::POST, &[OWN]), Err(Refusal::ContentType));
+    }
+
+    #[test]
+    fn a_door_without_tls_and_tokens_answers_under_fewer_names() {
+        let open = Access::default();
+        let guarded = Access {
+            tokens: Some(std::sync::Arc::default()),
+            certificates: false,
+        };
+        let at =
+            |address: &str, access, is_encrypted| Hosts::of(address.parse().unwrap(), access, is_encrypted);
+        assert_eq!(at("127.0.0.1:7700", &open, false), Hosts::ThisMachine);
+        assert_eq!(at("[::ffff:127.0.0.1]:7700", &open, false), Hosts::ThisMachine);
+        assert_eq!(at("0.0.0.0:7700", &open, false), Hosts::TrustedNetwork);
+        assert_eq!(at("0.0.0.0:7700", &open, true), Hosts::Any);
+        assert_eq!(at("127.0.0.1:7700", &guarded, false), Hosts::Any);
+    }
+}

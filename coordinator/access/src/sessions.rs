@@ -1,0 +1,278 @@
+//! Browsers that have logged in. A session is an entry here and, in the browser, a cookie with the entry's random id,
+//! signed.
+//!
+//! A session ends by a log-out, with its time, and when its token is no longer in the tokens file. Its entry is gone then,
+//! also from the file in the data directory that keeps the entries through restarts: a cookie without an entry is worth
+//! nothing.
+
+use crate::limits::MAX_SESSIONS_PER_TOKEN;
+use axum::http::HeaderMap;
+use axum_extra::extract::cookie::{Cookie, Key, SameSite, SignedCookieJar};
+use base64::{Engine as _, engine::general_purpose::URL_SAFE_NO_PAD};
+use murmuration_link::{Token, TokenDigest};
+use murmuration_store::StoreError;
+use serde::{Deserialize, Serialize};
+use std::{
+    collections::BTreeMap,
+    fs, io,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, PoisonError, RwLock},
+    time::{Duration, SystemTime, UNIX_EPOCH},
+};
+use tokio::sync::watch;
+
+/// How long a log-in lasts.
+const LIFETIME: Duration = Duration::from_secs(7 * 24 * 3600);
+/// The cookie's name.
+const COOKIE: &str = "murmuration-session";
+/// Name of the file in the data directory.
+const FILE: &str = "sessions.json";
+/// Random bytes of an id.
+const ID_BYTES: usize = 16;
+
+/// The sessions of a coordinator; cheap to clone.
+#[derive(Clone)]
+pub struct Sessions(Arc<Shared>);
+
+struct Shared {
+    /// What cookies are signed with.
+    key: Key,
+    path: PathBuf,
+    /// By id. Never locked while the file is written, so that no request waits for the disk.
+    open: RwLock<Open>,
+    /// Held by whoever changes the sessions until the file is written: files follow each other as changes do.
+    changing: Mutex<()>,
+}
+
+type Open = BTreeMap<String, Entry>;
+
+#[derive(Clone)]
+struct Entry {
+    token: TokenDigest,
+    /// Higher than those of the sessions that were opened before it, whatever the time of day was.
+    number: u64,
+    /// When it ends, seconds since 1970-01-01 UTC.
+    until_s: u64,
+    /// Dropped when the session has ended.
+    end: Arc<watch::Sender<()>>,
+}
+
+/// An entry in the file, where they are in the order in which they were opened.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    id: String,
+    token: String,
+    until_s: u64,
+}
+
+/// The session that a request came with.
+#[derive(Debug)]
+pub struct Session {
+    /// The token that it was opened with.
+    pub token: TokenDigest,
+    left: Duration,
+    end: watch::Receiver<()>,
+}
+
+impl Session {
+    /// Waits until it has ended.
+    pub(super) async fn ended(mut self) {
+        // Nothing is ever sent: the sender is dropped, or the time is over.
+        let _ = tokio::time::timeout(self.left, self.end.changed()).await;
+    }
+}
+
+impl std::fmt::Debug for Sessions {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Sessions(hidden)")
+    }
+}
+
+impl Sessions {
+    /// Those that the data directory `data` has kept, of tokens that `are_good`; cookies are signed with what `secret`
+    /// comes to. Where the file cannot be understood, everybody logs in again.
+    ///
+    /// # Errors
+    /// If the file is there and cannot be read, or those of other tokens cannot be removed from it.
+    pub fn kept(
+        data: &Path,
+        secret: &Token,
+        are_good: impl Fn(TokenDigest) -> bool,
+    ) -> Result<Self, StoreError> {
+        let path = data.join(FILE);
+        let rows = match fs::read(&path) {
+            Ok(text) => serde_json::from_slice(&text).unwrap_or_else(|error| {
+                tracing::warn!(path = %path.display(), %error, "no sessions can be read: everybody logs in again");
+                Vec::new()
+            }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(error) => return Err(StoreError::from_io(error, "read", &path)),
+        };
+        let found = rows.len();
+        let entry = |(number, Row { id, token, until_s })| {
+            Some((id, Entry::new(token.parse().ok()?, number, until_s)))
+        };
+        let open: Open = (0..)
+            .zip(rows)
+            .filter_map(entry)
+            .filter(|(_, entry)| are_good(entry.token))
+            .collect();
+        let shared = Shared {
+            key: Key::derive_from(secret.reveal().as_bytes()),
+            path,
+            open: RwLock::new(open),
+            changing: Mutex::new(()),
+        };
+        // A token that comes back later brings no sessions back.
+        let open = shared.open();
+        if open.len() < found {
+            shared.write(&open)?;
+        }
+        Ok(Self(Arc::new(shared)))
+    }
+
+    /// The session that a request came with, if it has not ended.
+    pub fn of(&self, headers: &HeaderMap, now: SystemTime) -> Option<Session> {
+        let id = self.id(headers)?;
+        let open = self.0.open.read().unwrap_or_else(PoisonError::into_inner);
+        let entry = open.get(&id).filter(|entry| entry.lasts(now))?;
+        Some(Session {
+            token: entry.token,
+            left: Duration::from_secs(entry.until_s.saturating_sub(seconds(now))),
+            end: entry.end.subscribe(),
+        })
+    }
+
+    /// Opens one for the bearer of a token, in place of that which the request came with; the cookie for it.
+    ///
+    /// # Errors
+    /// If it cannot be written: then there is none.
+    pub fn log_in(
+        &self,
+        headers: &HeaderMap,
+        token: TokenDigest,
+        is_encrypted: bool,
+        now: SystemTime,
+    ) -> Result<SignedCookieJar, StoreError> {
+        let mut bytes = [0; ID_BYTES];
+        getrandom::fill(&mut bytes).map_err(|error| {
+            StoreError::from_io(io::Error::other(error), "make random numbers for", &self.0.path)
+        })?;
+        let id = URL_SAFE_NO_PAD.encode(bytes);
+        let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = self.0.open();
+        open.retain(|_, entry| entry.lasts(now));
+        if let Some(before) = self.id(headers) {
+            open.remove(&before);
+        }
+        make_room(&mut open, token);
+        let number = open.values().map(|entry| entry.number + 1).max().unwrap_or(0);
+        open.insert(id.clone(), Entry::new(token, number, seconds(now + LIFETIME)));
+        self.0.write(&open)?;
+        self.0.set(open);
+        let cookie = Cookie::build((COOKIE, id))
+            .max_age(time::Duration::seconds(LIFETIME.as_secs() as i64))
+            .path("/")
+            .http_only(true)
+            .same_site(SameSite::Strict)
+            .secure(is_encrypted);
+        Ok(self.jar(headers).add(cookie))
+    }
+
+    /// Ends the session that a request came with, if there is one: at once, and once this returns for good.
+    ///
+    /// # Errors
+    /// If that cannot be written: it would be back after a restart.
+    pub fn log_out(&self, headers: &HeaderMap) -> Result<(), StoreError> {
+        let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut open = self.0.open();
+        if self.id(headers).and_then(|id| open.remove(&id)).is_some() {
+            self.0.set(open.clone());
+            self.0.write(&open)?;
+        }
+        Ok(())
+    }
+
+    /// What has a browser forget its cookie.
+    pub fn forget(&self, headers: &HeaderMap) -> SignedCookieJar {
+        self.jar(headers).remove(Cookie::build(COOKIE).path("/"))
+    }
+
+    /// The id in the cookie that a request came with, if we signed it.
+    fn id(&self, headers: &HeaderMap) -> Option<String> {
+        Some(self.jar(headers).get(COOKIE)?.value().to_owned())
+    }
+
+    fn jar(&self, headers: &HeaderMap) -> SignedCookieJar {
+        SignedCookieJar::from_headers(headers, self.0.key.clone())
+    }
+}
+
+/// Ends the oldest sessions of a token that has as many as it may.
+fn make_room(open: &mut Open, token: TokenDigest) {
+    let of_token = open.iter().filter(|(_, entry)| entry.token == token);
+    let mut by_age: Vec<(u64, String)> = of_token.map(|(id, entry)| (entry.number, id.clone())).collect();
+    by_age.sort_unstable();
+    let excess = (by_age.len() + 1).saturating_sub(MAX_SESSIONS_PER_TOKEN);
+    for (_, id) in by_age.into_iter().take(excess) {
+        open.remove(&id);
+    }
+}
+
+impl Entry {
+    fn new(token: TokenDigest, number: u64, until_s: u64) -> Self {
+        Self {
+            token,
+            number,
+            until_s,
+            end: Arc::new(watch::Sender::new(())),
+        }
+    }
+
+    fn lasts(&self, now: SystemTime) -> bool {
+        seconds(now) < self.until_s
+    }
+}
+
+impl Shared {
+    /// A copy of all entries.
+    fn open(&self) -> Open {
+        self.open.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn set(&self, open: Open) {
+        *self.open.write().unwrap_or_else(PoisonError::into_inner) = open;
+    }
+
+    /// Writes the file, which its owner alone can read, whole or not at all.
+    fn write(&self, open: &Open) -> Result<(), StoreError> {
+        let mut entries: Vec<_> = open.iter().collect();
+        entries.sort_unstable_by_key(|(_, entry)| entry.number);
+        let rows: Vec<Row> = entries
+            .into_iter()
+            .map(|(id, entry)| Row {
+                id: id.clone(),
+                token: entry.token.to_string(),
+                until_s: entry.until_s,
+            })
+            .collect();
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        let write = || {
+            let mut file = tempfile::Builder::new()
+                .prefix(".sessions-")
+                .tempfile_in(folder)?;
+            serde_json::to_writer(&mut file, &rows)?;
+            file.as_file().sync_all()?;
+            file.persist(&self.path)?;
+            fs::File::open(folder)?.sync_all()
+        };
+        write().map_err(|error| StoreError::from_io(error, "write", &self.path))
+    }
+}
+
+fn seconds(time: SystemTime) -> u64 {
+    time.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())
+}
+
+#[cfg(test)]
+mod tests;

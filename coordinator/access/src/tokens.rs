@@ -1,0 +1,255 @@
+//! The tokens file: who may come in, as what, and the digests of their tokens; never a token itself.
+
+use super::Role;
+use murmuration_link::{InputKind, TokenDigest, read_text};
+use murmuration_proto::{Invalid, text};
+use serde::{Deserialize, Serialize};
+use std::{
+    fmt, io,
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+/// Most entries of a tokens file: every request is compared with all of them.
+const MAX_HOLDERS: usize = 1000;
+/// Most characters of a name.
+const MAX_NAME: usize = 64;
+
+/// Whom a token is for: 1 to 64 characters of any script that can be seen, no space at either end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HolderName(String);
+
+/// Everybody who may come in with a token.
+#[derive(Debug, Default)]
+pub struct Tokens {
+    holders: Vec<Holder>,
+}
+
+/// Whom a token lets in, as what.
+#[derive(Debug)]
+pub struct Holder {
+    /// For people who read the file, and for refusals.
+    pub name: HolderName,
+    pub role: Role,
+    digest: TokenDigest,
+}
+
+/// Why a tokens file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TokensError {
+    /// It cannot be read.
+    #[error("cannot read the tokens file {}: {source}", path.display())]
+    Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// It is no TOML, or not of this form.
+    #[error("the tokens file {}: {reason}", path.display())]
+    Syntax {
+        /// Which file.
+        path: PathBuf,
+        /// Where, and what is wrong.
+        reason: String,
+    },
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    token: Vec<Entry>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    role: Role,
+    digest: String,
+}
+
+impl Tokens {
+    /// Reads a tokens file: a `[[token]]` with `name`, `role` and `digest` for each token.
+    ///
+    /// # Errors
+    /// Says where the file is wrong.
+    pub fn read(path: &Path) -> Result<Self, TokensError> {
+        let text = read_text(path, InputKind::Tokens).map_err(|source| TokensError::Unreadable {
+            path: path.to_owned(),
+            source,
+        })?;
+        parse(&text).map_err(|reason| TokensError::Syntax {
+            path: path.to_owned(),
+            reason,
+        })
+    }
+
+    /// These alone: name, role, digest.
+    pub fn of(holders: impl IntoIterator<Item = (HolderName, Role, TokenDigest)>) -> Self {
+        let holders = holders.into_iter();
+        Self {
+            holders: holders
+                .map(|(name, role, digest)| Holder { name, role, digest })
+                .collect(),
+        }
+    }
+
+    /// Whose token it is. Looks at all of them, whichever it is, so that the time it takes says nothing.
+    pub fn holder(&self, digest: TokenDigest) -> Option<&Holder> {
+        let holders = self.holders.iter();
+        holders.fold(None, |found, holder| {
+            if holder.digest == digest {
+                Some(holder)
+            } else {
+                found
+            }
+        })
+    }
+}
+
+impl HolderName {
+    /// The holder of the token that a data directory has for its own machine.
+    pub(super) fn this_machine() -> Self {
+        Self("this machine".to_owned())
+    }
+}
+
+impl FromStr for HolderName {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        text::name("name", name, MAX_NAME).map(Self)
+    }
+}
+
+impl fmt::Display for HolderName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// An entry of a tokens file.
+///
+/// # Errors
+/// Where it cannot be written as TOML.
+pub fn entry(name: &HolderName, role: Role, digest: TokenDigest) -> Result<String, toml::ser::Error> {
+    let entry = Entry {
+        name: name.to_string(),
+        role,
+        digest: digest.to_string(),
+    };
+    toml::to_string(&File { token: vec![entry] })
+}
+
+fn parse(text: &str) -> Result<Tokens, String> {
+    let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
+    if file.token.len() > MAX_HOLDERS {
+        return Err(format!(
+            "{} entries: there may be {MAX_HOLDERS}",
+            file.token.len()
+        ));
+    }
+    let holders = file.token.into_iter().map(|Entry { name, role, digest }| {
+        let name: HolderName = name.parse().map_err(|error: Invalid| error.to_string())?;
+        let digest = digest
+            .parse()
+            .map_err(|error| format!("the digest of \"{name}\": {error}"))?;
+        Ok::<_, String>((name, role, digest))
+    });
+    Ok(Tokens::of(holders.collect::<Result<Vec<_>, _>>()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_link::Token;
+
+    #[test]
+    fn an_entry_reads_back_and_knows_its_token_alone() {
+        let (ana, bo) = (Token::generate().unwrap(), Token::generate().unwrap());
+        let mut text = written("ana \"a\"", Role::Annotator, &ana);
+        text += &written("bo", Role::Operator, &bo);
+        assert!(!text.contains(&ana.reveal()[4..]), "{text}");
+        let tokens = parse(&text).unwrap();
+        let whose = |token: &Token| {
+            tokens
+                .holder(token.digest())
+                .map(|holder| (holder.name.to_string(), holder.role))
+        };
+        assert_eq!(whose(&ana), Some(("ana \"a\"".to_owned(), Role::Annotator)));
+        assert_eq!(whose(&bo), Some(("bo".to_owned(), Role::Operator)));
+        assert_eq!(whose(&Token::generate().unwrap()), None);
+    }
+
+    fn written(name: &str, role: Role, token: &Token) -> String {
+        entry(&name.parse().unwrap(), role, token.digest()).unwrap()
+    }
+
+    #[test]
+    fn a_name_is_of_any_script_and_can_be_seen() {
+        let token = Token::generate().unwrap();
+        for name in [
+            "Ana",
+            "Ang\u{e9}lique",
+            // The same as macOS and some keyboards write it: a letter and a mark.
+            "Ange\u{301}lique",
+            "अनीता शर्मा",
+            "क्\u{200d}षमा",
+            "สมชาย ใจดี",
+            "مريم",
+            "می\u{200c}خواهم",
+            "山田太郎",
+            "O'Brien-Smith, 2nd \\ 👩\u{200d}🚀",
+            &"अ".repeat(64),
+        ] {
+            let tokens = parse(&written(name, Role::Viewer, &token)).unwrap();
+            let holder = tokens.holder(token.digest()).unwrap();
+            assert_eq!(holder.name.to_string(), name);
+        }
+        for name in [
+            "",
+            " ",
+            "a\u{202e}nimda",
+            "admin\u{200b}",
+            // What other names may not have either.
+            "ad\u{200d}min",
+            "a\u{fe0f}",
+            "\u{2800}",
+            "a\nb",
+            "\u{1b}[2J",
+            &"a".repeat(65),
+        ] {
+            assert_eq!(name.parse::<HolderName>().unwrap_err().field, "name", "{name:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let digest = "0".repeat(64);
+        let cases = [
+            ("[[token]]\nname = \"a\"", "missing field `role`"),
+            (
+                &format!("[[token]]\nname = \"a\"\nrole = \"king\"\ndigest = \"{digest}\""),
+                "unknown variant `king`",
+            ),
+            (
+                "[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"mur_secret\"",
+                "the digest of \"a\": this is no token's digest",
+            ),
+            (
+                &format!("[[token]]\nname = \"\"\nrole = \"viewer\"\ndigest = \"{digest}\""),
+                "be seen",
+            ),
+            ("[[token]]\nsecret = 1", "unknown field `secret`"),
+        ];
+        for (text, said) in cases {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(said), "{error}");
+        }
+        let entry = format!("[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"{digest}\"\n");
+        assert!(parse(&entry.repeat(MAX_HOLDERS)).is_ok());
+        assert!(parse(&entry.repeat(MAX_HOLDERS + 1)).is_err());
+    }
+}

@@ -1,0 +1,54 @@
+//! How far a job is, told while somebody waits for it.
+
+use std::sync::{
+    Mutex, PoisonError,
+    atomic::{AtomicBool, AtomicU32, Ordering},
+};
+
+/// What a job waits for that no worker can do.
+const NO_EMBEDDER: &str = "no connected worker can embed: start one where ONNX Runtime is installed (`make runtime`), or \
+                           see in the workers' logs why they cannot";
+
+/// How far a job is, and what holds it up.
+#[derive(Debug, Default)]
+pub struct Headway {
+    done: AtomicU32,
+    trouble: Mutex<Option<String>>,
+    lacks_embedder: AtomicBool,
+}
+
+impl Headway {
+    /// Tasks whose results have arrived; fewer than before where a worker was found wrong.
+    #[must_use]
+    pub fn done(&self) -> u32 {
+        self.done.load(Ordering::Relaxed)
+    }
+
+    /// What holds it up: that no worker can embed; or why work was given back, if none has been done since.
+    #[must_use]
+    pub fn trouble(&self) -> Option<String> {
+        if self.lacks_embedder.load(Ordering::Relaxed) {
+            return Some(NO_EMBEDDER.to_owned());
+        }
+        let trouble = self.trouble.lock();
+        trouble.unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// So many are done.
+    pub fn set_done(&self, count: u32) {
+        self.done.store(count, Ordering::Relaxed);
+    }
+
+    /// One more is done.
+    pub fn one_more(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn set_lacks_embedder(&self, lacks: bool) {
+        self.lacks_embedder.store(lacks, Ordering::Relaxed);
+    }
+
+    pub(super) fn set_trouble(&self, trouble: Option<String>) {
+        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = trouble;
+    }
+}

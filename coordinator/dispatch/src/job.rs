@@ -1,0 +1,162 @@
+//! What campaigns hand to the dispatcher, and what they are told of it.
+
+use murmuration_model::{
+    CampaignId, CampaignRecord, Embedder, Maker, SavedTraining, TrainingPictures, Weight,
+};
+use murmuration_proto::{
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, World,
+    training::Configuration, v1,
+};
+use tokio::sync::watch;
+
+/// Controllers to evaluate that share everything but genome and seed.
+#[derive(Debug, Clone)]
+pub struct EvaluationJob {
+    /// Whose they are.
+    pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
+    /// The capability model of every controller.
+    pub model: CapabilityModel,
+    /// The arena.
+    pub world: World,
+    /// The pictures wanted.
+    pub image: ImageFormat,
+    /// What embeds the pictures, if anything.
+    pub embedder: Option<Embedder>,
+    /// Controllers with the seeds of their starts; at least one.
+    pub tasks: Vec<(Controller, u64)>,
+}
+
+impl EvaluationJob {
+    /// Controllers, with the seeds of their starts, to evaluate as this campaign wants it.
+    pub fn of(record: &CampaignRecord, embedder: Option<Embedder>, tasks: Vec<(Controller, u64)>) -> Self {
+        Self {
+            campaign: record.id.clone(),
+            weight: record.weight,
+            model: record.spec.model(),
+            world: *record.spec.world(),
+            image: *record.spec.image(),
+            embedder,
+            tasks,
+        }
+    }
+}
+
+/// Stored pictures to embed.
+#[derive(Debug, Clone)]
+pub struct EmbeddingJob {
+    /// Whose they are.
+    pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
+    /// What embeds them.
+    pub embedder: Embedder,
+    /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
+    pub images: Vec<Vec<u8>>,
+}
+
+/// An embedder to train for a campaign.
+#[derive(Debug)]
+pub struct TrainingJob {
+    /// The campaign.
+    pub campaign: CampaignId,
+    /// The campaign's share of the workers.
+    pub weight: Weight,
+    /// How to train.
+    pub configuration: Configuration,
+    /// Pixels along a side of the pictures.
+    pub side: u32,
+    /// The pictures without labels.
+    pub pictures: TrainingPictures,
+    /// What it goes on from, if it learns from labels.
+    pub lesson: Option<Lesson>,
+    /// Told how far the training has come.
+    pub progress: watch::Sender<Option<v1::TrainingProgress>>,
+    /// Told of each training put aside; whoever keeps them looks at the newest.
+    pub saved: watch::Sender<Option<SavedTraining>>,
+}
+
+impl TrainingJob {
+    /// Most bytes of the training, put aside; 0 if its network does not suit its pictures, and nothing can be trained.
+    pub(super) fn saved_bytes(&self) -> usize {
+        let bytes = self.configuration.saved_bytes(self.side as usize);
+        bytes.unwrap_or(0)
+    }
+}
+
+/// What a training on labels begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Lesson {
+    /// The checkpoint to go on from.
+    pub parent: CheckpointDigest,
+    /// Number of labelled pictures.
+    pub labelled: u32,
+    /// Number of labels that those come from.
+    pub labels: u32,
+}
+
+/// One simulation to watch.
+#[derive(Debug, Clone)]
+pub struct ReplayJob {
+    /// Of whose archive it is.
+    pub campaign: CampaignId,
+    /// The controller.
+    pub controller: Controller,
+    /// The arena.
+    pub world: World,
+    /// Seed of the start.
+    pub seed: u64,
+    /// The frames that are wanted of its motion.
+    pub frames: Frames,
+}
+
+/// What became of a controller that was to be evaluated.
+#[derive(Debug, Clone)]
+pub enum Evaluated {
+    /// It was evaluated.
+    Done {
+        /// What came of it.
+        evaluation: Evaluation,
+        /// Who did it.
+        maker: Maker,
+    },
+    /// It was given up.
+    SetAside(SetAside),
+}
+
+/// Work that took its workers with it, and is not tried again.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{} workers were lost with it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
+pub struct SetAside {
+    /// Names of the workers.
+    pub workers: Vec<String>,
+}
+
+/// Why a job has no results.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum JobError {
+    /// Workers or trainers say that it cannot be done by anyone: of two machines, or of one where there was no other.
+    #[error("{0}")]
+    Fatal(String),
+    /// Machines computed different results for the same task.
+    #[error(
+        "workers disagree about task {task} of a job ({}), and there is no other machine that could say which is right: \
+         one of them is broken; start a worker on another machine, and resume", .workers.join(" and ")
+    )]
+    Disagreement {
+        /// Place of the task in the job.
+        task: usize,
+        /// Names of those who disagree.
+        workers: Vec<String>,
+    },
+    /// It is of a kind that nothing could take the place of.
+    #[error("it cannot be done: {0}")]
+    SetAside(#[from] SetAside),
+    /// Somebody waits for it, and nobody is there to do it.
+    #[error("{}", super::NO_WORKER)]
+    NoWorker,
+    /// The coordinator is stopping.
+    #[error("the coordinator is shutting down")]
+    ShuttingDown,
+}

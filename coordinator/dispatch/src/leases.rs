@@ -1,0 +1,476 @@
+//! Which work is with whom: leases as a pure state machine, without clock, network or disk.
+//!
+//! A *job* is a list of tasks (one generation of a campaign, say). Tasks go out in *batches*, each under a *lease* that
+//! belongs to one worker until it answers or is lost. Invariants, each held against random schedules in the tests:
+//!
+//! - a task is never forgotten: until it is settled it waits for a lease or is under one that some worker holds;
+//! - a task is settled once: one result, or two machines that agree where it is audited or was disputed;
+//! - a machine has one vote, however many workers it runs, and one that contradicts itself has none;
+//! - results of a machine that was found wrong do not count, and what they had settled is done again;
+//! - a task that takes its workers with it is set aside after the third, once workers of two machines were lost, or where
+//!   there is no other machine to try it;
+//! - a job ends as impossible once two machines say so of one of its tasks, or where there is no other machine to ask;
+//! - there is one code path for a lease that comes back undone, whatever the reason.
+//!
+//! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
+
+mod job;
+mod quarantine;
+mod queues;
+mod task;
+mod turns;
+mod workers;
+
+use job::Job;
+use murmuration_model::MachineId;
+use queues::Queues;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::{Duration, Instant},
+};
+use task::Task;
+use workers::Worker;
+
+/// A worker's connection; a worker that connects anew has another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WorkerId(u64);
+
+/// A worker's process, the same over all its connections from one machine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct WorkerProcessId {
+    /// Where it runs.
+    pub machine: MachineId,
+    /// What tells it from other processes of that machine: a number of its own choosing, which gives it no vote.
+    pub instance: u64,
+}
+
+/// What a worker can do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Abilities {
+    /// Tasks that it runs at once, 1 or more.
+    pub capacity: usize,
+    /// Whether it embeds pictures.
+    pub embeds: bool,
+}
+
+/// A job that was submitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct JobId(u64);
+
+/// A lease; numbers are never used twice in one run of the coordinator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LeaseNumber(pub u64);
+
+/// Most tasks in one batch.
+pub const MAX_BATCH: usize = 64;
+/// Workers that a task may take with it before it is set aside.
+pub const MOST_LOST: usize = 3;
+/// Shortest and longest time after which a lease is also given to an idle worker.
+const PATIENCE: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
+/// A lease is late after so many times the usual time of one.
+const LATE: u32 = 4;
+
+/// When two results of the same task count as the same.
+pub trait Agree {
+    /// Whether `other` is the same result.
+    fn agrees_with(&self, other: &Self) -> bool;
+}
+
+/// How a job is to be done.
+#[derive(Debug, Clone)]
+pub struct Terms {
+    /// Number of tasks, at least one.
+    pub tasks: usize,
+    /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
+    /// say); at least 1.
+    pub effort: u64,
+    /// Places of the tasks that a worker on a second machine repeats, where there is one.
+    pub audited: BTreeSet<usize>,
+    /// Whether only workers that embed can do them.
+    pub embeds: bool,
+    /// Whether a late lease is also given to a worker that would be idle.
+    pub hurried: bool,
+}
+
+/// A batch that was just leased: send it to its worker.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grant {
+    /// Who holds the lease.
+    pub worker: WorkerId,
+    /// The lease.
+    pub lease: LeaseNumber,
+    /// The job that the tasks belong to.
+    pub job: JobId,
+    /// Places of the tasks in the job.
+    pub tasks: Vec<usize>,
+}
+
+/// What became of a task.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Settled<R> {
+    /// It was done.
+    Result {
+        /// The result.
+        value: R,
+        /// Who did it, or the first of those who agree.
+        by: WorkerProcessId,
+        /// Whether another machine found the same.
+        audited: bool,
+    },
+    /// It took these workers with it, and is not tried again.
+    SetAside {
+        /// Who was lost while they held it, the last two while they held nothing else.
+        lost: Vec<WorkerProcessId>,
+    },
+}
+
+/// Something that whoever waits for jobs, or watches workers, wants to hear.
+#[derive(Debug, PartialEq, Eq)]
+pub enum News<R> {
+    /// So many tasks of a job are settled. Fewer than before where a worker was found wrong.
+    Progress {
+        /// The job.
+        job: JobId,
+        /// How many.
+        settled: usize,
+    },
+    /// All tasks are settled, in their order; the job is now forgotten.
+    Done {
+        /// The job.
+        job: JobId,
+        /// One a task.
+        results: Vec<Settled<R>>,
+    },
+    /// Machines differ about a task and there is no other that could say which is right; the job is now forgotten.
+    Disagreement {
+        /// The job.
+        job: JobId,
+        /// The place of the task.
+        task: usize,
+        /// Who differs.
+        between: Vec<WorkerProcessId>,
+    },
+    /// Workers say that nobody could do a task: of two machines, or of one where there is no other to ask. The job is now
+    /// forgotten.
+    Impossible {
+        /// The job.
+        job: JobId,
+        /// Who says so.
+        by: Vec<WorkerProcessId>,
+    },
+    /// A machine was found wrong: its connections are closed, and what it did unaudited is done again.
+    Quarantined {
+        /// The worker that gave it away.
+        process: WorkerProcessId,
+        /// The machine's connections, which are forgotten.
+        workers: Vec<WorkerId>,
+        /// Results of running jobs that are not counted any more.
+        again: usize,
+    },
+}
+
+/// Why results were not taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refused {
+    /// The lease was never given, was answered, or its job is over. Harmless: late results look like this.
+    #[error("there is no such lease (its job may be over)")]
+    UnknownLease,
+    /// The lease was another worker's.
+    #[error("the lease was given to another worker")]
+    NotYours,
+    /// Not one result a task: the worker does not speak the protocol.
+    #[error("{got} results for a lease of {wanted} tasks")]
+    WrongCount {
+        /// Results that came.
+        got: usize,
+        /// Tasks of the lease.
+        wanted: usize,
+    },
+}
+
+/// How a lease comes back undone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Back {
+    /// Its worker lives, and could not or would not do it now.
+    Returned,
+    /// Its worker was lost while it held it.
+    Broken,
+}
+
+/// Jobs, workers, and the leases between them.
+#[derive(Debug)]
+pub struct LeaseTable<R> {
+    jobs: BTreeMap<JobId, Job<R>>,
+    workers: BTreeMap<WorkerId, Worker>,
+    leases: BTreeMap<LeaseNumber, Lease>,
+    quarantined: BTreeSet<MachineId>,
+    news: Vec<News<R>>,
+    /// Effort that the job served last has had: where new ones begin, so that they owe nothing.
+    served: u64,
+    /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
+    dispute_patience: Duration,
+    /// Usual time between a lease and its result.
+    turnaround: Option<Duration>,
+    next: u64,
+}
+
+/// A lease outlives its holder until its job is over, so that a late result still counts.
+#[derive(Debug)]
+struct Lease {
+    job: JobId,
+    tasks: Vec<usize>,
+    process: WorkerProcessId,
+    given: Instant,
+    holder: Option<WorkerId>,
+}
+
+impl<R: Agree> LeaseTable<R> {
+    /// An empty table; a dispute waits for so long for a machine that could decide it.
+    #[must_use]
+    pub const fn new(dispute_patience: Duration) -> Self {
+        Self {
+            dispute_patience,
+            jobs: BTreeMap::new(),
+            workers: BTreeMap::new(),
+            leases: BTreeMap::new(),
+            quarantined: BTreeSet::new(),
+            news: Vec::new(),
+            served: 0,
+            turnaround: None,
+            next: 0,
+        }
+    }
+
+    /// Takes in a job.
+    pub fn submit(&mut self, terms: Terms) -> JobId {
+        let id = JobId(self.fresh_number());
+        let tasks = (0..terms.tasks).map(|place| Task::new(terms.audited.contains(&place)));
+        let job = Job {
+            tasks: tasks.collect(),
+            // The second voices are asked for early, so that the end of a job does not wait for them.
+            queues: Queues::new(
+                terms.audited.iter().copied().filter(|&place| place < terms.tasks),
+                (0..terms.tasks).filter(|place| !terms.audited.contains(place)),
+            ),
+            settled: 0,
+            served: self.served,
+            effort: terms.effort.max(1),
+            hurried: terms.hurried,
+            embeds: terms.embeds,
+        };
+        self.jobs.insert(id, job);
+        id
+    }
+
+    /// Forgets a job and all its leases; results that still come are refused.
+    pub fn forget(&mut self, job: JobId) {
+        let over: Vec<_> = self.of_job(job).map(|(&number, _)| number).collect();
+        for number in over {
+            self.release(number);
+            self.leases.remove(&number);
+        }
+        self.jobs.remove(&job);
+        for worker in self.workers.values_mut() {
+            worker.rests.remove(&job);
+        }
+    }
+
+    /// The leases of a job that are with a worker.
+    pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
+        self.of_job(job)
+            .filter_map(|(&number, lease)| Some((lease.holder?, number)))
+    }
+
+    /// The job of a lease that was given to this worker, if it is not over.
+    #[must_use]
+    pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
+        let lease = self.leases.get(&lease)?;
+        (lease.process == self.workers.get(&worker)?.process).then_some(lease.job)
+    }
+
+    /// Tasks that wait for a worker.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.jobs.values().map(|job| job.queues.len()).sum()
+    }
+
+    /// Leases that are with a worker.
+    #[must_use]
+    pub fn out(&self) -> usize {
+        self.workers.values().map(|worker| worker.holds.len()).sum()
+    }
+
+    /// What happened since it was last asked.
+    pub fn take_news(&mut self) -> Vec<News<R>> {
+        std::mem::take(&mut self.news)
+    }
+
+    /// Results of a lease, one a task and in their order; also of one that was lost meanwhile.
+    ///
+    /// # Errors
+    /// See [`Refused`]; nothing has changed then.
+    pub fn complete(
+        &mut self,
+        worker: WorkerId,
+        number: LeaseNumber,
+        results: Vec<R>,
+        now: Instant,
+    ) -> Result<(), Refused> {
+        let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
+        let worker = self.workers.get_mut(&worker).ok_or(Refused::UnknownLease)?;
+        let process = worker.process;
+        if lease.process != process {
+            return Err(Refused::NotYours);
+        }
+        if results.len() != lease.tasks.len() {
+            return Err(Refused::WrongCount {
+                got: results.len(),
+                wanted: lease.tasks.len(),
+            });
+        }
+        worker.rests.remove(&lease.job);
+        worker.active = now;
+        let took = now.saturating_duration_since(lease.given);
+        self.learn_turnaround(took);
+        let held = self.release(number);
+        let Some(Lease { job: id, tasks, .. }) = self.leases.remove(&number) else {
+            return Err(Refused::UnknownLease);
+        };
+        let mut wrong = BTreeSet::new();
+        for (place, result) in tasks.into_iter().zip(results) {
+            if let Some(job) = self.jobs.get_mut(&id) {
+                wrong.extend(job.hear(place, process, result, held));
+            }
+        }
+        self.quarantine_all(wrong);
+        self.tell(id);
+        Ok(())
+    }
+
+    /// A worker gives a lease back that it could not do. It gets nothing more of that job for a while, each time in a row
+    /// for longer; its tasks are the next to go out.
+    pub fn give_back(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
+        let Some(job) = self.leased(worker, number) else {
+            return;
+        };
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.rest_from(job, now);
+        }
+        self.come_back(number, Back::Returned);
+    }
+
+    /// A worker says that nobody could do a lease's tasks. They go to other machines, and end the job if a second says so
+    /// too; the worker gets nothing more of that job for a while.
+    pub fn refuse(&mut self, worker: WorkerId, number: LeaseNumber, now: Instant) {
+        let is_out = |lease: &&Lease| lease.holder.is_some();
+        let (Some(id), Some(lease)) = (
+            self.leased(worker, number),
+            self.leases.get(&number).filter(is_out),
+        ) else {
+            return;
+        };
+        let (process, tasks) = (lease.process, lease.tasks.clone());
+        let mut impossible = None;
+        for place in tasks {
+            let task = self.jobs.get_mut(&id).map(|job| &mut job.tasks[place]);
+            if task.is_some_and(|task| task.refuse(process)) {
+                impossible = Some(place);
+            }
+        }
+        self.give_back(worker, number, now);
+        if let Some(place) = impossible {
+            self.end_as_impossible(id, place);
+        }
+    }
+
+    fn end_as_impossible(&mut self, id: JobId, place: usize) {
+        let by = self.jobs.get(&id).map(|job| job.tasks[place].refused.clone());
+        self.forget(id);
+        let by = by.unwrap_or_default();
+        self.news.push(News::Impossible { job: id, by });
+    }
+
+    /// A lease that its holder will not answer comes back; its tasks are the next to go out.
+    fn come_back(&mut self, number: LeaseNumber, how: Back) {
+        if !self.release(number) {
+            return;
+        }
+        let Some(Lease {
+            job: id,
+            tasks,
+            process,
+            ..
+        }) = self.leases.get(&number)
+        else {
+            return;
+        };
+        let id = *id;
+        if let Some(job) = self.jobs.get_mut(&id) {
+            for &place in tasks {
+                job.come_back(place, (how == Back::Broken).then_some(*process));
+            }
+        }
+        self.tell(id);
+    }
+
+    /// A lease is getting on: what takes so long has not taken anybody before.
+    pub fn get_on(&mut self, number: LeaseNumber) {
+        if let Some(Lease { job, tasks, .. }) = self.leases.get(&number)
+            && let Some(job) = self.jobs.get_mut(job)
+        {
+            for &place in tasks {
+                job.tasks[place].lost.clear();
+            }
+        }
+    }
+
+    /// Tells how far a job is, and forgets it once it is over.
+    fn tell(&mut self, id: JobId) {
+        let Some(job) = self.jobs.get(&id) else { return };
+        if job.settled < job.tasks.len() {
+            let settled = job.settled;
+            self.news.push(News::Progress { job: id, settled });
+            return;
+        }
+        let tasks = self.jobs.remove(&id).map(|job| job.tasks).unwrap_or_default();
+        self.forget(id);
+        let results = tasks.into_iter().filter_map(Task::into_settled).collect();
+        self.news.push(News::Done { job: id, results });
+    }
+
+    /// Takes a lease from its holder; false if nobody holds it.
+    fn release(&mut self, number: LeaseNumber) -> bool {
+        let Some(lease) = self.leases.get_mut(&number) else {
+            return false;
+        };
+        let Some(holder) = lease.holder.take() else {
+            return false;
+        };
+        if let Some(worker) = self.workers.get_mut(&holder) {
+            worker.holds.remove(&number);
+            worker.tasks -= lease.tasks.len();
+            worker.alone = false;
+        }
+        true
+    }
+
+    /// One that is late says nothing of how long leases usually take, but that it is a little longer.
+    fn learn_turnaround(&mut self, took: Duration) {
+        let learned = |usual: Duration| (usual * 7 + took.min(usual * LATE)) / 8;
+        self.turnaround = Some(self.turnaround.map_or(took, learned));
+    }
+
+    fn of_job(&self, job: JobId) -> impl Iterator<Item = (&LeaseNumber, &Lease)> {
+        self.leases.iter().filter(move |(_, lease)| lease.job == job)
+    }
+
+    fn fresh_number(&mut self) -> u64 {
+        self.next += 1;
+        self.next - 1
+    }
+}
+
+#[cfg(test)]
+mod schedules;
+#[cfg(test)]
+mod tests;

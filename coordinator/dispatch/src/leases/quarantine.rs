@@ -1,0 +1,60 @@
+//! Machines that were found wrong: what they said is forgotten, and they are not listened to.
+
+use super::{Agree, Back, LeaseTable, News, WorkerProcessId, job::Job, task::Task};
+use murmuration_model::MachineId;
+use std::collections::BTreeSet;
+
+impl<R: Agree> LeaseTable<R> {
+    /// A machine was found wrong before this table was: it is not listened to.
+    pub fn mistrust(&mut self, machine: MachineId) {
+        self.quarantined.insert(machine);
+    }
+
+    /// A worker was found wrong: its machine is not listened to any more, and what that did unaudited is done again.
+    pub fn quarantine(&mut self, process: WorkerProcessId) {
+        self.quarantine_all(BTreeSet::from([process]));
+    }
+
+    /// What they said is forgotten before any job can end with it.
+    pub(super) fn quarantine_all(&mut self, mut processes: BTreeSet<WorkerProcessId>) {
+        processes.retain(|process| !self.quarantined.contains(&process.machine));
+        let again: Vec<usize> = processes
+            .iter()
+            .map(|process| {
+                let unheard = self.jobs.values_mut().map(|job| job.unhear(process.machine));
+                unheard.sum()
+            })
+            .collect();
+        for (&process, again) in processes.iter().zip(again) {
+            // Of two workers on one machine, the first has given it away.
+            if !self.quarantined.insert(process.machine) {
+                continue;
+            }
+            let workers = self.of_machine(process.machine);
+            for &worker in &workers {
+                self.drop_worker(worker, Back::Returned);
+            }
+            self.news.push(News::Quarantined {
+                process,
+                workers,
+                again,
+            });
+        }
+        if !processes.is_empty() {
+            self.end_impossible_jobs();
+            let jobs: Vec<_> = self.jobs.keys().copied().collect();
+            for job in jobs {
+                self.tell(job);
+            }
+        }
+    }
+
+    /// What kept a task possible may have been the word of a machine that was found wrong.
+    fn end_impossible_jobs(&mut self) {
+        let first = |job: &Job<R>| job.tasks.iter().position(Task::is_impossible);
+        let impossible = self.jobs.iter().filter_map(|(&id, job)| Some((id, first(job)?)));
+        for (id, place) in impossible.collect::<Vec<_>>() {
+            self.end_as_impossible(id, place);
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! One task of a job: what workers said that its result is, and whether that settles it.
+
+use super::{Agree, MOST_LOST, Settled, WorkerProcessId};
+use murmuration_model::MachineId;
+use std::{collections::BTreeSet, time::Instant};
+
+#[derive(Debug)]
+pub(super) struct Task<R> {
+    /// What each machine said, at most once; several where it is audited or disputed.
+    pub(super) votes: Vec<(WorkerProcessId, R)>,
+    /// Who said that nobody could do it, one a machine.
+    pub(super) refused: Vec<WorkerProcessId>,
+    /// Who was lost while they held it, and has not been heard of since.
+    pub(super) lost: BTreeSet<WorkerProcessId>,
+    /// Workers that have it in hand.
+    pub(super) out: usize,
+    /// Since when no other machine is there that could decide about it.
+    pub(super) alone_since: Option<Instant>,
+    /// Whether one voice is not enough.
+    audited: bool,
+    /// Whether workers lost on one machine are enough to set it aside.
+    one_machine_is_enough: bool,
+}
+
+/// Where a task stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// It needs a worker.
+    Open,
+    /// The vote at this place is its result.
+    Settled(usize),
+    /// It took too many workers with it.
+    SetAside,
+}
+
+impl Verdict {
+    pub(super) const fn is_settled(self) -> bool {
+        matches!(self, Self::Settled(_) | Self::SetAside)
+    }
+}
+
+impl<R: Agree> Task<R> {
+    pub(super) const fn new(audited: bool) -> Self {
+        Self {
+            votes: Vec::new(),
+            refused: Vec::new(),
+            lost: BTreeSet::new(),
+            out: 0,
+            alone_since: None,
+            audited,
+            one_machine_is_enough: false,
+        }
+    }
+
+    /// One voice settles a task; two that agree one that is audited or disputed, so that whoever differs is outvoted.
+    pub(super) fn verdict(&self) -> Verdict {
+        let voices = |place: usize| self.agreeing(place).count();
+        let Some(best) = (0..self.votes.len()).rev().max_by_key(|&place| voices(place)) else {
+            return if self.has_lost_enough() && (self.one_machine_is_enough || self.lost_on_several()) {
+                Verdict::SetAside
+            } else {
+                Verdict::Open
+            };
+        };
+        let unanimous = voices(best) == self.votes.len();
+        let wanted = if self.audited || !unanimous { 2 } else { 1 };
+        if voices(best) >= wanted {
+            Verdict::Settled(best)
+        } else {
+            Verdict::Open
+        }
+    }
+
+    /// Whether a worker on this machine could bring it further: one that has said nothing of it yet and, once three were
+    /// lost with it, none of them from there.
+    pub(super) fn wants(&self, machine: MachineId) -> bool {
+        let lost_there = || self.lost.iter().any(|process| process.machine == machine);
+        let may_die_of_it = self.has_lost_enough() && lost_there();
+        !self.has_voice(machine) && !may_die_of_it
+    }
+
+    /// Whether only another machine than those that it has met can bring it further.
+    pub(super) fn wants_another_machine(&self) -> bool {
+        let met = !self.votes.is_empty() || !self.refused.is_empty() || self.has_lost_enough();
+        met && !self.verdict().is_settled()
+    }
+
+    /// Whether so many workers were lost with it that it may be to blame.
+    pub(super) fn has_lost_enough(&self) -> bool {
+        self.lost.len() >= MOST_LOST
+    }
+
+    fn lost_on_several(&self) -> bool {
+        let machine = |process: Option<&WorkerProcessId>| process.map(|process| process.machine);
+        // They are sorted by machine.
+        machine(self.lost.first()) != machine(self.lost.last())
+    }
+
+    fn has_voice(&self, machine: MachineId) -> bool {
+        let refused = self.refused.iter().any(|by| by.machine == machine);
+        refused || self.votes.iter().any(|(by, _)| by.machine == machine)
+    }
+
+    /// Who has said what it is.
+    pub(super) fn voices(&self) -> impl Iterator<Item = WorkerProcessId> {
+        self.votes.iter().map(|(by, _)| *by)
+    }
+
+    /// Whether machines differ about it.
+    pub(super) fn is_disputed(&self) -> bool {
+        !self.votes.is_empty() && self.agreeing(0).count() < self.votes.len()
+    }
+
+    /// Takes in a voice; false if the machine contradicts what it said itself.
+    pub(super) fn hear(&mut self, by: WorkerProcessId, result: R) -> bool {
+        self.refused.retain(|refused| refused.machine != by.machine);
+        let mut votes = self.votes.iter();
+        if let Some((_, before)) = votes.find(|(voter, _)| voter.machine == by.machine) {
+            return before.agrees_with(&result);
+        }
+        self.votes.push((by, result));
+        true
+    }
+
+    /// A worker says that nobody could do it; whether it [is impossible](Self::is_impossible) now.
+    pub(super) fn refuse(&mut self, by: WorkerProcessId) -> bool {
+        if !self.has_voice(by.machine) {
+            self.refused.push(by);
+        }
+        self.is_impossible()
+    }
+
+    /// Whether two machines say that nobody could do it, and none has done it.
+    pub(super) fn is_impossible(&self) -> bool {
+        self.votes.is_empty() && self.refused.len() > 1
+    }
+
+    /// A worker was lost while it held it.
+    pub(super) fn lose(&mut self, process: WorkerProcessId) {
+        self.one_machine_is_enough = false;
+        self.lost.insert(process);
+    }
+
+    /// A worker that was lost while it held it is back; whether there was one.
+    pub(super) fn acquit(&mut self, process: WorkerProcessId) -> bool {
+        let was_lost = self.lost.remove(&process);
+        // Not `&= !was_lost`: with that, the random schedules fail in builds that rustc 1.95 optimises, and in no other.
+        if was_lost {
+            self.one_machine_is_enough = false;
+        }
+        was_lost
+    }
+
+    /// Forgets what a machine had to do with it; whether that was anything.
+    pub(super) fn unhear(&mut self, machine: MachineId) -> bool {
+        let known = |task: &Self| (task.votes.len(), task.refused.len(), task.lost.len());
+        let before = known(self);
+        self.votes.retain(|(by, _)| by.machine != machine);
+        self.refused.retain(|by| by.machine != machine);
+        self.lost.retain(|process| process.machine != machine);
+        let changed = known(self) != before;
+        // Not `&= !changed`, for the reason that `acquit` gives.
+        if changed {
+            self.one_machine_is_enough = false;
+        }
+        changed
+    }
+
+    /// Workers that one machine has lost with it are enough to set it aside, until there is another.
+    pub(super) const fn blame(&mut self) {
+        self.one_machine_is_enough = true;
+    }
+
+    /// One voice is enough from now on.
+    pub(super) const fn waive_audit(&mut self) {
+        self.audited = false;
+    }
+
+    /// Whose voices the settled result shows to be wrong.
+    pub(super) fn wrong(&self) -> Vec<WorkerProcessId> {
+        let Verdict::Settled(place) = self.verdict() else {
+            return Vec::new();
+        };
+        let result = &self.votes[place].1;
+        let differs = |(_, other): &&(WorkerProcessId, R)| !result.agrees_with(other);
+        self.votes.iter().filter(differs).map(|(by, _)| *by).collect()
+    }
+
+    pub(super) fn into_settled(mut self) -> Option<Settled<R>> {
+        match self.verdict() {
+            Verdict::Open => None,
+            Verdict::SetAside => Some(Settled::SetAside {
+                lost: self.lost.into_iter().collect(),
+            }),
+            Verdict::Settled(place) => {
+                let audited = self.agreeing(place).count() > 1;
+                let (by, value) = self.votes.swap_remove(place);
+                Some(Settled::Result { value, by, audited })
+            }
+        }
+    }
+
+    fn agreeing(&self, place: usize) -> impl Iterator<Item = &(WorkerProcessId, R)> {
+        let result = &self.votes[place].1;
+        self.votes
+            .iter()
+            .filter(move |(_, other)| result.agrees_with(other))
+    }
+}

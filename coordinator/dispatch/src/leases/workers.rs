@@ -1,0 +1,203 @@
+//! Those who work: they come, are heard, fall silent, and go.
+
+use super::{
+    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, PATIENCE, WorkerId, WorkerProcessId, job::Job,
+};
+use murmuration_model::MachineId;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::{Duration, Instant},
+};
+
+#[derive(Debug)]
+pub(super) struct Worker {
+    pub(super) process: WorkerProcessId,
+    /// Tasks that it runs at once; 0 once it takes no more.
+    pub(super) capacity: usize,
+    embeds: bool,
+    pub(super) credits: usize,
+    pub(super) heard: Instant,
+    /// When it came, or was last done with a lease.
+    pub(super) active: Instant,
+    pub(super) holds: BTreeSet<LeaseNumber>,
+    /// Tasks that it has in hand.
+    pub(super) tasks: usize,
+    /// Whether it holds a task that may take it with it, and gets nothing else.
+    pub(super) alone: bool,
+    /// Jobs that it gave leases of back, and what has come of none since.
+    pub(super) rests: BTreeMap<JobId, Rest>,
+}
+
+/// A worker's pause from a job that it could not do.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rest {
+    /// How long the last one was.
+    length: Duration,
+    until: Instant,
+}
+
+/// First and longest pause of a worker from a job whose leases it gives back.
+const RESTS: (Duration, Duration) = (Duration::from_millis(200), Duration::from_secs(10));
+
+impl Worker {
+    pub(super) const fn machine(&self) -> MachineId {
+        self.process.machine
+    }
+
+    /// Whether it takes work, and has what a job needs.
+    pub(super) const fn suits<R>(&self, job: &Job<R>) -> bool {
+        self.capacity > 0 && (self.embeds || !job.embeds)
+    }
+
+    /// Tasks in hand for each that it runs at once, in thousandths.
+    pub(super) fn load(&self) -> usize {
+        1000 * self.tasks / self.capacity.max(1)
+    }
+
+    /// It gave back a lease of this job: each time in a row it pauses for twice as long.
+    pub(super) fn rest_from(&mut self, job: JobId, now: Instant) {
+        let length = self
+            .rests
+            .get(&job)
+            .map_or(RESTS.0, |rest| RESTS.1.min(rest.length * 2));
+        let until = now + length;
+        self.active = now;
+        self.rests.insert(job, Rest { length, until });
+    }
+
+    /// Whether it has long had nothing to do, and asks for nothing.
+    pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
+        let idle = now.saturating_duration_since(self.active);
+        self.credits == 0 && self.holds.is_empty() && idle > PATIENCE.1
+    }
+
+    /// Whether it gave back what it was last leased of this job.
+    pub(super) fn gave_back(&self, job: JobId) -> bool {
+        self.rests.contains_key(&job)
+    }
+
+    pub(super) fn rests(&self, job: JobId, now: Instant) -> bool {
+        self.rests.get(&job).is_some_and(|rest| now < rest.until)
+    }
+}
+
+impl<R: Agree> LeaseTable<R> {
+    /// A worker came at time `now`; it has no credits yet. `None` if its machine was found wrong. One that was given up for
+    /// lost is not: what it held did not take it.
+    pub fn join(
+        &mut self,
+        process: WorkerProcessId,
+        Abilities { capacity, embeds }: Abilities,
+        now: Instant,
+    ) -> Option<WorkerId> {
+        if self.quarantined.contains(&process.machine) {
+            return None;
+        }
+        for job in self.jobs.values_mut() {
+            job.acquit(process);
+        }
+        let id = WorkerId(self.fresh_number());
+        let worker = Worker {
+            process,
+            capacity,
+            embeds,
+            credits: 0,
+            heard: now,
+            active: now,
+            holds: BTreeSet::new(),
+            tasks: 0,
+            alone: false,
+            rests: BTreeMap::new(),
+        };
+        self.workers.insert(id, worker);
+        Some(id)
+    }
+
+    /// A worker gave a sign of life.
+    pub fn hear(&mut self, worker: WorkerId, now: Instant) {
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.heard = now;
+        }
+    }
+
+    /// A worker is ready for `count` further tasks.
+    pub fn add_credits(&mut self, worker: WorkerId, count: usize) {
+        if let Some(worker) = self.workers.get_mut(&worker).filter(|worker| worker.capacity > 0) {
+            worker.credits = worker.credits.saturating_add(count);
+        }
+    }
+
+    /// A worker takes no further leases; those it holds stay with it.
+    pub fn drain(&mut self, worker: WorkerId) {
+        if let Some(worker) = self.workers.get_mut(&worker) {
+            worker.credits = 0;
+            worker.capacity = 0;
+        }
+    }
+
+    /// A worker is gone: its leases come back undone. One that had said that it would leave was not taken by them.
+    pub fn lose(&mut self, worker: WorkerId) {
+        let leaving = self
+            .workers
+            .get(&worker)
+            .is_some_and(|worker| worker.capacity == 0);
+        self.drop_worker(worker, if leaving { Back::Returned } else { Back::Broken });
+    }
+
+    pub(super) fn drop_worker(&mut self, worker: WorkerId, how: Back) {
+        let holds = self.workers.get(&worker).map(|worker| worker.holds.clone());
+        for lease in holds.unwrap_or_default() {
+            self.come_back(lease, how);
+        }
+        self.workers.remove(&worker);
+    }
+
+    /// Workers that have been silent for longer than `limit`. Whoever asks must [`lose`](Self::lose) them.
+    pub fn silent(&self, now: Instant, limit: Duration) -> Vec<WorkerId> {
+        let silent = |worker: &Worker| now.saturating_duration_since(worker.heard) > limit;
+        self.workers
+            .iter()
+            .filter(|(_, worker)| silent(worker))
+            .map(|(&id, _)| id)
+            .collect()
+    }
+
+    /// Whether a worker is there and takes work.
+    #[must_use]
+    pub fn takes_work(&self, worker: WorkerId) -> bool {
+        self.workers
+            .get(&worker)
+            .is_some_and(|worker| worker.capacity > 0)
+    }
+
+    /// Number of workers that take work.
+    #[must_use]
+    pub fn workers(&self) -> usize {
+        self.workers.values().filter(|worker| worker.capacity > 0).count()
+    }
+
+    /// Whether workers are there, and none of them embeds.
+    #[must_use]
+    pub fn lacks_embedders(&self) -> bool {
+        let mut workers = self
+            .workers
+            .values()
+            .filter(|worker| worker.capacity > 0)
+            .peekable();
+        workers.peek().is_some() && workers.all(|worker| !worker.embeds)
+    }
+
+    /// The process at the other end of a connection.
+    #[must_use]
+    pub fn process(&self, worker: WorkerId) -> Option<WorkerProcessId> {
+        self.workers.get(&worker).map(|worker| worker.process)
+    }
+
+    pub(super) fn of_machine(&self, machine: MachineId) -> Vec<WorkerId> {
+        let of = self
+            .workers
+            .iter()
+            .filter(|(_, worker)| worker.machine() == machine);
+        of.map(|(&id, _)| id).collect()
+    }
+}

@@ -1,0 +1,368 @@
+//! The dispatcher: one task that owns the lease table and talks to every worker.
+//!
+//! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
+//! no results once a job is over and writes nothing to disk.
+
+mod headway;
+mod job;
+pub mod leases;
+mod metrics;
+mod service;
+mod trainers;
+mod work;
+
+pub use headway::Headway;
+pub use job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob};
+pub use metrics::{DispatchMetrics, Families, Party, WorkKind};
+pub use trainers::Trainers;
+
+use crate::leases::{LeaseNumber, WorkerId};
+use murmuration_model::{MachineId, Maker, Origin, Quarantined, SavedTraining};
+use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
+use service::Service;
+use std::{fmt, str::FromStr, sync::Arc, time::Duration};
+use tokio::sync::{mpsc, oneshot, watch};
+use tonic::Status;
+use work::{Output, Work};
+
+/// How the dispatcher treats its workers.
+#[derive(Debug, Clone, Copy)]
+pub struct Options {
+    /// How often a worker must send something.
+    pub heartbeat_interval: Duration,
+    /// How long a worker may be silent before it counts as lost.
+    pub silence_limit: Duration,
+    /// Share of the evaluations and embeddings that a second machine repeats.
+    pub audited: Share,
+}
+
+/// A share of a whole, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Share(f64);
+
+impl Share {
+    /// As a number.
+    #[must_use]
+    pub const fn get(self) -> f64 {
+        self.0
+    }
+}
+
+/// One in a hundred.
+impl Default for Share {
+    fn default() -> Self {
+        Self(0.01)
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl FromStr for Share {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+        share
+            .map(Self)
+            .ok_or_else(|| Invalid::new("share", text, "from 0 to 1"))
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            heartbeat_interval: Duration::from_secs(1),
+            silence_limit: Duration::from_secs(4),
+            audited: Share::default(),
+        }
+    }
+}
+
+/// What there is to say where no worker is connected.
+pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+
+/// How long what somebody waits for may wait for a first worker: whoever is starting, or was restarted, is there by then.
+const ABSENCE: Duration = Duration::from_secs(10);
+
+/// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
+pub const OUTBOX: usize = 1024;
+
+/// Where a worker's messages go. An error ends its stream.
+pub type Outbox = mpsc::Sender<Result<v1::CoordinatorMessage, Status>>;
+
+/// A handle on the dispatcher; cheap to clone. The dispatcher ends when the last one is dropped.
+#[derive(Debug, Clone)]
+pub struct Dispatch {
+    commands: mpsc::Sender<Command>,
+    workers: watch::Receiver<usize>,
+    quarantined: watch::Receiver<Vec<Quarantined>>,
+}
+
+/// Who connects.
+#[derive(Debug)]
+pub struct Newcomer {
+    /// Its name, for people.
+    pub name: String,
+    /// Where it connects from.
+    pub origin: Origin,
+    /// What tells its process from others of its machine; `None` if it does not say.
+    pub instance: Option<u64>,
+    /// Tasks that it runs at once.
+    pub capacity: usize,
+    /// How it embeds, if it does.
+    pub kind: EmbeddingKind,
+    /// Where messages to it go.
+    pub outbox: Outbox,
+}
+
+/// Why somebody is not welcome.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotWelcome {
+    /// Nobody is taken in any more.
+    #[error("the coordinator is shutting down")]
+    ShuttingDown,
+    /// Its machine was found wrong.
+    #[error(
+        "results of this machine were found wrong: it is quarantined; once it is sound, lift that with `murmuration \
+         quarantine --lift {0}` where the coordinator's data directory is"
+    )]
+    Quarantined(MachineId),
+}
+
+/// What a worker says once it has been welcomed, validated.
+#[derive(Debug)]
+pub enum WorkerReport {
+    /// Ready for so many further evaluations.
+    Credits(usize),
+    /// The outcome of a lease.
+    Result {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// What came of it.
+        outcome: v1::batch_result::Outcome,
+    },
+    /// How far the training of a lease has come.
+    Training {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// How far.
+        progress: v1::TrainingProgress,
+    },
+    /// The training of a lease, put aside.
+    Saved {
+        /// The coordinator's epoch that the lease was given in.
+        epoch: u64,
+        /// Its number.
+        lease: LeaseNumber,
+        /// The training.
+        training: SavedTraining,
+    },
+    /// Alive.
+    Heartbeat,
+    /// Takes no more leases.
+    Drain,
+    /// Its stream has ended.
+    Gone,
+}
+
+/// How large a training may be that somebody puts aside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Room {
+    /// Under a lease that it holds: at most so many bytes.
+    Bytes(usize),
+    /// Under a lease that is over: nobody wants it any more.
+    Over,
+    /// Under a lease that it was never given.
+    Never,
+}
+
+#[derive(Debug)]
+enum Command {
+    Work(Request),
+    Stop,
+}
+
+#[derive(Debug)]
+enum Request {
+    Submit {
+        work: Work,
+        headway: Arc<Headway>,
+        reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
+    },
+    Join {
+        newcomer: Newcomer,
+        reply: oneshot::Sender<Result<WorkerId, NotWelcome>>,
+    },
+    Report {
+        worker: WorkerId,
+        report: WorkerReport,
+    },
+    Room {
+        worker: WorkerId,
+        epoch: u64,
+        lease: LeaseNumber,
+        reply: oneshot::Sender<Room>,
+    },
+}
+
+impl Dispatch {
+    /// Starts a dispatcher on the current runtime. It does not listen to machines that were found wrong before.
+    #[must_use]
+    pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
+        let (commands, inbox) = mpsc::channel(1024);
+        let (count, workers) = watch::channel(0);
+        let (wrong, quarantined) = watch::channel(wrong);
+        tokio::spawn(Service::new(options, count, wrong, metrics).run(inbox));
+        Self {
+            commands,
+            workers,
+            quarantined,
+        }
+    }
+
+    /// Has the workers evaluate a job; `headway` says how far it is. Results are in the
+    /// order of the tasks. Dropping the future withdraws the job.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn evaluate(
+        &self,
+        job: EvaluationJob,
+        headway: Arc<Headway>,
+    ) -> Result<Vec<Evaluated>, JobError> {
+        let outputs = self.submit(Work::Evaluations(job), headway).await?;
+        Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
+    }
+
+    /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the pictures,
+    /// each with who made it. Dropping the future withdraws the job.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn embed(
+        &self,
+        job: EmbeddingJob,
+        headway: Arc<Headway>,
+    ) -> Result<Vec<(Vec<f32>, Maker)>, JobError> {
+        let outputs = self.submit(Work::Embeddings(job), headway).await?;
+        Ok(outputs.into_iter().filter_map(Output::into_embedded).collect())
+    }
+
+    /// Has a worker simulate one individual again, to be watched.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn replay(&self, job: ReplayJob) -> Result<Replay, JobError> {
+        let outputs = self.submit(Work::Replay(job), Arc::default()).await?;
+        outputs
+            .into_iter()
+            .find_map(Output::into_replay)
+            .ok_or(JobError::ShuttingDown)
+    }
+
+    /// What `work` comes to, which somebody waits for: an error once no worker has been there for a while to do it.
+    ///
+    /// # Errors
+    /// [`JobError::NoWorker`].
+    pub async fn while_staffed<T>(&self, work: impl Future<Output = T>) -> Result<T, JobError> {
+        tokio::select! {
+            biased;
+            done = work => Ok(done),
+            () = self.deserted() => Err(JobError::NoWorker),
+        }
+    }
+
+    /// Resolves once no worker has been connected for a while.
+    async fn deserted(&self) {
+        let mut workers = self.workers();
+        // Where the dispatcher has ended, its jobs have too, and say so.
+        while workers.wait_for(|&count| count == 0).await.is_ok() {
+            let somebody = workers.wait_for(|&count| count > 0);
+            if tokio::time::timeout(ABSENCE, somebody).await.is_err() {
+                return;
+            }
+        }
+        std::future::pending().await
+    }
+
+    /// That a worker is connected, as far as is known now.
+    ///
+    /// # Errors
+    /// [`JobError::NoWorker`].
+    pub fn check_staffed(&self) -> Result<(), JobError> {
+        match *self.workers.borrow() {
+            0 => Err(JobError::NoWorker),
+            _ => Ok(()),
+        }
+    }
+
+    /// Ends every worker's stream and every job.
+    pub async fn stop(&self) {
+        // One that has ended needs no telling.
+        let _ = self.commands.send(Command::Stop).await;
+    }
+
+    /// Number of workers that take work, now and whenever it changes.
+    #[must_use]
+    pub fn workers(&self) -> watch::Receiver<usize> {
+        self.workers.clone()
+    }
+
+    /// Machines that were found wrong, oldest first, now and whenever there is another.
+    #[must_use]
+    pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
+        self.quarantined.clone()
+    }
+
+    /// Takes in whoever connects.
+    pub async fn join(&self, newcomer: Newcomer) -> Result<WorkerId, NotWelcome> {
+        let (reply, answer) = oneshot::channel();
+        let command = Command::Work(Request::Join { newcomer, reply });
+        let sent = self.commands.send(command).await;
+        sent.map_err(|_| NotWelcome::ShuttingDown)?;
+        answer.await.map_err(|_| NotWelcome::ShuttingDown)?
+    }
+
+    /// Passes on what a worker says.
+    pub async fn report(&self, worker: WorkerId, report: WorkerReport) {
+        // A dispatcher that has ended needs no reports.
+        let _ = self
+            .commands
+            .send(Command::Work(Request::Report { worker, report }))
+            .await;
+    }
+
+    /// How large the training under a lease, given in this epoch of the coordinator's, may be that is put aside.
+    pub async fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+        let (reply, answer) = oneshot::channel();
+        let request = Request::Room {
+            worker,
+            epoch,
+            lease,
+            reply,
+        };
+        // A dispatcher that has ended wants nothing any more.
+        match self.commands.send(Command::Work(request)).await {
+            Ok(()) => answer.await.unwrap_or(Room::Over),
+            Err(_) => Room::Over,
+        }
+    }
+
+    async fn submit(&self, work: Work, headway: Arc<Headway>) -> Result<Vec<Output>, JobError> {
+        let (reply, answer) = oneshot::channel();
+        let command = Command::Work(Request::Submit { work, headway, reply });
+        self.commands
+            .send(command)
+            .await
+            .map_err(|_| JobError::ShuttingDown)?;
+        answer.await.map_err(|_| JobError::ShuttingDown)?
+    }
+}

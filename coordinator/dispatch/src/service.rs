@@ -1,0 +1,390 @@
+//! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
+
+mod results;
+
+use super::{
+    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Request, Room, WorkerReport,
+    work::{Output, Work},
+};
+use crate::{
+    DispatchMetrics,
+    leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
+};
+use murmuration_link::trace_parent;
+use murmuration_model::Quarantined;
+use murmuration_proto::{EmbeddingKind, Purpose, Stream, v1};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
+use tokio::{
+    sync::{mpsc, oneshot, watch},
+    time::MissedTickBehavior,
+};
+use tonic::Status;
+use tracing::Span;
+
+/// How often silence and lateness are looked for.
+const TICK: Duration = Duration::from_millis(100);
+/// Workers whose names are remembered after they are gone.
+const MOST_NAMES: usize = 4096;
+
+/// The dispatcher itself: everything here is owned by its one task.
+pub(super) struct Service {
+    options: Options,
+    epoch: u64,
+    table: LeaseTable<Output>,
+    jobs: BTreeMap<JobId, Job>,
+    workers: BTreeMap<WorkerId, Worker>,
+    /// Names and addresses of processes, also of those that are gone.
+    names: BTreeMap<WorkerProcessId, String>,
+    /// Which tasks are audited, and what tells processes apart that do not say.
+    chance: Stream,
+    count: watch::Sender<usize>,
+    wrong: watch::Sender<Vec<Quarantined>>,
+    metrics: DispatchMetrics,
+    /// When each lease was given, until its answer came or its job was over.
+    given: BTreeMap<LeaseNumber, Given>,
+}
+
+/// A lease that somebody has.
+struct Given {
+    job: JobId,
+    at: Instant,
+    /// Names it in the log, as its worker does in its own.
+    span: Span,
+}
+
+struct Job {
+    work: Work,
+    headway: Arc<Headway>,
+    /// Why somebody says that nobody can do it.
+    refusal: Option<String>,
+    reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
+}
+
+struct Worker {
+    name: String,
+    kind: EmbeddingKind,
+    outbox: Outbox,
+    /// The trainings that it was given, by their leases.
+    trainings: BTreeSet<LeaseNumber>,
+}
+
+impl Service {
+    /// One without jobs and workers; `count` is told the number of workers that take work, `wrong` whom of them it found
+    /// wrong.
+    pub(super) fn new(
+        options: Options,
+        count: watch::Sender<usize>,
+        wrong: watch::Sender<Vec<Quarantined>>,
+        metrics: DispatchMetrics,
+    ) -> Self {
+        let epoch = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_nanos() as u64);
+        let mut table = LeaseTable::new(options.silence_limit);
+        for wrong in wrong.borrow().iter() {
+            table.mistrust(wrong.machine);
+        }
+        Self {
+            options,
+            epoch,
+            table,
+            jobs: BTreeMap::new(),
+            workers: BTreeMap::new(),
+            names: BTreeMap::new(),
+            chance: Stream::derive(epoch, Purpose::Audit, 0),
+            count,
+            wrong,
+            metrics,
+            given: BTreeMap::new(),
+        }
+    }
+
+    /// Serves until the last handle is dropped or says stop.
+    pub(super) async fn run(mut self, mut inbox: mpsc::Receiver<Command>) {
+        let mut tick = tokio::time::interval(TICK);
+        tick.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            tokio::select! {
+                command = inbox.recv() => match command {
+                    None | Some(Command::Stop) => break,
+                    Some(Command::Work(request)) => self.take(request),
+                },
+                _ = tick.tick() => self.lose_silent_workers(),
+            }
+            self.forget_withdrawn_jobs();
+            self.send_leases();
+            self.tell_news();
+            self.tell_lacks();
+            let count = self.table.workers();
+            self.metrics.stand(count, self.table.waiting(), self.table.out());
+            self.count
+                .send_if_modified(|known| std::mem::replace(known, count) != count);
+        }
+        let workers: Vec<_> = self.workers.keys().copied().collect();
+        for worker in workers {
+            self.lose(
+                worker,
+                Some(Status::unavailable("the coordinator is shutting down")),
+            );
+        }
+    }
+
+    fn take(&mut self, request: Request) {
+        match request {
+            Request::Submit { work, headway, reply } => {
+                let (chance, share) = (&mut self.chance, self.options.audited.get());
+                let id = self.table.submit(work.terms(|| chance.chance(share)));
+                let job = Job {
+                    work,
+                    headway,
+                    refusal: None,
+                    reply,
+                };
+                self.jobs.insert(id, job);
+            }
+            Request::Join { newcomer, reply } => self.welcome(newcomer, reply),
+            Request::Room {
+                worker,
+                epoch,
+                lease,
+                reply,
+            } => {
+                // Whoever asked may be gone.
+                let _ = reply.send(self.room(worker, epoch, lease));
+            }
+            Request::Report { worker, report } => {
+                self.table.hear(worker, Instant::now());
+                match report {
+                    WorkerReport::Credits(count) => self.table.add_credits(worker, count),
+                    WorkerReport::Heartbeat => {}
+                    WorkerReport::Drain => self.table.drain(worker),
+                    WorkerReport::Gone => self.lose(worker, None),
+                    WorkerReport::Result {
+                        epoch,
+                        lease,
+                        outcome,
+                    } if epoch == self.epoch => {
+                        self.take_result(worker, lease, outcome);
+                    }
+                    WorkerReport::Training {
+                        epoch,
+                        lease,
+                        progress,
+                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
+                        job.progress.send_replace(Some(progress));
+                    }),
+                    WorkerReport::Saved {
+                        epoch,
+                        lease,
+                        training,
+                    } if epoch == self.epoch => self.tell_training(worker, lease, |job| {
+                        job.saved.send_replace(Some(training));
+                    }),
+                    WorkerReport::Result { .. }
+                    | WorkerReport::Training { .. }
+                    | WorkerReport::Saved { .. } => {
+                        tracing::debug!(?worker, "a report on a lease of an earlier epoch");
+                    }
+                }
+            }
+        }
+    }
+
+    fn welcome(&mut self, newcomer: Newcomer, reply: oneshot::Sender<Result<WorkerId, NotWelcome>>) {
+        let Newcomer {
+            name,
+            origin,
+            instance,
+            capacity,
+            kind,
+            outbox,
+        } = newcomer;
+        let process = WorkerProcessId {
+            machine: origin.machine,
+            instance: instance.unwrap_or_else(|| self.chance.bits()),
+        };
+        let abilities = Abilities {
+            capacity,
+            embeds: kind.is_known(),
+        };
+        let Some(id) = self.table.join(process, abilities, Instant::now()) else {
+            // It is told, if it still listens.
+            let _ = reply.send(Err(NotWelcome::Quarantined(process.machine)));
+            return;
+        };
+        let welcome = v1::coordinator_message::Message::Welcome(v1::Welcome {
+            epoch: self.epoch,
+            heartbeat_interval_ms: self.options.heartbeat_interval.as_millis() as u32,
+            silence_limit_ms: self.options.silence_limit.as_millis() as u32,
+        });
+        tracing::info!(worker = name, capacity, "worker joined");
+        self.remember(process, format!("{name} at {}", origin.address));
+        let trainings = BTreeSet::new();
+        self.workers.insert(
+            id,
+            Worker {
+                name,
+                kind,
+                outbox,
+                trainings,
+            },
+        );
+        self.send(id, welcome);
+        if reply.send(Ok(id)).is_err() {
+            self.lose(id, None);
+        }
+    }
+
+    fn remember(&mut self, process: WorkerProcessId, name: String) {
+        if self.names.len() >= MOST_NAMES {
+            let here: BTreeSet<_> = self
+                .workers
+                .keys()
+                .filter_map(|&id| self.table.process(id))
+                .collect();
+            self.names.retain(|process, _| here.contains(process));
+        }
+        self.names.insert(process, name);
+    }
+
+    /// Tells jobs that embed whether those who are there could do them.
+    fn tell_lacks(&self) {
+        let lacks = self.table.lacks_embedders();
+        for job in self.jobs.values().filter(|job| job.work.embeds()) {
+            job.headway.set_lacks_embedder(lacks);
+        }
+    }
+
+    fn forget_withdrawn_jobs(&mut self) {
+        let withdrawn: Vec<_> = self
+            .jobs
+            .iter()
+            .filter(|(_, job)| job.reply.is_closed())
+            .map(|(&id, _)| id)
+            .collect();
+        for id in withdrawn {
+            let held: Vec<_> = self.table.held(id).collect();
+            self.table.forget(id);
+            self.given.retain(|_, given| given.job != id);
+            let job = self.jobs.remove(&id);
+            // Evaluations are done before a word of theirs would be; a training may have minutes to go.
+            if job.is_some_and(|job| matches!(job.work, Work::Training(_))) {
+                for (worker, lease) in held {
+                    let lease = Some(self.lease_id(lease));
+                    let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
+                    self.send(worker, withdrawal);
+                }
+            }
+        }
+    }
+
+    fn lose_silent_workers(&mut self) {
+        for id in self.table.silent(Instant::now(), self.options.silence_limit) {
+            let said = format!(
+                "nothing heard for {:?}: leases given to others",
+                self.options.silence_limit
+            );
+            self.lose(id, Some(Status::deadline_exceeded(said)));
+        }
+    }
+
+    /// The one way in which a worker is lost; `reason` is told to it, if it still listens.
+    fn lose(&mut self, id: WorkerId, reason: Option<Status>) {
+        let with_workers = self.table.out();
+        self.table.lose(id);
+        self.metrics.returned(with_workers - self.table.out());
+        self.dismiss(id, reason);
+    }
+
+    /// Has no more to do with a worker; what it holds is the table's affair.
+    fn dismiss(&mut self, id: WorkerId, reason: Option<Status>) {
+        let Some(worker) = self.workers.remove(&id) else {
+            return;
+        };
+        match reason {
+            Some(status) => {
+                self.metrics.dropped();
+                tracing::warn!(worker = worker.name, reason = status.message(), "worker dropped");
+                let _ = worker.outbox.try_send(Err(status));
+            }
+            None => tracing::info!(worker = worker.name, "worker left"),
+        }
+    }
+
+    fn send_leases(&mut self) {
+        while let Some(Grant {
+            worker,
+            lease,
+            job,
+            tasks,
+        }) = self.table.grant(Instant::now())
+        {
+            let Some(content) = self.jobs.get(&job) else {
+                continue;
+            };
+            let (id, campaign) = (self.lease_id(lease), content.work.campaign().to_string());
+            let is_training = matches!(content.work, Work::Training(_));
+            if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
+                holder.trainings.insert(lease);
+            }
+            let holder = self.workers.get(&worker).map(|worker| &worker.name);
+            let span = tracing::info_span!(parent: None, "lease", %id, campaign, worker = holder);
+            span.in_scope(|| tracing::debug!(tasks = tasks.len(), "given"));
+            let message = v1::coordinator_message::Message::Lease(v1::Lease {
+                id: Some(id),
+                campaign,
+                trace_parent: trace_parent(&span),
+                work: Some(content.work.batch(&tasks)),
+            });
+            let at = Instant::now();
+            self.given.insert(lease, Given { job, at, span });
+            self.send(worker, message);
+        }
+    }
+
+    /// How large the training under a lease may be that is put aside.
+    fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+        let given = self
+            .workers
+            .get(&worker)
+            .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains(&lease));
+        let job = self.table.leased(worker, lease).filter(|_| given);
+        match job.and_then(|id| self.jobs.get(&id)) {
+            Some(Job {
+                work: Work::Training(job),
+                ..
+            }) => Room::Bytes(job.saved_bytes()),
+            _ if given => Room::Over,
+            _ => Room::Never,
+        }
+    }
+
+    fn lease_id(&self, lease: LeaseNumber) -> v1::LeaseId {
+        v1::LeaseId {
+            epoch: self.epoch,
+            number: lease.0,
+        }
+    }
+
+    fn send(&mut self, id: WorkerId, message: v1::coordinator_message::Message) {
+        let message = v1::CoordinatorMessage {
+            message: Some(message),
+        };
+        let sent = self
+            .workers
+            .get(&id)
+            .is_some_and(|worker| worker.outbox.try_send(Ok(message)).is_ok());
+        if !sent {
+            self.lose(
+                id,
+                Some(Status::resource_exhausted(
+                    "this worker does not read its messages",
+                )),
+            );
+        }
+    }
+}

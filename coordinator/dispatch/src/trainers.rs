@@ -1,0 +1,51 @@
+//! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
+
+use super::{
+    Dispatch, Headway, JobError, Options, TrainingJob,
+    work::{Output, Work},
+};
+use crate::DispatchMetrics;
+use murmuration_proto::CheckpointDigest;
+use std::sync::Arc;
+use tokio::sync::watch;
+
+/// A handle on the dispatcher of trainings; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Trainers(Dispatch);
+
+impl Trainers {
+    /// Starts it on the current runtime.
+    #[must_use]
+    pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
+        Self(Dispatch::start(options, metrics, Vec::new()))
+    }
+
+    /// Has a trainer train an embedder and publish it; `headway` says what holds it up. Dropping the future withdraws the
+    /// job.
+    ///
+    /// # Errors
+    /// See [`JobError`].
+    pub async fn train(&self, job: TrainingJob, headway: Arc<Headway>) -> Result<CheckpointDigest, JobError> {
+        let outputs = self.0.submit(Work::Training(Box::new(job)), headway).await?;
+        outputs
+            .into_iter()
+            .find_map(Output::into_checkpoint)
+            .ok_or(JobError::ShuttingDown)
+    }
+
+    /// Number of trainers that take work, now and whenever it changes.
+    #[must_use]
+    pub fn connected(&self) -> watch::Receiver<usize> {
+        self.0.workers()
+    }
+
+    /// Ends every trainer's stream and every training; those go on with the next coordinator.
+    pub async fn stop(&self) {
+        self.0.stop().await;
+    }
+
+    /// What serves the trainers' streams.
+    pub const fn dispatch(&self) -> &Dispatch {
+        &self.0
+    }
+}

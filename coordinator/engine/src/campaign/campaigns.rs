@@ -1,0 +1,310 @@
+//! Every campaign of the store, and those at work in this process.
+
+use super::{
+    CampaignError,
+    context::StageContext,
+    metrics::CampaignMetrics,
+    preconditions::check_simulator,
+    registry::{AtWork, Deciding, Registry, Snapshot},
+    run,
+    run_handle::{Progress, RunHandle},
+};
+use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
+use murmuration_dispatch::Trainers;
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Quarantined, Stage, Weight};
+use murmuration_proto::{CampaignSpec, EmbedderSource, v1};
+use murmuration_search::interrupt::Interrupt;
+use murmuration_store::{Notice, StoreError, checkpoints::Checkpoints};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tokio::sync::watch;
+use tracing::Instrument as _;
+
+/// A campaign as it stands: what is on disk, and what is happening.
+#[derive(Debug, Clone)]
+pub struct CampaignStatus {
+    /// What is on disk.
+    pub record: CampaignRecord,
+    /// Whether this process works on it.
+    pub active: bool,
+    /// What it does, or would do next.
+    pub stage: Stage,
+    /// Of what its stage has in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    pub arrived: u32,
+    /// Evaluations (or embeddings) a second over the last seconds.
+    pub per_second: f64,
+    /// How far the training has come, while there is one.
+    pub training: Option<v1::TrainingProgress>,
+    /// What it waits for before it goes on by itself, such as room on the disk, or a worker.
+    pub waiting: Option<String>,
+    /// Workers connected to this coordinator.
+    pub workers: usize,
+    /// Trainers connected to this coordinator.
+    pub trainers: usize,
+    /// What somebody should know of it, oldest first: the latest.
+    pub notices: Vec<Notice>,
+}
+
+/// Every campaign of a store; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Campaigns {
+    pub(super) context: StageContext,
+    pub(super) registry: Registry,
+    /// Ends what campaigns compute.
+    interrupt: Interrupt,
+}
+
+impl Campaigns {
+    /// The campaigns of a store, with nothing at work; what they compute ends early once `interrupt` is raised.
+    #[must_use]
+    pub fn new(
+        trainers: Trainers,
+        checkpoints: Checkpoints,
+        annotator: SyntheticAnnotator,
+        metrics: CampaignMetrics,
+        interrupt: Interrupt,
+    ) -> Self {
+        let context = StageContext {
+            store: annotator.store.clone(),
+            dispatch: annotator.dispatch.clone(),
+            trainers,
+            checkpoints,
+            annotator,
+            metrics,
+        };
+        Self {
+            context,
+            registry: Registry::default(),
+            interrupt,
+        }
+    }
+
+    /// Stores a campaign and starts it.
+    ///
+    /// # Errors
+    /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
+    pub async fn create(&self, spec: CampaignSpec, weight: Weight) -> Result<CampaignStatus, CampaignError> {
+        if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
+            self.context
+                .checkpoints
+                .embedder(checkpoint, spec.image())
+                .await?;
+        }
+        let created_ms = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64);
+        let campaigns = self.clone();
+        // Of its own: what was stored also starts where who asked is gone before.
+        let creating = async move {
+            let store = campaigns.context.store.clone();
+            let id = blocking(move || store.create_campaign(&spec, weight, created_ms)).await??;
+            tracing::info!(campaign = %id, "created");
+            // Somebody may have cancelled it by now.
+            campaigns.go_on(&campaigns.registry.deciding(&id).await).await?;
+            campaigns.status(id.as_str()).await
+        };
+        let created = tokio::spawn(creating.in_current_span()).await;
+        created.map_err(|_| CampaignError::Broken)?
+    }
+
+    /// Continues every campaign that was running when its coordinator ended, and still is to.
+    ///
+    /// # Errors
+    /// If the store cannot be read. A campaign that cannot be continued is logged and left as it is.
+    pub async fn resume_interrupted(&self) -> Result<(), CampaignError> {
+        let store = self.context.store.clone();
+        let records = blocking(move || store.campaigns()).await??;
+        let running = records
+            .into_iter()
+            .filter(|record| record.state == CampaignState::Running);
+        for CampaignRecord { id, .. } in running {
+            // People may have decided about it since.
+            match self.go_on(&self.registry.deciding(&id).await).await {
+                Ok(true) => tracing::info!(campaign = %id, "resumed"),
+                Ok(false) => {}
+                Err(error) => tracing::error!(campaign = %id, %error, "cannot be resumed"),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whenever workers are found wrong, has those completed campaigns go on that rest on their word; those at work look
+    /// themselves. Ends with the dispatcher.
+    pub async fn watch_quarantine(self) {
+        let mut quarantined = self.context.dispatch.quarantined();
+        loop {
+            let wrong = quarantined.borrow_and_update().clone();
+            if !wrong.is_empty()
+                && let Err(error) = self.reopen(wrong).await
+            {
+                tracing::error!(%error, "completed campaigns cannot be checked for what a wrong worker did");
+            }
+            if quarantined.changed().await.is_err() {
+                return;
+            }
+        }
+    }
+
+    async fn reopen(&self, wrong: Vec<Quarantined>) -> Result<(), CampaignError> {
+        let store = self.context.store.clone();
+        let concerned = blocking(move || {
+            // Before they are looked at: a campaign that completes from now on looks at them itself.
+            store.quarantine(&wrong)?;
+            let mut concerned = Vec::new();
+            for record in store.campaigns()? {
+                if record.state == CampaignState::Completed && !store.suspects(&record.id)?.is_empty() {
+                    concerned.push(record);
+                }
+            }
+            Ok::<_, StoreError>(concerned)
+        })
+        .await??;
+        for record in concerned {
+            tracing::warn!(campaign = %record.id, "rests on what a wrong worker did: checked again");
+            if let Err(error) = self.check_again(&record).await {
+                tracing::error!(campaign = %record.id, %error, "cannot be checked again");
+            }
+        }
+        Ok(())
+    }
+
+    async fn check_again(&self, record: &CampaignRecord) -> Result<(), CampaignError> {
+        check_simulator(record)?;
+        let deciding = self.registry.deciding(&record.id).await;
+        let (store, id) = (self.context.store.clone(), record.id.clone());
+        if blocking(move || store.reopen(&id)).await?? {
+            self.registry.stop(&deciding);
+            self.go_on(&deciding).await?;
+        }
+        Ok(())
+    }
+
+    /// Every campaign, oldest first.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn list(&self) -> Result<Vec<CampaignStatus>, CampaignError> {
+        let store = self.context.store.clone();
+        let at_work = self.registry.snapshots();
+        let read = move || {
+            let noted = |record: CampaignRecord| Ok((store.notices(&record.id)?, record));
+            store
+                .campaigns()?
+                .into_iter()
+                .map(noted)
+                .collect::<Result<Vec<_>, StoreError>>()
+        };
+        let records = blocking(read).await??;
+        Ok(records
+            .into_iter()
+            .map(|(notices, record)| {
+                let snapshot = at_work.get(&record.id).cloned().unwrap_or_default();
+                self.merged(snapshot, record, notices)
+            })
+            .collect())
+    }
+
+    /// One campaign; `latest` is the newest.
+    ///
+    /// # Errors
+    /// If there is none of that id or the store cannot be read.
+    pub async fn status(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let id = self.record(id).await?.id;
+        let snapshot = self.registry.snapshot(&id);
+        let store = self.context.store.clone();
+        let (record, notices) = blocking(move || {
+            let record = store.campaign(id.as_str())?;
+            let notices = store.notices(&record.id)?;
+            Ok::<_, StoreError>((record, notices))
+        })
+        .await??;
+        Ok(self.merged(snapshot, record, notices))
+    }
+
+    /// Waits until a campaign's status may have changed, at most a second.
+    pub async fn changed(&self, id: &CampaignId) {
+        let progress = self.registry.progress(id);
+        let change = async {
+            match progress {
+                Some(mut progress) if progress.has_changed().is_ok() => {
+                    // An error means that the search has ended, which is a change.
+                    let _ = progress.changed().await;
+                }
+                _ => std::future::pending().await,
+            }
+        };
+        let _ = tokio::time::timeout(Duration::from_secs(1), change).await;
+    }
+
+    /// Stops everything at work without changing what the store says of it: it resumes with the next coordinator.
+    pub async fn stop(&self) {
+        self.registry.end().await;
+    }
+
+    pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, CampaignError> {
+        let (store, id) = (self.context.store.clone(), id.to_owned());
+        Ok(blocking(move || store.campaign(&id)).await??)
+    }
+
+    /// Begins a run of a campaign, once the former one has ended.
+    pub(super) fn start(&self, deciding: &Deciding, record: &CampaignRecord) -> Result<(), CampaignError> {
+        check_simulator(record)?;
+        let (stop, stopped) = watch::channel(false);
+        let (sender, progress) = watch::channel(Progress::default());
+        let interrupt = self.interrupt.child();
+        let handle = RunHandle::new(
+            sender,
+            stopped,
+            self.context.dispatch.workers(),
+            interrupt.clone(),
+        );
+        let run = record.run_id();
+        let context = self.context.during(run.clone());
+        // Of nobody's request: it goes on after the one that started it, and says itself whose it is.
+        let span = tracing::info_span!(parent: None, "campaign", id = %record.id);
+        self.registry.start(deciding, |former| {
+            let work = async move {
+                if let Some(former) = former {
+                    // One that panicked has ended too.
+                    let _ = former.await;
+                }
+                run::run(context, run, handle).await;
+            };
+            AtWork {
+                stop,
+                interrupt,
+                progress,
+                task: tokio::spawn(work.instrument(span)),
+            }
+        });
+        Ok(())
+    }
+
+    /// The snapshot must have been taken before the record was read: then a search that had ended by the time
+    /// of the snapshot has its last word in the record.
+    fn merged(
+        &self,
+        Snapshot { active, progress }: Snapshot,
+        mut record: CampaignRecord,
+        notices: Vec<Notice>,
+    ) -> CampaignStatus {
+        // What the store could not take. Where it says something else, that was decided later.
+        if let Some(error) = progress.failed
+            && record.state == CampaignState::Running
+        {
+            record.state = CampaignState::Failed;
+            record.error = error;
+        }
+        CampaignStatus {
+            active,
+            stage: Stage::of(&record),
+            arrived: if active { progress.arrived } else { 0 },
+            per_second: if active { progress.per_second } else { 0.0 },
+            training: progress.training.filter(|_| active),
+            waiting: progress.waiting.filter(|_| active),
+            workers: *self.context.dispatch.workers().borrow(),
+            trainers: *self.context.trainers.connected().borrow(),
+            notices,
+            record,
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Writing what a stage has come to, however long the disk takes.
+
+use super::{CampaignError, context::StageContext, run_handle::RunHandle};
+use crate::blocking::blocking;
+use murmuration_store::Store;
+use std::{sync::Arc, time::Duration};
+
+/// Pauses before a refused change is made again: they double from the first to the last.
+const FIRST_PAUSE: Duration = Duration::from_secs(2);
+const LAST_PAUSE: Duration = Duration::from_secs(30);
+
+impl StageContext {
+    /// Makes a change to the store. Where the disk refuses it for now (it is full, read-only, or failing), the campaign
+    /// waits, says so, and makes it again: what workers have evaluated is not thrown away. `None` if the campaign is to
+    /// stop while it waits; then nothing has changed.
+    pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
+        &self,
+        handle: &RunHandle,
+        change: impl Fn(&Store) -> Result<T, E> + Send + Sync + 'static,
+    ) -> Result<Option<T>, CampaignError> {
+        let change = Arc::new(change);
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let (store, once) = (self.store.clone(), change.clone());
+            let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
+                Ok(made) => {
+                    handle.waiting(None);
+                    return Ok(Some(made));
+                }
+                Err(error) if error.may_pass() => error.to_string(),
+                Err(error) => return Err(error),
+            };
+            tracing::warn!(error, "waits for the disk");
+            handle.waiting(Some(error));
+            tokio::select! {
+                () = handle.stopped() => return Ok(None),
+                () = tokio::time::sleep(pause) => {}
+            }
+            pause = LAST_PAUSE.min(pause * 2);
+        }
+    }
+}

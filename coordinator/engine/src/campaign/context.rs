@@ -1,0 +1,71 @@
+//! What every stage is handed, and how it says that it ended.
+
+use super::{CampaignError, metrics::CampaignMetrics};
+use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
+use murmuration_dispatch::{Dispatch, Trainers};
+use murmuration_model::{CampaignId, CampaignRecord, Embedder, RunId};
+use murmuration_proto::ImageFormat;
+use murmuration_store::{Store, checkpoints::Checkpoints};
+
+/// What the stages of a campaign work with.
+#[derive(Debug, Clone)]
+pub(super) struct StageContext {
+    /// That of the run: it takes no change once the run is over.
+    pub(super) store: Store,
+    pub(super) dispatch: Dispatch,
+    pub(super) trainers: Trainers,
+    pub(super) checkpoints: Checkpoints,
+    pub(super) annotator: SyntheticAnnotator,
+    pub(super) metrics: CampaignMetrics,
+}
+
+impl StageContext {
+    /// The same for a run of a campaign.
+    pub(super) fn during(&self, run: RunId) -> Self {
+        Self {
+            store: self.store.during(run),
+            ..self.clone()
+        }
+    }
+
+    /// What embeds a campaign's individuals, if anything.
+    pub(super) async fn embedder(&self, record: &CampaignRecord) -> Result<Option<Embedder>, CampaignError> {
+        Ok(match record.checkpoint {
+            Some(checkpoint) => Some(self.checkpoints.embedder(checkpoint, record.spec.image()).await?),
+            None => None,
+        })
+    }
+}
+
+/// Bytes of pictures that a stage holds at a time, where it need not hold more.
+const PICTURE_BYTES: usize = 256 << 20;
+
+/// Pictures that a stage handles at a time: `most`, or as many as fit.
+pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
+    (PICTURE_BYTES / image.pixels()).clamp(1, most)
+}
+
+/// How a stage ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Outcome {
+    /// All of it is on disk.
+    Done,
+    /// It was told to stop; what is on disk is whole.
+    Stopped,
+}
+
+impl Outcome {
+    /// That of a stage that ends with a [`StageContext::commit`].
+    pub(super) const fn of(committed: Option<()>) -> Self {
+        match committed {
+            Some(()) => Self::Done,
+            None => Self::Stopped,
+        }
+    }
+}
+
+/// A campaign as it is on disk now.
+pub(super) async fn read(store: &Store, id: &CampaignId) -> Result<CampaignRecord, CampaignError> {
+    let (store, id) = (store.clone(), id.clone());
+    Ok(blocking(move || store.campaign(id.as_str())).await??)
+}

@@ -1,0 +1,131 @@
+//! What people decide about a campaign: written first, then followed. From the instant that a decision is on disk nothing
+//! that the former run still does can change the campaign, so nobody has to wait for its end.
+
+use super::{
+    CampaignError, CampaignStatus, Campaigns,
+    preconditions::{check_lesson, check_simulator},
+    registry::Deciding,
+};
+use crate::blocking::blocking;
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
+use murmuration_proto::CheckpointDigest;
+use murmuration_store::Decision;
+use tracing::Instrument as _;
+
+impl Campaigns {
+    /// Stops a campaign, to be continued; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or its state does not allow it.
+    pub async fn pause(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        self.decide(record.id, Decision::Pause).await
+    }
+
+    /// Has a campaign go on; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, its state does not allow it, or it was begun with another simulator.
+    pub async fn resume(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        // What may not be resumed at all is told so first.
+        if record.state.after(Change::Resume).is_some() {
+            check_simulator(&record)?;
+        }
+        self.decide(record.id, Decision::Resume).await
+    }
+
+    /// Ends a campaign for good; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or its state does not allow it.
+    pub async fn cancel(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.record(id).await?;
+        self.decide(record.id, Decision::Cancel).await
+    }
+
+    /// Has a campaign move to a stored checkpoint, and go on from there; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign or checkpoint, the two do not go together, or the campaign is cancelled.
+    pub async fn adopt(
+        &self,
+        id: &str,
+        checkpoint: CheckpointDigest,
+    ) -> Result<CampaignStatus, CampaignError> {
+        let record = self.movable(id, Change::Adopt).await?;
+        let image = record.spec.image();
+        self.context.checkpoints.embedder(checkpoint, image).await?;
+        self.decide(record.id, Decision::Adopt(checkpoint)).await
+    }
+
+    /// Begins a round of feedback: has a campaign fine-tuned on its labels as they stand, and its search go on after
+    /// that; the decision is on disk when this returns.
+    ///
+    /// # Errors
+    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
+    pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
+        let record = self.movable(id, Change::Refine).await?;
+        if record.checkpoint.is_none() {
+            return Err(CampaignError::NoEmbedder(record.id));
+        }
+        let (store, labelled) = (self.context.store.clone(), record.id.clone());
+        let labels = blocking(move || store.labels(&labelled)).await??;
+        check_lesson(&record.id, &labels)?;
+        self.decide(record.id, Decision::Refine(labels.entries())).await
+    }
+
+    /// A campaign that may move to another space.
+    async fn movable(&self, id: &str, change: Change) -> Result<CampaignRecord, CampaignError> {
+        let record = self.record(id).await?;
+        let CampaignRecord { id, spec, state, .. } = &record;
+        if *state == CampaignState::Cancelled {
+            let (id, state) = (id.clone(), *state);
+            return Err(NotAllowed { id, change, state }.into());
+        }
+        if !spec.method().embeds() {
+            let (id, method) = (id.clone(), spec.method());
+            return Err(CampaignError::NoEmbedding { id, method });
+        }
+        check_simulator(&record)?;
+        Ok(record)
+    }
+
+    /// Writes a decision, ends the run that there is, and begins another if the campaign is to run; the status after that.
+    async fn decide(&self, id: CampaignId, decision: Decision) -> Result<CampaignStatus, CampaignError> {
+        let campaigns = self.clone();
+        // Of its own: what is decided is also done where who asked is gone before.
+        let deciding = async move {
+            let deciding = campaigns.registry.deciding(&id).await;
+            campaigns.decide_alone(&deciding, decision).await?;
+            drop(deciding);
+            campaigns.status(id.as_str()).await
+        };
+        let decided = tokio::spawn(deciding.in_current_span()).await;
+        decided.map_err(|_| CampaignError::Broken)?
+    }
+
+    async fn decide_alone(&self, deciding: &Deciding, decision: Decision) -> Result<(), CampaignError> {
+        let run = self.registry.snapshot(deciding.id());
+        let has_failed = run.progress.failed.is_some();
+        if decision == Decision::Resume && run.active && !has_failed {
+            return Ok(());
+        }
+        let (store, id) = (self.context.store.clone(), deciding.id().clone());
+        blocking(move || store.decide(&id, decision, has_failed)).await??;
+        tracing::info!(campaign = %deciding.id(), change = decision.change().name(), "decided");
+        self.registry.stop(deciding);
+        self.go_on(deciding).await?;
+        Ok(())
+    }
+
+    /// Starts a run of a campaign that is to run and has none here; whether it did.
+    pub(super) async fn go_on(&self, deciding: &Deciding) -> Result<bool, CampaignError> {
+        let record = self.record(deciding.id().as_str()).await?;
+        if record.state != CampaignState::Running || self.registry.snapshot(deciding.id()).active {
+            return Ok(false);
+        }
+        self.start(deciding, &record)?;
+        Ok(true)
+    }
+}

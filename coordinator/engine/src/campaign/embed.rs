@@ -1,0 +1,118 @@
+//! The embed stage: the workers embed every stored picture with the next checkpoint, then the archive switches to it
+//! at once.
+
+use super::{
+    CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
+    run_handle::RunHandle,
+};
+use crate::blocking::blocking;
+use murmuration_dispatch::EmbeddingJob;
+use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_proto::CampaignSpec;
+use murmuration_search::{
+    interrupt::Interrupt,
+    novelty::{self, Behaviours},
+};
+use murmuration_store::{GenerationRecord, Provenance, Store, Switch};
+
+/// Pictures embedded and committed together, where so many fit.
+const CHUNK: usize = 2048;
+
+/// Embeds what is not embedded yet, measures novelty anew, and switches.
+pub(super) async fn embed(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let CampaignRecord {
+        id,
+        spec,
+        weight,
+        next_checkpoint: Some(checkpoint),
+        mut embedded,
+        ..
+    } = record
+    else {
+        return Ok(Outcome::Done);
+    };
+    let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
+    let at_once = pictures_at_once(spec.image(), CHUNK) as u64;
+    loop {
+        let (store, of, model) = (context.store.clone(), id.clone(), spec.model());
+        let range = embedded..embedded + at_once;
+        let individuals = blocking(move || store.individuals(&of, model, range, true)).await??;
+        if individuals.is_empty() {
+            break;
+        }
+        let images = individuals
+            .into_iter()
+            .map(|individual| individual.image.unwrap_or_default())
+            .collect();
+        let job = EmbeddingJob {
+            campaign: id.clone(),
+            weight,
+            embedder,
+            images,
+        };
+        let Some(embeddings) = handle
+            .until_stopped(|headway| context.dispatch.embed(job, headway))
+            .await
+        else {
+            return Ok(Outcome::Stopped);
+        };
+        let (embeddings, makers): (Vec<_>, Vec<_>) = embeddings?.into_iter().unzip();
+        let provenance = Provenance {
+            makers,
+            notices: Vec::new(),
+        };
+        let count = embeddings.len() as u64;
+        let of = id.clone();
+        let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings, &provenance);
+        if context.commit(handle, add).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
+        embedded += count;
+        handle.committed(count);
+    }
+    let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt().clone());
+    let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
+    let switched = context
+        .commit(handle, move |store| store.switch(&id, &measured))
+        .await?;
+    Ok(Outcome::of(switched))
+}
+
+/// Measures every generation anew, in the archive as it stood after it.
+fn measure(
+    store: &Store,
+    id: &CampaignId,
+    spec: &CampaignSpec,
+    dimensions: usize,
+    interrupt: &Interrupt,
+) -> Result<Switch, CampaignError> {
+    let embeddings = store.next_embeddings(id)?;
+    let features = store.individuals(id, spec.model(), 0..embeddings.len() as u64, false)?;
+    let method = spec.method();
+    let mut behaviours = Behaviours::new(super::search::dimensions(method, Some(dimensions)));
+    let mut measured = Switch {
+        novelty: Vec::new(),
+        generations: Vec::new(),
+    };
+    let population = spec.search().population() as usize;
+    let generations = store.generations(id)?;
+    let individuals: Vec<_> = features.iter().zip(&embeddings).collect();
+    for (generation, record) in individuals.chunks(population).zip(generations) {
+        let first = behaviours.len();
+        for (individual, embedding) in generation {
+            behaviours.push(&method.behaviour(&individual.features, embedding))?;
+        }
+        let neighbours = spec.search().neighbours() as usize;
+        let novelty = novelty::novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;
+        measured
+            .generations
+            .push(GenerationRecord::of(record.generation, &novelty, record.filtered));
+        measured.novelty.extend(novelty);
+    }
+    Ok(measured)
+}

@@ -1,0 +1,164 @@
+//! What can go wrong with a campaign.
+
+use crate::{blocking::Broken, queries::QueryError, space::SpaceError, synthetic::AnnotatorError};
+use murmuration_dispatch::JobError;
+use murmuration_model::{CampaignId, NotAllowed};
+use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
+use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
+use murmuration_store::{DecisionError, LabelError, StoreError, checkpoints::CheckpointError};
+
+/// Why a campaign stopped, or could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum CampaignError {
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// Its state does not allow the change.
+    #[error("{0}")]
+    NotAllowed(#[from] NotAllowed),
+    /// A generation could not be evaluated, or an embedder not trained.
+    #[error("{0}")]
+    Job(#[from] JobError),
+    /// A checkpoint cannot be used.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// It has no embedding that another checkpoint could make.
+    #[error(
+        "campaign {id} searches with the method \"{method}\", which has no embedding: no checkpoint suits it"
+    )]
+    NoEmbedding {
+        /// The campaign.
+        id: CampaignId,
+        /// Its method.
+        method: Method,
+    },
+    /// It has no embedder yet that could be fine-tuned.
+    #[error("campaign {0} has no embedder yet: it can learn from labels once its first one is trained")]
+    NoEmbedder(CampaignId),
+    /// Its labels leave nothing to tell apart.
+    #[error(
+        "the labels of campaign {id} name {classes} of the at least 2 classes that it takes to learn from them: \
+         label more individuals"
+    )]
+    TooFewClasses {
+        /// The campaign.
+        id: CampaignId,
+        /// Classes that are named.
+        classes: usize,
+    },
+    /// Its checkpoint does not say how to go on training it.
+    #[error(
+        "checkpoint {checkpoint} cannot be fine-tuned, its configuration is not a trainer's ({reason}): \
+         `murmuration adopt` one that was trained here"
+    )]
+    Untrainable {
+        /// The checkpoint.
+        checkpoint: CheckpointDigest,
+        /// What is wrong with its configuration.
+        reason: String,
+    },
+    /// Nobody could be asked about its individuals.
+    #[error("{0}")]
+    Query(QueryError),
+    /// Labels could not be stored.
+    #[error("{0}")]
+    Label(#[from] LabelError),
+    /// A generation could not be proposed.
+    #[error("{0}")]
+    Propose(#[from] ProposeError),
+    /// A worker returned features that cannot be compared.
+    #[error("a worker returned an impossible evaluation: {0}")]
+    Misfit(#[from] Misfit),
+    /// It has gone on from something that a worker got wrong, with the help of people.
+    #[error(
+        "{wrong} of campaign {id}, which was worker {workers}'s, is wrong, and cannot be made anew: labels or another \
+         embedder came after it; submit the campaign again (`murmuration labels {id}` exports what was said)"
+    )]
+    Tainted {
+        /// The campaign.
+        id: CampaignId,
+        /// What is wrong.
+        wrong: String,
+        /// Whose it was.
+        workers: String,
+    },
+    /// Its archive comes from another simulator, whose evaluations differ.
+    #[error(
+        "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \
+         run it with that version, or start a new campaign",
+        SIMULATOR_VERSION
+    )]
+    OtherSimulator {
+        /// The campaign.
+        id: CampaignId,
+        /// Version of the simulator that it was begun with.
+        theirs: String,
+    },
+    /// It was told to stop, or the coordinator ends.
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
+    /// A bug: the search itself broke off.
+    #[error(
+        "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
+    )]
+    Broken,
+}
+
+impl From<Broken> for CampaignError {
+    fn from(_: Broken) -> Self {
+        Self::Broken
+    }
+}
+
+impl From<QueryError> for CampaignError {
+    fn from(error: QueryError) -> Self {
+        match error {
+            QueryError::Space(SpaceError::Interrupted(interrupted)) => Self::Interrupted(interrupted),
+            error => Self::Query(error),
+        }
+    }
+}
+
+impl From<AnnotatorError> for CampaignError {
+    fn from(error: AnnotatorError) -> Self {
+        match error {
+            AnnotatorError::Store(error) => error.into(),
+            AnnotatorError::Query(error) => error.into(),
+            AnnotatorError::Job(error) => error.into(),
+            AnnotatorError::Broken(error) => error.into(),
+        }
+    }
+}
+
+impl From<DecisionError> for CampaignError {
+    fn from(error: DecisionError) -> Self {
+        match error {
+            DecisionError::Store(error) => Self::Store(error),
+            DecisionError::NotAllowed(error) => Self::NotAllowed(error),
+        }
+    }
+}
+
+impl CampaignError {
+    /// Whether nothing is wrong with the campaign: somebody decided about it, or the coordinator ends.
+    pub(super) const fn is_stop(&self) -> bool {
+        matches!(
+            self,
+            Self::Job(JobError::ShuttingDown)
+                | Self::Interrupted(_)
+                | Self::Store(StoreError::Superseded(_))
+                | Self::Label(LabelError::Store(StoreError::Superseded(_)))
+        )
+    }
+
+    /// Whether the disk is why, so that the same may be done later.
+    #[must_use]
+    pub const fn may_pass(&self) -> bool {
+        match self {
+            Self::Store(error)
+            | Self::Label(LabelError::Store(error))
+            | Self::Checkpoint(CheckpointError::Store(error)) => error.may_pass(),
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! Evaluations by the workers, with something in the place of what had to be set aside.
+
+use super::{CampaignError, run_handle::RunHandle};
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside};
+use murmuration_model::Maker;
+use murmuration_proto::{Controller, Evaluation};
+use murmuration_search::breeding::ProposeError;
+use murmuration_store::{Picture, Provenance};
+use std::collections::BTreeMap;
+
+/// Attempts at one place of a job, each with another controller or start.
+const MOST_ATTEMPTS: u64 = 5;
+
+/// What a job came to.
+#[derive(Debug)]
+pub(super) struct Done {
+    /// What was evaluated: the tasks of the job, but for those that had to be set aside.
+    pub(super) tasks: Vec<(Controller, u64)>,
+    /// One a task.
+    pub(super) evaluations: Vec<Evaluation>,
+    /// Who made each.
+    pub(super) makers: Vec<Maker>,
+    /// The places that were set aside, and why.
+    pub(super) set_aside: Vec<(usize, SetAside)>,
+}
+
+impl Done {
+    /// Every evaluation's picture, and where they come from; `notice` says what there is to say of a place that was set
+    /// aside.
+    pub(super) fn into_pictures(
+        self,
+        notice: impl Fn(usize, &SetAside) -> String,
+    ) -> (Vec<Picture>, Provenance) {
+        let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation)| Picture {
+            controller,
+            seed,
+            image: evaluation.into_image(),
+        };
+        let notices = self
+            .set_aside
+            .iter()
+            .map(|(place, reason)| notice(*place, reason));
+        let provenance = Provenance {
+            notices: notices.collect(),
+            makers: self.makers,
+        };
+        let pictures = self.tasks.into_iter().zip(self.evaluations).map(picture);
+        (pictures.collect(), provenance)
+    }
+}
+
+/// A task and its place in a job.
+pub(super) type Placed = (usize, (Controller, u64));
+
+/// Has the workers do `job`. Where a task had to be set aside, `substitute` says which tasks take its place (and those
+/// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
+pub(super) async fn evaluate(
+    dispatch: &Dispatch,
+    handle: &mut RunHandle,
+    job: EvaluationJob,
+    substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
+) -> Result<Option<Done>, CampaignError> {
+    let mut tasks = job.tasks.clone();
+    let mut results: Vec<Option<(Evaluation, Maker)>> = vec![None; tasks.len()];
+    let mut set_aside = Vec::new();
+    let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
+    for attempt in 1.. {
+        let job = EvaluationJob {
+            campaign: job.campaign.clone(),
+            tasks: wanted.iter().map(|(_, task)| *task).collect(),
+            ..job
+        };
+        let Some(evaluated) = handle
+            .until_stopped(|headway| dispatch.evaluate(job, headway))
+            .await
+        else {
+            return Ok(None);
+        };
+        let mut substitutes = BTreeMap::new();
+        for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
+            match evaluated {
+                Evaluated::Done { evaluation, maker } => results[place] = Some((evaluation, maker)),
+                Evaluated::SetAside(reason) if attempt == MOST_ATTEMPTS => {
+                    return Err(JobError::SetAside(reason).into());
+                }
+                Evaluated::SetAside(reason) => {
+                    set_aside.push((place, reason));
+                    substitutes.extend(substitute(place, attempt)?);
+                }
+            }
+        }
+        for (&place, &task) in &substitutes {
+            tasks[place] = task;
+            results[place] = None;
+        }
+        wanted = substitutes.into_iter().collect();
+        if wanted.is_empty() {
+            break;
+        }
+    }
+    let (evaluations, makers) = results.into_iter().flatten().unzip();
+    Ok(Some(Done {
+        tasks,
+        evaluations,
+        makers,
+        set_aside,
+    }))
+}

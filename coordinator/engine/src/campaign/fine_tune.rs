@@ -1,0 +1,113 @@
+//! The fine-tune stage: a trainer goes on from the campaign's embedder, on labels, and the campaign moves to what comes
+//! of it.
+
+use super::{
+    CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
+    evaluate::evaluate,
+    run_handle::RunHandle,
+    train::train,
+};
+use crate::blocking::blocking;
+use murmuration_dispatch::{EvaluationJob, Lesson};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::{
+    CheckpointDigest, Feedback,
+    training::{Configuration, ConfigurationError},
+};
+use murmuration_store::{FurtherStart, LessonPictures, Store};
+
+/// Pictures from further starts that are simulated and committed together.
+const CHUNK: usize = 1000;
+
+/// Has the embedder fine-tuned on the labels of the round that was begun, and the campaign move to the checkpoint.
+pub(super) async fn fine_tune(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let (Some(parent), Some(entries), Some(feedback)) =
+        (record.checkpoint, record.lesson, record.spec.feedback())
+    else {
+        return Ok(Outcome::Done);
+    };
+    if further_starts(context, &record, entries, handle).await? == Outcome::Stopped {
+        return Ok(Outcome::Stopped);
+    }
+    let pictures = read(context, &record, entries).await?;
+    let lesson = Lesson {
+        parent,
+        labelled: pictures.pictures.len() as u32,
+        labels: pictures.labels,
+    };
+    let training = (configuration(context, parent, feedback).await?, Some(lesson));
+    let Some(checkpoint) = train(context, &record, training, handle).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
+    Ok(Outcome::of(context.commit(handle, finish).await?))
+}
+
+async fn read(
+    context: &StageContext,
+    record: &CampaignRecord,
+    entries: u64,
+) -> Result<LessonPictures, CampaignError> {
+    let (store, record) = (context.store.clone(), record.clone());
+    Ok(blocking(move || store.lesson_pictures(&record, entries)).await??)
+}
+
+/// Has the workers simulate what labelled controllers do from further starts, as far as that is not on disk yet: a class is
+/// what a controller does, wherever its agents begin.
+async fn further_starts(
+    context: &StageContext,
+    record: &CampaignRecord,
+    entries: u64,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let missing = read(context, record, entries).await?.missing;
+    let mut place = record.pictures_done;
+    for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
+        let tasks = starts
+            .iter()
+            .map(|start| (start.controller, start.seed))
+            .collect();
+        let job = EvaluationJob::of(record, None, tasks);
+        // In the place of what kills its workers comes what was labelled, which does not.
+        let labelled = |place: usize, _| {
+            let FurtherStart {
+                controller, labelled, ..
+            } = starts[place];
+            Ok(vec![(place, (controller, labelled))])
+        };
+        let Some(done) = evaluate(&context.dispatch, handle, job, labelled).await? else {
+            return Ok(Outcome::Stopped);
+        };
+        let (pictures, provenance) = done.into_pictures(|_, reason| {
+            format!("a start of labelled individuals was set aside, that which was labelled took its place: {reason}")
+        });
+        let (id, count) = (record.id.clone(), pictures.len() as u64);
+        let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
+        if context.commit(handle, add).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
+        place += count;
+    }
+    Ok(Outcome::Done)
+}
+
+/// That of the checkpoint to go on from, with the recipe for labels.
+async fn configuration(
+    context: &StageContext,
+    parent: CheckpointDigest,
+    feedback: &Feedback,
+) -> Result<Configuration, CampaignError> {
+    let untrainable = |error: ConfigurationError| CampaignError::Untrainable {
+        checkpoint: parent,
+        reason: error.to_string(),
+    };
+    let lineage = context.checkpoints.describe(parent).await?.lineage;
+    let configuration = Configuration::from_toml(&lineage.configuration).map_err(untrainable)?;
+    let configuration = configuration.with_recipe(feedback.recipe().clone());
+    configuration.map_err(|error| untrainable(error.into()))
+}

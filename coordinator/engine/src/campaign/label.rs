@@ -1,0 +1,45 @@
+//! The label stage of a round that nobody attends: the synthetic annotator labels in a person's place.
+
+use super::{
+    CampaignError,
+    context::{Outcome, StageContext},
+    run_handle::RunHandle,
+};
+use crate::blocking::blocking;
+use murmuration_model::{CampaignRecord, labels::RequestId};
+use murmuration_store::Store;
+
+/// Has the synthetic annotator label as many individuals as a round asks for, and begins to learn from the labels.
+pub(super) async fn label(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let Some(feedback) = record.spec.feedback() else {
+        return Ok(Outcome::Done);
+    };
+    let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
+    let interrupt = handle.interrupt().clone();
+    let answers = |headway| {
+        let annotator = &context.annotator;
+        annotator.answers(&record, strategy, count, headway, &interrupt)
+    };
+    let answered = handle.until_stopped(answers).await;
+    let Some(answers) = answered else {
+        return Ok(Outcome::Stopped);
+    };
+    let answers = answers?;
+    let request = RequestId::of_round(record.rounds_done + 1);
+    let id = record.id.clone();
+    let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
+    if context.commit(handle, answer).await?.is_none() {
+        return Ok(Outcome::Stopped);
+    }
+    let store = context.store.clone();
+    blocking(move || {
+        let labels = store.labels(&record.id)?;
+        super::preconditions::check_lesson(&record.id, &labels)
+    })
+    .await??;
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,27 @@
+//! Campaigns: where they stand, the stages that they go through, and the registry of those at work.
+
+mod campaigns;
+mod commit;
+mod context;
+mod dataset;
+mod decisions;
+mod embed;
+mod error;
+mod evaluate;
+mod fine_tune;
+mod label;
+mod metrics;
+mod preconditions;
+mod pretrain;
+mod registry;
+mod reverify;
+mod run;
+mod run_handle;
+mod search;
+mod train;
+
+pub use campaigns::{CampaignStatus, Campaigns};
+pub use error::CampaignError;
+pub use metrics::CampaignMetrics;
+
+pub use dataset::tasks as dataset_tasks;

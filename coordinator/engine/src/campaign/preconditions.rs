@@ -1,0 +1,29 @@
+//! What must hold before a campaign goes on.
+
+use super::CampaignError;
+use murmuration_model::{CampaignId, CampaignRecord, labels::Labels};
+use murmuration_proto::SIMULATOR_VERSION;
+use std::collections::BTreeSet;
+
+/// Whether its archive can go on to grow with the evaluations of this simulator.
+pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignError> {
+    match record.simulator_version == SIMULATOR_VERSION {
+        true => Ok(()),
+        false => Err(CampaignError::OtherSimulator {
+            id: record.id.clone(),
+            theirs: record.simulator_version.clone(),
+        }),
+    }
+}
+
+/// Whether there is something to learn from labels.
+pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
+    let classes: BTreeSet<u32> = labels.lesson().into_iter().map(|(_, class)| class).collect();
+    match classes.len() {
+        2.. => Ok(()),
+        classes => Err(CampaignError::TooFewClasses {
+            id: id.clone(),
+            classes,
+        }),
+    }
+}

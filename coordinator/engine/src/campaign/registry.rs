@@ -1,0 +1,172 @@
+//! Which campaigns are at work in this process.
+//!
+//! Whoever changes what a campaign does holds the lock of that campaign ([`Deciding`]); other campaigns, and who only looks,
+//! do not wait for it. The registry's own lock is held for a look-up, never while something is awaited or computed.
+
+use super::run_handle::Progress;
+use murmuration_model::CampaignId;
+use murmuration_search::interrupt::Interrupt;
+use std::{
+    collections::BTreeMap,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+use tokio::{
+    sync::{OwnedMutexGuard, watch},
+    task::JoinHandle,
+};
+
+/// The campaigns at work; clones share them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Registry(Arc<Mutex<Entries>>);
+
+#[derive(Debug, Default)]
+struct Entries {
+    campaigns: BTreeMap<CampaignId, Entry>,
+    /// The coordinator ends: nothing is started any more.
+    is_ending: bool,
+}
+
+#[derive(Debug, Default)]
+struct Entry {
+    deciding: Arc<tokio::sync::Mutex<()>>,
+    /// The newest run that was started here.
+    at_work: Option<AtWork>,
+}
+
+/// The lock of a campaign: held from a decision about it until its run is stopped or started.
+#[derive(Debug)]
+pub(super) struct Deciding {
+    id: CampaignId,
+    _held: OwnedMutexGuard<()>,
+}
+
+/// A run that was started in this process.
+#[derive(Debug)]
+pub(super) struct AtWork {
+    pub(super) stop: watch::Sender<bool>,
+    /// Ends what it computes.
+    pub(super) interrupt: Interrupt,
+    pub(super) progress: watch::Receiver<Progress>,
+    pub(super) task: JoinHandle<()>,
+}
+
+/// A run at one instant.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Snapshot {
+    /// Whether it works, and was not told to stop.
+    pub(super) active: bool,
+    pub(super) progress: Progress,
+}
+
+impl Deciding {
+    /// Which campaign is decided about.
+    pub(super) const fn id(&self) -> &CampaignId {
+        &self.id
+    }
+}
+
+impl Registry {
+    /// Waits until nobody else decides about the campaign.
+    pub(super) async fn deciding(&self, id: &CampaignId) -> Deciding {
+        let lock = {
+            let mut entries = self.lock();
+            Arc::clone(&entries.campaigns.entry(id.clone()).or_default().deciding)
+        };
+        Deciding {
+            id: id.clone(),
+            _held: lock.lock_owned().await,
+        }
+    }
+
+    /// Starts a run of the campaign: `begin` is given the former one, which was told to stop and may still be about to. Does
+    /// nothing once the coordinator ends.
+    pub(super) fn start(&self, deciding: &Deciding, begin: impl FnOnce(Option<JoinHandle<()>>) -> AtWork) {
+        let mut entries = self.lock();
+        if entries.is_ending {
+            return;
+        }
+        entries.campaigns.retain(|_, entry| entry.is_needed());
+        let entry = entries.campaigns.entry(deciding.id.clone()).or_default();
+        let former = entry.at_work.take().map(|former| former.task);
+        entry.at_work = Some(begin(former));
+    }
+
+    /// Tells the run of the campaign to stop, if it has one.
+    pub(super) fn stop(&self, deciding: &Deciding) {
+        if let Some(Entry {
+            at_work: Some(at_work),
+            ..
+        }) = self.lock().campaigns.get(&deciding.id)
+        {
+            at_work.tell_to_stop();
+        }
+    }
+
+    /// Tells every run to stop, and waits until all have. No other is started after that.
+    pub(super) async fn end(&self) {
+        let at_work: Vec<AtWork> = {
+            let mut entries = self.lock();
+            entries.is_ending = true;
+            let entries = entries.campaigns.values_mut();
+            entries.filter_map(|entry| entry.at_work.take()).collect()
+        };
+        at_work.iter().for_each(AtWork::tell_to_stop);
+        for at_work in at_work {
+            // One that panicked has ended too.
+            let _ = at_work.task.await;
+        }
+    }
+
+    /// The run of a campaign, as nothing where it has none.
+    pub(super) fn snapshot(&self, id: &CampaignId) -> Snapshot {
+        let entries = self.lock();
+        let entry = entries.campaigns.get(id);
+        entry.and_then(Entry::snapshot).unwrap_or_default()
+    }
+
+    /// The run of every campaign that has one.
+    pub(super) fn snapshots(&self) -> BTreeMap<CampaignId, Snapshot> {
+        let entries = self.lock();
+        let snapshot = |(id, entry): (&CampaignId, &Entry)| Some((id.clone(), entry.snapshot()?));
+        entries.campaigns.iter().filter_map(snapshot).collect()
+    }
+
+    /// What the run of a campaign tells its watchers, while it works.
+    pub(super) fn progress(&self, id: &CampaignId) -> Option<watch::Receiver<Progress>> {
+        let entries = self.lock();
+        let at_work = entries.campaigns.get(id)?.at_work.as_ref()?;
+        at_work.is_active().then(|| at_work.progress.clone())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Entries> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Entry {
+    fn snapshot(&self) -> Option<Snapshot> {
+        let at_work = self.at_work.as_ref()?;
+        Some(Snapshot {
+            active: at_work.is_active(),
+            progress: at_work.progress.borrow().clone(),
+        })
+    }
+
+    /// Whether somebody decides about it, its run has not ended, or knows alone that it failed.
+    fn is_needed(&self) -> bool {
+        let tells =
+            |at_work: &AtWork| !at_work.task.is_finished() || at_work.progress.borrow().failed.is_some();
+        Arc::strong_count(&self.deciding) > 1 || self.at_work.as_ref().is_some_and(tells)
+    }
+}
+
+impl AtWork {
+    fn is_active(&self) -> bool {
+        !*self.stop.borrow() && !self.task.is_finished()
+    }
+
+    fn tell_to_stop(&self) {
+        self.stop.send_replace(true);
+        self.interrupt.raise();
+    }
+}

@@ -1,0 +1,312 @@
+//! When a machine is found wrong, what rests on its word alone is done again by others; what differs is taken back, with
+//! all that came of it. What counts as different is what audits go by.
+//!
+//! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be taken back without what
+//! people said. Such a campaign fails aloud.
+
+use super::{
+    CampaignError,
+    context::{Outcome, StageContext, pictures_at_once},
+    evaluate::{Done, evaluate},
+    run_handle::RunHandle,
+};
+use crate::blocking::blocking;
+use murmuration_dispatch::{EmbeddingJob, EvaluationJob};
+use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
+use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
+
+/// Results that are done again at a time, where so many fit.
+const CHUNK: usize = 1024;
+
+/// What was found to be wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wrong {
+    Picture(u64),
+    Individual { index: u64, generation: u32 },
+    Embedding(u64),
+}
+
+/// What is taken back, and done again by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Remedy {
+    /// All but so many pictures.
+    BeginAgain { pictures: u64 },
+    /// The generations from this one on.
+    TakeBack { generation: u32 },
+    /// The embeddings, and what came after so many individuals were embedded.
+    EmbedAgain { kept: u64 },
+}
+
+/// Does again what rests on the word of machines that were found wrong.
+pub(super) async fn reverify(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: Suspects,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let names: Vec<_> = suspects
+        .machines
+        .iter()
+        .map(|machine| machine.name.as_str())
+        .collect();
+    let begins = format!(
+        "worker {} returned wrong results and is quarantined; what it alone had done here was done again",
+        names.join(", ")
+    );
+    tracing::warn!(campaign = %record.id, results = suspects.len(), "{begins}");
+    let Some(wrong) = first_wrong(context, record, &suspects, handle).await? else {
+        return Ok(Outcome::Stopped);
+    };
+    let id = record.id.clone();
+    let Some(wrong) = wrong else {
+        let results = counted(suspects.len() as u64, "result");
+        let said = format!("{begins}: of {results} none was wrong");
+        let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
+        return Ok(Outcome::of(context.commit(handle, confirm).await?));
+    };
+    let remedy = remedy(context, record, wrong, names.join(", ")).await?;
+    let said = format!("{begins}: {}", remedy.because_of(wrong));
+    tracing::warn!(campaign = %record.id, "{said}");
+    let apply = move |store: &Store| remedy.apply(store, &id, &said);
+    Ok(Outcome::of(context.commit(handle, apply).await?))
+}
+
+/// The first result that others find to be different; `None` outside if the campaign is to stop.
+async fn first_wrong(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: &Suspects,
+    handle: &mut RunHandle,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    // What is stored and what is found again.
+    let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
+    for chunk in suspects.pictures.chunks(at_once) {
+        match wrong_picture(context, record, chunk, handle).await? {
+            Some(None) => {}
+            found => return Ok(found),
+        }
+    }
+    // Before individuals, which are not to blame for what was made of them later.
+    for chunk in suspects.embeddings.chunks(at_once) {
+        match wrong_embedding(context, record, chunk, handle).await? {
+            Some(None) => {}
+            found => return Ok(found),
+        }
+    }
+    for chunk in suspects.individuals.chunks(at_once) {
+        match wrong_individual(context, record, chunk, handle).await? {
+            Some(None) => {}
+            found => return Ok(found),
+        }
+    }
+    Ok(Some(None))
+}
+
+async fn wrong_picture(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: &[Suspect],
+    handle: &mut RunHandle,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    let (id, model) = (record.id.clone(), record.spec.model());
+    let pictures = read_all(context, suspects, move |store, place| {
+        store.picture(&id, model, place)
+    })
+    .await?;
+    let tasks = pictures.iter().map(|old| (old.controller, old.seed)).collect();
+    let job = EvaluationJob::of(record, None, tasks);
+    let Some(again) = evaluated_again(context, job, handle).await? else {
+        return Ok(None);
+    };
+    let mut both = suspects.iter().zip(pictures.iter().zip(&again.evaluations));
+    let differs = both.find(|(_, (old, new))| old.image != new.image());
+    Ok(Some(differs.map(|(suspect, _)| Wrong::Picture(suspect.place))))
+}
+
+async fn wrong_individual(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: &[Suspect],
+    handle: &mut RunHandle,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    let archived = archived(context, record, suspects).await?;
+    let embedder = context.embedder(record).await?;
+    let moved = moved(context, record).await?;
+    let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
+    let job = EvaluationJob::of(record, embedder, tasks);
+    let Some(again) = evaluated_again(context, job, handle).await? else {
+        return Ok(None);
+    };
+    let new = again.evaluations.iter().zip(&again.makers);
+    let mut both = suspects.iter().zip(&archived).zip(new);
+    let differs = both.find(|((suspect, old), (new, maker))| {
+        // What was there when the archive moved was embedded again then, maybe by others.
+        let embedded = embedder.is_some() && old.index >= moved;
+        old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
+            || old.image.as_deref() != Some(new.image())
+            || (embedded && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
+    });
+    Ok(Some(differs.map(|((_, old), _)| Wrong::Individual {
+        index: old.index,
+        generation: old.generation,
+    })))
+}
+
+async fn wrong_embedding(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: &[Suspect],
+    handle: &mut RunHandle,
+) -> Result<Option<Option<Wrong>>, CampaignError> {
+    // Those of a move that has not ended are made anew, whoever made them.
+    let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
+        return Ok(Some(
+            suspects.first().map(|suspect| Wrong::Embedding(suspect.place)),
+        ));
+    };
+    let archived = archived(context, record, suspects).await?;
+    let job = EmbeddingJob {
+        campaign: record.id.clone(),
+        weight: record.weight,
+        embedder: context
+            .checkpoints
+            .embedder(checkpoint, record.spec.image())
+            .await?,
+        images: archived
+            .iter()
+            .map(|old| old.image.clone().unwrap_or_default())
+            .collect(),
+    };
+    let embed = |headway| context.dispatch.embed(job, headway);
+    let Some(again) = handle.until_stopped(embed).await else {
+        return Ok(None);
+    };
+    let again = again?;
+    let mut both = suspects.iter().zip(&archived).zip(&again);
+    let differs = both.find(|((suspect, old), (new, maker))| {
+        !embeddings_agree((&old.embedding, suspect.kind), (new, maker.kind))
+    });
+    Ok(Some(differs.map(|((_, old), _)| Wrong::Embedding(old.index))))
+}
+
+async fn archived(
+    context: &StageContext,
+    record: &CampaignRecord,
+    suspects: &[Suspect],
+) -> Result<Vec<ArchivedIndividual>, CampaignError> {
+    let (id, model) = (record.id.clone(), record.spec.model());
+    read_all(context, suspects, move |store, index| {
+        store.individual(&id, model, index)
+    })
+    .await
+}
+
+/// Reads what the store has at these places.
+async fn read_all<T: Send + 'static>(
+    context: &StageContext,
+    suspects: &[Suspect],
+    read: impl Fn(&Store, u64) -> Result<T, StoreError> + Send + 'static,
+) -> Result<Vec<T>, CampaignError> {
+    let (store, suspects) = (context.store.clone(), suspects.to_vec());
+    let read = move || {
+        let read = |suspect: Suspect| read(&store, suspect.place);
+        suspects.into_iter().map(read).collect()
+    };
+    let read: Result<Vec<T>, StoreError> = blocking(read).await?;
+    Ok(read?)
+}
+
+/// How many individuals an archive had when it moved to the embedder that it has; 0 while it moves to another.
+async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, CampaignError> {
+    if record.next_checkpoint.is_some() {
+        return Ok(0);
+    }
+    let (store, id) = (context.store.clone(), record.id.clone());
+    Ok(blocking(move || store.embedded_when_moved(&id)).await??)
+}
+
+/// The evaluations of a job by machines that nobody mistrusts; `None` if the campaign is to stop.
+async fn evaluated_again(
+    context: &StageContext,
+    job: EvaluationJob,
+    handle: &mut RunHandle,
+) -> Result<Option<Done>, CampaignError> {
+    let tasks: Vec<(Controller, u64)> = job.tasks.clone();
+    let same = |place: usize, _| Ok(vec![(place, tasks[place])]);
+    evaluate(&context.dispatch, handle, job, same).await
+}
+
+/// What is to be taken back because of something wrong.
+async fn remedy(
+    context: &StageContext,
+    record: &CampaignRecord,
+    wrong: Wrong,
+    workers: String,
+) -> Result<Remedy, CampaignError> {
+    let (store, id) = (context.store.clone(), record.id.clone());
+    let read = move || Ok::<_, StoreError>((store.label_entries(&id)?, store.embedded_when_moved(&id)?));
+    let (labels, moved) = blocking(read).await??;
+    Remedy::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
+        id: record.id.clone(),
+        wrong: wrong.to_string(),
+        workers,
+    })
+}
+
+impl Remedy {
+    /// That of something wrong in a campaign whose log has so many entries, and whose archive had so many individuals when
+    /// it `moved` to its embedder; `None` if there is none.
+    fn of(record: &CampaignRecord, wrong: Wrong, labels: u64, moved: u64) -> Option<Self> {
+        let moves = record.checkpoint.is_some() && record.next_checkpoint.is_some();
+        let starts = match record.spec.embedder() {
+            Some(EmbedderSource::Trained { dataset, .. }) => u64::from(dataset.starts()),
+            Some(EmbedderSource::Published(_)) | None => 1,
+        };
+        match wrong {
+            _ if record.lesson.is_some() => None,
+            Wrong::Picture(place) if labels == 0 && record.rounds_done == 0 && moved == 0 => {
+                let pictures = place - place % starts;
+                Some(Self::BeginAgain { pictures })
+            }
+            Wrong::Individual { index, generation } if index >= moved && !moves => {
+                Some(Self::TakeBack { generation })
+            }
+            Wrong::Embedding(_) => Some(Self::EmbedAgain { kept: moved }),
+            Wrong::Picture(_) | Wrong::Individual { .. } => None,
+        }
+    }
+
+    fn apply(self, store: &Store, id: &CampaignId, why: &str) -> Result<(), StoreError> {
+        match self {
+            Self::BeginAgain { pictures } => store.begin_again(id, pictures, why),
+            Self::TakeBack { generation } => store.take_back(id, generation, why),
+            Self::EmbedAgain { kept } => store.embed_again(id, kept, why),
+        }
+    }
+
+    fn because_of(self, wrong: Wrong) -> String {
+        match self {
+            Self::BeginAgain { .. } => {
+                format!("{wrong} differs, the dataset from there on and the embedder are made anew")
+            }
+            Self::TakeBack { generation } => {
+                format!("{wrong} differs, the generations from {generation} on are evaluated anew")
+            }
+            Self::EmbedAgain { .. } => format!("{wrong} differs, the archive is embedded anew"),
+        }
+    }
+}
+
+impl std::fmt::Display for Wrong {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Picture(place) => write!(f, "picture {place} of the dataset"),
+            Self::Individual { index, .. } => write!(f, "individual {index}"),
+            Self::Embedding(index) => write!(f, "the embedding of individual {index}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

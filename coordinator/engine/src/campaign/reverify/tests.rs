@@ -1,0 +1,61 @@
+use super::*;
+use murmuration_model::Weight;
+use murmuration_proto::{CampaignSpec, CheckpointDigest};
+use murmuration_store::DataDirectory;
+
+/// A latent campaign as it is when it was just created.
+fn created() -> CampaignRecord {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    let text = "model = \"single-sensor\"\nmethod = \"latent\"\n[dataset]\ncontrollers = 100\nstarts = 2";
+    let spec = CampaignSpec::from_toml(text).unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
+    store.campaign(id.as_str()).unwrap()
+}
+
+fn embedded() -> CampaignRecord {
+    CampaignRecord {
+        checkpoint: Some(CheckpointDigest::of(b"embedder")),
+        ..created()
+    }
+}
+
+const INDIVIDUAL: Wrong = Wrong::Individual {
+    index: 250,
+    generation: 2,
+};
+
+#[test]
+fn a_wrong_picture_begins_the_campaign_again_from_the_first_of_its_controller() {
+    let begin = Some(Remedy::BeginAgain { pictures: 6 });
+    for record in [created(), embedded()] {
+        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 0, 0), begin);
+        // What people said would be lost.
+        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 1, 0), None);
+        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 0, 100), None);
+    }
+}
+
+#[test]
+fn a_wrong_individual_takes_its_generation_back_unless_the_archive_has_moved_since() {
+    let back = Some(Remedy::TakeBack { generation: 2 });
+    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 0, 0), back);
+    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 30, 250), back);
+    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 30, 251), None);
+    let moving = CampaignRecord {
+        next_checkpoint: Some(CheckpointDigest::of(b"next")),
+        ..embedded()
+    };
+    assert_eq!(Remedy::of(&moving, INDIVIDUAL, 0, 0), None);
+    let learning = CampaignRecord {
+        lesson: Some(30),
+        ..embedded()
+    };
+    assert_eq!(Remedy::of(&learning, INDIVIDUAL, 30, 0), None);
+}
+
+#[test]
+fn a_wrong_embedding_has_the_archive_embedded_again() {
+    let again = Some(Remedy::EmbedAgain { kept: 200 });
+    assert_eq!(Remedy::of(&embedded(), Wrong::Embedding(3), 30, 200), again);
+}

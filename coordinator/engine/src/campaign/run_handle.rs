@@ -1,0 +1,257 @@
+//! What a campaign at work tells its watchers, and hears from whoever stops it.
+
+use murmuration_dispatch::{Headway, NO_WORKER};
+use murmuration_proto::v1;
+use murmuration_search::interrupt::Interrupt;
+use std::{
+    collections::VecDeque,
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::sync::watch;
+
+/// How often watchers hear of a campaign's evaluations.
+pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
+/// Span that evaluations a second are averaged over.
+const RATE_SPAN: Duration = Duration::from_secs(5);
+
+/// How long nobody may be there to do what is to be done before it is said: whoever was restarted is back by then.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Whether anybody is there to do a campaign's work.
+#[derive(Debug, Clone)]
+pub(super) struct Hands {
+    /// How many are connected.
+    connected: watch::Receiver<usize>,
+    /// What there is to say where nobody is.
+    missing: &'static str,
+    /// Since when nobody has been.
+    since: Option<Instant>,
+}
+
+impl Hands {
+    pub(super) const fn workers(connected: watch::Receiver<usize>) -> Self {
+        Self::new(connected, NO_WORKER)
+    }
+
+    pub(super) const fn trainers(connected: watch::Receiver<usize>) -> Self {
+        let missing = "no trainer is connected: start one with `murmuration-trainer --coordinator URL`";
+        Self::new(connected, missing)
+    }
+
+    const fn new(connected: watch::Receiver<usize>, missing: &'static str) -> Self {
+        Self {
+            connected,
+            missing,
+            since: None,
+        }
+    }
+
+    /// What is missing, if nobody has been there for a while; to be asked again and again.
+    pub(super) fn missing(&mut self, now: Instant) -> Option<String> {
+        if *self.connected.borrow() > 0 {
+            self.since = None;
+            return None;
+        }
+        let since = *self.since.get_or_insert(now);
+        (now - since >= PATIENCE).then(|| self.missing.to_owned())
+    }
+}
+
+/// What a job waits for: workers or trainers that are missing, and what there was before they were.
+pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Option<String> {
+    match (missing, trouble) {
+        (Some(missing), Some(trouble)) => Some(format!("{missing} ({trouble})")),
+        (missing, trouble) => missing.or(trouble),
+    }
+}
+
+/// What a campaign at work tells its watchers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Progress {
+    /// Of what is in work (a generation, part of a dataset, stored pictures): how much has arrived.
+    pub(super) arrived: u32,
+    pub(super) per_second: f64,
+    pub(super) training: Option<v1::TrainingProgress>,
+    /// What it waits for before it goes on by itself.
+    pub(super) waiting: Option<String>,
+    /// Why it failed, also where the store could not record that.
+    pub(super) failed: Option<String>,
+}
+
+/// A campaign's end of the line.
+#[derive(Debug)]
+pub(super) struct RunHandle {
+    progress: watch::Sender<Progress>,
+    stopped: watch::Receiver<bool>,
+    /// Workers, who do all but training.
+    workers: Hands,
+    /// Ends what the campaign computes, when it is to stop.
+    interrupt: Interrupt,
+    /// What of this stage is on disk, as far as it was done by this process.
+    committed: u64,
+    /// What of this stage was done by when, over the last [`RATE_SPAN`].
+    history: VecDeque<(Instant, u64)>,
+}
+
+impl RunHandle {
+    pub(super) fn new(
+        progress: watch::Sender<Progress>,
+        stopped: watch::Receiver<bool>,
+        workers: watch::Receiver<usize>,
+        interrupt: Interrupt,
+    ) -> Self {
+        Self {
+            progress,
+            stopped,
+            workers: Hands::workers(workers),
+            interrupt,
+            committed: 0,
+            history: VecDeque::new(),
+        }
+    }
+
+    /// Another stage begins.
+    pub(super) fn begin(&mut self) {
+        self.committed = 0;
+        self.history.clear();
+        self.progress.send_modify(|progress| {
+            *progress = Progress {
+                failed: progress.failed.take(),
+                ..Progress::default()
+            };
+        });
+    }
+
+    /// A further `count` of what this stage does are on disk.
+    pub(super) fn committed(&mut self, count: u64) {
+        self.committed += count;
+        self.progress.send_modify(|progress| progress.arrived = 0);
+    }
+
+    /// What the campaign waits for, if it does.
+    pub(super) fn waiting(&self, what: Option<String>) {
+        self.progress.send_if_modified(|progress| {
+            let changes = progress.waiting != what;
+            progress.waiting = what;
+            changes
+        });
+    }
+
+    /// The campaign has failed.
+    pub(super) fn failed(&self, why: &str) {
+        self.progress
+            .send_modify(|progress| progress.failed = Some(why.to_owned()));
+    }
+
+    /// How far the training has come.
+    pub(super) fn training(&self, training: Option<v1::TrainingProgress>) {
+        self.progress.send_modify(|progress| progress.training = training);
+    }
+
+    /// What ends its computations.
+    pub(super) const fn interrupt(&self) -> &Interrupt {
+        &self.interrupt
+    }
+
+    /// Resolves when the campaign is to stop.
+    pub(super) async fn stopped(&self) {
+        // Whoever could have said stop is gone: stop.
+        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
+    }
+
+    /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up. `None` if the campaign is to stop; only
+    /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
+    pub(super) async fn until_stopped<F: Future>(
+        &mut self,
+        begin: impl FnOnce(Arc<Headway>) -> F,
+    ) -> Option<F::Output> {
+        let headway = Arc::<Headway>::default();
+        let mut stopped = self.stopped.clone();
+        let work = begin(headway.clone());
+        tokio::pin!(work);
+        let mut tick = tokio::time::interval(COUNTING_INTERVAL);
+        loop {
+            tokio::select! {
+                biased;
+                _ = stopped.wait_for(|&stopped| stopped) => return None,
+                output = &mut work => {
+                    self.waiting(None);
+                    return Some(output);
+                }
+                _ = tick.tick() => {
+                    let now = Instant::now();
+                    self.count(headway.done(), now);
+                    let missing = self.workers.missing(now);
+                    self.waiting(held_up_by(missing, headway.trouble()));
+                }
+            }
+        }
+    }
+
+    fn count(&mut self, arrived: u32, now: Instant) {
+        let total = self.committed + u64::from(arrived);
+        // Results of a worker that was found wrong count no more: the rate is measured anew from what is left.
+        self.history.retain(|&(_, before)| before <= total);
+        self.history.push_back((now, total));
+        while self.history.len() > 2
+            && self
+                .history
+                .front()
+                .is_some_and(|(then, _)| now - *then > RATE_SPAN)
+        {
+            self.history.pop_front();
+        }
+        let per_second = self.history.front().map_or(0.0, |&(then, before)| {
+            let seconds = (now - then).as_secs_f64();
+            if seconds > 0.0 {
+                (total - before) as f64 / seconds
+            } else {
+                0.0
+            }
+        });
+        self.progress.send_modify(|progress| {
+            progress.arrived = arrived;
+            progress.per_second = per_second;
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn that_nobody_is_there_is_said_after_a_while_and_until_somebody_comes() {
+        let (count, connected) = watch::channel(0);
+        let mut hands = Hands::trainers(connected);
+        let begun = Instant::now();
+        let mut after = |seconds: u64| hands.missing(begun + Duration::from_secs(seconds));
+        assert_eq!((after(0), after(1)), (None, None));
+        assert!(
+            after(2)
+                .unwrap()
+                .contains("murmuration-trainer --coordinator URL")
+        );
+        count.send_replace(1);
+        assert_eq!(after(3), None);
+        // One that was only restarted is not missed.
+        count.send_replace(0);
+        assert_eq!((after(10), after(11)), (None, None));
+        assert!(after(12).is_some());
+    }
+
+    #[test]
+    fn the_rate_stays_a_rate_when_results_are_discarded() {
+        let (progress, shown) = watch::channel(Progress::default());
+        let (stopped, workers) = (watch::channel(false).1, watch::channel(1).1);
+        let mut handle = RunHandle::new(progress, stopped, workers, Interrupt::default());
+        let begun = Instant::now();
+        let rates = [(0, 0), (1, 100), (2, 200), (3, 20), (4, 120)].map(|(second, arrived)| {
+            handle.count(arrived, begun + Duration::from_secs(second));
+            shown.borrow().per_second
+        });
+        // After 180 results were discarded, the next 100 took a second.
+        assert_eq!(rates, [0.0, 100.0, 100.0, 20.0 / 3.0, 30.0]);
+    }
+}

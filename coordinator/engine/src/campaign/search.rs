@@ -1,0 +1,277 @@
+//! The evolve stage: propose, have evaluated, absorb, commit; and the taxonomy at the end.
+
+use super::{
+    CampaignError,
+    context::{Outcome, StageContext},
+    evaluate::{Done, Placed, evaluate},
+    metrics::CampaignMetrics,
+    run_handle::RunHandle,
+};
+use crate::{blocking::blocking, taxonomy};
+use murmuration_dispatch::EvaluationJob;
+use murmuration_model::{CampaignRecord, Embedder};
+use murmuration_proto::{Method, Purpose, Stream};
+use murmuration_search::{
+    breeding::{self, Parent, Proposal, ProposeError},
+    interrupt::{Interrupt, Interrupted},
+    medoids::{self, Clustering},
+    novelty::{self, Behaviours},
+};
+use murmuration_store::{
+    ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError,
+};
+use std::{sync::Arc, time::Instant};
+
+/// Individuals read from the store at a time.
+const CHUNK: u64 = 4096;
+
+/// An evaluated generation, to be committed.
+struct Generation {
+    record: GenerationRecord,
+    individuals: Vec<ArchivedIndividual>,
+    provenance: Provenance,
+}
+
+/// A campaign's search between two generations: a function of its specification, its embedder and its archive.
+struct Search {
+    store: Store,
+    metrics: CampaignMetrics,
+    /// Ends what it computes.
+    interrupt: Interrupt,
+    campaign: Arc<CampaignRecord>,
+    embedder: Option<Embedder>,
+    behaviours: Behaviours,
+    /// The last generation; empty before the first.
+    parents: Vec<Parent>,
+    next_generation: u32,
+}
+
+/// Searches from where the archive ends to the last generation, or until further workers than the first `seen` are found
+/// wrong.
+pub(super) async fn evolve(
+    context: &StageContext,
+    record: CampaignRecord,
+    seen: usize,
+    handle: &mut RunHandle,
+) -> Result<Outcome, CampaignError> {
+    let generations = record.generations();
+    let mut search = restore(context, record, handle).await?;
+    let quarantined = context.dispatch.quarantined();
+    loop {
+        // What they did may be in this archive: that is looked at between stages.
+        if quarantined.borrow().len() != seen {
+            return Ok(Outcome::Done);
+        }
+        if search.next_generation >= generations {
+            return Ok(Outcome::Done);
+        }
+        let (unchanged, proposal) = blocking(move || {
+            let proposal = search.propose();
+            (search, proposal)
+        })
+        .await?;
+        search = unchanged;
+        let proposal = proposal?;
+        let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
+        let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
+        let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
+            search.substitute(place, attempt)
+        });
+        let Some(done) = evaluated.await? else {
+            return Ok(Outcome::Stopped);
+        };
+        let count = done.evaluations.len() as u64;
+        let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
+        search = absorbed;
+        let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
+        let commit = move |store: &Store| {
+            let begun = Instant::now();
+            let Generation {
+                record,
+                individuals,
+                provenance,
+            } = &generation;
+            store.commit_generation(&id, record, individuals, provenance)?;
+            metrics.generation_committed(begun.elapsed());
+            Ok::<_, StoreError>(())
+        };
+        if context.commit(handle, commit).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
+        handle.committed(count);
+    }
+}
+
+/// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`]. `None` if the campaign is
+/// to stop.
+pub(super) async fn complete(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &RunHandle,
+) -> Result<Option<bool>, CampaignError> {
+    let search = restore(context, record, handle).await?;
+    let id = search.campaign.id.clone();
+    let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
+    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
+    context.commit(handle, complete).await
+}
+
+/// Numbers in a behaviour vector.
+pub(super) const fn dimensions(method: Method, embedding: Option<usize>) -> usize {
+    let features = if method.has_features() { 5 } else { 0 };
+    match embedding {
+        Some(embedding) => embedding + features,
+        None => features,
+    }
+}
+
+/// The search as the store left it.
+async fn restore(
+    context: &StageContext,
+    record: CampaignRecord,
+    handle: &RunHandle,
+) -> Result<Search, CampaignError> {
+    let method = record.spec.method();
+    let embedder = context.embedder(&record).await?;
+    let search = Search {
+        behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
+        parents: Vec::new(),
+        next_generation: record.generations_done,
+        store: context.store.clone(),
+        metrics: context.metrics.clone(),
+        interrupt: handle.interrupt().clone(),
+        campaign: Arc::new(record),
+        embedder,
+    };
+    blocking(move || search.restored()).await?
+}
+
+impl Search {
+    /// With the archive as it is on disk.
+    fn restored(self) -> Result<Self, CampaignError> {
+        let mut search = self;
+        let population = u64::from(search.campaign.spec.search().population());
+        let method = search.campaign.spec.method();
+        let len = search.campaign.individuals();
+        for start in (0..len).step_by(CHUNK as usize) {
+            search.interrupt.check()?;
+            let range = start..len.min(start + CHUNK);
+            for individual in
+                search
+                    .store
+                    .individuals(&search.campaign.id, search.campaign.spec.model(), range, false)?
+            {
+                let behaviour = method.behaviour(&individual.features, &individual.embedding);
+                search.behaviours.push(&behaviour)?;
+                if individual.index + population >= len {
+                    let ArchivedIndividual {
+                        controller, novelty, ..
+                    } = individual;
+                    search.parents.push(Parent { controller, novelty });
+                }
+            }
+        }
+        if search.behaviours.len() as u64 != len {
+            let reason = format!(
+                "campaign {} lacks individuals of its complete generations",
+                search.campaign.id
+            );
+            return Err(StoreError::Damaged {
+                path: Store::FILE.into(),
+                reason,
+            }
+            .into());
+        }
+        Ok(search)
+    }
+
+    fn propose(&self) -> Result<Proposal, ProposeError> {
+        breeding::propose(&self.campaign.spec, self.next_generation, &self.parents)
+    }
+
+    /// Seeds of the starts of the generation to come.
+    fn seeds(&self) -> Vec<u64> {
+        let first = self.behaviours.len() as u64;
+        let population = u64::from(self.campaign.spec.search().population());
+        (first..first + population)
+            .map(|index| Stream::derive(self.campaign.spec.seed(), Purpose::Start, index).bits())
+            .collect()
+    }
+
+    /// What takes the place of an individual of the generation to come that had to be set aside: another sample of the
+    /// space, from another start.
+    fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
+        let index = (self.behaviours.len() + place) as u64;
+        let mut stream = Stream::derive(
+            self.campaign.spec.seed(),
+            Purpose::Substitute,
+            index << 8 | attempt,
+        );
+        let controller = breeding::sample(
+            self.campaign.spec.controllers(),
+            self.campaign.spec.filter(),
+            &mut stream,
+        )?;
+        Ok(vec![(place, (controller, stream.bits()))])
+    }
+
+    /// Adds an evaluated generation to the archive in memory; the generation.
+    fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
+        let first = self.behaviours.len();
+        let method = self.campaign.spec.method();
+        for evaluation in &done.evaluations {
+            let behaviour = method.behaviour(evaluation.features(), evaluation.embedding());
+            self.behaviours.push(&behaviour)?;
+        }
+        let neighbours = self.campaign.spec.search().neighbours() as usize;
+        let all = first..self.behaviours.len();
+        let novelty = novelty::novelty(&self.behaviours, all, neighbours, &self.interrupt)?;
+        let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
+        let notice = |(place, reason): &(usize, _)| {
+            format!(
+                "individual {} was set aside, another took its place: {reason}",
+                first + place
+            )
+        };
+        let provenance = Provenance {
+            makers: done.makers,
+            notices: done.set_aside.iter().map(notice).collect(),
+        };
+        let individuals: Vec<_> = (first as u64..)
+            .zip(&done.tasks)
+            .zip(done.evaluations.into_iter().zip(&novelty))
+            .map(
+                |((index, &(controller, seed)), (evaluation, &novelty))| ArchivedIndividual {
+                    index,
+                    generation: record.generation,
+                    controller,
+                    seed,
+                    features: *evaluation.features(),
+                    embedding: evaluation.embedding().to_vec(),
+                    novelty,
+                    image: Some(evaluation.into_image()),
+                },
+            )
+            .collect();
+        let parent = |(controller, novelty)| Parent { controller, novelty };
+        let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
+        self.parents = controllers.zip(novelty).map(parent).collect();
+        self.next_generation += 1;
+        let generation = Generation {
+            record,
+            individuals,
+            provenance,
+        };
+        Ok((self, generation))
+    }
+
+    /// Clusters the archive, and measures the clusters.
+    fn taxonomy(&self) -> Result<(Clustering, Vec<ClusterMeasures>), Interrupted> {
+        let (spec, interrupt) = (&self.campaign.spec, &self.interrupt);
+        let mut stream = Stream::derive(spec.seed(), Purpose::Medoids, 0);
+        let clustering = medoids::cluster(&self.behaviours, spec.medoids() as usize, &mut stream, interrupt)?;
+        let neighbours = spec.search().neighbours() as usize;
+        let measures = taxonomy::measure(&self.behaviours, &clustering, neighbours, interrupt)?;
+        Ok((clustering, measures))
+    }
+}

@@ -1,0 +1,81 @@
+//! A training as a stage waits for it: what the trainer tells is passed on, what it puts aside is kept.
+
+use super::{
+    CampaignError,
+    context::StageContext,
+    run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
+};
+use crate::blocking::blocking;
+use murmuration_dispatch::{Headway, Lesson, TrainingJob};
+use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
+use murmuration_proto::{CheckpointDigest, training::Configuration};
+use murmuration_store::{Store, StoreError};
+use std::{sync::Arc, time::Instant};
+use tokio::sync::watch;
+
+/// Has an embedder trained and published; `None` if the campaign is to stop.
+pub(super) async fn train(
+    context: &StageContext,
+    record: &CampaignRecord,
+    (configuration, lesson): (Configuration, Option<Lesson>),
+    handle: &mut RunHandle,
+) -> Result<Option<CheckpointDigest>, CampaignError> {
+    let (progress, mut reports) = watch::channel(None);
+    let (saved, snapshots) = watch::channel(None);
+    let job = TrainingJob {
+        campaign: record.id.clone(),
+        weight: record.weight,
+        configuration,
+        side: record.spec.image().resolution(),
+        pictures: TrainingPictures::of(record),
+        lesson,
+        progress,
+        saved,
+    };
+    let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
+    let trained = {
+        let headway = Arc::<Headway>::default();
+        let training = context.trainers.train(job, headway.clone());
+        tokio::pin!(training);
+        let mut trainers = Hands::trainers(context.trainers.connected());
+        let mut tick = tokio::time::interval(COUNTING_INTERVAL);
+        loop {
+            tokio::select! {
+                biased;
+                () = handle.stopped() => break None,
+                checkpoint = &mut training => break Some(checkpoint),
+                Ok(()) = reports.changed() => handle.training(*reports.borrow_and_update()),
+                _ = tick.tick() => {
+                    let missing = trainers.missing(Instant::now());
+                    handle.waiting(held_up_by(missing, headway.trouble()));
+                }
+            }
+        }
+    };
+    // The job is over, so there are no further snapshots: the last is on disk when this ends.
+    if keeping.await.is_err() {
+        return Err(CampaignError::Broken);
+    }
+    let Some(checkpoint) = trained.transpose()? else {
+        return Ok(None);
+    };
+    context.checkpoints.describe(checkpoint).await?;
+    Ok(Some(checkpoint))
+}
+
+/// Writes the newest snapshot to disk, again and again until there will be no more.
+async fn keep(store: Store, id: CampaignId, mut snapshots: watch::Receiver<Option<SavedTraining>>) {
+    while snapshots.changed().await.is_ok() {
+        let Some(training) = snapshots.borrow_and_update().clone() else {
+            continue;
+        };
+        let (store, id) = (store.clone(), id.clone());
+        match blocking(move || store.save_training(&id, &training)).await {
+            // The run is over: another goes on from the snapshot before.
+            Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
+            // Only time would be lost: the training goes on, and a later snapshot may fit.
+            Ok(Err(error)) => tracing::warn!(%error, "a training could not be put aside"),
+            Err(error) => tracing::warn!(%error, "a training could not be put aside"),
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Campaigns at work: the stages that they go through, what to ask people next, maps of archives, and the synthetic
+//! annotator.
+//!
+//! Limits: knows neither the network nor HTML.
+
+pub mod blocking;
+pub mod campaign;
+pub mod maps;
+mod messages;
+pub mod queries;
+pub mod space;
+pub mod synthetic;
+pub mod taxonomy;
+
+#[cfg(test)]
+mod still;

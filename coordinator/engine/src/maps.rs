@@ -1,0 +1,168 @@
+//! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
+//! been computed.
+//!
+//! Maps are kept for as long as they are true (until the archive grows or another edition of it begins) and there is room
+//! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
+
+mod neighbours;
+
+use crate::space::{Space, SpaceError, Spaces};
+use murmuration_model::{CampaignRecord, CampaignState, Edition};
+use murmuration_search::{
+    interrupt::Interrupt,
+    projection::{self, Projection},
+};
+use murmuration_store::kept::Kept;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Most bytes of maps that are kept.
+const MOST_BYTES: usize = 64 << 20;
+
+/// Handle on the maps of a coordinator's campaigns; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Maps {
+    spaces: Spaces,
+    /// One lock a campaign, so that an archive is projected once, whoever asks meanwhile.
+    kept: Arc<Kept<Mutex<Option<Known>>>>,
+    /// Ends every computation of a map.
+    interrupt: Interrupt,
+}
+
+/// Points by index, in units of their own.
+pub type Points = Vec<[f64; 2]>;
+
+/// What is known of one campaign.
+#[derive(Debug)]
+struct Known {
+    of: Version,
+    axes: Arc<Projection>,
+    neighbours: Neighbours,
+    /// Ends the t-SNE, of which nobody wants to know once the archive is another.
+    interrupt: Interrupt,
+}
+
+/// What a map is a map of.
+type Version = (Edition, u64);
+
+/// How far the t-SNE of an archive has come.
+#[derive(Debug, Clone)]
+enum Neighbours {
+    Unasked,
+    UnderWay,
+    Known(Arc<Points>),
+}
+
+impl Known {
+    fn bytes(&self) -> usize {
+        let neighbours = match &self.neighbours {
+            Neighbours::Known(points) => points.len(),
+            Neighbours::Unasked | Neighbours::UnderWay => 0,
+        };
+        (self.axes.points.len() + neighbours) * size_of::<[f64; 2]>()
+    }
+}
+
+impl Maps {
+    /// Nothing is known yet; what is computed ends early once `interrupt` is raised.
+    #[must_use]
+    pub fn new(spaces: Spaces, interrupt: Interrupt) -> Self {
+        Self::within(spaces, interrupt, MOST_BYTES)
+    }
+
+    fn within(spaces: Spaces, interrupt: Interrupt, most_bytes: usize) -> Self {
+        Self {
+            spaces,
+            kept: Arc::new(Kept::within(most_bytes)),
+            interrupt,
+        }
+    }
+
+    /// The archive on its principal axes. Blocks while it is read and projected, once a version of it.
+    ///
+    /// # Errors
+    /// See [`SpaceError`].
+    pub fn axes(&self, record: &CampaignRecord) -> Result<Arc<Projection>, SpaceError> {
+        let kept = self.kept.of(&record.id);
+        self.current(record, &mut lock(&kept))
+            .map(|known| Arc::clone(&known.axes))
+    }
+
+    /// The archive by t-SNE; `None` while that is computed, which begins when it is asked for first, but not while the
+    /// archive grows. Blocks as [`Maps::axes`].
+    ///
+    /// # Errors
+    /// See [`SpaceError`].
+    pub fn neighbours(&self, record: &CampaignRecord) -> Result<Option<Arc<Points>>, SpaceError> {
+        if record.state == CampaignState::Running {
+            return Ok(None);
+        }
+        let kept = self.kept.of(&record.id);
+        let mut guard = lock(&kept);
+        let known = self.current(record, &mut guard)?;
+        match &known.neighbours {
+            Neighbours::Known(points) => return Ok(Some(Arc::clone(points))),
+            Neighbours::UnderWay => return Ok(None),
+            Neighbours::Unasked => {}
+        }
+        let (space, axes, of) = (self.spaces.of(record)?, Arc::clone(&known.axes), known.of);
+        if version(&space) != of {
+            // It has moved on already; whoever asks again asks about what there is then.
+            return Ok(None);
+        }
+        known.neighbours = Neighbours::UnderWay;
+        let interrupt = known.interrupt.clone();
+        drop(guard);
+        let (maps, id) = (self.clone(), record.id.clone());
+        // It is not forgotten while the thread has it.
+        std::thread::spawn(move || {
+            let Ok(points) = neighbours::embed(&space.behaviours, &axes.points, &interrupt) else {
+                return;
+            };
+            let mut known = lock(&kept);
+            if let Some(known) = known.as_mut().filter(|known| known.of == of) {
+                known.neighbours = Neighbours::Known(Arc::new(points));
+                maps.kept.weigh(&id, known.bytes());
+            }
+        });
+        Ok(None)
+    }
+
+    /// What is known of the archive as far as `record` says that it goes.
+    fn current<'a>(
+        &self,
+        record: &CampaignRecord,
+        known: &'a mut Option<Known>,
+    ) -> Result<&'a mut Known, SpaceError> {
+        let of = (record.edition(), record.individuals());
+        let current = match known.take() {
+            Some(current) if current.of == of => current,
+            former => {
+                if let Some(former) = former {
+                    former.interrupt.raise();
+                }
+                let space = self.spaces.of(record)?;
+                let axes = Arc::new(projection::principal_axes(&space.behaviours, &self.interrupt)?);
+                // A switch after the record was read is another version, which nobody will ask this for.
+                Known {
+                    of: version(&space),
+                    axes,
+                    neighbours: Neighbours::Unasked,
+                    interrupt: self.interrupt.child(),
+                }
+            }
+        };
+        self.kept.weigh(&record.id, current.bytes());
+        Ok(known.insert(current))
+    }
+}
+
+fn version(space: &Space) -> Version {
+    (space.edition, space.behaviours.len() as u64)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,98 @@
+//! Campaigns and taxonomies as the messages that carry them.
+
+use crate::{
+    campaign::CampaignStatus,
+    taxonomy::{Medoid, Taxonomy},
+};
+use murmuration_model::Stage;
+use murmuration_proto::{CheckpointDigest, PART_BYTES, parts::parts, v1};
+use murmuration_store::Notice;
+
+impl From<CampaignStatus> for v1::Campaign {
+    fn from(status: CampaignStatus) -> Self {
+        let record = status.record;
+        let (generations, dataset_done) = (record.generations(), record.dataset_done());
+        let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
+        let digest = |checkpoint: Option<CheckpointDigest>| {
+            checkpoint.map(|digest| digest.to_string()).unwrap_or_default()
+        };
+        Self {
+            id: record.id.as_str().to_owned(),
+            spec: Some((&record.spec).into()),
+            state: v1::CampaignState::from(record.state) as i32,
+            error: record.error,
+            created_ms: record.created_ms,
+            weight: record.weight.get(),
+            generations_done: record.generations_done,
+            evaluated_in_generation: arrived(Stage::Evolve),
+            evaluations_per_second: status.per_second,
+            best_novelty: record.last_novelty.map(|(best, _)| best),
+            mean_novelty: record.last_novelty.map(|(_, mean)| mean),
+            active: status.active,
+            workers: status.workers as u32,
+            stage: v1::CampaignStage::from(status.stage) as i32,
+            dataset_done: dataset_done + u64::from(arrived(Stage::Dataset)),
+            training: status.training,
+            checkpoint: digest(record.checkpoint),
+            next_checkpoint: digest(record.next_checkpoint),
+            embedded: record.embedded + u64::from(arrived(Stage::Embed)),
+            trainers: status.trainers as u32,
+            generations,
+            rounds_done: record.rounds_done,
+            labelled: arrived(Stage::Label),
+            notices: status
+                .notices
+                .into_iter()
+                .map(
+                    |Notice {
+                         number,
+                         time_ms,
+                         text,
+                     }| v1::Notice {
+                        time_ms,
+                        text,
+                        number,
+                    },
+                )
+                .collect(),
+            waiting: status.waiting.unwrap_or_default(),
+        }
+    }
+}
+
+impl From<Medoid> for v1::Medoid {
+    fn from(medoid: Medoid) -> Self {
+        Self {
+            individual: Some(medoid.individual.into()),
+            cluster_size: medoid.cluster_size,
+            mean_distance: medoid.mean_distance,
+            novelty: medoid.novelty,
+        }
+    }
+}
+
+impl Taxonomy {
+    /// The messages that carry it, part by part.
+    pub fn into_parts(self) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
+        // At most five bytes each on the wire.
+        const CLUSTERS: usize = PART_BYTES / 5;
+        let loss = v1::Taxonomy {
+            loss: self.loss,
+            ..v1::Taxonomy::default()
+        };
+        let medoids = self.medoids.into_iter().map(v1::Medoid::from);
+        let medoids = parts(medoids, |medoids| v1::Taxonomy {
+            medoids,
+            ..v1::Taxonomy::default()
+        });
+        let clusters = self.clusters;
+        let clusters = (0..clusters.len()).step_by(CLUSTERS).map(move |begin| {
+            let end = clusters.len().min(begin + CLUSTERS);
+            v1::Taxonomy {
+                clusters: clusters[begin..end].to_vec(),
+                ..v1::Taxonomy::default()
+            }
+        });
+        std::iter::once(loss).chain(medoids).chain(clusters)
+    }
+}

@@ -1,0 +1,150 @@
+//! With whom a query is: leases as a pure state machine, without clock or content.
+//!
+//! Invariants, each tested below: a behaviour is with one holder at most; whoever asks again is given what they have
+//! first; what is not answered in time is given to others.
+
+use super::Query;
+use murmuration_model::labels::Annotator;
+use std::{
+    collections::BTreeMap,
+    time::{Duration, Instant},
+};
+
+/// How long a query stays with a holder who does not ask for more.
+pub const PATIENCE: Duration = Duration::from_secs(5 * 60);
+
+/// Who looks at a query: an annotator, and which of their windows, should they have several.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Holder {
+    /// Who is asked.
+    pub annotator: Annotator,
+    /// The window, as its page calls it; may be empty.
+    pub session: String,
+}
+
+/// The queries of one campaign that are with somebody. `K` is the kind of question: whoever asks for another kind gives
+/// back what they have of the former.
+#[derive(Debug)]
+pub struct QueryLeases<K> {
+    by_index: BTreeMap<usize, Lease<K>>,
+}
+
+#[derive(Debug)]
+struct Lease<K> {
+    holder: Holder,
+    kind: K,
+    query: Query,
+    /// Order of giving, so that a holder sees the oldest first.
+    turn: i64,
+    until: Instant,
+}
+
+impl<K: PartialEq + Copy> QueryLeases<K> {
+    /// Nothing is with anybody.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            by_index: BTreeMap::new(),
+        }
+    }
+
+    /// Has `holder` be asked `query` before whatever else they hold, unless it is with somebody else.
+    pub fn give_first(&mut self, holder: &Holder, kind: K, query: Query, now: Instant) {
+        let other = self.by_index.get(&query.index);
+        if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
+            return;
+        }
+        let own = self.by_index.values().filter(|lease| lease.holder == *holder);
+        let turn = own.map(|lease| lease.turn).min().unwrap_or(0) - 1;
+        self.by_index.insert(
+            query.index,
+            Lease {
+                holder: holder.clone(),
+                kind,
+                query,
+                turn,
+                until: now + PATIENCE,
+            },
+        );
+    }
+
+    /// Has `holder` hold `count` queries of `kind` at time `now`, as far as there are any: those that they have and that
+    /// are still open, oldest first, then the first of `ranking` that are open and with nobody. All are theirs for
+    /// another [`PATIENCE`]; whatever else they had is given back.
+    pub fn top_up(
+        &mut self,
+        holder: &Holder,
+        kind: K,
+        count: usize,
+        ranking: &[Query],
+        open: impl Fn(usize) -> bool,
+        now: Instant,
+    ) -> Vec<Query> {
+        let mut own = self.keep(holder, kind, &open, now);
+        own.truncate(count);
+        let kept = own.iter().map(|(_, query)| query.index).collect::<Vec<_>>();
+        self.by_index
+            .retain(|index, lease| lease.holder != *holder || kept.contains(index));
+
+        let mut turn = own.last().map_or(0, |(turn, _)| turn + 1);
+        for query in ranking {
+            if own.len() == count {
+                break;
+            }
+            if !self.by_index.contains_key(&query.index) && open(query.index) {
+                self.by_index.insert(
+                    query.index,
+                    Lease {
+                        holder: holder.clone(),
+                        kind,
+                        query: *query,
+                        turn,
+                        until: now + PATIENCE,
+                    },
+                );
+                own.push((turn, *query));
+                turn += 1;
+            }
+        }
+        own.into_iter().map(|(_, query)| query).collect()
+    }
+
+    /// Whether nothing is with anybody any more at time `now`.
+    #[must_use]
+    pub fn are_over(&self, now: Instant) -> bool {
+        self.by_index.values().all(|lease| lease.until <= now)
+    }
+
+    /// Forgets leases that are over, and renews those that stay with `holder`: these, oldest first.
+    fn keep(
+        &mut self,
+        holder: &Holder,
+        kind: K,
+        open: impl Fn(usize) -> bool,
+        now: Instant,
+    ) -> Vec<(i64, Query)> {
+        let mut own = Vec::new();
+        self.by_index.retain(|index, lease| {
+            if lease.holder != *holder {
+                return lease.until > now;
+            }
+            let stays = lease.until > now && lease.kind == kind && open(*index);
+            if stays {
+                lease.until = now + PATIENCE;
+                own.push((lease.turn, lease.query));
+            }
+            stays
+        });
+        own.sort_by_key(|(turn, _)| *turn);
+        own
+    }
+}
+
+impl<K: PartialEq + Copy> Default for QueryLeases<K> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,141 @@
+//! The behaviour space of an archive: what novelty, questions and maps are measured in.
+
+use murmuration_model::{CampaignRecord, Edition};
+use murmuration_search::{
+    interrupt::Interrupted,
+    novelty::{Behaviours, Misfit},
+};
+use murmuration_store::{Store, StoreError, kept::Kept};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most bytes of spaces that are kept.
+const MOST_BYTES: usize = 128 << 20;
+
+/// Individuals read from the store at a time.
+const CHUNK: u64 = 4096;
+
+/// The behaviours of an archive, all in one space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Space {
+    /// One an individual, by index.
+    pub behaviours: Behaviours,
+    /// What they are of.
+    pub edition: Edition,
+}
+
+/// Why there is no space to measure in.
+#[derive(Debug, thiserror::Error)]
+pub enum SpaceError {
+    /// The store could not be read.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The archive holds vectors that cannot be compared.
+    #[error("the archive holds vectors that cannot be compared: {0}")]
+    Misfit(#[from] Misfit),
+    /// What was computed of it is not wanted any more.
+    #[error("{0}")]
+    Interrupted(#[from] Interrupted),
+}
+
+impl Space {
+    /// Reads the archive as far as `record` says that it goes. One of which another edition begins meanwhile is
+    /// read again.
+    ///
+    /// # Errors
+    /// See [`SpaceError`].
+    pub fn read(store: &Store, record: &CampaignRecord) -> Result<Self, SpaceError> {
+        Self::read_on(store, record, None)
+    }
+
+    /// As [`Space::read`]; what is known of the same edition is not read again.
+    fn read_on(store: &Store, record: &CampaignRecord, known: Option<&Self>) -> Result<Self, SpaceError> {
+        let edition = || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.edition()) };
+        let mut before = edition()?;
+        loop {
+            let len = record.individuals();
+            let begun = known.filter(|known| known.edition == before && known.behaviours.len() as u64 <= len);
+            let read = behaviours(store, record, begun.map(|known| known.behaviours.clone()));
+            let after = edition()?;
+            // Two editions are no space.
+            if before == after {
+                return Ok(Self {
+                    behaviours: read?,
+                    edition: after,
+                });
+            }
+            before = after;
+        }
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> usize {
+        self.behaviours.len() * self.behaviours.dims() * size_of::<f64>()
+    }
+}
+
+/// The spaces of archives, of which only what has come since is read while they are kept; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Spaces {
+    store: Store,
+    /// One lock a campaign, so that what has come is read once, whoever asks meanwhile.
+    kept: Arc<Kept<Mutex<Option<Arc<Space>>>>>,
+}
+
+impl Spaces {
+    /// Nothing is known yet.
+    #[must_use]
+    pub fn new(store: Store) -> Self {
+        Self {
+            store,
+            kept: Arc::new(Kept::within(MOST_BYTES)),
+        }
+    }
+
+    /// The store that they are read from.
+    pub const fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// The archive as far as `record` says that it goes. Blocks while it is read.
+    ///
+    /// # Errors
+    /// See [`SpaceError`].
+    pub fn of(&self, record: &CampaignRecord) -> Result<Arc<Space>, SpaceError> {
+        let kept = self.kept.of(&record.id);
+        let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let is = |space: &Arc<Space>| {
+            space.edition == record.edition() && space.behaviours.len() as u64 == record.individuals()
+        };
+        if let Some(space) = known.as_ref().filter(|space| is(space)) {
+            return Ok(Arc::clone(space));
+        }
+        let space = Arc::new(Space::read_on(&self.store, record, known.as_deref())?);
+        *known = Some(Arc::clone(&space));
+        self.kept.weigh(&record.id, space.bytes());
+        Ok(space)
+    }
+}
+
+/// The behaviours of an archive, behind those that are known.
+fn behaviours(
+    store: &Store,
+    record: &CampaignRecord,
+    known: Option<Behaviours>,
+) -> Result<Behaviours, SpaceError> {
+    let (model, method) = (record.spec.model(), record.spec.method());
+    let mut behaviours = known.filter(|known| !known.is_empty());
+    let (begun, len) = (
+        behaviours.as_ref().map_or(0, Behaviours::len),
+        record.individuals(),
+    );
+    for start in (begun as u64..len).step_by(CHUNK as usize) {
+        let range = start..len.min(start + CHUNK);
+        for individual in store.individuals(&record.id, model, range, false)? {
+            let vector = method.behaviour(&individual.features, &individual.embedding);
+            behaviours
+                .get_or_insert_with(|| Behaviours::new(vector.len()))
+                .push(&vector)?;
+        }
+    }
+    Ok(behaviours.unwrap_or_else(|| Behaviours::new(0)))
+}

@@ -1,0 +1,42 @@
+//! What a campaign is called.
+
+use murmuration_proto::{CampaignName, Invalid, text};
+use std::{fmt, str::FromStr};
+
+/// A campaign's id, `NAME-N`, unique in its store.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CampaignId(String);
+
+impl CampaignId {
+    /// The id of a campaign that the store holds.
+    pub const fn from_store(id: String) -> Self {
+        Self(id)
+    }
+
+    /// The id as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl FromStr for CampaignId {
+    type Err = Invalid;
+
+    /// An id from outside: nothing that is read as one can be a path to another folder.
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let refused = || Invalid::new("campaign", text::quoted(text), "an id, NAME-N");
+        let (name, number) = text.rsplit_once('-').ok_or_else(refused)?;
+        let is_number = (1..=20).contains(&number.len()) && number.bytes().all(|byte| byte.is_ascii_digit());
+        if !is_number || CampaignName::try_from(name.to_owned()).is_err() {
+            return Err(refused());
+        }
+        Ok(Self(text.to_owned()))
+    }
+}
+
+impl fmt::Display for CampaignId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}

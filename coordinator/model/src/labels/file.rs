@@ -1,0 +1,436 @@
+//! Files of labels: CSV with a line of column names, found by name in any order; other columns are passed over.
+//!
+//! One format for what `labels` writes and `label`, `accuracy` and `judge` read: docs/labels.md says what each column means.
+//! Limits: text in, no files.
+
+use super::{Annotator, Answer, of_cell, quotes::unclosed};
+use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
+use murmuration_proto::{
+    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, World, counted, text::quoted,
+    v1,
+};
+use std::{
+    path::{Path, PathBuf},
+    str::FromStr,
+};
+
+/// Columns of wheel speeds; those of one sensor are the first four.
+pub(super) const SPEEDS: [&str; 8] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8"];
+/// Column of the second sensor's angle; a file without it is of the single-sensor model.
+pub(super) const ANGLE: &str = "theta";
+
+/// A file of labels, taken apart; nothing but its columns has been understood.
+#[derive(Debug, Clone)]
+pub struct LabelFile {
+    path: PathBuf,
+    text: Vec<u8>,
+    columns: StringRecord,
+    rows: Vec<StringRecord>,
+}
+
+/// One row of a file.
+#[derive(Debug, Clone, Copy)]
+pub struct Row<'a> {
+    file: &'a LabelFile,
+    cells: &'a StringRecord,
+}
+
+/// What is wrong with a file of labels.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LabelFileError {
+    /// It cannot be read, or is not CSV.
+    #[error("{}: {error}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        error: String,
+    },
+    /// A column that is needed is not there, or twice.
+    #[error("{}, line 1: {problem} column {column:?}; its columns are {columns}", path.display())]
+    Column {
+        /// The file.
+        path: PathBuf,
+        /// The column's name.
+        column: String,
+        /// `there is no` or `there is more than one`.
+        problem: &'static str,
+        /// The columns that there are.
+        columns: String,
+    },
+    /// A row has too few or too many cells.
+    #[error("{}, line {line}: {cells} under {columns}", path.display())]
+    Uneven {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// How many cells.
+        cells: String,
+        /// Under how many names of columns.
+        columns: String,
+    },
+    /// Something else than commas separates the columns.
+    #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
+    Separator {
+        /// The file.
+        path: PathBuf,
+        /// What separates them.
+        separator: &'static str,
+    },
+    /// A quote is opened and not closed.
+    #[error("{}, line {line}: a cell begins with a quote, and does not end with one", path.display())]
+    Quote {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+    },
+    /// A cell cannot be used.
+    #[error("{}, line {line}: {error}", path.display())]
+    Cell {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// Which column, what it holds, and what is allowed.
+        error: Invalid,
+    },
+    /// No row has a class.
+    #[error("{}: no row has a class", .0.display())]
+    NoClass(PathBuf),
+    /// No person gave a class.
+    #[error(
+        "{}: no row has a class that a person gave: the synthetic annotator gave {}", path.display(), counted(*rows, "class")
+    )]
+    NoPerson {
+        /// The file.
+        path: PathBuf,
+        /// The rows in which the synthetic annotator gave a class.
+        rows: u64,
+    },
+    /// The picture of a behaviour cannot be used.
+    #[error("{}: {problem}", image.display())]
+    Image {
+        /// The picture's file.
+        image: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+    },
+}
+
+impl LabelFile {
+    /// Takes the text of the file at `path` apart.
+    ///
+    /// # Errors
+    /// Where it is not CSV, has no column `id` or `class`, or one of them twice.
+    pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
+        Self::with_columns(&["id", "class"], path, text)
+    }
+
+    /// Takes the text of a file apart that has these columns.
+    ///
+    /// # Errors
+    /// Where it is not CSV, has not one of the columns, or has it twice.
+    pub fn with_columns(needed: &[&str], path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
+        let mut file = Self {
+            path: path.to_owned(),
+            text,
+            columns: StringRecord::new(),
+            rows: Vec::new(),
+        };
+        let (columns, rows) = file.take_apart()?;
+        (file.columns, file.rows) = (columns, rows);
+        for column in needed {
+            file.need(column)?;
+        }
+        Ok(file)
+    }
+
+    fn take_apart(&self) -> Result<(StringRecord, Vec<StringRecord>), LabelFileError> {
+        let mut reader = ReaderBuilder::new()
+            .trim(Trim::All)
+            .from_reader(self.text.as_slice());
+        if let Some(line) = unclosed(&self.text) {
+            let path = self.path.clone();
+            return Err(LabelFileError::Quote { path, line });
+        }
+        let not_csv = |error: csv::Error| self.not_csv(&error);
+        let columns = reader.headers().map_err(not_csv)?.clone();
+        if let Some(separator) = other_separator(&columns) {
+            let path = self.path.clone();
+            return Err(LabelFileError::Separator { path, separator });
+        }
+        let rows = reader.into_records().collect::<Result<_, _>>().map_err(not_csv)?;
+        Ok((columns, rows))
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its rows, in order.
+    pub fn rows(&self) -> impl Iterator<Item = Row<'_>> {
+        self.rows.iter().map(|cells| Row { file: self, cells })
+    }
+
+    /// A row by its place, from 0.
+    #[must_use]
+    pub fn row(&self, place: usize) -> Option<Row<'_>> {
+        let cells = self.rows.get(place)?;
+        Some(Row { file: self, cells })
+    }
+
+    /// Whether there is a column.
+    #[must_use]
+    pub fn has(&self, column: &str) -> bool {
+        self.columns.iter().any(|name| name == column)
+    }
+
+    /// Where a column is that cannot be done without.
+    fn need(&self, column: &str) -> Result<usize, LabelFileError> {
+        let mut places = self
+            .columns
+            .iter()
+            .enumerate()
+            .filter(|(_, name)| *name == column);
+        let problem = match (places.next(), places.next()) {
+            (Some((place, _)), None) => return Ok(place),
+            (None, _) => "there is no",
+            (Some(_), Some(_)) => "there is more than one",
+        };
+        Err(LabelFileError::Column {
+            path: self.path.clone(),
+            column: column.to_owned(),
+            problem,
+            columns: self.columns.iter().collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    fn not_csv(&self, error: &csv::Error) -> LabelFileError {
+        let path = self.path.clone();
+        match error.kind() {
+            ErrorKind::UnequalLengths {
+                pos: Some(position),
+                expected_len,
+                len,
+            } => LabelFileError::Uneven {
+                path,
+                line: self.line(position.byte()),
+                cells: counted(*len, "cell"),
+                columns: format!("{} of columns", counted(*expected_len, "name")),
+            },
+            _ => LabelFileError::Unreadable {
+                path,
+                error: error.to_string(),
+            },
+        }
+    }
+
+    /// The line of the row that begins at `byte`, or after the empty lines there.
+    fn line(&self, byte: u64) -> usize {
+        let (before, rest) = self.text.split_at((byte as usize).min(self.text.len()));
+        let empty = rest.iter().take_while(|&&character| b"\r\n".contains(&character));
+        1 + before
+            .iter()
+            .chain(empty)
+            .filter(|&&character| character == b'\n')
+            .count()
+    }
+}
+
+/// What separates the columns, where it is no comma.
+fn other_separator(columns: &StringRecord) -> Option<&'static str> {
+    let only = columns.get(0).filter(|_| columns.len() == 1)?;
+    let others = [(';', "semicolons"), ('\t', "tabs")];
+    let other = others.into_iter().find(|(mark, _)| only.contains(*mark));
+    other.map(|(_, name)| name)
+}
+
+impl<'a> Row<'a> {
+    /// What a column holds; empty where there is no such column.
+    #[must_use]
+    pub fn cell(&self, column: &str) -> &'a str {
+        let place = self.file.columns.iter().position(|name| name == column);
+        place.and_then(|place| self.cells.get(place)).unwrap_or_default()
+    }
+
+    /// An error about this row.
+    #[must_use]
+    pub fn refused(&self, error: Invalid) -> LabelFileError {
+        LabelFileError::Cell {
+            path: self.file.path.clone(),
+            line: self
+                .file
+                .line(self.cells.position().map_or(0, csv::Position::byte)),
+            error,
+        }
+    }
+
+    /// An error about one of its cells, which must be `allowed`.
+    #[must_use]
+    pub fn refuse(&self, column: &str, allowed: &str) -> LabelFileError {
+        let shown = match self.cell(column) {
+            "" => "nothing".to_owned(),
+            text => quoted(text),
+        };
+        self.refused(Invalid::new(column, shown, allowed))
+    }
+
+    /// What was answered; `None` where the class is left empty.
+    ///
+    /// # Errors
+    /// Where that is no name of a class.
+    pub fn answer(&self) -> Result<Option<Answer>, LabelFileError> {
+        match self.cell("class") {
+            "" => Ok(None),
+            class => {
+                let answer = of_cell(class).parse();
+                answer.map(Some).map_err(|error| self.refused(error))
+            }
+        }
+    }
+
+    /// Who answered: as the row says, or else `otherwise`.
+    ///
+    /// # Errors
+    /// Where neither says, or it is no name.
+    pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, LabelFileError> {
+        match (self.cell("annotator"), otherwise) {
+            ("", Some(annotator)) => Ok(annotator.clone()),
+            ("", None) => Err(self.refuse("annotator", "a name, here or with --annotator")),
+            (named, _) => of_cell(named).parse().map_err(|error| self.refused(error)),
+        }
+    }
+
+    /// Whether the synthetic annotator answered, as far as the row says who did.
+    #[must_use]
+    pub fn is_synthetic(&self) -> bool {
+        Annotator::is_synthetic(of_cell(self.cell("annotator")))
+    }
+
+    /// When, milliseconds since 1970-01-01 UTC; 0 where the row does not say.
+    ///
+    /// # Errors
+    /// Where that is no whole number.
+    pub fn time_ms(&self) -> Result<u64, LabelFileError> {
+        Ok(self.given("time", "a whole number")?.unwrap_or_default())
+    }
+
+    /// Index of the individual in its campaign's archive.
+    ///
+    /// # Errors
+    /// Where the id is no whole number.
+    pub fn index(&self) -> Result<u64, LabelFileError> {
+        self.needed("id", "a whole number")
+    }
+
+    /// The seed of its start.
+    ///
+    /// # Errors
+    /// Where there is none.
+    pub fn seed(&self) -> Result<u64, LabelFileError> {
+        self.needed("seed", "a whole number")
+    }
+
+    /// The controller: `v1` to `v4`, or `v1` to `v8` and `theta`.
+    ///
+    /// # Errors
+    /// Where a column is missing, or a gene is no number or out of range.
+    pub fn controller(&self) -> Result<Controller, LabelFileError> {
+        let (model, names) = match self.file.has(ANGLE) {
+            true => (CapabilityModel::TwoSensor, [SPEEDS.as_slice(), &[ANGLE]].concat()),
+            false => (CapabilityModel::SingleSensor, SPEEDS[..4].to_vec()),
+        };
+        let genes = names.iter().map(|name| self.needed(name, "a number"));
+        let genes = genes.collect::<Result<Vec<f64>, _>>()?;
+        Controller::new(model, &genes).map_err(|error| self.refused(error))
+    }
+
+    /// The five hand-crafted features, each a column of its name.
+    ///
+    /// # Errors
+    /// Where a column is missing, or a value is not a finite number.
+    pub fn features(&self) -> Result<Features, LabelFileError> {
+        let mut features = [0.0_f64; FEATURE_NAMES.len()];
+        for (feature, name) in features.iter_mut().zip(FEATURE_NAMES) {
+            *feature = self.finite(name)?;
+        }
+        Ok(features)
+    }
+
+    /// A number that is neither infinite nor none.
+    ///
+    /// # Errors
+    /// Where the column is missing, or holds something else.
+    pub fn finite(&self, column: &str) -> Result<f64, LabelFileError> {
+        let number: f64 = self.needed(column, "a finite number")?;
+        match number.is_finite() {
+            true => Ok(number),
+            false => Err(self.refuse(column, "a finite number")),
+        }
+    }
+
+    /// The world that it was simulated in: what the row does not say is the paper's.
+    ///
+    /// # Errors
+    /// Where a value is out of range.
+    pub fn world(&self) -> Result<World, LabelFileError> {
+        let world = v1::World {
+            width: self.given("width", "a number")?,
+            height: self.given("height", "a number")?,
+            padding: self.given("padding", "a number")?,
+            agents: self.given("agents", "a whole number")?,
+            radius: self.given("radius", "a number")?,
+            wheel_radius: self.given("wheel_radius", "a number")?,
+            dt: self.given("dt", "a number")?,
+            horizon: self.given("horizon", "a whole number")?,
+            jitter: self.given("jitter", "true or false")?,
+        };
+        World::try_from(world).map_err(|error| self.refused(error))
+    }
+
+    /// The format of its picture, a behaviour of `world`: what the row does not say is the paper's.
+    ///
+    /// # Errors
+    /// Where a value is out of range.
+    pub fn image_format(&self, world: &World) -> Result<ImageFormat, LabelFileError> {
+        let format = v1::ImageFormat {
+            resolution: self.given("resolution", "a whole number")?,
+            window: self.given("window", "a whole number")?,
+        };
+        ImageFormat::for_world(format, world).map_err(|error| self.refused(error))
+    }
+
+    fn needed<T: FromStr>(&self, column: &str, allowed: &str) -> Result<T, LabelFileError> {
+        self.file.need(column)?;
+        let given = self.given(column, allowed)?;
+        given.ok_or_else(|| self.refuse(column, allowed))
+    }
+
+    fn given<T: FromStr>(&self, column: &str, allowed: &str) -> Result<Option<T>, LabelFileError> {
+        match self.cell(column) {
+            "" => Ok(None),
+            text => text.parse().map(Some).map_err(|_| self.refuse(column, allowed)),
+        }
+    }
+}
+
+/// What a behaviour's world and picture are, as the columns that say so.
+pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 11] {
+    [
+        ("width", world.width().to_string()),
+        ("height", world.height().to_string()),
+        ("padding", world.padding().to_string()),
+        ("agents", world.agents().to_string()),
+        ("radius", world.radius().to_string()),
+        ("wheel_radius", world.wheel_radius().to_string()),
+        ("dt", world.dt().to_string()),
+        ("horizon", world.horizon().to_string()),
+        ("jitter", world.jitter().to_string()),
+        ("resolution", format.resolution().to_string()),
+        ("window", format.window().to_string()),
+    ]
+}

@@ -1,0 +1,36 @@
+//! What people say about behaviours: an append-only log, and what it comes to.
+//!
+//! [`Labels`] is a pure function of the log of a campaign: whoever holds the entries knows the classes, the answers that
+//! stand, and what stood before. Limits: no I/O; where the log is kept is the store's business, what to ask
+//! next is the queries'.
+
+mod agreement;
+mod cells;
+mod classes;
+mod confusion_matrix;
+mod current;
+mod file;
+mod given;
+mod label;
+mod lesson;
+mod log;
+mod messages;
+mod names;
+mod near;
+mod quotes;
+mod table;
+
+pub use agreement::{Agreement, Confusion, Disagreement};
+pub use cells::{of_cell, to_cell};
+pub use confusion_matrix::ConfusionMatrix;
+pub use current::{BrokenLog, Class, LabelDigest, Labels};
+pub use file::{LabelFile, LabelFileError, Row};
+pub use given::{GivenClass, given_classes};
+pub use label::Label;
+pub use lesson::class_numbers;
+pub use log::{Action, Change, Entry, Refusal};
+pub use names::{Annotator, Answer, ClassKey, ClassName, Colour, RequestId};
+pub use table::{Labelled, Table, to_csv};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,417 @@
+//! What people write: names of classes, of themselves and of requests, answers, colours.
+
+use murmuration_judge::Class;
+use murmuration_proto::{
+    Invalid,
+    text::{name, quoted},
+};
+use std::{fmt, str::FromStr};
+
+/// Most characters of a name.
+const MAX_CHARS: usize = 64;
+
+/// The name of a class as it is shown: 1 to 64 characters that can be seen, no space at either end, and neither of the
+/// words for [`Answer::NotSure`] and [`Answer::Skip`]. Which class it means is its [`ClassKey`].
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClassName(String);
+
+/// Which class a name means: names that differ in case alone, or in what stands between their words (spaces, hyphens,
+/// underscores), mean the same.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClassKey(String);
+
+/// Who answered: 1 to 64 characters that can be seen, no space at either end. A person may not be called as the synthetic
+/// annotator is: its answers are not counted as a person's.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Annotator(String);
+
+/// What a client calls a request, so that a repetition is known as one: 1 to 64 characters that can be seen, no space at
+/// either end, and not beginning as the coordinator's own do: `synthetic-round-` and `withdrawal`.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct RequestId(String);
+
+/// What somebody answered when asked for the class of a behaviour. As text it is a class, `not sure` or `skip`, these two in
+/// any spelling that means the same (see [`ClassKey`]).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Answer {
+    /// It is of this class.
+    Class(ClassName),
+    /// They looked, and could not say.
+    NotSure,
+    /// They would not say.
+    Skip,
+}
+
+/// A colour of a class: red, green and blue in sRGB. As text `#rrggbb`, hexadecimal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Colour([u8; 3]);
+
+/// `text` in lower case, with `_` between its words.
+fn folded(text: &str) -> String {
+    let words = text.split(|letter: char| letter.is_whitespace() || letter == '-' || letter == '_');
+    let words: Vec<String> = words
+        .filter(|word| !word.is_empty())
+        .map(str::to_lowercase)
+        .collect();
+    match words.is_empty() {
+        // Nothing but what stands between words.
+        true => text.to_owned(),
+        false => words.join("_"),
+    }
+}
+
+macro_rules! names {
+    ($($type:ident),*) => { $(
+        impl $type {
+            /// The name as text.
+            #[must_use]
+            pub fn as_str(&self) -> &str {
+                &self.0
+            }
+        }
+
+        impl fmt::Display for $type {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(&self.0)
+            }
+        }
+    )* };
+}
+
+names!(ClassName, Annotator, RequestId);
+
+impl ClassKey {
+    /// The key as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl ClassName {
+    /// Which class it means.
+    #[must_use]
+    pub fn key(&self) -> ClassKey {
+        ClassKey(folded(&self.0))
+    }
+
+    /// The same name as the paper's classes are spelled, if it means one of them; others are spelled as somebody did.
+    #[must_use]
+    pub fn spelled(self) -> Self {
+        let key = self.key();
+        // Their names are their own keys.
+        let paper = Class::ALL.into_iter().find(|class| class.name() == key.as_str());
+        paper.map_or(self, Self::from)
+    }
+
+    /// A name from a log that is on disk: it may be one that [`str::parse`] has come to refuse.
+    ///
+    /// # Errors
+    /// If it could never have been a name.
+    pub fn stored(text: &str) -> Result<Self, Invalid> {
+        name("class", text, MAX_CHARS).map(Self)
+    }
+}
+
+impl From<&str> for ClassKey {
+    /// What a text would mean as a name.
+    fn from(text: &str) -> Self {
+        Self(folded(text))
+    }
+}
+
+impl Annotator {
+    const SYNTHETIC: &str = "synthetic";
+
+    /// The synthetic annotator: the judge that answers in a person's place.
+    #[must_use]
+    pub fn synthetic() -> Self {
+        Self(Self::SYNTHETIC.to_owned())
+    }
+
+    /// Whether a name is the synthetic annotator's, or reads like it: case, and what is neither letter nor digit, do not tell
+    /// two annotators apart here.
+    #[must_use]
+    pub fn is_synthetic(name: &str) -> bool {
+        let read = name.chars().filter(|letter| letter.is_alphanumeric());
+        read.flat_map(char::to_lowercase).eq(Self::SYNTHETIC.chars())
+    }
+
+    /// Somebody who may have answered: a person, or the synthetic annotator. Of a log that is on disk, a person may be called
+    /// as [`str::parse`] has come to refuse.
+    ///
+    /// # Errors
+    /// If it could never have been a name.
+    pub fn known(text: &str) -> Result<Self, Invalid> {
+        name("annotator", text, MAX_CHARS).map(Self)
+    }
+}
+
+impl RequestId {
+    const ROUND: &str = "synthetic-round-";
+    const WITHDRAWAL: &str = "withdrawal";
+
+    /// What the synthetic annotator calls its answers in a round (from 1) that nobody attends.
+    #[must_use]
+    pub fn of_round(round: u32) -> Self {
+        Self(format!("{}{round}", Self::ROUND))
+    }
+
+    /// What answers are withdrawn by that are about individuals which are not there any more: nobody asked for it.
+    #[must_use]
+    pub fn of_withdrawal() -> Self {
+        Self(Self::WITHDRAWAL.to_owned())
+    }
+}
+
+impl From<Class> for ClassName {
+    fn from(class: Class) -> Self {
+        Self(class.name().to_owned())
+    }
+}
+
+impl FromStr for ClassName {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        match text.parse()? {
+            Answer::Class(class) => Ok(class),
+            Answer::NotSure | Answer::Skip => {
+                let allowed = format!(
+                    "another word than \"{}\" and \"{}\"",
+                    Answer::NOT_SURE,
+                    Answer::SKIP
+                );
+                Err(Invalid::new("class", quoted(text), allowed))
+            }
+        }
+    }
+}
+
+impl FromStr for Annotator {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        match Self::is_synthetic(text) {
+            true => {
+                let allowed = "a person's name: that is the synthetic annotator's, which `murmuration label --synthetic` \
+                               has answer";
+                Err(Invalid::new("annotator", quoted(text), allowed))
+            }
+            false => Self::known(text),
+        }
+    }
+}
+
+impl FromStr for RequestId {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let id = name("request_id", text, MAX_CHARS)?;
+        // A request that was made with one of these would be taken for the coordinator's own, which it then could not make.
+        match [Self::ROUND, Self::WITHDRAWAL]
+            .iter()
+            .find(|own| id.starts_with(**own))
+        {
+            Some(own) => {
+                let allowed =
+                    format!("one that does not begin with \"{own}\": those are the coordinator's own");
+                Err(Invalid::new("request_id", quoted(text), allowed))
+            }
+            None => Ok(Self(id)),
+        }
+    }
+}
+
+impl Answer {
+    const NOT_SURE: &str = "not sure";
+    const SKIP: &str = "skip";
+
+    /// The answer as text.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        match self {
+            Self::Class(class) => class.as_str(),
+            Self::NotSure => Self::NOT_SURE,
+            Self::Skip => Self::SKIP,
+        }
+    }
+}
+
+impl fmt::Display for Answer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl FromStr for Answer {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        Ok(match name("class", text, MAX_CHARS)? {
+            word if folded(&word) == folded(Self::NOT_SURE) => Self::NotSure,
+            word if folded(&word) == Self::SKIP => Self::Skip,
+            class => Self::Class(ClassName(class)),
+        })
+    }
+}
+
+impl From<[u8; 3]> for Colour {
+    fn from(rgb: [u8; 3]) -> Self {
+        Self(rgb)
+    }
+}
+
+impl fmt::Display for Colour {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [red, green, blue] = self.0;
+        write!(f, "#{red:02x}{green:02x}{blue:02x}")
+    }
+}
+
+impl FromStr for Colour {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let digits = text
+            .strip_prefix('#')
+            .filter(|digits| digits.len() == 6 && digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
+            .and_then(|digits| u32::from_str_radix(digits, 16).ok());
+        match digits.map(u32::to_be_bytes) {
+            Some([_, red, green, blue]) => Ok(Self([red, green, blue])),
+            None => Err(Invalid::new(
+                "colour",
+                quoted(text),
+                "#rrggbb, six hexadecimal digits",
+            )),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn names_are_trimmed_and_bounded() {
+        assert_eq!(" a ring ".parse::<ClassName>().unwrap().as_str(), "a ring");
+        assert_eq!("é".repeat(64).parse::<Annotator>().unwrap().as_str().len(), 128);
+        for bad in [
+            "",
+            "  ",
+            &"x".repeat(65),
+            "a\nb",
+            "a\0",
+            "\u{200b}",
+            "ring\u{200b}",
+            "gn\u{202e}ir",
+            "\u{2066}a",
+        ] {
+            assert_eq!(bad.parse::<ClassName>().unwrap_err().field, "class");
+            assert_eq!(bad.parse::<Annotator>().unwrap_err().field, "annotator");
+            assert_eq!(bad.parse::<RequestId>().unwrap_err().field, "request_id");
+        }
+    }
+
+    #[test]
+    fn nobody_is_called_as_the_synthetic_annotator_is() {
+        for taken in [
+            "synthetic",
+            " Synthetic ",
+            "SYN THETIC",
+            "syn-thetic_",
+            "(synthetic)",
+        ] {
+            let error = taken.parse::<Annotator>().unwrap_err();
+            assert_eq!(error.field, "annotator");
+            assert!(error.allowed.contains("a person's name"), "{error}");
+            assert!(Annotator::is_synthetic(taken));
+            // As logs have it.
+            assert!(Annotator::known(taken).is_ok());
+        }
+        for free in ["synthetic 2", "ana", "synthia"] {
+            assert_eq!(free.parse::<Annotator>().unwrap().as_str(), free);
+        }
+        let own = Annotator::synthetic();
+        assert_eq!(Annotator::known(own.as_str()), Ok(own));
+    }
+
+    #[test]
+    fn answers_that_are_no_class_are_no_names_of_classes() {
+        for (word, answer) in [
+            ("not sure", Answer::NotSure),
+            ("Not_Sure", Answer::NotSure),
+            (" skip", Answer::Skip),
+            ("SKIP", Answer::Skip),
+        ] {
+            assert_eq!(word.parse::<Answer>().unwrap(), answer);
+            let said = word.parse::<ClassName>().unwrap_err().to_string();
+            assert!(said.contains("another word than"), "{said}");
+        }
+        assert!(matches!("skipping".parse(), Ok(Answer::Class(_))));
+    }
+
+    #[test]
+    fn what_the_coordinator_calls_its_own_requests_nobody_else_may() {
+        for own in [
+            RequestId::of_round(1),
+            RequestId::of_round(u32::MAX),
+            RequestId::of_withdrawal(),
+        ] {
+            for taken in [own.to_string(), format!(" {own} "), format!("{own}-more")] {
+                let error = taken.parse::<RequestId>().unwrap_err();
+                assert_eq!(error.field, "request_id");
+                assert!(error.allowed.contains("the coordinator's own"), "{error}");
+            }
+        }
+        for free in ["synthetic", "a withdrawal", "synthetic-rounds"] {
+            assert_eq!(free.parse::<RequestId>().unwrap().as_str(), free);
+        }
+    }
+
+    #[test]
+    fn case_and_what_stands_between_words_do_not_tell_classes_apart() {
+        let key = |name: &str| name.parse::<ClassName>().unwrap().key();
+        for same in [
+            "wall following",
+            "Wall-Following",
+            "wall__following",
+            " WALL _following-",
+        ] {
+            assert_eq!(key(same), key("wall_following"), "{same}");
+        }
+        for other in ["wallfollowing", "wall_followed", "-", "_"] {
+            assert_ne!(key(other), key("wall_following"), "{other}");
+        }
+        assert_ne!(key("-"), key("_"));
+    }
+
+    #[test]
+    fn the_papers_classes_have_one_spelling_and_others_their_own() {
+        let check = |name: &str, spelled: &str| {
+            assert_eq!(name.parse::<ClassName>().unwrap().spelled().as_str(), spelled);
+        };
+        check("Wall following", "wall_following");
+        check("MILLING", "milling");
+        check("nested-cycle", "nested_cycle");
+        check("Two Rings", "Two Rings");
+    }
+
+    #[test]
+    fn a_colour_is_six_digits() {
+        assert_eq!("#1a2B3c".parse::<Colour>().unwrap().to_string(), "#1a2b3c");
+        for bad in ["", "1a2b3c", "#1a2b3", "#1a2b3c4", "#+a2b3c", "#é2b3c"] {
+            assert_eq!(bad.parse::<Colour>().unwrap_err().field, "colour");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn what_parses_reads_back(text in any::<String>()) {
+            if let Ok(answer) = text.parse::<Answer>() {
+                prop_assert_eq!(answer.as_str().parse::<Answer>().unwrap(), answer);
+            }
+        }
+    }
+}

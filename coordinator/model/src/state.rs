@@ -1,0 +1,145 @@
+//! Where a campaign stands, and which changes are allowed from there.
+
+use super::CampaignId;
+use murmuration_proto::v1;
+
+/// Where a campaign stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CampaignState {
+    /// Searching, or interrupted by the end of its coordinator.
+    Running,
+    /// Stopped by a person; resumes where it was.
+    Paused,
+    /// Every generation evaluated, taxonomy stored.
+    Completed,
+    /// Stopped by an error; may be resumed.
+    Failed,
+    /// Ended by a person.
+    Cancelled,
+}
+
+/// What a person may ask of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Change {
+    /// Stop, to continue later.
+    Pause,
+    /// Continue.
+    Resume,
+    /// End for good.
+    Cancel,
+    /// Move to another checkpoint, and go on.
+    Adopt,
+    /// Learn from labels, and go on.
+    Refine,
+}
+
+/// A change that a campaign's state does not allow.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("cannot {} campaign {id}: it {} {}", .change.name(), .state.verb(), .state.name())]
+pub struct NotAllowed {
+    /// The campaign.
+    pub id: CampaignId,
+    /// What was asked.
+    pub change: Change,
+    /// Where it stands.
+    pub state: CampaignState,
+}
+
+impl Change {
+    /// Its name as a command.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pause => "pause",
+            Self::Resume => "resume",
+            Self::Cancel => "cancel",
+            Self::Adopt => "move",
+            Self::Refine => "refine",
+        }
+    }
+}
+
+impl CampaignState {
+    /// Every state.
+    pub const ALL: [Self; 5] = [
+        Self::Running,
+        Self::Paused,
+        Self::Completed,
+        Self::Failed,
+        Self::Cancelled,
+    ];
+
+    /// Its name in the store and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Running => "running",
+            Self::Paused => "paused",
+            Self::Completed => "completed",
+            Self::Failed => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+
+    /// How to say that a campaign is in it: of the end of a campaign that it has come before whatever is asked now.
+    const fn verb(self) -> &'static str {
+        match self {
+            Self::Completed | Self::Cancelled => "was already",
+            Self::Running | Self::Paused | Self::Failed => "is",
+        }
+    }
+
+    /// The state of that name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// The state after `change`; `None` if it is not allowed from here.
+    #[must_use]
+    pub const fn after(self, change: Change) -> Option<Self> {
+        match (self, change) {
+            (Self::Running, Change::Pause) => Some(Self::Paused),
+            (Self::Running | Self::Paused | Self::Failed, Change::Resume) => Some(Self::Running),
+            (Self::Running | Self::Paused | Self::Failed, Change::Cancel) => Some(Self::Cancelled),
+            (
+                Self::Running | Self::Paused | Self::Failed | Self::Completed,
+                Change::Adopt | Change::Refine,
+            ) => Some(Self::Running),
+            (Self::Paused | Self::Failed | Self::Completed | Self::Cancelled, Change::Pause)
+            | (Self::Completed | Self::Cancelled, Change::Resume | Change::Cancel)
+            | (Self::Cancelled, Change::Adopt | Change::Refine) => None,
+        }
+    }
+}
+
+impl From<CampaignState> for v1::CampaignState {
+    fn from(state: CampaignState) -> Self {
+        match state {
+            CampaignState::Running => Self::Running,
+            CampaignState::Paused => Self::Paused,
+            CampaignState::Completed => Self::Completed,
+            CampaignState::Failed => Self::Failed,
+            CampaignState::Cancelled => Self::Cancelled,
+        }
+    }
+}
+
+impl TryFrom<v1::CampaignState> for CampaignState {
+    type Error = murmuration_proto::Invalid;
+
+    fn try_from(state: v1::CampaignState) -> Result<Self, Self::Error> {
+        match state {
+            v1::CampaignState::Running => Ok(Self::Running),
+            v1::CampaignState::Paused => Ok(Self::Paused),
+            v1::CampaignState::Completed => Ok(Self::Completed),
+            v1::CampaignState::Failed => Ok(Self::Failed),
+            v1::CampaignState::Cancelled => Ok(Self::Cancelled),
+            v1::CampaignState::Unspecified => Err(murmuration_proto::Invalid::new(
+                "state",
+                "nothing",
+                "a campaign state",
+            )),
+        }
+    }
+}

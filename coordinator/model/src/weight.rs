@@ -1,0 +1,81 @@
+//! How campaigns that run at once share the workers.
+
+use murmuration_proto::Invalid;
+use std::{fmt, str::FromStr};
+
+/// A campaign's share of the workers while others run as well, in proportion to theirs: 1 to 10,000. It says nothing of
+/// what the campaign finds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Weight(u32);
+
+impl Weight {
+    /// The largest.
+    pub const MOST: u32 = 10_000;
+
+    /// As a number.
+    #[must_use]
+    pub const fn get(self) -> u32 {
+        self.0
+    }
+
+    /// What work of this effort costs a campaign of this weight when turns are compared; at least the effort.
+    pub const fn charge(self, effort: u64) -> u64 {
+        effort.saturating_mul(Self::MOST as u64) / self.0 as u64
+    }
+}
+
+/// 100, so that there is room on both sides.
+impl Default for Weight {
+    fn default() -> Self {
+        Self(100)
+    }
+}
+
+impl fmt::Display for Weight {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(f)
+    }
+}
+
+impl TryFrom<u32> for Weight {
+    type Error = Invalid;
+
+    fn try_from(weight: u32) -> Result<Self, Invalid> {
+        match weight {
+            1..=Self::MOST => Ok(Self(weight)),
+            _ => Err(Invalid::new("weight", weight, "from 1 to 10,000")),
+        }
+    }
+}
+
+impl FromStr for Weight {
+    type Err = Invalid;
+
+    fn from_str(text: &str) -> Result<Self, Invalid> {
+        let number: u32 = text
+            .parse()
+            .map_err(|_| Invalid::new("weight", text, "from 1 to 10,000"))?;
+        number.try_into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn twice_the_weight_pays_half_and_nobody_pays_nothing() {
+        let weight = |weight: u32| Weight::try_from(weight).unwrap();
+        assert_eq!(weight(100).charge(28_800), 2 * weight(200).charge(28_800));
+        assert_eq!(weight(Weight::MOST).charge(1), 1);
+    }
+
+    #[test]
+    fn a_weight_is_from_1_to_10000() {
+        for wrong in ["0", "10001", "-1", "1.5", "", "heavy"] {
+            let refused = wrong.parse::<Weight>().unwrap_err().to_string();
+            assert!(refused.contains("from 1 to 10,000"), "{refused}");
+        }
+        assert_eq!("10000".parse::<Weight>().unwrap().get(), 10_000);
+    }
+}

@@ -1,0 +1,304 @@
+//! The report of a campaign: one self-contained page with the taxonomy, and the files that papers are made from.
+//!
+//! A report is plain data in ([`Report`]) and a folder of files out ([`write()`]). It does not simulate, project or
+//! cluster; whoever calls it has done so.
+
+mod again;
+mod commands;
+mod files;
+mod names;
+mod numbers;
+mod page;
+pub mod picture;
+mod plots;
+mod tables;
+
+#[cfg(test)]
+mod sample;
+
+pub use names::Names;
+
+use crate::picture::{Paper, PictureError};
+use files::Folder;
+use murmuration_model::Repetition;
+use murmuration_proto::{CampaignSpec, Controller, Features, Replay};
+use rayon::prelude::*;
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+/// Everything that a report shows of one campaign.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// Id of the campaign.
+    pub campaign: String,
+    /// What it was asked to do.
+    pub spec: CampaignSpec,
+    /// Digest of its archive, to compare a repetition with.
+    pub digest: String,
+    /// Digest of the checkpoint whose embeddings the archive holds; empty if none.
+    pub checkpoint: String,
+    /// When it was created, milliseconds since 1970-01-01 UTC.
+    pub created_ms: u64,
+    /// Version of the simulator that evaluated it.
+    pub simulator_version: String,
+    /// What each generation did, in order.
+    pub generations: Vec<GenerationSummary>,
+    /// The archive, by index.
+    pub individuals: Vec<Entry>,
+    /// The taxonomy, largest cluster first; at least one.
+    pub medoids: Vec<MedoidEntry>,
+    /// For each individual the place in `medoids` of the one nearest to it.
+    pub clusters: Vec<u32>,
+    /// The behaviour space in two dimensions.
+    pub map: Map,
+    /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
+    pub loss: f64,
+    /// What the behaviours were called, and by whom.
+    pub names: Names,
+    /// What led to the archive, besides the specification.
+    pub repetition: Repetition,
+}
+
+impl Report {
+    /// Numbers in an embedding; 0 without one.
+    fn embedding_dimensions(&self) -> usize {
+        self.individuals.first().map_or(0, |entry| entry.embedding.len())
+    }
+}
+
+/// What one generation did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GenerationSummary {
+    /// Its number, from 0.
+    pub generation: u32,
+    /// Highest novelty among its individuals when it was evaluated, in the behaviour space of the report.
+    pub best_novelty: f64,
+    /// Their mean novelty.
+    pub mean_novelty: f64,
+    /// Proposals that the heuristic filter turned away while it was made.
+    pub filtered: u64,
+}
+
+/// One evaluated controller.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Entry {
+    /// Generation that it belongs to, from 0.
+    pub generation: u32,
+    /// The controller.
+    pub controller: Controller,
+    /// Seed of its start.
+    pub seed: u64,
+    /// Its hand-crafted features.
+    pub features: Features,
+    /// The embedding of its picture by the report's checkpoint; empty if none.
+    pub embedding: Vec<f32>,
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
+    /// behaviour space of the report.
+    pub novelty_when_evaluated: f64,
+}
+
+/// One behaviour of the taxonomy.
+#[derive(Debug, Clone)]
+pub struct MedoidEntry {
+    /// Index of the individual at the centre of the cluster.
+    pub index: u64,
+    /// Its grey image, index `x * resolution + y`, in the specification's format.
+    pub image: Vec<u8>,
+    /// Individuals in the cluster, itself included.
+    pub cluster_size: u64,
+    /// Mean distance of the cluster's members to it, units of the behaviour space.
+    pub mean_distance: f64,
+    /// Mean distance to its nearest neighbours in the whole archive, units of the behaviour space.
+    pub novelty: f64,
+    /// Its motion from the start to the horizon.
+    pub replay: Replay,
+}
+
+/// The behaviour space, projected to two dimensions.
+#[derive(Debug, Clone)]
+pub struct Map {
+    /// One point an individual, by index.
+    pub points: Vec<[f64; 2]>,
+    /// What the axes mean: across, then up.
+    pub axis_titles: [String; 2],
+}
+
+/// What was written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportFiles {
+    /// The page to open.
+    pub page: PathBuf,
+    /// The other files, in the order in which they were written.
+    pub others: Vec<PathBuf>,
+}
+
+/// Why a report cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// Parts of the report contradict each other.
+    #[error("the report does not fit together: {0}")]
+    Inconsistent(String),
+    /// A picture of a medoid cannot be made.
+    #[error("cannot draw individual {index}: {source}")]
+    Picture {
+        /// Index of the individual.
+        index: u64,
+        /// What is wrong.
+        source: PictureError,
+    },
+    /// A plot cannot be made.
+    #[error("cannot draw {plot}: {reason}")]
+    Plot {
+        /// File name of the plot.
+        plot: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A file or folder cannot be written: no permission, no space, something else in its place.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
+}
+
+/// Writes a report into `folder`, which is made if it does not exist.
+///
+/// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
+/// `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
+/// in the taxonomy, from 01). Every file is complete or absent; the page is written last.
+///
+/// # Errors
+/// [`ReportError::Inconsistent`] before anything is written; [`ReportError::Write`] names the path.
+pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError> {
+    check(report)?;
+    let pictures = draw_medoids(report)?;
+    let novelty = plots::novelty(&report.generations, plots::WIDE)?;
+    let map = plots::map(report)?;
+    let page = page::render(report, &pictures, Files::Beside)?;
+
+    let mut files = Folder::create(folder)?;
+    files.text("spec.toml", &again::specification(report))?;
+    files.write("archive.csv", |file| tables::archive(report, file))?;
+    files.write("taxonomy.csv", |file| tables::taxonomy(report, file))?;
+    files.write("classes.csv", |file| tables::classes(report, file))?;
+    files.write("generations.csv", |file| tables::generations(report, file))?;
+    files.text("novelty.svg", &novelty)?;
+    files.text("map.svg", &map)?;
+    files.folder("medoids")?;
+    for (place, picture) in pictures.iter().enumerate() {
+        let number = place + 1;
+        files.bytes(&format!("medoids/{number:02}-image.png"), &picture.image_large)?;
+        files.bytes(
+            &format!("medoids/{number:02}-trajectory.png"),
+            &picture.trajectory_large,
+        )?;
+    }
+    let others = files.written().to_vec();
+    let page = files.text("report.html", &page)?;
+    Ok(ReportFiles { page, others })
+}
+
+/// The page of a report alone. It differs from the page of [`write()`] where that speaks of the files beside it.
+///
+/// # Errors
+/// As [`write()`], but for files.
+pub fn page(report: &Report) -> Result<String, ReportError> {
+    check(report)?;
+    page::render(report, &draw_medoids(report)?, Files::Absent)
+}
+
+/// Whether the other files of a report are written with its page.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Files {
+    /// They are, in the same folder.
+    Beside,
+    /// The page is all there is.
+    Absent,
+}
+
+fn check(report: &Report) -> Result<(), ReportError> {
+    let count = report.individuals.len();
+    let fail = |what: String| Err(ReportError::Inconsistent(what));
+    if report.medoids.is_empty() {
+        return fail("there is no medoid".into());
+    }
+    if report.clusters.len() != count || report.map.points.len() != count {
+        let (clusters, points) = (report.clusters.len(), report.map.points.len());
+        return fail(format!(
+            "{count} individuals, {clusters} of them in clusters, {points} on the map"
+        ));
+    }
+    if let Some(place) = report
+        .clusters
+        .iter()
+        .find(|&&place| place as usize >= report.medoids.len())
+    {
+        return fail(format!("cluster {place} of {}", report.medoids.len()));
+    }
+    let dimensions = report.embedding_dimensions();
+    if report
+        .individuals
+        .iter()
+        .any(|entry| entry.embedding.len() != dimensions)
+    {
+        return fail("embeddings are of different lengths".into());
+    }
+    for medoid in &report.medoids {
+        if medoid.index >= count as u64 {
+            return fail(format!("medoid {} among {count} individuals", medoid.index));
+        }
+    }
+    if report
+        .map
+        .points
+        .iter()
+        .flatten()
+        .any(|coordinate| !coordinate.is_finite())
+    {
+        return fail("a point of the map is not finite".into());
+    }
+    Ok(())
+}
+
+/// The PNG files of one medoid: small or clear ones for the page, large ones to keep.
+struct MedoidPictures {
+    image: Vec<u8>,
+    image_large: Vec<u8>,
+    trajectory: Vec<u8>,
+    trajectory_large: Vec<u8>,
+}
+
+fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
+    let in_page = match report.medoids.len() {
+        0..=24 => 640,
+        25..=96 => 400,
+        _ => 240,
+    };
+    let draw = |medoid: &MedoidEntry| -> Result<MedoidPictures, PictureError> {
+        let (world, format) = (report.spec.world(), report.spec.image());
+        let grey = |scale| picture::grey_png(&medoid.image, format.resolution(), scale);
+        let paths =
+            |size, paper| picture::trajectory_png(&medoid.replay, world, format.window(), size, paper);
+        Ok(MedoidPictures {
+            image: grey(1)?,
+            image_large: grey((400 / format.resolution()).max(1))?,
+            trajectory: paths(in_page, Paper::Clear)?,
+            trajectory_large: paths(1000, Paper::Light)?,
+        })
+    };
+    let drawn = report.medoids.par_iter().map(|medoid| {
+        draw(medoid).map_err(|source| ReportError::Picture {
+            index: medoid.index,
+            source,
+        })
+    });
+    drawn.collect()
+}
+
+#[cfg(test)]
+mod tests;

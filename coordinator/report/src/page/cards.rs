@@ -1,0 +1,118 @@
+//! The taxonomy: one card a medoid.
+
+use super::{copyable, inline_png};
+use crate::{
+    MedoidEntry, MedoidPictures, Report, commands,
+    numbers::{counted, grouped, percent, short},
+};
+use maud::{Markup, html};
+use murmuration_model::colours;
+
+/// The section with every card.
+pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup {
+    let one_colour = match report.spec.world().agents() as usize <= colours::AGENTS.len() {
+        true => ", one colour a robot",
+        false => ", a colour for every few robots",
+    };
+    html! {
+        section #behaviours aria-labelledby="behaviours-title" {
+            div.heading {
+                h2 #behaviours-title { "The behaviours" }
+                div.tools.scripted {
+                    label { "Speed "
+                        select #speed {
+                            option value="0.25" { "¼×" }
+                            option value="0.5" { "½×" }
+                            option value="1" selected { "1×" }
+                            option value="2" { "2×" }
+                            option value="4" { "4×" }
+                        }
+                    }
+                    button #play-all.main type="button" aria-pressed="false" { "Play all" }
+                }
+            }
+            p.lead {
+                "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
+                (one_colour) ", older parts fainter. "
+                span.scripted { "Point at a picture, or select it and press Space, to watch the whole run from its random start." }
+            }
+            div.cards {
+                @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {
+                    (card(report, place, medoid, pictures))
+                }
+            }
+        }
+    }
+}
+
+fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPictures) -> Markup {
+    let number = place + 1;
+    let entry = &report.individuals[medoid.index as usize];
+    let world = report.spec.world();
+    let colour = colours::hex(colours::cluster(place));
+    let command = commands::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
+    let controller = entry.controller.to_string();
+    html! {
+        article.card #{ "behaviour-" (number) } tabindex="0" data-place=(place) data-mode="still"
+            style={ "--cluster:" (colour) } aria-labelledby={ "name-" (number) } {
+            div.stage style={ "aspect-ratio:" (world.width()) "/" (world.height()) } {
+                img src=(inline_png(&pictures.trajectory)) loading="lazy" decoding="async"
+                    alt={ "Paths of behaviour " (number) ", controller " (controller) };
+                canvas aria-hidden="true" {}
+            }
+            div.transport.scripted {
+                button.toggle type="button" aria-label={ "Play behaviour " (number) } {}
+                input.scrub type="range" min="0" value="0" aria-label={ "Step of behaviour " (number) };
+                output.step {}
+            }
+            div.text {
+                (share(report, number, medoid))
+                div.sights {
+                    figure {
+                        img.grey src=(inline_png(&pictures.image)) alt={ "Grey image of behaviour " (number) };
+                        figcaption { "grey image" }
+                    }
+                    figure.scripted {
+                        canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}
+                        figcaption { "where it lies" }
+                    }
+                    dl {
+                        div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
+                        div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
+                        div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
+                        div { dt { "Individual" } dd { (grouped(medoid.index)) } }
+                    }
+                }
+                h4 { "Controller" }
+                (copyable("controller", &controller))
+                h4 { "Watch it again" }
+                (copyable("command", &command))
+            }
+        }
+    }
+}
+
+fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
+    let whole = report.individuals.len() as u64;
+    let part = percent(medoid.cluster_size, whole);
+    let members = format!(
+        "{} of {} are nearer to this one than to any other behaviour here",
+        grouped(medoid.cluster_size),
+        counted(whole, "individual")
+    );
+    let width = 100.0 * medoid.cluster_size as f64 / whole.max(1) as f64;
+    html! {
+        div.name {
+            h3 id={ "name-" (number) } {
+                span.swatch aria-hidden="true" { (number) }
+                @match report.names.of(medoid.index) {
+                    Some((_, class)) => { span.class style={ "--class:" (class.colour) } { (class.name) } },
+                    None => { "Behaviour " (number) },
+                }
+            }
+            p title=(members) { strong { (part) } " · cluster of " (grouped(medoid.cluster_size)) }
+        }
+        @if report.names.is_by_machine(medoid.index) { p.judged { "Named by the rule-based judge, not by a person." } }
+        div.bar aria-hidden="true" { span style={ "width:" (format!("{width:.2}")) "%" } {} }
+    }
+}

@@ -1,0 +1,77 @@
+//! The numbers that the page's scripts draw from: columns of little-endian binary in base64, so that 100,000
+//! individuals and the motion of every medoid stay small and load at once.
+
+use crate::{
+    Report,
+    picture::{
+        columns::{self, column, span, spread},
+        thinned,
+    },
+};
+use maud::{Markup, PreEscaped, html};
+use murmuration_model::colours;
+use serde_json::{Value, json};
+
+/// Most individuals on the map.
+const MOST_POINTS: usize = 100_000;
+/// Bytes for the motion of all medoids together, before base64.
+const MOTION_BYTES: usize = 6 << 20;
+
+/// A block of JSON that no browser runs.
+pub(super) fn block(report: &Report) -> Markup {
+    // `<` could end the block; written as an escape it is the same JSON.
+    let json = content(report).to_string().replace('<', "\\u003c");
+    html! { script #data type="application/json" { (PreEscaped(json)) } }
+}
+
+/// Indices of the individuals that the map shows, ascending; every medoid is among them.
+pub(super) fn shown_points(report: &Report) -> Vec<usize> {
+    let mut shown = thinned(report.individuals.len(), MOST_POINTS);
+    shown.extend(report.medoids.iter().map(|medoid| medoid.index as usize));
+    shown.sort_unstable();
+    shown.dedup();
+    shown
+}
+
+fn content(report: &Report) -> Value {
+    let world = report.spec.world();
+    let runs: Vec<Value> = report
+        .medoids
+        .iter()
+        .map(|medoid| columns::motion(&medoid.replay, world, MOTION_BYTES / report.medoids.len()))
+        .collect();
+    json!({
+        "world": columns::world(world),
+        "agentColours": colours::AGENTS.map(colours::hex),
+        "clusterColours": (0..report.medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
+        "classes": report.names.classes.iter().map(|class| class.name.as_str()).collect::<Vec<_>>(),
+        "runs": runs,
+        "archive": archive(report),
+    })
+}
+
+/// In place of a class, for an individual without a name.
+const NAMELESS: u16 = u16::MAX;
+
+/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated and genes in ten-thousandths.
+fn archive(report: &Report) -> Value {
+    let shown = shown_points(report);
+    let entries = || shown.iter().map(|&index| &report.individuals[index]);
+    let axis = |axis: usize| shown.iter().map(move |&index| report.map.points[index][axis]);
+    let place_of = |medoid: u64| shown.partition_point(|&index| index < medoid as usize);
+    json!({
+        "x": spread(axis(0)),
+        "y": spread(axis(1)),
+        "spans": [span(axis(0)), span(axis(1))],
+        "cluster": column(shown.iter().map(|&index| (report.clusters[index] as u16).to_le_bytes())),
+        "index": column(shown.iter().map(|&index| (index as u32).to_le_bytes())),
+        "class": column(shown.iter().map(|&index| {
+            report.names.of(index as u64).map_or(NAMELESS, |(place, _)| place as u16).to_le_bytes()
+        })),
+        "machine": column(shown.iter().map(|&index| [u8::from(report.names.is_by_machine(index as u64))])),
+        "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
+        "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
+        "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| ((gene * 1e4).round() as i16).to_le_bytes())),
+        "medoids": report.medoids.iter().map(|medoid| place_of(medoid.index)).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,193 @@
+//! The page: one HTML document that needs nothing else.
+//!
+//! Markup is made with `maud`, which escapes whatever is put into it; the style sheet and the scripts stand beside this
+//! file and are copied in. Without scripts the page still shows every picture, number and command.
+
+mod cards;
+mod data;
+mod sections;
+
+use super::{
+    Files, MedoidPictures, Report, ReportError,
+    numbers::{counted, day, grouped},
+};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+use murmuration_model::generations_in_words;
+use murmuration_proto::{CapabilityModel, Method};
+
+const STYLE: &str = include_str!("style.css");
+/// Each in a scope of its own, in this order.
+const SCRIPTS: [&str; 4] = [
+    concat!(
+        include_str!("../picture/drawing.js"),
+        include_str!("../picture/words.js"),
+        include_str!("data.js")
+    ),
+    include_str!("motion.js"),
+    include_str!("map.js"),
+    include_str!("copy.js"),
+];
+
+/// Nothing is loaded, sent or embedded from anywhere.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
+                      base-uri 'none'; form-action 'none'";
+
+/// The whole document.
+pub(super) fn render(
+    report: &Report,
+    pictures: &[MedoidPictures],
+    files: Files,
+) -> Result<String, ReportError> {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                meta name="generator" content="Murmuration";
+                title { (report.campaign) " · behaviours of " (robots(report)) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                a.skip href="#behaviours" { "Skip to the behaviours" }
+                (header(report))
+                main {
+                    (cards::behaviours(report, pictures))
+                    (sections::names(report, files))
+                    (sections::map(report, files))
+                    (sections::novelty(report)?)
+                    (sections::filtered(report)?)
+                    (sections::specification(report, files))
+                    (sections::reading(report))
+                }
+                (footer(report))
+                (data::block(report))
+                @for script in SCRIPTS {
+                    script { "{" (PreEscaped(script)) "}" }
+                }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+fn header(report: &Report) -> Markup {
+    let agents = report.spec.world().agents();
+    html! {
+        header.page {
+            p.eyebrow { "Taxonomy of behaviours · " (report.campaign) }
+            h1 {
+                @if agents == 1 {
+                    "Which behaviours can " span.nowrap { (robots(report)) } " show?"
+                } @else {
+                    "Which collective behaviours can a swarm of " span.nowrap { (robots(report)) } " show?"
+                }
+            }
+            p.answer {
+                @match report.repetition.rounds.last() {
+                    None => { "Nobody said beforehand which behaviours exist. This campaign tried " },
+                    Some(round) => {
+                        "The classes of " (counted(round.labels, "individual")) " taught this campaign which behaviours are alike. It tried "
+                    },
+                }
+                (counted(report.individuals.len() as u64, "controller")) " and grouped what the swarms did; "
+                @match report.medoids.len() {
+                    1 => { "this one behaviour stands for them all." },
+                    count => { "these " (count) " behaviours stand for them all." },
+                }
+            }
+            (facts(report))
+        }
+    }
+}
+
+/// The one line of facts.
+fn facts(report: &Report) -> Markup {
+    let spec = &report.spec;
+    let method = match spec.method() {
+        Method::Random => "uniform random sampling, compared on five hand-crafted features",
+        Method::HandCrafted => "novelty search on five hand-crafted features",
+        Method::Latent => "novelty search on a learned embedding",
+        Method::Untrained => "novelty search on the embedding of an untrained network",
+        Method::Concatenate => "novelty search on an embedding and five hand-crafted features",
+    };
+    let fact = |name: &str, value: Markup| html! { div { dt { (name) } dd { (value) } } };
+    html! {
+        dl.facts {
+            (fact("Model", html! { (spec.model()) }))
+            (fact("Method", html! { (method) }))
+            (fact("Filter", html! { @if spec.filter() { "on" } @else { "off" } }))
+            (fact("Individuals", html! { (grouped(report.individuals.len() as u64)) }))
+            (fact("Generations", html! { (generations(report)) }))
+            @if !report.checkpoint.is_empty() {
+                (fact("Checkpoint", html! { code title=(report.checkpoint) { (shortened(&report.checkpoint)) } }))
+            }
+            (fact("Archive digest", html! { code title=(report.digest) { (shortened(&report.digest)) } }))
+        }
+    }
+}
+
+/// How many generations there are, and where more came than the specification says, why.
+fn generations(report: &Report) -> String {
+    let (count, rounds) = (
+        report.generations.len() as u32,
+        report.repetition.rounds.len() as u32,
+    );
+    match generations_in_words(&report.spec, count, rounds) {
+        Some(why) => format!("{} ({why})", grouped(count.into())),
+        None => grouped(count.into()),
+    }
+}
+
+fn footer(report: &Report) -> Markup {
+    html! {
+        footer.page {
+            p {
+                "Campaign " (report.campaign) ", created " (day(report.created_ms)) ", simulator version "
+                (report.simulator_version) ". Made with Murmuration after Mattson and Brown, "
+                cite { "Leveraging Human Feedback to Evolve and Discover Novel Emergent Behaviors in Robot Swarms" }
+                ", GECCO 2023."
+            }
+        }
+    }
+}
+
+/// `24 single-sensor robots`.
+fn robots(report: &Report) -> String {
+    let sensors = match report.spec.model() {
+        CapabilityModel::SingleSensor => "single-sensor",
+        CapabilityModel::TwoSensor => "two-sensor",
+    };
+    match report.spec.world().agents() {
+        1 => format!("one {sensors} robot"),
+        agents => format!("{} {sensors} robots", grouped(agents.into())),
+    }
+}
+
+/// The first twelve characters of a digest.
+fn shortened(digest: &str) -> String {
+    let start: String = digest.chars().take(12).collect();
+    if start.len() < digest.len() {
+        format!("{start}…")
+    } else {
+        start
+    }
+}
+
+/// A PNG as the address of itself.
+fn inline_png(file: &[u8]) -> String {
+    format!("data:image/png;base64,{}", STANDARD.encode(file))
+}
+
+/// A line to be copied, with a button that does.
+fn copyable(name: &str, text: &str) -> Markup {
+    html! {
+        div.copyable {
+            code.line { (text) }
+            button.copy type="button" aria-label={ "Copy " (name) } { "Copy" }
+        }
+    }
+}

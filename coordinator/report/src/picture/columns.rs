@@ -1,0 +1,109 @@
+//! Numbers for scripts to draw from: columns of little-endian binary in base64, small and quick to read.
+
+use super::thinned;
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use murmuration_proto::{Frames, Replay, World};
+use serde_json::{Value, json};
+
+/// Most frames of a motion.
+const MOST_FRAMES: usize = Frames::WATCHED as usize;
+const POSE_BYTES: usize = 5;
+
+/// What there is to know of a world to draw a swarm in it.
+pub fn world(world: &World) -> Value {
+    json!({
+        "width": world.width(), "height": world.height(), "padding": world.padding(), "radius": world.radius(),
+    })
+}
+
+/// Steps, number of agents, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
+/// a turn), each as one column; frames are left out to keep to `most_bytes` before base64.
+pub fn motion(replay: &Replay, world: &World, most_bytes: usize) -> Value {
+    let agents = replay.agents();
+    let most = (most_bytes / (POSE_BYTES * agents)).min(MOST_FRAMES);
+    let frames: Vec<_> = replay.frames().collect();
+    let shown = thinned(frames.len(), most);
+    let poses = || shown.iter().flat_map(|&frame| frames[frame]);
+    let turn = |heading: f32| {
+        let turns = f64::from(heading) / std::f64::consts::TAU;
+        ((turns - turns.floor()) * 256.0).round() as u32 as u8
+    };
+    json!({
+        "agents": agents,
+        "steps": shown.iter().map(|&frame| replay.steps()[frame]).collect::<Vec<_>>(),
+        "x": column(poses().map(|pose| sixteen_bits(f64::from(pose[0]) / world.width()).to_le_bytes())),
+        "y": column(poses().map(|pose| sixteen_bits(f64::from(pose[1]) / world.height()).to_le_bytes())),
+        "heading": column(poses().map(|pose| [turn(pose[2])])),
+    })
+}
+
+/// Finite `values` over the span that they take, as 0 to 65535; in the middle where they are all the same.
+pub fn spread(values: impl Iterator<Item = f64> + Clone) -> String {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let span = span(values.clone());
+    let place = move |value: f64| if span > 0.0 { (value - low) / span } else { 0.5 };
+    column(values.map(|value| sixteen_bits(place(value)).to_le_bytes()))
+}
+
+/// From the least to the greatest of finite `values`; 0 of none.
+pub fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let low = values.clone().fold(f64::INFINITY, f64::min);
+    let high = values.fold(f64::NEG_INFINITY, f64::max);
+    (high - low).max(0.0)
+}
+
+/// Numbers, each as its bytes.
+pub fn column<const N: usize>(values: impl Iterator<Item = [u8; N]>) -> String {
+    STANDARD.encode(values.collect::<Vec<_>>().as_flattened())
+}
+
+fn sixteen_bits(part: f64) -> u16 {
+    (part * 65535.0).round() as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::picture::sample::{ring, world};
+
+    const MEGABYTES: usize = 1 << 20;
+
+    fn bytes(run: &Value, column: &str) -> Vec<u8> {
+        STANDARD.decode(run[column].as_str().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_run_reads_back_to_within_its_resolution() {
+        let world = world("width = 800.0");
+        let replay = ring(&world, 1200, 3);
+        let run = motion(&replay, &world, MEGABYTES);
+        assert_eq!(run["steps"].as_array().unwrap().len(), 400);
+        assert_eq!(run["steps"][399], 1200);
+        let (xs, headings) = (bytes(&run, "x"), bytes(&run, "heading"));
+        let last = replay.frames().last().unwrap();
+        for (agent, pose) in last.iter().enumerate() {
+            let at = 399 * 24 + agent;
+            let x = f64::from(u16::from_le_bytes([xs[2 * at], xs[2 * at + 1]])) / 65535.0 * 800.0;
+            assert!((x - f64::from(pose[0])).abs() < 0.01);
+            let turned = f64::from(headings[at]) / 256.0 * std::f64::consts::TAU - f64::from(pose[2]);
+            assert!(
+                libm::cos(turned) > 0.9998,
+                "heading {} read as {}",
+                pose[2],
+                headings[at]
+            );
+        }
+    }
+
+    #[test]
+    fn huge_swarms_lose_frames_not_the_start_or_the_end() {
+        let crowd = world("agents = 10000\nwidth = 5000.0\nheight = 5000.0");
+        let run = motion(&ring(&crowd, 400, 10), &crowd, MEGABYTES);
+        let steps = run["steps"].as_array().unwrap();
+        assert_eq!(
+            (steps[0].clone(), steps.last().unwrap().clone()),
+            (json!(0), json!(400))
+        );
+        assert!(bytes(&run, "x").len() < MEGABYTES);
+    }
+}

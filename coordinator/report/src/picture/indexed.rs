@@ -1,0 +1,84 @@
+//! The palette that all frames of an animation share, and pixels as places in it.
+
+use super::sketch::Sketch;
+use murmuration_model::colours::{AGENTS, LINE, PAPER, Rgb, over};
+use std::collections::HashMap;
+
+/// Place of the colour that means "as in the frame before".
+pub(super) const UNCHANGED: u8 = 0;
+/// Place of the background.
+const BACKGROUND: u8 = 1;
+/// Opacities of an agent's colour that have a place of their own; the last is the body.
+const SHADES: u8 = 10;
+
+/// The shared palette, with a memory of the colours that it was asked for.
+pub(super) struct Palette {
+    colours: Vec<Rgb>,
+    /// Only ever looked up, so that its order does not matter.
+    places: HashMap<(Rgb, u8), u8>,
+}
+
+impl Palette {
+    /// Every agent's colour in ten shades on the background, and the walls.
+    pub(super) fn new() -> Self {
+        let part = |shade: u8| (u32::from(shade) * 255 / u32::from(SHADES)) as u8;
+        let shades = |colour: Rgb| (1..=SHADES).map(move |shade| over(colour, part(shade), PAPER));
+        let lines = [over(LINE, 140, PAPER), over(LINE, 70, PAPER)];
+        Self {
+            colours: [PAPER, PAPER]
+                .into_iter()
+                .chain(lines)
+                .chain(AGENTS.into_iter().flat_map(shades))
+                .collect(),
+            places: HashMap::new(),
+        }
+    }
+
+    /// Red, green, blue of every place, as the file wants them.
+    pub(super) fn bytes(&self) -> Vec<u8> {
+        self.colours.as_flattened().to_vec()
+    }
+
+    /// The sketch on the background, as places in the palette, row by row.
+    pub(super) fn index(&mut self, sketch: &Sketch) -> Vec<u8> {
+        sketch
+            .pixels()
+            .map(|(colour, part)| match part {
+                0 => BACKGROUND,
+                _ => *self
+                    .places
+                    .entry((colour, part))
+                    .or_insert_with(|| nearest(&self.colours, over(colour, part, PAPER))),
+            })
+            .collect()
+    }
+}
+
+/// The place nearest to `wanted` by red, green and blue; the first of several.
+fn nearest(colours: &[Rgb], wanted: Rgb) -> u8 {
+    let distance = |&colour: &Rgb| -> i32 {
+        (0..3)
+            .map(|i| (i32::from(colour[i]) - i32::from(wanted[i])).pow(2))
+            .sum()
+    };
+    let candidates = colours.iter().enumerate().skip(BACKGROUND.into());
+    candidates
+        .min_by_key(|(_, colour)| distance(colour))
+        .map_or(BACKGROUND, |(place, _)| place as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_palette_fits_and_finds_its_own_colours() {
+        let palette = Palette::new();
+        assert!(palette.colours.len() <= 256);
+        for colour in AGENTS.into_iter().chain([PAPER]) {
+            let place = nearest(&palette.colours, colour);
+            assert_eq!(palette.colours[usize::from(place)], colour);
+            assert_ne!(place, UNCHANGED);
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Pictures of a swarm: the grey image that the search saw, the paths in colour, the motion as an animation.
+//!
+//! Everything here turns plain data into the bytes of a PNG or GIF file; nothing is read or written. The pictures
+//! are for people, so no result rests on them; still, the same input gives the same bytes.
+
+mod animation;
+pub mod axis;
+pub mod columns;
+mod grey;
+mod indexed;
+mod sketch;
+mod trajectory;
+
+pub use animation::thinned;
+pub use animation::{Animation, animation_gif};
+pub use grey::grey_png;
+pub use trajectory::{Paper, trajectory_png};
+
+/// Sides in pixels that can be asked for of a coloured picture; a grey one may be smaller.
+pub const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
+
+/// Why a picture cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PictureError {
+    /// A grey image that is not a square of the resolution it came with.
+    #[error("a picture of {resolution} x {resolution} pixels cannot be made of {bytes} bytes")]
+    NotSquare {
+        /// Side that was named.
+        resolution: u32,
+        /// Bytes that came with it.
+        bytes: usize,
+    },
+    /// A side outside [`SIZES`].
+    #[error("a picture cannot be {0} pixels wide: {min} to {max} is possible", min = SIZES.start(), max = SIZES.end())]
+    Size(u64),
+    /// The PNG encoder refused.
+    #[error("cannot encode the picture as PNG: {0}")]
+    Png(#[from] png::EncodingError),
+    /// The GIF encoder refused.
+    #[error("cannot encode the animation as GIF: {0}")]
+    Gif(#[from] gif::EncodingError),
+}
+
+/// `pixels` if it is one of [`SIZES`].
+fn side(pixels: u64) -> Result<u32, PictureError> {
+    u32::try_from(pixels)
+        .ok()
+        .filter(|side| SIZES.contains(side))
+        .ok_or(PictureError::Size(pixels))
+}
+
+#[cfg(test)]
+pub mod sample;

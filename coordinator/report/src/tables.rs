@@ -1,0 +1,119 @@
+//! The archive, the taxonomy, the classes and the generations as CSV: a header, then numbers that read
+//! back exactly, and names as [`to_cell`] writes them.
+
+use super::{Entry, Report};
+use csv::Writer;
+use murmuration_model::labels::to_cell;
+use murmuration_proto::FEATURE_NAMES;
+use std::io::{self, Write};
+
+/// One row an individual, by index. Clusters count from 1, as the cards do.
+pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    let own = ["index", "cluster", "map_x", "map_y"].map(str::to_owned);
+    table.write_record(columns(&own, report))?;
+    let rows = report
+        .individuals
+        .iter()
+        .zip(&report.clusters)
+        .zip(&report.map.points);
+    for (index, ((entry, cluster), [x, y])) in rows.enumerate() {
+        let own = [
+            index.to_string(),
+            (cluster + 1).to_string(),
+            x.to_string(),
+            y.to_string(),
+        ];
+        table.write_record(row(&own, entry, report, index as u64))?;
+    }
+    table.flush()
+}
+
+/// One row a medoid, largest cluster first. Its novelty is measured in the whole archive.
+pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    let own = ["behaviour", "index", "cluster_size", "mean_distance", "novelty"].map(str::to_owned);
+    table.write_record(columns(&own, report))?;
+    for (place, medoid) in report.medoids.iter().enumerate() {
+        let own = [
+            (place + 1).to_string(),
+            medoid.index.to_string(),
+            medoid.cluster_size.to_string(),
+            medoid.mean_distance.to_string(),
+            medoid.novelty.to_string(),
+        ];
+        let entry = &report.individuals[medoid.index as usize];
+        table.write_record(row(&own, entry, report, medoid.index))?;
+    }
+    table.flush()
+}
+
+/// One row a class, in the order in which they were first named: how many individuals are of it, and how many answers say so.
+pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    table.write_record(["class", "colour", "individuals", "labels"])?;
+    for class in &report.names.classes {
+        table.write_record([
+            to_cell(class.name.as_str()).into_owned(),
+            class.colour.to_string(),
+            report.names.individuals(class).total().to_string(),
+            class.labels.to_string(),
+        ])?;
+    }
+    table.flush()
+}
+
+/// One row a generation.
+pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    table.write_record(["generation", "best_novelty", "mean_novelty", "filtered"])?;
+    for row in &report.generations {
+        table.write_record([
+            row.generation.to_string(),
+            row.best_novelty.to_string(),
+            row.mean_novelty.to_string(),
+            row.filtered.to_string(),
+        ])?;
+    }
+    table.flush()
+}
+
+/// The columns of a table of individuals: its own, then what is known of an individual, then its class.
+fn columns(own: &[String], report: &Report) -> Vec<String> {
+    let model = report.spec.model();
+    let known = ["generation", "seed", "novelty_when_evaluated"]
+        .into_iter()
+        .chain(FEATURE_NAMES);
+    let speeds = (0..model.speeds() / 2).flat_map(|state| [format!("vl{state}"), format!("vr{state}")]);
+    let angles = (0..model.angles()).map(|_| "angle".to_owned());
+    let embedding = (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"));
+    own.iter()
+        .cloned()
+        .chain(known.map(str::to_owned))
+        .chain(speeds)
+        .chain(angles)
+        .chain(embedding)
+        .chain(["class".to_owned()])
+        .collect()
+}
+
+/// A row of [`columns`].
+fn row(own: &[String], entry: &Entry, report: &Report, index: u64) -> Vec<String> {
+    let known = [
+        entry.generation.to_string(),
+        entry.seed.to_string(),
+        entry.novelty_when_evaluated.to_string(),
+    ];
+    let values = entry.features.iter().chain(entry.controller.genes());
+    let class = report
+        .names
+        .of(index)
+        .map(|(_, class)| to_cell(class.name.as_str()).into_owned());
+    own.iter()
+        .cloned()
+        .chain(known)
+        .chain(values.map(f64::to_string))
+        .chain(entry.embedding.iter().map(f32::to_string))
+        .chain([class.unwrap_or_default()])
+        .collect()
+}

@@ -1,0 +1,448 @@
+//! What a written report holds, read back from the files.
+
+use super::{
+    sample::{SMALL, Sample},
+    *,
+};
+use crate::picture::sample::decode_png;
+use murmuration_model::{Round, labels::GivenClass};
+use murmuration_proto::{CapabilityModel, CheckpointDigest};
+use std::fs;
+
+fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {
+    let place = tempfile::tempdir().unwrap();
+    let files = write(report, &place.path().join("new/report")).unwrap();
+    (place, files)
+}
+
+fn given(class: &murmuration_model::labels::ClassName) -> GivenClass {
+    GivenClass {
+        class: class.clone(),
+        by_machine: false,
+    }
+}
+
+fn page(report: &Report) -> String {
+    let (_place, files) = written(report);
+    fs::read_to_string(files.page).unwrap()
+}
+
+#[test]
+fn every_file_is_there_and_can_be_read() {
+    let report = sample::report(&SMALL);
+    let (_place, files) = written(&report);
+    let folder = files.page.parent().unwrap();
+    let names: Vec<_> = files
+        .others
+        .iter()
+        .map(|path| path.strip_prefix(folder).unwrap().to_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "spec.toml",
+            "archive.csv",
+            "taxonomy.csv",
+            "classes.csv",
+            "generations.csv",
+            "novelty.svg",
+            "map.svg",
+            "medoids/01-image.png",
+            "medoids/01-trajectory.png",
+            "medoids/02-image.png",
+            "medoids/02-trajectory.png",
+            "medoids/03-image.png",
+            "medoids/03-trajectory.png",
+        ]
+    );
+    let read = |name: &str| fs::read(folder.join(name)).unwrap();
+    assert_eq!(decode_png(&read("medoids/03-image.png")).0, 400);
+    assert_eq!(decode_png(&read("medoids/03-trajectory.png")).0, 1000);
+    let spec = String::from_utf8(read("spec.toml")).unwrap();
+    assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), report.spec);
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 9, "nothing else is left");
+    write(&report, folder).unwrap();
+}
+
+#[test]
+fn the_page_needs_nothing_from_anywhere() {
+    let page = page(&sample::report(&SMALL));
+    let own_words = page.replace("http://www.w3.org/2000/svg", "");
+    for foreign in ["http://", "https://", "src=\"/", "@import", "url("] {
+        assert!(!own_words.contains(foreign), "{foreign}");
+    }
+    assert!(page.contains("default-src 'none'"));
+}
+
+#[test]
+fn a_page_speaks_of_the_files_beside_it_where_there_are_any() {
+    let report = sample::report(&SMALL);
+    let (_place, files) = written(&report);
+    let beside = fs::read_to_string(&files.page).unwrap();
+    let words = beside.split(|c: char| !(c.is_alphanumeric() || "._-".contains(c)));
+    let named: std::collections::BTreeSet<_> = words
+        .filter(|word| [".csv", ".svg", ".toml"].iter().any(|kind| word.ends_with(kind)))
+        .collect();
+    assert_eq!(named.len(), 4, "{named:?}");
+    for name in named {
+        assert!(files.page.with_file_name(name).exists(), "{name}");
+    }
+    assert_eq!(beside.matches("beside this page").count(), 3);
+
+    let alone = super::page(&report).unwrap();
+    assert!(!alone.contains("beside this page"));
+    assert!(alone.contains("<code>murmuration report sample-1</code> writes"));
+    assert!(alone.contains("Saved as spec.toml, the text below"));
+}
+
+#[test]
+fn what_comes_from_data_is_escaped() {
+    let hostile = "</script><script>alert(1)</script>\"'&<img src=x>";
+    let mut report = sample::report(&SMALL);
+    report.campaign = hostile.into();
+    let name: murmuration_model::labels::ClassName = hostile.parse().unwrap();
+    report.names.classes[0].name = name.clone();
+    report.names.by_individual.insert(1, given(&name));
+    report.digest = hostile.into();
+    report.simulator_version = hostile.into();
+    report.map.axis_titles = [hostile.into(), hostile.into()];
+    let (place, files) = written(&report);
+    let svg = fs::read_to_string(files.page.with_file_name("map.svg")).unwrap();
+    let page = fs::read_to_string(files.page).unwrap();
+    drop(place);
+    assert!(!page.contains("alert(1)</script>") && !page.contains("<img src=x"));
+    assert!(page.contains("&lt;/script&gt;&lt;script&gt;alert(1)"));
+    assert!(!svg.contains("<script") && svg.contains("alert(1)"));
+    let data = page
+        .split("type=\"application/json\">")
+        .nth(1)
+        .unwrap()
+        .split("</script>")
+        .next()
+        .unwrap();
+    assert!(serde_json::from_str::<serde_json::Value>(data).is_ok());
+}
+
+#[test]
+fn the_page_bears_the_names_that_people_gave_and_their_colours() {
+    let mut report = sample::report(&SMALL);
+    let named = page(&report);
+    assert!(
+        named.contains("<span class=\"class\" style=\"--class:#1d96e6\">ring, or &quot;mill&quot;</span>")
+    );
+    assert!(named.contains("wall · 0") && named.contains("Behaviour 2") && !named.contains(">Behaviour 1<"));
+    report.names = Names::default();
+    let nameless = page(&report);
+    assert!(nameless.contains("Behaviour 1") && !nameless.contains("What they were called"));
+}
+
+#[test]
+fn what_people_named_and_what_the_machine_named_are_told_apart() {
+    const MARK: &str = "Named by the rule-based judge, not by a person.";
+    let mut report = sample::report(&SMALL);
+    let named = page(&report);
+    assert!(named.contains("people have named 2, and the rule-based judge, a machine, another 1."));
+    assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them by the rule-based judge alone"));
+    assert!(!named.contains(MARK), "a person named the first behaviour");
+    report.names.by_individual.get_mut(&0).unwrap().by_machine = true;
+    let named = page(&report);
+    assert_eq!(named.matches(MARK).count(), 1);
+    assert!(named.contains("ring, or &quot;mill&quot; (by the rule-based judge) · "));
+}
+
+const LATENT: Sample = Sample {
+    spec: "name = \"sample\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n[taxonomy]\nmedoids = 3\n[search]\ngenerations = 15\n\
+           [feedback]\ngenerations = 5\n[world]\nagents = 6\nhorizon = 200",
+    ..SMALL
+};
+
+/// A campaign that people taught in one round.
+fn taught() -> Report {
+    let mut report = sample::report(&LATENT);
+    let checkpoint = CheckpointDigest::of(b"taught");
+    report.checkpoint = checkpoint.to_string();
+    report.repetition = Repetition {
+        rounds: vec![Round {
+            parent: CheckpointDigest::of(b"pretrained"),
+            checkpoint,
+            labels: 206,
+            label_digest: "0a1b".to_owned(),
+        }],
+        attended: true,
+        adopted: false,
+    };
+    report
+}
+
+#[test]
+fn a_specification_promises_its_archive_only_where_it_leads_there() {
+    const PROMISE: &str = "gives the same archive again";
+    for sample in [SMALL, LATENT] {
+        let alone = sample::report(&sample);
+        assert!(page(&alone).contains(PROMISE));
+        assert_eq!(again::specification(&alone), alone.spec.to_toml());
+    }
+    let taught = taught();
+    let (_place, files) = written(&taught);
+    let page = fs::read_to_string(&files.page).unwrap();
+    assert!(!page.contains(PROMISE));
+    let spec = fs::read_to_string(files.page.with_file_name("spec.toml")).unwrap();
+    let round = &taught.repetition.rounds[0];
+    let (parent, checkpoint) = (round.parent, round.checkpoint);
+    for said in [
+        "This specification alone does not give the archive of campaign sample-1 again.".to_owned(),
+        "It takes the labels that campaign sample-1 learned from".to_owned(),
+        format!("Round 1 fine-tuned checkpoint {parent} on the classes of 206 individuals"),
+        format!("made checkpoint {checkpoint}"),
+    ] {
+        assert!(page.contains(&said) && spec.contains(&said), "{said}");
+    }
+    assert!(page.contains("murmuration labels sample-1 --csv labels.csv"));
+    assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), taught.spec);
+
+    let mut adopted = taught;
+    adopted.repetition.adopted = true;
+    let page = super::page(&adopted).unwrap();
+    assert!(page.contains("to which somebody moved the campaign"));
+    let digest = CheckpointDigest::of(b"elsewhere");
+    let mut published = sample::report(&LATENT);
+    let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{digest}\"");
+    published.spec = CampaignSpec::from_toml(&text).unwrap();
+    assert!(again::specification(&published).contains(&format!("# It takes checkpoint {digest}")));
+}
+
+#[test]
+fn a_space_that_changed_is_said_to_have() {
+    let alone = page(&sample::report(&LATENT));
+    assert!(alone.contains("Each generation was bred by that of the generation before it."));
+    assert!(!alone.contains("The embedding changed") && alone.contains("Nobody said beforehand"));
+    let taught = page(&taught());
+    assert!(taught.contains("during this campaign: it was fine-tuned on labels in 1 round."));
+    assert!(!taught.contains("Each generation was bred by") && !taught.contains("Nobody said beforehand"));
+    assert!(taught.contains("20 (15 of the search, 5 for 1 round of feedback)"));
+    let drawn = page(&sample::report(&Sample {
+        spec: "model = \"single-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 6\nhorizon = 200",
+        ..SMALL
+    }));
+    assert!(drawn.contains("Nothing was bred by it"));
+}
+
+#[test]
+fn a_page_names_what_behaviours_are_compared_by() {
+    let features = page(&sample::report(&SMALL));
+    for said in [
+        "(Table 1 of Mattson and Brown), each its mean over the last 100 steps: average speed, angular momentum, radial variance \
+         (times 20, as in the authors' simulator), scatter, group rotation. The distance of two behaviours is the Euclidean one.",
+        "The space has 5 dimensions",
+        "Here nothing is measured on it.",
+    ] {
+        assert!(
+            features.contains(&said.replace('\'', "&#39;")) || features.contains(said),
+            "{said}"
+        );
+    }
+    let report = sample::report(&LATENT);
+    let embedding = page(&report);
+    let compared = format!(
+        "Behaviours are compared by the 5 numbers that checkpoint <code>{}</code> makes of a grey image.",
+        report.checkpoint
+    );
+    assert!(embedding.contains(&compared) && embedding.contains("The space has 5 dimensions"));
+    assert!(!embedding.contains("average speed"));
+}
+
+#[test]
+fn tables_hold_every_number_exactly() {
+    let report = sample::report(&SMALL);
+    let (_place, files) = written(&report);
+    let table = |name: &str| -> Vec<Vec<String>> {
+        let text = fs::read_to_string(files.page.with_file_name(name)).unwrap();
+        let mut reader = csv::ReaderBuilder::new()
+            .has_headers(false)
+            .from_reader(text.as_bytes());
+        reader
+            .records()
+            .map(|record| record.unwrap().iter().map(str::to_owned).collect())
+            .collect()
+    };
+    let archive = table("archive.csv");
+    assert_eq!(archive.len(), 1 + report.individuals.len());
+    assert_eq!(archive[0][12..].join(","), "vl0,vr0,vl1,vr1,class");
+    for (index, (row, entry)) in archive[1..].iter().zip(&report.individuals).enumerate() {
+        let expected = [index as f64, f64::from(report.clusters[index] + 1)]
+            .into_iter()
+            .chain(report.map.points[index])
+            .chain([
+                f64::from(entry.generation),
+                entry.seed as f64,
+                entry.novelty_when_evaluated,
+            ])
+            .chain(entry.features)
+            .chain(entry.controller.genes().iter().copied());
+        assert_eq!(
+            row[..row.len() - 1]
+                .iter()
+                .map(|cell| cell.parse().unwrap())
+                .collect::<Vec<f64>>(),
+            expected.collect::<Vec<_>>()
+        );
+        let named = [0, 5, 7].contains(&index);
+        assert_eq!(row.last().unwrap(), if named { "ring, or \"mill\"" } else { "" });
+    }
+    let taxonomy = table("taxonomy.csv");
+    assert_eq!(taxonomy.len(), 4);
+    assert_eq!(
+        taxonomy[2][3].parse::<f64>().unwrap(),
+        report.medoids[1].mean_distance
+    );
+    assert_eq!(taxonomy[2][4].parse::<f64>().unwrap(), report.medoids[1].novelty);
+    assert_eq!(taxonomy[2][6].parse::<u64>().unwrap(), report.individuals[1].seed);
+    assert_eq!(taxonomy[1].last().unwrap(), "ring, or \"mill\"");
+    assert_eq!(
+        table("classes.csv")[1..],
+        [
+            ["ring, or \"mill\"", "#1d96e6", "3", "4"],
+            ["wall", "#e6861d", "0", "0"]
+        ]
+    );
+    let generations = table("generations.csv");
+    assert_eq!(generations.len(), 21);
+    assert_eq!(
+        generations[7][1].parse::<f64>().unwrap(),
+        report.generations[6].best_novelty
+    );
+}
+
+#[test]
+fn no_name_in_a_table_is_a_formula() {
+    let mut report = sample::report(&SMALL);
+    let name: murmuration_model::labels::ClassName = "=HYPERLINK(1)".parse().unwrap();
+    report.names.classes[0].name = name.clone();
+    report.names.by_individual = [0, 5].map(|index| (index, given(&name))).into();
+    let (_place, files) = written(&report);
+    for name in ["archive.csv", "taxonomy.csv", "classes.csv"] {
+        let text = fs::read_to_string(files.page.with_file_name(name)).unwrap();
+        assert!(
+            text.contains("'=HYPERLINK(1)") && !text.contains(",=") && !text.contains("\n="),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn commands_repeat_what_the_card_shows() {
+    let two_sensors = Sample {
+        spec: "model = \"two-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 2\n[world]\nagents = 3\nhorizon = 50",
+        ..SMALL
+    };
+    let report = sample::report(&two_sensors);
+    for medoid in &report.medoids {
+        let entry = &report.individuals[medoid.index as usize];
+        let command = commands::simulate(&report.spec, entry, "a.gif");
+        assert!(
+            command.contains("--model two-sensor") && command.contains(&format!("--seed {} ", entry.seed))
+        );
+        assert!(
+            command.contains("--spec spec.toml"),
+            "the world is not the default: {command}"
+        );
+        let genes = command.split(['[', ']']).nth(1).unwrap().split(", ");
+        let genes: Vec<f64> = genes.map(|gene| gene.parse().unwrap()).collect();
+        assert_eq!(
+            Controller::new(CapabilityModel::TwoSensor, &genes).unwrap(),
+            entry.controller
+        );
+    }
+    assert!(page(&report).contains("the heuristic filter was off"));
+    assert!(page(&sample::report(&SMALL)).contains("proposals"));
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_named() {
+    let report = sample::report(&SMALL);
+    let place = tempfile::tempdir().unwrap();
+    let check = |in_the_way: &str, folder: &str| {
+        let path = place.path().join(in_the_way);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(&path, "").unwrap();
+        let error = write(&report, &place.path().join(folder)).unwrap_err();
+        assert!(matches!(error, ReportError::Write { .. }));
+        assert!(error.to_string().contains(path.to_str().unwrap()), "{error}");
+    };
+    check("file", "file");
+    check("one/medoids", "one");
+    let taken = place.path().join("two/report.html");
+    fs::create_dir_all(&taken).unwrap();
+    let error = write(&report, &place.path().join("two")).unwrap_err();
+    assert!(error.to_string().contains(taken.to_str().unwrap()), "{error}");
+}
+
+#[test]
+fn what_does_not_fit_together_is_refused_before_anything_is_written() {
+    let check = |damage: fn(&mut Report), said: &str| {
+        let mut report = sample::report(&SMALL);
+        damage(&mut report);
+        let place = tempfile::tempdir().unwrap();
+        let error = write(&report, &place.path().join("report"))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+        assert_eq!(fs::read_dir(place.path()).unwrap().count(), 0);
+    };
+    check(|report| report.medoids.clear(), "no medoid");
+    check(|report| report.clusters.truncate(39), "39 of them in clusters");
+    check(|report| report.map.points.truncate(39), "39 on the map");
+    check(|report| report.clusters[0] = 3, "cluster 3 of 3");
+    check(|report| report.medoids[0].index = 40, "medoid 40 among 40");
+    check(|report| report.map.points[5][1] = f64::NAN, "not finite");
+    check(
+        |report| report.medoids[1].image.truncate(9),
+        "cannot draw individual 1",
+    );
+}
+
+#[test]
+fn a_full_page_stays_small() {
+    let full = Sample {
+        spec: "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[taxonomy]\nmedoids = 16",
+        individuals: 10_000,
+        frames: 400,
+    };
+    let bytes = page(&sample::report(&full)).len();
+    assert!(bytes < 6_000_000, "{bytes} bytes");
+}
+
+/// Writes samples into the folder that `SAMPLE_REPORT` names, to be looked at:
+/// `SAMPLE_REPORT=samples cargo test --release -p murmuration-coordinator a_sample_to_look_at -- --ignored`
+#[test]
+#[ignore = "for people to look at"]
+fn a_sample_to_look_at() {
+    let folder = PathBuf::from(std::env::var_os("SAMPLE_REPORT").unwrap());
+    let sample = |spec, individuals| {
+        sample::report(&Sample {
+            spec,
+            individuals,
+            frames: 400,
+        })
+    };
+    let filtered = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\nfilter = true";
+    let two = "model = \"two-sensor\"\nmethod = \"random\"\n[world]\nwidth = 800.0\nheight = 500.0";
+    let crowd = "model = \"single-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 1000\nwidth = 2000.0\nheight = 2000.0\nhorizon = 200";
+    for (name, spec, individuals) in [
+        ("single", filtered, 10_000),
+        ("two", two, 100_000),
+        ("crowd", crowd, 500),
+    ] {
+        let report = sample(spec, individuals);
+        write(&report, &folder.join(name)).unwrap();
+        for (place, medoid) in report.medoids.iter().take(3).enumerate() {
+            let gif = picture::animation_gif(
+                &medoid.replay,
+                report.spec.world(),
+                &picture::Animation::default(),
+            )
+            .unwrap();
+            fs::write(folder.join(name).join(format!("{}.gif", place + 1)), gif).unwrap();
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Behaviour vectors, all of one dimension.
+
+use nalgebra::{DMatrixView, DVectorView};
+
+/// Largest magnitude of a coordinate: its square, summed over any number of points, is still finite.
+pub const MAX_COORDINATE: f64 = 1e100;
+
+/// A vector that cannot be a behaviour here.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Misfit {
+    /// It has another number of dimensions than the others.
+    #[error("a behaviour vector of {given} values among vectors of {expected}")]
+    Dimensions {
+        /// Its number of values.
+        given: usize,
+        /// The number of values of the others.
+        expected: usize,
+    },
+    /// A value is not a number, or its magnitude is over [`MAX_COORDINATE`].
+    #[error(
+        "value {place} of a behaviour vector is {value}: must be at most {MAX_COORDINATE:e} in magnitude"
+    )]
+    Value {
+        /// Place of the value, from 0.
+        place: usize,
+        /// The value.
+        value: f64,
+    },
+}
+
+/// The behaviour vectors of an archive, in the order of the individuals: all of one dimension, all finite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Behaviours {
+    dims: usize,
+    len: usize,
+    /// Point after point; `dims * len` values.
+    values: Vec<f64>,
+}
+
+impl Behaviours {
+    /// No behaviours yet, of vectors of `dims` values.
+    #[must_use]
+    pub const fn new(dims: usize) -> Self {
+        Self {
+            dims,
+            len: 0,
+            values: Vec::new(),
+        }
+    }
+
+    /// Adds a behaviour at the end. Negative zero is taken in as zero.
+    ///
+    /// # Errors
+    /// [`Misfit`] if the vector has other than [`Behaviours::dims`] values, or one that is not a number of a
+    /// magnitude of at most [`MAX_COORDINATE`]; nothing is added then.
+    pub fn push(&mut self, vector: &[f64]) -> Result<(), Misfit> {
+        if vector.len() != self.dims {
+            return Err(Misfit::Dimensions {
+                given: vector.len(),
+                expected: self.dims,
+            });
+        }
+        let fits = |value: f64| (-MAX_COORDINATE..=MAX_COORDINATE).contains(&value);
+        if let Some(place) = vector.iter().position(|&value| !fits(value)) {
+            return Err(Misfit::Value {
+                place,
+                value: vector[place],
+            });
+        }
+        self.values.extend(vector.iter().map(|value| value + 0.0));
+        self.len += 1;
+        Ok(())
+    }
+
+    /// Number of values of every vector.
+    #[must_use]
+    pub const fn dims(&self) -> usize {
+        self.dims
+    }
+
+    /// Number of behaviours.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Behaviour `index` as a column vector of [`Behaviours::dims`] rows.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Behaviours::len`].
+    #[must_use]
+    pub fn point(&self, index: usize) -> DVectorView<'_, f64> {
+        DVectorView::from_slice(self.values_of(index), self.dims)
+    }
+
+    /// All behaviours as a matrix of [`Behaviours::dims`] rows and [`Behaviours::len`] columns.
+    #[must_use]
+    pub fn matrix(&self) -> DMatrixView<'_, f64> {
+        DMatrixView::from_slice(&self.values, self.dims, self.len)
+    }
+
+    /// All values, point after point, as arrays of `D`: the behaviours, where [`Behaviours::dims`] is `D`.
+    pub fn arrays<const D: usize>(&self) -> &[[f64; D]] {
+        self.values.as_chunks::<D>().0
+    }
+
+    /// Squared Euclidean distance between two behaviours, summed from the first dimension to the last.
+    ///
+    /// # Panics
+    /// If an index is not below [`Behaviours::len`].
+    #[must_use]
+    pub fn squared_distance(&self, one: usize, other: usize) -> f64 {
+        squared_distance(self.values_of(one), self.values_of(other))
+    }
+
+    /// Visits every behaviour, in order, with its squared distance from behaviour `origin`: the values of
+    /// [`Behaviours::squared_distance`].
+    ///
+    /// # Panics
+    /// If `origin` is not below [`Behaviours::len`].
+    #[inline]
+    pub fn each_squared_distance(&self, origin: usize, visit: impl FnMut(usize, f64)) {
+        // A loop of known length takes half the time.
+        match self.dims {
+            2 => self.each_from::<2>(origin, visit),
+            3 => self.each_from::<3>(origin, visit),
+            4 => self.each_from::<4>(origin, visit),
+            5 => self.each_from::<5>(origin, visit),
+            6 => self.each_from::<6>(origin, visit),
+            8 => self.each_from::<8>(origin, visit),
+            _ => self.each_from_slice(origin, visit),
+        }
+    }
+
+    #[inline]
+    fn each_from<const D: usize>(&self, origin: usize, mut visit: impl FnMut(usize, f64)) {
+        let points = self.arrays::<D>();
+        let from = points[origin];
+        for (index, point) in points.iter().enumerate() {
+            visit(index, squared_distance(&from, point));
+        }
+    }
+
+    fn each_from_slice(&self, origin: usize, mut visit: impl FnMut(usize, f64)) {
+        let from = self.values_of(origin);
+        for index in 0..self.len {
+            visit(index, squared_distance(from, self.values_of(index)));
+        }
+    }
+
+    fn values_of(&self, index: usize) -> &[f64] {
+        &self.values[index * self.dims..][..self.dims]
+    }
+}
+
+#[inline]
+fn squared_distance(one: &[f64], other: &[f64]) -> f64 {
+    one.iter()
+        .zip(other)
+        .map(|(a, b)| (a - b) * (a - b))
+        .fold(0.0, |sum, square| sum + square)
+}

@@ -1,0 +1,281 @@
+//! The service for clients: campaigns, archives, taxonomies, replays.
+
+use super::{Seats, Streamed, in_parts};
+use crate::status::OrStatus as _;
+use murmuration_dispatch::{Dispatch, ReplayJob};
+use murmuration_engine::{blocking::blocking, campaign::Campaigns, taxonomy::Taxonomy};
+use murmuration_model::{CampaignRecord, Weight};
+use murmuration_proto::{CampaignSpec, Frames, Invalid, PART_BYTES, parts::parts, v1};
+use murmuration_store::{Store, StoreError, digest::digest};
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status};
+
+/// Least time between two messages to one watcher.
+const WATCH_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Implements `murmuration.v1.CampaignService`.
+#[derive(Debug, Clone)]
+pub struct CampaignApi {
+    /// The registry.
+    pub campaigns: Campaigns,
+    /// What is on disk.
+    pub store: Store,
+    /// Who simulates replays.
+    pub dispatch: Dispatch,
+    /// How many may watch, and ask for replays, at once.
+    pub seats: Seats,
+}
+
+type Answer<T> = Result<Response<T>, Status>;
+
+impl CampaignApi {
+    async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
+        Ok(self.campaigns.status(id).await.or_status()?.record)
+    }
+
+    async fn read<T: Send + 'static>(
+        &self,
+        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, Status> {
+        let store = self.store.clone();
+        blocking(move || query(&store)).await.or_status()?.or_status()
+    }
+}
+
+#[tonic::async_trait]
+impl v1::campaign_service_server::CampaignService for CampaignApi {
+    async fn create_campaign(&self, request: Request<v1::CreateCampaignRequest>) -> Answer<v1::Campaign> {
+        let v1::CreateCampaignRequest { spec, weight } = request.into_inner();
+        let spec = spec.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
+        let spec = CampaignSpec::try_from(spec)?;
+        let weight = weight.map(Weight::try_from).transpose()?.unwrap_or_default();
+        Ok(Response::new(
+            self.campaigns.create(spec, weight).await.or_status()?.into(),
+        ))
+    }
+
+    async fn get_campaign(&self, request: Request<v1::GetCampaignRequest>) -> Answer<v1::Campaign> {
+        let status = self
+            .campaigns
+            .status(&request.get_ref().campaign)
+            .await
+            .or_status()?;
+        Ok(Response::new(status.into()))
+    }
+
+    type ListCampaignsStream = Streamed<v1::ListCampaignsResponse>;
+
+    async fn list_campaigns(
+        &self,
+        _: Request<v1::ListCampaignsRequest>,
+    ) -> Answer<Self::ListCampaignsStream> {
+        let campaigns = self
+            .campaigns
+            .list()
+            .await
+            .or_status()?
+            .into_iter()
+            .map(v1::Campaign::from);
+        let part = |campaigns| v1::ListCampaignsResponse { campaigns };
+        Ok(in_parts(parts(campaigns, part)))
+    }
+
+    type WatchCampaignStream = Streamed<v1::Campaign>;
+
+    async fn watch_campaign(
+        &self,
+        request: Request<v1::WatchCampaignRequest>,
+    ) -> Answer<Self::WatchCampaignStream> {
+        let campaigns = self.campaigns.clone();
+        let id = self.record(&request.get_ref().campaign).await?.id;
+        let seat = self.seats.watch()?;
+        let (messages, stream) = mpsc::channel(1);
+        tokio::spawn(async move {
+            let _seat = seat;
+            loop {
+                let status = campaigns.status(id.as_str()).await;
+                let goes_on = status.as_ref().is_ok_and(|status| status.active);
+                let message = status.map(Into::into).or_status();
+                if messages.send(message).await.is_err() || !goes_on {
+                    return;
+                }
+                tokio::select! {
+                    () = messages.closed() => return,
+                    () = async { tokio::join!(campaigns.changed(&id), tokio::time::sleep(WATCH_INTERVAL)); } => {}
+                }
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn pause_campaign(&self, request: Request<v1::PauseCampaignRequest>) -> Answer<v1::Campaign> {
+        let paused = self
+            .campaigns
+            .pause(&request.get_ref().campaign)
+            .await
+            .or_status()?;
+        Ok(Response::new(paused.into()))
+    }
+
+    async fn resume_campaign(&self, request: Request<v1::ResumeCampaignRequest>) -> Answer<v1::Campaign> {
+        let resumed = self
+            .campaigns
+            .resume(&request.get_ref().campaign)
+            .await
+            .or_status()?;
+        Ok(Response::new(resumed.into()))
+    }
+
+    async fn cancel_campaign(&self, request: Request<v1::CancelCampaignRequest>) -> Answer<v1::Campaign> {
+        let cancelled = self
+            .campaigns
+            .cancel(&request.get_ref().campaign)
+            .await
+            .or_status()?;
+        Ok(Response::new(cancelled.into()))
+    }
+
+    async fn adopt_checkpoint(&self, request: Request<v1::AdoptCheckpointRequest>) -> Answer<v1::Campaign> {
+        let v1::AdoptCheckpointRequest { campaign, checkpoint } = request.into_inner();
+        let moved = self
+            .campaigns
+            .adopt(&campaign, checkpoint.parse()?)
+            .await
+            .or_status()?;
+        Ok(Response::new(moved.into()))
+    }
+
+    async fn refine_campaign(&self, request: Request<v1::RefineCampaignRequest>) -> Answer<v1::Campaign> {
+        let refined = self
+            .campaigns
+            .refine(&request.get_ref().campaign)
+            .await
+            .or_status()?;
+        Ok(Response::new(refined.into()))
+    }
+
+    type ListGenerationsStream = Streamed<v1::ListGenerationsResponse>;
+
+    async fn list_generations(
+        &self,
+        request: Request<v1::ListGenerationsRequest>,
+    ) -> Answer<Self::ListGenerationsStream> {
+        let id = self.record(&request.get_ref().campaign).await?.id;
+        let generations = self.read(move |store| store.generations(&id)).await?;
+        let generations = generations.into_iter().map(v1::GenerationSummary::from);
+        let part = |generations| v1::ListGenerationsResponse { generations };
+        Ok(in_parts(parts(generations, part)))
+    }
+
+    type GetArchiveStream = Streamed<v1::ArchiveChunk>;
+
+    async fn get_archive(&self, request: Request<v1::GetArchiveRequest>) -> Answer<Self::GetArchiveStream> {
+        let v1::GetArchiveRequest { campaign, images } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let chunk = if images {
+            (PART_BYTES / record.spec.image().pixels()).clamp(1, 1000)
+        } else {
+            1000
+        } as u64;
+        let (messages, stream) = mpsc::channel(2);
+        let api = self.clone();
+        tokio::spawn(async move {
+            let mut next = 0;
+            loop {
+                let (id, model) = (record.id.clone(), record.spec.model());
+                let read = api
+                    .read(move |store| store.individuals(&id, model, next..next + chunk, images))
+                    .await;
+                let last = read
+                    .as_ref()
+                    .map_or(true, |individuals| (individuals.len() as u64) < chunk);
+                let message = read.map(|individuals| v1::ArchiveChunk {
+                    individuals: individuals.into_iter().map(Into::into).collect(),
+                });
+                if messages.send(message).await.is_err() || last {
+                    return;
+                }
+                next += chunk;
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+
+    async fn get_digest(&self, request: Request<v1::GetDigestRequest>) -> Answer<v1::GetDigestResponse> {
+        let record = self.record(&request.get_ref().campaign).await?;
+        let read = move |store: &Store| {
+            let digest = digest(store, &record.id, record.spec.model())?;
+            Ok((digest, store.repetition(&record)?))
+        };
+        let (found, repetition) = self.read(read).await?;
+        Ok(Response::new(v1::GetDigestResponse {
+            digest: found.digest,
+            evaluations: found.evaluations,
+            rounds: repetition.rounds.into_iter().map(Into::into).collect(),
+            attended: repetition.attended,
+            adopted: repetition.adopted,
+        }))
+    }
+
+    type GetTaxonomyStream = Streamed<v1::Taxonomy>;
+
+    async fn get_taxonomy(
+        &self,
+        request: Request<v1::GetTaxonomyRequest>,
+    ) -> Answer<Self::GetTaxonomyStream> {
+        let record = self.record(&request.get_ref().campaign).await?;
+        let said = format!(
+            "campaign {} has no taxonomy yet: it is {}",
+            record.id,
+            record.state.name()
+        );
+        let taxonomy = self
+            .read(move |store| Taxonomy::read(store, &record.id, &record.spec))
+            .await?;
+        let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(said))?;
+        Ok(in_parts(taxonomy.into_parts()))
+    }
+
+    async fn get_individual(&self, request: Request<v1::GetIndividualRequest>) -> Answer<v1::Individual> {
+        let v1::GetIndividualRequest { campaign, index } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let found = self
+            .read(move |store| store.individual(&record.id, record.spec.model(), index))
+            .await?;
+        Ok(Response::new(found.into()))
+    }
+
+    type GetReplayStream = Streamed<v1::Replay>;
+
+    async fn get_replay(&self, request: Request<v1::GetReplayRequest>) -> Answer<Self::GetReplayStream> {
+        let v1::GetReplayRequest {
+            campaign,
+            index,
+            stride,
+        } = request.into_inner();
+        let record = self.record(&campaign).await?;
+        let world = *record.spec.world();
+        let frames = Frames::new(0, stride, &world)?;
+        let id = record.id.clone();
+        let found = self
+            .read(move |store| store.individual(&id, record.spec.model(), index))
+            .await?;
+        let _seat = self.seats.replay()?;
+        let job = ReplayJob {
+            campaign: record.id,
+            controller: found.controller,
+            world,
+            seed: found.seed,
+            frames,
+        };
+        let replay = self
+            .dispatch
+            .while_staffed(self.dispatch.replay(job))
+            .await
+            .or_status()?
+            .or_status()?;
+        Ok(in_parts(replay.into_parts()))
+    }
+}

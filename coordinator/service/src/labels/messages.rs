@@ -1,0 +1,75 @@
+//! Labels and queries as the messages that carry them, and their errors as statuses.
+
+use murmuration_model::labels::{Action, Agreement, Change, Entry, Labels};
+use murmuration_proto::{Invalid, parts::parts, v1};
+use murmuration_store::Undone;
+
+/// What an answer says; `now_ms` is when, unless it tells.
+pub(super) fn change(message: v1::Answer, now_ms: u64) -> Result<Change, Invalid> {
+    let time_ms = match message.time_ms {
+        0 => now_ms,
+        given if given <= i64::MAX.unsigned_abs() => given,
+        other => return Err(Invalid::new("time_ms", other, "at most 2^63 - 1")),
+    };
+    Ok(Change {
+        annotator: message.annotator.parse()?,
+        time_ms,
+        action: Action::Answer {
+            index: message.index,
+            answer: message.answer.parse()?,
+        },
+    })
+}
+
+/// What was added, part by part.
+pub(super) fn appended(entries: Vec<Entry>) -> impl Iterator<Item = v1::AppendLabelsResponse> {
+    let entries = entries.into_iter().map(v1::LabelEntry::from);
+    parts(entries, |entries| v1::AppendLabelsResponse { entries })
+}
+
+/// What was taken back, by what, part by part.
+pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabelsResponse> {
+    let (entries, answers): (Vec<_>, Vec<_>) = undone
+        .into_iter()
+        .map(|Undone { entry, answer }| (v1::LabelEntry::from(entry), v1::Label::from(answer)))
+        .unzip();
+    let entries = parts(entries, |entries| v1::UndoLabelsResponse {
+        entries,
+        ..v1::UndoLabelsResponse::default()
+    });
+    let answers = parts(answers, |undone| v1::UndoLabelsResponse {
+        undone,
+        ..v1::UndoLabelsResponse::default()
+    });
+    entries.chain(answers)
+}
+
+/// The answers that stand, part by part.
+pub(super) fn listed(labels: &Labels) -> impl Iterator<Item = v1::ListLabelsResponse> + use<> {
+    let digest = v1::ListLabelsResponse {
+        digest: labels.digest().to_string(),
+        ..v1::ListLabelsResponse::default()
+    };
+    let labels: Vec<v1::Label> = labels.standing().map(Into::into).collect();
+    let labels = parts(labels, |labels| v1::ListLabelsResponse {
+        labels,
+        ..v1::ListLabelsResponse::default()
+    });
+    std::iter::once(digest).chain(labels)
+}
+
+/// How far two annotators agree, part by part.
+pub(super) fn agreed(agreement: Agreement) -> impl Iterator<Item = v1::Agreement> {
+    let mut first = v1::Agreement::from(agreement);
+    let confusions = std::mem::take(&mut first.confusions);
+    let disagreements = std::mem::take(&mut first.disagreements);
+    let confusions = parts(confusions, |confusions| v1::Agreement {
+        confusions,
+        ..v1::Agreement::default()
+    });
+    let disagreements = parts(disagreements, |disagreements| v1::Agreement {
+        disagreements,
+        ..v1::Agreement::default()
+    });
+    std::iter::once(first).chain(confusions).chain(disagreements)
+}

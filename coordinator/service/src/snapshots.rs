@@ -1,0 +1,99 @@
+//! Trainings that trainers put aside: they arrive part by part, and only of a training that the stream leases is a part
+//! kept.
+
+use super::lease_id::lease_id;
+use murmuration_dispatch::{
+    Dispatch, Room, WorkerReport,
+    leases::{LeaseNumber, WorkerId},
+};
+use murmuration_model::SavedTraining;
+use murmuration_proto::{Invalid, PART_BYTES, v1};
+
+/// What one stream puts aside.
+pub(super) struct Snapshots {
+    dispatch: Dispatch,
+    worker: WorkerId,
+    arriving: Option<Arriving>,
+}
+
+/// A training of which the last part has not come yet.
+struct Arriving {
+    /// The coordinator's epoch that the lease was given in, its number, and the training's epochs done.
+    of: (u64, LeaseNumber, u64),
+    /// Most bytes that such a training can have; `None` if nobody wants it any more.
+    room: Option<usize>,
+    bytes: Vec<u8>,
+}
+
+impl Snapshots {
+    pub(super) const fn of(dispatch: Dispatch, worker: WorkerId) -> Self {
+        Self {
+            dispatch,
+            worker,
+            arriving: None,
+        }
+    }
+
+    /// Adds a part: the whole, if it was the last, else a sign of life.
+    ///
+    /// # Errors
+    /// At the first part, where this stream was never given the lease; and where there is more than such a training has.
+    pub(super) async fn add(&mut self, part: v1::TrainingSnapshot) -> Result<WorkerReport, Invalid> {
+        let (epoch, lease) = lease_id(part.lease, "snapshot.lease")?;
+        if part.data.len() > PART_BYTES {
+            let value = format!("{} bytes", part.data.len());
+            return Err(Invalid::new(
+                "snapshot.data",
+                value,
+                format!("at most {PART_BYTES} bytes a part"),
+            ));
+        }
+        let of = (epoch, lease, part.epoch);
+        let begun = self.arriving.take().filter(|arriving| arriving.of == of);
+        let mut arriving = match begun {
+            Some(arriving) => arriving,
+            None => self.begin(of).await?,
+        };
+        if let Some(room) = arriving.room {
+            if arriving.bytes.len() + part.data.len() > room {
+                let allowed = format!("at most {room} bytes for this training");
+                return Err(Invalid::new("snapshot.data", "more", allowed));
+            }
+            arriving.bytes.extend_from_slice(&part.data);
+        }
+        if !part.last {
+            self.arriving = Some(arriving);
+            return Ok(WorkerReport::Heartbeat);
+        }
+        if arriving.room.is_none() {
+            return Ok(WorkerReport::Heartbeat);
+        }
+        let training = SavedTraining {
+            epoch: part.epoch,
+            bytes: arriving.bytes,
+        };
+        Ok(WorkerReport::Saved {
+            epoch,
+            lease,
+            training,
+        })
+    }
+
+    async fn begin(&self, of: (u64, LeaseNumber, u64)) -> Result<Arriving, Invalid> {
+        let (epoch, lease, _) = of;
+        let room = match self.dispatch.room(self.worker, epoch, lease).await {
+            Room::Bytes(most) => Some(most),
+            Room::Over => None,
+            Room::Never => {
+                let value = format!("{epoch}-{}", lease.0);
+                let allowed = "the lease of a training that this trainer was given";
+                return Err(Invalid::new("snapshot.lease", value, allowed));
+            }
+        };
+        Ok(Arriving {
+            of,
+            room,
+            bytes: Vec::new(),
+        })
+    }
+}

@@ -1,0 +1,155 @@
+//! Errors of the floors below, as gRPC says them.
+
+use murmuration_dispatch::{JobError, NotWelcome};
+use murmuration_engine::{blocking::Broken, campaign::CampaignError, queries::QueryError, space::SpaceError};
+use murmuration_model::labels::Refusal;
+use murmuration_proto::Text;
+use murmuration_store::{LabelError, StoreError, checkpoints::CheckpointError};
+use tonic::Status;
+
+/// An error that has a status.
+pub trait IntoStatus {
+    /// What the client is told.
+    fn into_status(self) -> Status;
+}
+
+/// What came of something whose error has a status.
+pub trait OrStatus<T> {
+    /// The same, with the status in the place of the error.
+    ///
+    /// # Errors
+    /// Those of `self`.
+    fn or_status(self) -> Result<T, Status>;
+}
+
+impl<T, E: IntoStatus> OrStatus<T> for Result<T, E> {
+    fn or_status(self) -> Result<T, Status> {
+        self.map_err(IntoStatus::into_status)
+    }
+}
+
+impl IntoStatus for StoreError {
+    fn into_status(self) -> Status {
+        // It repeats what was asked for, which may be of any length.
+        let said = Text::line(&self.to_string());
+        match self {
+            StoreError::NoCampaign(_) | StoreError::NoCheckpoint(_) | StoreError::NoIndividual { .. } => {
+                Status::not_found(said)
+            }
+            StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
+                Status::resource_exhausted(said)
+            }
+            StoreError::Damaged { .. } => Status::data_loss(said),
+            StoreError::InUse { .. }
+            | StoreError::NoDirectory(_)
+            | StoreError::Newer { .. }
+            | StoreError::Unreleased { .. }
+            | StoreError::Superseded(_) => Status::failed_precondition(said),
+            StoreError::File { .. } | StoreError::Sqlite { .. } => Status::internal(said),
+        }
+    }
+}
+
+impl IntoStatus for Broken {
+    fn into_status(self) -> Status {
+        Status::internal(self.to_string())
+    }
+}
+
+impl IntoStatus for JobError {
+    fn into_status(self) -> Status {
+        let said = self.to_string();
+        match self {
+            JobError::Fatal(_) | JobError::SetAside(_) => Status::failed_precondition(said),
+            JobError::Disagreement { .. } => Status::data_loss(said),
+            JobError::NoWorker | JobError::ShuttingDown => Status::unavailable(said),
+        }
+    }
+}
+
+impl IntoStatus for CampaignError {
+    fn into_status(self) -> Status {
+        match self {
+            CampaignError::Store(error) => error.into_status(),
+            CampaignError::Job(error) => error.into_status(),
+            CampaignError::Checkpoint(error) => error.into_status(),
+            CampaignError::Query(error) => error.into_status(),
+            CampaignError::Label(error) => error.into_status(),
+            CampaignError::NotAllowed(_)
+            | CampaignError::NoEmbedding { .. }
+            | CampaignError::OtherSimulator { .. }
+            | CampaignError::NoEmbedder(_)
+            | CampaignError::TooFewClasses { .. }
+            | CampaignError::Untrainable { .. }
+            | CampaignError::Tainted { .. }
+            | CampaignError::Propose(_) => Status::failed_precondition(self.to_string()),
+            CampaignError::Interrupted(_) => Status::unavailable(self.to_string()),
+            CampaignError::Misfit(_) | CampaignError::Broken => Status::internal(self.to_string()),
+        }
+    }
+}
+
+impl IntoStatus for LabelError {
+    fn into_status(self) -> Status {
+        let said = self.to_string();
+        match self {
+            LabelError::Store(error) => error.into_status(),
+            LabelError::OtherRequest(_) | LabelError::Refused(Refusal::ClassExists(_)) => {
+                Status::already_exists(said)
+            }
+            LabelError::Refused(Refusal::NoClass(_)) => Status::not_found(said),
+            LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(said),
+            LabelError::Refused(Refusal::TooManyClasses(_)) => Status::resource_exhausted(said),
+            LabelError::Refused(Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. }) => {
+                Status::failed_precondition(said)
+            }
+        }
+    }
+}
+
+impl IntoStatus for SpaceError {
+    fn into_status(self) -> Status {
+        match self {
+            Self::Store(error) => error.into_status(),
+            Self::Misfit(error) => Status::internal(error.to_string()),
+            Self::Interrupted(error) => Status::unavailable(error.to_string()),
+        }
+    }
+}
+
+impl IntoStatus for QueryError {
+    fn into_status(self) -> Status {
+        match self {
+            Self::Store(error) => error.into_status(),
+            Self::Space(error) => error.into_status(),
+            Self::Broken => Status::internal(self.to_string()),
+        }
+    }
+}
+
+impl IntoStatus for CheckpointError {
+    fn into_status(self) -> Status {
+        let said = self.to_string();
+        match self {
+            CheckpointError::Store(error) => error.into_status(),
+            CheckpointError::Model(_) => Status::invalid_argument(said),
+            CheckpointError::Mismatch { .. }
+            | CheckpointError::Missing { .. }
+            | CheckpointError::Damaged { .. } => Status::data_loss(said),
+            CheckpointError::Location { .. } | CheckpointError::Pictures { .. } => {
+                Status::failed_precondition(said)
+            }
+            CheckpointError::Objects(_) => Status::unavailable(said),
+            CheckpointError::Broken => Status::internal(said),
+        }
+    }
+}
+
+impl IntoStatus for NotWelcome {
+    fn into_status(self) -> Status {
+        match self {
+            NotWelcome::ShuttingDown => Status::unavailable(self.to_string()),
+            NotWelcome::Quarantined(_) => Status::failed_precondition(self.to_string()),
+        }
+    }
+}

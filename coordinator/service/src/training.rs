@@ -1,0 +1,124 @@
+//! The service for trainers: their streams, and what their tasks need.
+
+use super::{
+    Streamed,
+    work::{CheckVersion, serve},
+};
+use crate::status::{IntoStatus as _, OrStatus as _};
+use murmuration_dispatch::{Party, Trainers};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::{CampaignRecord, Stage, TrainingPictures};
+use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
+use murmuration_store::{Store, StoreError};
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status, Streaming};
+
+/// Implements `murmuration.v1.TrainerService`.
+#[derive(Debug, Clone)]
+pub struct TrainerApi {
+    /// Who leases trainings out.
+    pub trainers: Trainers,
+    /// What is on disk.
+    pub store: Store,
+}
+
+#[tonic::async_trait]
+impl v1::trainer_service_server::TrainerService for TrainerApi {
+    type TrainStream = ReceiverStream<Result<v1::CoordinatorMessage, Status>>;
+
+    async fn train(
+        &self,
+        request: Request<Streaming<v1::WorkerMessage>>,
+    ) -> Result<Response<Self::TrainStream>, Status> {
+        let party = (Party::Trainer, check_trainer as CheckVersion);
+        serve(self.trainers.dispatch(), request, party).await
+    }
+
+    type FetchTrainingStream = Streamed<v1::TrainingPart>;
+
+    async fn fetch_training(
+        &self,
+        request: Request<v1::FetchTrainingRequest>,
+    ) -> Result<Response<Self::FetchTrainingStream>, Status> {
+        let (store, id) = (self.store.clone(), request.into_inner().campaign);
+        let record = blocking(move || store.campaign(&id))
+            .await
+            .or_status()?
+            .or_status()?;
+        let (parts, stream) = mpsc::channel(4);
+        let store = self.store.clone();
+        tokio::task::spawn_blocking(move || {
+            if let Err(error) = send(&store, &record, &parts) {
+                // A trainer that has gone needs no reason.
+                let _ = parts.blocking_send(Err(error.into_status()));
+            }
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
+}
+
+fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
+    if hello.trainer_version != TRAINER_VERSION {
+        return Err(Status::failed_precondition(format!(
+            "this coordinator needs trainers of version {TRAINER_VERSION}, trainer \"{}\" has version {}: run the \
+             murmuration-trainer that came with the coordinator",
+            hello.name,
+            Text::line(&hello.trainer_version),
+        )));
+    }
+    match hello.capacity {
+        1 => Ok(()),
+        other => Err(Invalid::new(
+            "hello.capacity",
+            other,
+            "1: a trainer trains one embedder at a time",
+        )
+        .into()),
+    }
+}
+
+/// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.
+fn send(
+    store: &Store,
+    record: &CampaignRecord,
+    parts: &mpsc::Sender<Result<v1::TrainingPart, Status>>,
+) -> Result<(), StoreError> {
+    use v1::training_part::Part;
+    let send = |part| {
+        parts
+            .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
+            .is_ok()
+    };
+    let each = (PART_BYTES / record.spec.image().pixels()).max(1);
+    for place in (0..TrainingPictures::of(record).count()).step_by(each) {
+        let images = store.training_images(record, place..place + each as u64)?;
+        if !send(Part::Pictures(images)) {
+            return Ok(());
+        }
+    }
+    let lesson = match record.lesson {
+        Some(entries) if Stage::of(record) == Stage::FineTune => {
+            store.lesson_pictures(record, entries)?.pictures
+        }
+        _ => Vec::new(),
+    };
+    for part in lesson.chunks(each) {
+        let mut message = v1::LabelledPart::default();
+        for &(picture, class) in part {
+            message.classes.push(class);
+            message.pictures.extend(store.lesson_image(record, picture)?);
+        }
+        if !send(Part::Labelled(message)) {
+            return Ok(());
+        }
+    }
+    if let Some(saved) = store.saved_training(&record.id)? {
+        for part in saved.bytes.chunks(PART_BYTES) {
+            if !send(Part::Saved(part.to_vec())) {
+                return Ok(());
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,196 @@
+//! The streams of workers and trainers: one each, validated and handed to a dispatcher.
+
+use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
+use crate::status::OrStatus as _;
+use murmuration_access::origin;
+use murmuration_dispatch::{Dispatch, Newcomer, OUTBOX, Party, WorkerReport, leases::WorkerId};
+use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
+use tonic::{Request, Response, Status, Streaming};
+use tracing::Instrument as _;
+
+/// Time that a new connection has to say Hello.
+const HELLO_LIMIT: Duration = Duration::from_secs(5);
+const MAX_NAME_CHARS: usize = 128;
+const MAX_CAPACITY: u32 = 4096;
+const MAX_CREDITS: u32 = 65_536;
+
+/// Implements `murmuration.v1.WorkerService`.
+#[derive(Debug, Clone)]
+pub struct WorkerApi {
+    /// Who leases work out.
+    pub dispatch: Dispatch,
+}
+
+#[tonic::async_trait]
+impl v1::worker_service_server::WorkerService for WorkerApi {
+    type WorkStream = ReceiverStream<Result<v1::CoordinatorMessage, Status>>;
+
+    async fn work(
+        &self,
+        request: Request<Streaming<v1::WorkerMessage>>,
+    ) -> Result<Response<Self::WorkStream>, Status> {
+        let party = (Party::Worker, check_simulator as CheckVersion);
+        serve(&self.dispatch, request, party).await
+    }
+}
+
+/// Whether a new connection is of a version that this coordinator can work with.
+pub(super) type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
+
+/// Welcomes whoever is at the other end, and passes on what it says for as long as its stream lasts.
+pub(super) async fn serve(
+    dispatch: &Dispatch,
+    request: Request<Streaming<v1::WorkerMessage>>,
+    (party, check): (Party, CheckVersion),
+) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
+    let from = origin(request.extensions());
+    let from = from.ok_or_else(|| Status::internal("this connection has no address"))?;
+    let mut inbox = request.into_inner();
+    let hello = hello(&mut inbox, check).await?;
+    let (outbox, stream) = mpsc::channel(OUTBOX);
+    let newcomer = Newcomer {
+        name: hello.name,
+        origin: from,
+        instance: (hello.instance != 0).then_some(hello.instance),
+        kind: hello.embedding_kind.into(),
+        capacity: hello.capacity as usize,
+        outbox: outbox.clone(),
+    };
+    let worker = dispatch.join(newcomer).await.or_status()?;
+    let dispatch = dispatch.clone();
+    let stream_ends = async move {
+        if let Err(status) = pass_on(&dispatch, (worker, party), &mut inbox).await {
+            tracing::debug!(?worker, %status, "worker stream broke");
+            // The worker may be gone already.
+            let _ = outbox.try_send(Err(status));
+        }
+        dispatch.report(worker, WorkerReport::Gone).await;
+    };
+    tokio::spawn(stream_ends.in_current_span());
+    Ok(Response::new(ReceiverStream::new(stream)))
+}
+
+async fn hello(inbox: &mut Streaming<v1::WorkerMessage>, check: CheckVersion) -> Result<v1::Hello, Status> {
+    let first = tokio::time::timeout(HELLO_LIMIT, inbox.message())
+        .await
+        .map_err(|_| Status::deadline_exceeded("no Hello within 5 seconds"))??;
+    let Some(v1::worker_message::Message::Hello(hello)) = first.and_then(|first| first.message) else {
+        return Err(Status::failed_precondition("the first message must be Hello"));
+    };
+    let name = text::name("hello.name", &hello.name, MAX_NAME_CHARS)?;
+    let hello = v1::Hello { name, ..hello };
+    check(&hello)?;
+    if !(1..=MAX_CAPACITY).contains(&hello.capacity) {
+        return Err(Invalid::new(
+            "hello.capacity",
+            hello.capacity,
+            format!("from 1 to {MAX_CAPACITY}"),
+        )
+        .into());
+    }
+    Ok(hello)
+}
+
+fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
+    if hello.simulator_version == SIMULATOR_VERSION {
+        return Ok(());
+    }
+    Err(Status::failed_precondition(format!(
+        "this coordinator needs workers with simulator version {SIMULATOR_VERSION}, worker \"{}\" has version {}: run \
+         the murmuration-worker that came with the coordinator",
+        hello.name,
+        Text::line(&hello.simulator_version),
+    )))
+}
+
+/// Passes on what a worker or trainer says until its stream ends.
+async fn pass_on(
+    dispatch: &Dispatch,
+    (worker, party): (WorkerId, Party),
+    inbox: &mut Streaming<v1::WorkerMessage>,
+) -> Result<(), Status> {
+    use v1::worker_message::Message;
+    let mut snapshots = Snapshots::of(dispatch.clone(), worker);
+    while let Some(message) = inbox.next().await {
+        let report = match (message.map_err(blamed)?.message, party) {
+            (Some(Message::Snapshot(_) | Message::Training(_)), Party::Worker) => {
+                let allowed = "one of a worker's: only trainers put trainings aside and report on them";
+                return Err(Invalid::new("message", "about a training", allowed).into());
+            }
+            (Some(Message::Snapshot(part)), Party::Trainer) => snapshots.add(part).await?,
+            (message, _) => report(message)?,
+        };
+        dispatch.report(worker, report).await;
+    }
+    Ok(())
+}
+
+/// What a message says that is no part of a snapshot.
+fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, Invalid> {
+    use v1::worker_message::Message;
+    match message {
+        Some(Message::Credits(credits)) if (1..=MAX_CREDITS).contains(&credits.evaluations) => {
+            Ok(WorkerReport::Credits(credits.evaluations as usize))
+        }
+        Some(Message::Credits(credits)) => Err(Invalid::new(
+            "credits.evaluations",
+            credits.evaluations,
+            format!("from 1 to {MAX_CREDITS}"),
+        )),
+        Some(Message::Result(result)) => {
+            let (epoch, lease) = lease_id(result.lease, "result.lease")?;
+            let outcome = result
+                .outcome
+                .ok_or_else(|| Invalid::new("result.outcome", "nothing", "an outcome"))?;
+            Ok(WorkerReport::Result {
+                epoch,
+                lease,
+                outcome: cleaned(outcome),
+            })
+        }
+        Some(Message::Training(report)) => {
+            let (epoch, lease) = lease_id(report.lease, "training.lease")?;
+            Ok(WorkerReport::Training {
+                epoch,
+                lease,
+                progress: finite(report.progress.unwrap_or_default()),
+            })
+        }
+        Some(Message::Heartbeat(_)) => Ok(WorkerReport::Heartbeat),
+        Some(Message::Drain(_)) => Ok(WorkerReport::Drain),
+        Some(Message::Hello(_)) => Err(Invalid::new("message", "a second Hello", "anything else")),
+        Some(Message::Snapshot(_)) | None => {
+            Err(Invalid::new("message", "nothing", "one of WorkerMessage's kinds"))
+        }
+    }
+}
+
+/// A failure's words are stored, logged and shown to people.
+fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
+    match outcome {
+        v1::batch_result::Outcome::Failure(failure) => v1::batch_result::Outcome::Failure(v1::Failure {
+            message: Text::line(&failure.message).into(),
+            ..failure
+        }),
+        outcome => outcome,
+    }
+}
+
+/// Progress is shown to people: a loss that is no number any more is shown as none.
+fn finite(progress: v1::TrainingProgress) -> v1::TrainingProgress {
+    let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
+    v1::TrainingProgress {
+        epoch: progress.epoch,
+        epochs: progress.epochs,
+        loss: finite(progress.loss),
+        learning_rate: finite(progress.learning_rate),
+        triplets_per_second: finite(progress.triplets_per_second),
+        seconds_left: finite(progress.seconds_left),
+        triplet_accuracy: finite(progress.triplet_accuracy),
+        spread: finite(progress.spread),
+        rank: finite(progress.rank),
+    }
+}

@@ -1,0 +1,289 @@
+//! Backups: a data directory copied at one instant, whoever works on it, and put back.
+//!
+//! A backup is a folder like a data directory, so that the doctor can look at it, with a manifest beside. It appears under
+//! its name once it is whole, checked and on disk. Limits: caches and reports are made anew, and a bucket of checkpoints is
+//! backed up where it is.
+
+use crate::{
+    DataDirectory, Store, StoreError,
+    checkpoints::{CheckpointError, Shelf},
+    doctor,
+    files::{is_empty, is_there, without_links},
+};
+use bytes::Bytes;
+use murmuration_link::{InputKind, read_bytes};
+use murmuration_proto::CheckpointDigest;
+use serde::{Deserialize, Serialize};
+use std::{
+    fs::{self, File},
+    io,
+    path::{Path, PathBuf},
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// Version of the manifest.
+const SCHEMA: u32 = 1;
+const MANIFEST: &str = "backup.json";
+
+/// What a backup holds.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// Version of this manifest.
+    pub schema: u32,
+    /// When it was made, milliseconds since 1970-01-01 UTC.
+    pub created_ms: u64,
+    /// The version of Murmuration that made it.
+    pub murmuration: String,
+    /// BLAKE3 of the database, in hexadecimal digits.
+    pub database: String,
+    /// Digests of the checkpoints that the database names.
+    pub checkpoints: Vec<String>,
+    /// Where they are kept, if not in the backup.
+    pub checkpoint_store: Option<String>,
+}
+
+/// Why there is no backup, or nothing was put back.
+#[derive(Debug, thiserror::Error)]
+pub enum BackupError {
+    /// The database cannot be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// A checkpoint cannot be read or written.
+    #[error("{0}")]
+    Checkpoint(#[from] CheckpointError),
+    /// A file or folder of the backup cannot be used.
+    #[error("cannot {doing} {path}: {source}")]
+    File {
+        /// What was tried.
+        doing: &'static str,
+        /// With which file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something is there already.
+    #[error("{0} is not empty: name a folder that does not exist yet")]
+    NotEmpty(PathBuf),
+    /// It would be lost with what it is a copy of.
+    #[error(
+        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
+    )]
+    Within {
+        /// The folder that was named.
+        path: PathBuf,
+        /// The data directory.
+        data: PathBuf,
+    },
+    /// The folder is no backup.
+    #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
+    NoBackup {
+        /// The folder.
+        path: PathBuf,
+        /// What is missing.
+        reason: String,
+    },
+    /// What was copied is not sound.
+    #[error("{path} is damaged: `murmuration doctor --data {path}` says what can be saved")]
+    Damaged {
+        /// The data directory, or the backup.
+        path: PathBuf,
+    },
+}
+
+/// Copies the data directory `data`, whose checkpoints are kept at `location` (in it if there is none), as it stands at one
+/// instant, into the new folder `target`; a coordinator may be at work on it.
+///
+/// # Errors
+/// See [`BackupError`]; there is no `target` then.
+pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Result<Manifest, BackupError> {
+    if !is_empty(target).map_err(failed("look into", target))? {
+        return Err(BackupError::NotEmpty(target.to_path_buf()));
+    }
+    // Before a folder is made for it.
+    let database = data.join(Store::FILE);
+    if !is_there(&database).map_err(failed("find", &database))? {
+        return Err(StoreError::NoDirectory(data.to_path_buf()).into());
+    }
+    let named = target;
+    let target = &without_links(named).map_err(failed("find", named))?;
+    if target.starts_with(without_links(data).map_err(failed("find", data))?) {
+        return Err(BackupError::Within {
+            path: named.to_path_buf(),
+            data: data.to_path_buf(),
+        });
+    }
+    let parent = above(target);
+    make_folders(parent)?;
+    let being_written = tempfile::Builder::new()
+        .prefix(".murmuration-backup-")
+        .tempdir_in(parent)
+        .map_err(failed("make a folder in", parent))?;
+    let folder = being_written.path();
+    let checkpoints = copy(data, location, folder).await?;
+    let manifest = Manifest {
+        schema: SCHEMA,
+        created_ms: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64),
+        murmuration: env!("CARGO_PKG_VERSION").to_owned(),
+        database: file_digest(&folder.join(Store::FILE))?,
+        checkpoints: checkpoints.iter().map(ToString::to_string).collect(),
+        checkpoint_store: location.map(str::to_owned),
+    };
+    check(folder, location, data).await?;
+    write_manifest(folder, &manifest)?;
+    // An empty folder may be replaced.
+    fs::rename(folder, target).map_err(failed("write", target))?;
+    sync(parent)?;
+    Ok(manifest)
+}
+
+/// Puts the backup `from` back as the data directory `data`, which must be empty or not exist.
+///
+/// # Errors
+/// See [`BackupError`]; there is no database in `data` then.
+pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> {
+    let manifest = read_manifest(from)?;
+    if !is_empty(data).map_err(failed("look into", data))? {
+        return Err(BackupError::NotEmpty(data.to_path_buf()));
+    }
+    if file_digest(&from.join(Store::FILE))? != manifest.database {
+        return Err(BackupError::Damaged {
+            path: from.to_path_buf(),
+        });
+    }
+    let held = DataDirectory::hold(data)?;
+    // Under its own name only when everything that it names is there.
+    let arriving = data.join("restoring");
+    fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
+    let location = manifest.checkpoint_store.as_deref();
+    copy(from, location, &arriving).await?;
+    check(&arriving, location, from).await?;
+    for name in [Shelf::FOLDER, Store::FILE] {
+        let (copied, place) = (arriving.join(name), data.join(name));
+        if is_there(&copied).map_err(failed("find", &copied))? {
+            fs::rename(&copied, &place).map_err(failed("write", &place))?;
+        }
+    }
+    fs::remove_dir(&arriving).map_err(failed("remove", &arriving))?;
+    sync(data)?;
+    drop(held);
+    Ok(manifest)
+}
+
+/// Copies a database, then every checkpoint that the copy names; their digests. Checkpoints never go, so those are there.
+async fn copy(
+    data: &Path,
+    location: Option<&str>,
+    folder: &Path,
+) -> Result<Vec<CheckpointDigest>, BackupError> {
+    // Where nobody holds it, nobody may begin to.
+    let alone = match DataDirectory::watch(data) {
+        Ok(lock) => Some(lock),
+        Err(StoreError::InUse { .. }) => None,
+        Err(error) => return Err(error.into()),
+    };
+    let path = folder.join(Store::FILE);
+    let (store, _) = Store::look(data, alone.is_some())?;
+    let copied = path.clone();
+    let (store, done) = tokio::task::spawn_blocking(move || {
+        let done = store.copy_to(&copied);
+        (store, done)
+    })
+    .await
+    .map_err(|_| CheckpointError::Broken)?;
+    done?;
+    drop(store);
+    sync(&path)?;
+    let (copied, _) = Store::look(folder, true)?;
+    let digests: Vec<_> = copied.checkpoints()?.iter().map(|record| record.digest).collect();
+    if location.is_none() && !digests.is_empty() {
+        let (shelf, new) = (Shelf::open(data, None)?, Shelf::open(folder, None)?);
+        for &digest in &digests {
+            let bytes: Bytes = shelf.get(digest).await?;
+            new.put(digest, bytes).await?;
+        }
+        sync(&folder.join(Shelf::FOLDER))?;
+    }
+    sync(folder)?;
+    Ok(digests)
+}
+
+/// Whether a copy is sound; if not, that of which it is a copy is to blame.
+async fn check(folder: &Path, location: Option<&str>, of: &Path) -> Result<(), BackupError> {
+    match doctor::examine(folder, location).await? {
+        found if found.is_healthy() => Ok(()),
+        _ => Err(BackupError::Damaged {
+            path: of.to_path_buf(),
+        }),
+    }
+}
+
+/// The folder that something is in.
+fn above(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Makes a folder, and those above it, where they do not exist; they are on disk then.
+fn make_folders(folder: &Path) -> Result<(), BackupError> {
+    let mut missing = Vec::new();
+    for folder in folder.ancestors() {
+        if is_there(folder).map_err(failed("find", folder))? {
+            break;
+        }
+        missing.push(folder);
+    }
+    fs::create_dir_all(folder).map_err(failed("make", folder))?;
+    missing.into_iter().try_for_each(|made| sync(above(made)))
+}
+
+fn write_manifest(folder: &Path, manifest: &Manifest) -> Result<(), BackupError> {
+    let path = folder.join(MANIFEST);
+    let written = serde_json::to_vec_pretty(manifest)
+        .map_err(io::Error::from)
+        .and_then(|text| fs::write(&path, text));
+    written.map_err(failed("write", &path))?;
+    sync(&path)?;
+    sync(folder)
+}
+
+fn read_manifest(folder: &Path) -> Result<Manifest, BackupError> {
+    let no_backup = |reason: String| BackupError::NoBackup {
+        path: folder.to_path_buf(),
+        reason,
+    };
+    let path = folder.join(MANIFEST);
+    let text = read_bytes(&path, InputKind::Manifest)
+        .map_err(|error| no_backup(format!("{}: {error}", path.display())))?;
+    let manifest: Manifest =
+        serde_json::from_slice(&text).map_err(|error| no_backup(format!("{}: {error}", path.display())))?;
+    match manifest.schema {
+        SCHEMA => Ok(manifest),
+        newer => Err(no_backup(format!(
+            "its manifest has version {newer}, this one knows {SCHEMA}"
+        ))),
+    }
+}
+
+fn file_digest(path: &Path) -> Result<String, BackupError> {
+    let mut hasher = blake3::Hasher::new();
+    File::open(path)
+        .and_then(|file| hasher.update_reader(file).map(|_| ()))
+        .map_err(failed("read", path))?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Has a file, or the entries of a folder, on disk.
+fn sync(path: &Path) -> Result<(), BackupError> {
+    File::open(path)
+        .and_then(|file| file.sync_all())
+        .map_err(failed("write", path))
+}
+
+fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> BackupError {
+    let path = path.to_path_buf();
+    move |source| BackupError::File { doing, path, source }
+}

@@ -1,0 +1,329 @@
+//! Checkpoints: bytes on a shelf under their digest, descriptions in the database.
+
+mod shelf;
+
+pub use shelf::{Condition, Shelf};
+
+use crate::{CheckpointRecord, Store, StoreError};
+use bytes::Bytes;
+use murmuration_model::Embedder;
+use murmuration_proto::{
+    CheckpointDigest, ImageFormat, Lineage,
+    onnx::{EmbedderModel, ModelError},
+};
+use std::{
+    path::Path,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// Where published embedders are kept; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Checkpoints {
+    store: Store,
+    shelf: Shelf,
+}
+
+/// Why a checkpoint cannot be stored or read.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The place named is none that checkpoints can be kept in.
+    #[error(
+        "checkpoints cannot be kept at {location}: {reason}; make it reachable and writable, or name another with \
+         --checkpoint-store"
+    )]
+    Location {
+        /// Folder or URL.
+        location: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The database says no.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The object store says no.
+    #[error("checkpoint store: {0}")]
+    Objects(#[from] object_store::Error),
+    /// The bytes are no embedder that workers could run.
+    #[error("{0}")]
+    Model(#[from] ModelError),
+    /// The bytes of a stored checkpoint are gone.
+    #[error(
+        "checkpoint {digest} is not at {place}: `murmuration checkpoints import` brings it back from a copy"
+    )]
+    Missing {
+        /// The checkpoint.
+        digest: CheckpointDigest,
+        /// The file or object that should hold it.
+        place: String,
+    },
+    /// The bytes of a stored checkpoint are others than those that were stored.
+    #[error(
+        "{place} is damaged (its bytes have digest {found}): `murmuration doctor` says what can be saved"
+    )]
+    Damaged {
+        /// The file or object that should hold it.
+        place: String,
+        /// The digest of its bytes.
+        found: CheckpointDigest,
+    },
+    /// The bytes are not those that the digest names.
+    #[error("checkpoint {wanted}: the bytes that came have digest {found}; publish or import it again")]
+    Mismatch {
+        /// The digest announced.
+        wanted: CheckpointDigest,
+        /// The digest of the bytes.
+        found: CheckpointDigest,
+    },
+    /// The embedder is for pictures of another size.
+    #[error(
+        "checkpoint {checkpoint} embeds pictures of {height} x {width}, the campaign's are {side} x {side}"
+    )]
+    Pictures {
+        /// The checkpoint.
+        checkpoint: CheckpointDigest,
+        /// Pixels along axis 0 that it takes.
+        height: usize,
+        /// Pixels along axis 1 that it takes.
+        width: usize,
+        /// Pixels along both axes of the campaign's pictures.
+        side: usize,
+    },
+    /// The waiting thread broke (a bug).
+    #[error("reading the store broke off unexpectedly (this is a bug)")]
+    Broken,
+}
+
+impl Checkpoints {
+    /// Keeps checkpoints on the [`Shelf`] at `location`.
+    ///
+    /// # Errors
+    /// As [`Shelf::open`].
+    pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
+        let shelf = Shelf::open(data, location)?;
+        Ok(Self { store, shelf })
+    }
+
+    /// Tries out whether checkpoints can be kept where they are to be.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Location`] where they cannot.
+    pub async fn try_out(&self) -> Result<(), CheckpointError> {
+        self.shelf.try_out().await
+    }
+
+    /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. One
+    /// that is missing is logged: only a campaign that comes to need it fails of it.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`], or if they cannot be read.
+    pub async fn verify(&self) -> Result<(), CheckpointError> {
+        if !self.shelf.is_folder() {
+            return Ok(());
+        }
+        for record in self.list().await? {
+            match self.shelf.get(record.digest).await {
+                Ok(_) => {}
+                Err(missing @ CheckpointError::Missing { .. }) => tracing::warn!("{missing}"),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    /// Stores a checkpoint; on disk when this returns. The same bytes again change nothing. It has seen what its parent
+    /// has seen.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Model`] where the bytes are no embedder; [`StoreError::NoCheckpoint`] where its parent is not
+    /// here; otherwise if it cannot be stored.
+    pub async fn publish(
+        &self,
+        mut lineage: Lineage,
+        bytes: Bytes,
+    ) -> Result<CheckpointRecord, CheckpointError> {
+        EmbedderModel::read(&bytes)?;
+        if let Some(parent) = lineage.parent {
+            lineage
+                .labelled
+                .join(&self.describe(parent).await?.lineage.labelled);
+        }
+        let digest = CheckpointDigest::of(&bytes);
+        let created_ms = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64);
+        let record = CheckpointRecord {
+            digest,
+            size: bytes.len() as u64,
+            lineage,
+            created_ms,
+        };
+        self.shelf.put(digest, bytes).await?;
+        self.on_disk(move |store| {
+            store.add_checkpoint(&record)?;
+            store.checkpoint(record.digest)
+        })
+        .await
+    }
+
+    /// The description of a checkpoint.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCheckpoint`] if there is none of that digest.
+    pub async fn describe(&self, digest: CheckpointDigest) -> Result<CheckpointRecord, CheckpointError> {
+        self.on_disk(move |store| store.checkpoint(digest)).await
+    }
+
+    /// Every checkpoint, oldest first.
+    ///
+    /// # Errors
+    /// If the database cannot be read.
+    pub async fn list(&self) -> Result<Vec<CheckpointRecord>, CheckpointError> {
+        self.on_disk(Store::checkpoints).await
+    }
+
+    /// The ONNX bytes of a checkpoint, checked against its digest.
+    ///
+    /// # Errors
+    /// If there is none of that digest, or its bytes are gone or damaged.
+    pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
+        self.describe(digest).await?;
+        self.shelf.get(digest).await
+    }
+
+    /// A checkpoint as an embedder of pictures in `format`.
+    ///
+    /// # Errors
+    /// As [`Checkpoints::fetch`], and [`CheckpointError::Pictures`] where it takes other pictures.
+    pub async fn embedder(
+        &self,
+        checkpoint: CheckpointDigest,
+        format: &ImageFormat,
+    ) -> Result<Embedder, CheckpointError> {
+        let model = EmbedderModel::read(&self.fetch(checkpoint).await?)?;
+        let side = format.resolution() as usize;
+        if (model.height(), model.width()) != (side, side) {
+            return Err(CheckpointError::Pictures {
+                checkpoint,
+                height: model.height(),
+                width: model.width(),
+                side,
+            });
+        }
+        Ok(Embedder {
+            checkpoint,
+            dimensions: model.dimensions(),
+        })
+    }
+
+    async fn on_disk<T: Send + 'static>(
+        &self,
+        query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
+    ) -> Result<T, CheckpointError> {
+        let store = self.store.clone();
+        let answer = tokio::task::spawn_blocking(move || query(&store)).await;
+        Ok(answer.map_err(|_| CheckpointError::Broken)??)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DataDirectory;
+
+    const MODEL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
+
+    fn open() -> (tempfile::TempDir, Checkpoints) {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+        let checkpoints = Checkpoints::open(store, folder.path(), None).unwrap();
+        (folder, checkpoints)
+    }
+
+    #[tokio::test]
+    async fn what_is_published_is_fetched_under_its_digest() {
+        let (_folder, checkpoints) = open();
+        let bytes = Bytes::from_static(MODEL);
+        let lineage = Lineage {
+            configuration: "x = 1".into(),
+            ..Lineage::default()
+        };
+        let record = checkpoints.publish(lineage.clone(), bytes.clone()).await.unwrap();
+        assert_eq!(
+            (record.digest, record.size),
+            (CheckpointDigest::of(&bytes), MODEL.len() as u64)
+        );
+        assert_eq!(checkpoints.fetch(record.digest).await.unwrap(), bytes);
+        // Publishing the same bytes again changes nothing.
+        let again = checkpoints.publish(Lineage::default(), bytes).await.unwrap();
+        assert_eq!(
+            (again.lineage, checkpoints.list().await.unwrap().len()),
+            (lineage, 1)
+        );
+    }
+
+    #[tokio::test]
+    async fn damaged_bytes_are_not_handed_out() {
+        let (folder, checkpoints) = open();
+        let digest = checkpoints
+            .publish(Lineage::default(), Bytes::from_static(MODEL))
+            .await
+            .unwrap()
+            .digest;
+        std::fs::write(
+            folder.path().join(format!("checkpoints/{digest}.onnx")),
+            b"another",
+        )
+        .unwrap();
+        let error = checkpoints.fetch(digest).await.unwrap_err();
+        assert!(
+            matches!(&error, CheckpointError::Damaged { place, .. } if place.contains(&digest.to_string())),
+            "{error}"
+        );
+        let said = checkpoints.verify().await.unwrap_err().to_string();
+        assert!(said.contains("murmuration doctor"), "{said}");
+        // What is gone stops nobody who does not need it, and comes back with the same bytes.
+        std::fs::remove_file(folder.path().join(format!("checkpoints/{digest}.onnx"))).unwrap();
+        checkpoints.verify().await.unwrap();
+        let error = checkpoints.fetch(digest).await.unwrap_err();
+        assert!(matches!(error, CheckpointError::Missing { .. }), "{error}");
+        let again = Bytes::from_static(MODEL);
+        checkpoints
+            .publish(Lineage::default(), again.clone())
+            .await
+            .unwrap();
+        assert_eq!(checkpoints.fetch(digest).await.unwrap(), again);
+    }
+
+    #[tokio::test]
+    async fn a_checkpoint_that_is_not_there_is_named() {
+        let (_folder, checkpoints) = open();
+        let digest = CheckpointDigest::of(b"nothing");
+        let said = checkpoints.fetch(digest).await.unwrap_err().to_string();
+        assert!(said.contains(&digest.to_string()), "{said}");
+    }
+
+    #[test]
+    fn a_place_that_is_none_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+        for location in ["nonsense", "gopher://x/y"] {
+            let said = Checkpoints::open(store.clone(), folder.path(), Some(location))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                said.starts_with(&format!("checkpoints cannot be kept at {location}")),
+                "{said}"
+            );
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_no_embedder_is_refused() {
+        let (_folder, checkpoints) = open();
+        let refused = checkpoints
+            .publish(Lineage::default(), Bytes::from_static(b"a model"))
+            .await;
+        assert!(matches!(refused, Err(CheckpointError::Model(_))));
+        assert_eq!(checkpoints.list().await.unwrap(), []);
+    }
+}

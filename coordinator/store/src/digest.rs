@@ -1,0 +1,51 @@
+//! The digest of an archive: what two runs of one specification must have in common.
+
+use crate::{Store, StoreError};
+use murmuration_model::CampaignId;
+use murmuration_proto::CapabilityModel;
+
+/// Individuals hashed at a time.
+const CHUNK: u64 = 1024;
+
+/// A digest and how many evaluations it covers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ArchiveDigest {
+    /// BLAKE3, 64 hexadecimal digits.
+    pub digest: String,
+    /// Number of individuals, from index 0.
+    pub evaluations: u64,
+}
+
+/// Digests the archive as far as it is complete: for each individual in index order its genes and its features
+/// (f64, little-endian), its image, and its embedding (f32, little-endian) if it has one. Names, times, seeds and novelty are left out: they follow from the
+/// specification, or do not matter to the outcome.
+///
+/// # Errors
+/// If the archive cannot be read.
+pub fn digest(
+    store: &Store,
+    campaign: &CampaignId,
+    model: CapabilityModel,
+) -> Result<ArchiveDigest, StoreError> {
+    let mut hasher = blake3::Hasher::new_derive_key("murmuration archive v1");
+    let mut evaluations = 0;
+    loop {
+        let chunk = store.individuals(campaign, model, evaluations..evaluations + CHUNK, true)?;
+        if chunk.is_empty() {
+            return Ok(ArchiveDigest {
+                digest: hasher.finalize().to_hex().to_string(),
+                evaluations,
+            });
+        }
+        for individual in &chunk {
+            for value in individual.controller.genes().iter().chain(&individual.features) {
+                hasher.update(&value.to_le_bytes());
+            }
+            hasher.update(individual.image.as_deref().unwrap_or_default());
+            for value in &individual.embedding {
+                hasher.update(&value.to_le_bytes());
+            }
+        }
+        evaluations += chunk.len() as u64;
+    }
+}

@@ -1,0 +1,258 @@
+//! What is whole of one campaign.
+
+use crate::{ArchivedIndividual, Remains, Store, StoreError, checkpoints::Condition};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
+use murmuration_proto::{CheckpointDigest, EmbedderSource, SIMULATOR_VERSION};
+use std::ops::Range;
+
+/// Individuals or pictures read at a time.
+const CHUNK: u64 = 512;
+
+/// What there is to say of a campaign.
+#[derive(Debug)]
+pub struct CampaignFindings {
+    /// The campaign.
+    pub id: CampaignId,
+    /// Where it stands, if that can be read.
+    pub state: Option<CampaignState>,
+    /// What is wrong with it.
+    pub problems: Vec<String>,
+    /// What there should be.
+    pub stored: Remains,
+    /// What of that is whole.
+    pub remains: Remains,
+    /// What becomes of it.
+    pub prospect: Prospect,
+    /// Why this version does not go on with it, though it is whole.
+    pub note: Option<String>,
+}
+
+/// What becomes of a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Prospect {
+    /// Nothing is missing.
+    Whole,
+    /// It needs a checkpoint whose bytes are missing or damaged; with a copy of those it is whole.
+    LacksCheckpoint,
+    /// It can be resumed from what remains.
+    Partly,
+    /// Nobody knows what it was asked to do.
+    Lost,
+}
+
+impl CampaignFindings {
+    pub(super) fn of(store: &Store, id: &CampaignId, checkpoints: &[(CheckpointDigest, Condition)]) -> Self {
+        let record = match store.campaign(id.as_str()) {
+            Ok(record) => record,
+            Err(error) => return Self::lost(id, &error),
+        };
+        let mut problems = Vec::new();
+        let (stored, remains) = archive(store, &record, &mut problems);
+        let lacking = [record.checkpoint, record.next_checkpoint]
+            .into_iter()
+            .flatten()
+            .find(|&digest| !checkpoints.contains(&(digest, Condition::Whole)));
+        let prospect = match (problems.is_empty(), lacking) {
+            (false, _) => Prospect::Partly,
+            (true, Some(_)) => Prospect::LacksCheckpoint,
+            (true, None) => Prospect::Whole,
+        };
+        problems.extend(lacking.map(|digest| format!("checkpoint {digest} is missing or damaged")));
+        Self {
+            id: id.clone(),
+            state: Some(record.state),
+            problems,
+            stored,
+            remains,
+            prospect,
+            note: (record.simulator_version != SIMULATOR_VERSION).then(|| {
+                let theirs = &record.simulator_version;
+                format!(
+                    "begun with simulator version {theirs}: that version goes on with it, this one shows it"
+                )
+            }),
+        }
+    }
+
+    fn lost(id: &CampaignId, error: &StoreError) -> Self {
+        Self {
+            id: id.clone(),
+            state: None,
+            problems: vec![error.reason()],
+            stored: Remains::default(),
+            remains: Remains::default(),
+            prospect: Prospect::Lost,
+            note: None,
+        }
+    }
+}
+
+/// What should be there, and what of it is whole.
+fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Remains, Remains) {
+    let stored = Remains {
+        pictures: record.pictures_done,
+        generations: record.generations_done,
+        individuals: record.individuals(),
+        labels: store.label_entries(&record.id).unwrap_or(0),
+        taxonomy: record.state == CampaignState::Completed,
+    };
+    let population = u64::from(record.spec.search().population());
+    let generations = generations(store, record, problems);
+    let individuals = individuals(store, record, problems);
+    let generations = u64::from(generations).min(individuals / population) as u32;
+    if store.archive_len(&record.id).unwrap_or(0) > record.individuals() {
+        problems.push("it has individuals of a generation that is not complete".to_owned());
+    }
+    let labels = store.readable_labels(&record.id).unwrap_or(0);
+    if labels < stored.labels {
+        problems.push(format!("entry {labels} of its label log cannot be followed"));
+    }
+    let complete = generations == record.generations_done;
+    let remains = Remains {
+        pictures: pictures(store, record, problems),
+        generations,
+        individuals: u64::from(generations) * population,
+        labels,
+        taxonomy: complete && taxonomy(store, record, stored.taxonomy, problems),
+    };
+    (stored, remains)
+}
+
+/// Generations whose records are there, from the first on.
+fn generations(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u32 {
+    let records = match store.generations(&record.id) {
+        Ok(records) => records,
+        Err(error) => {
+            problems.push(format!("its generations: {}", error.reason()));
+            return 0;
+        }
+    };
+    let dense = (0..)
+        .zip(&records)
+        .take_while(|(place, record)| record.generation == *place);
+    let whole = dense.count() as u32;
+    if whole < record.generations_done {
+        problems.push(format!("generation {whole} is missing"));
+    }
+    whole
+}
+
+/// Individuals that are whole, from the first on.
+fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u64 {
+    let population = u64::from(record.spec.search().population());
+    let mut length = None;
+    let mut wrong = |individual: &ArchivedIndividual, index: u64| {
+        let length = *length.get_or_insert(individual.embedding.len());
+        let picture = individual.image.as_ref().map(Vec::len);
+        if individual.index != index {
+            Some("it is missing")
+        } else if u64::from(individual.generation) != index / population {
+            Some("it is of another generation")
+        } else if picture != Some(record.spec.image().pixels()) {
+            Some("its picture is missing or cut off")
+        } else if individual.embedding.len() != length || record.checkpoint.is_some() != (length > 0) {
+            Some("its embedding is missing or cut off")
+        } else if !individual.novelty.is_finite() || individual.features.iter().any(|value| value.is_nan()) {
+            Some("its figures are none")
+        } else {
+            None
+        }
+    };
+    let check = |range: Range<u64>| {
+        let found = store.individuals(&record.id, record.spec.model(), range.clone(), true)?;
+        let mut found = found.iter();
+        for index in range {
+            let fault = match found.next() {
+                Some(individual) => wrong(individual, index),
+                None => Some("it is missing"),
+            };
+            if let Some(fault) = fault {
+                return Ok(Some((index, fault.to_owned())));
+            }
+        }
+        Ok(None)
+    };
+    match first_fault(record.individuals(), check) {
+        Some((index, fault)) => {
+            problems.push(format!("individual {index}: {fault}"));
+            index
+        }
+        None => record.individuals(),
+    }
+}
+
+/// Pictures of the dataset that are whole, from the first on, all of each controller.
+fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u64 {
+    let Some(EmbedderSource::Trained { dataset, .. }) = record.spec.embedder() else {
+        return record.pictures_done;
+    };
+    let check = |range: Range<u64>| {
+        let images = store.dataset_images(&record.id, range.clone())?;
+        let whole = range.start + (images.len() / record.spec.image().pixels()) as u64;
+        // Where one is missing, those after it follow at once: only the whole range tells.
+        Ok((whole < range.end).then(|| {
+            (
+                range.start,
+                "a picture after this is missing or cut off".to_owned(),
+            )
+        }))
+    };
+    match first_fault(record.pictures_done, check) {
+        Some((place, fault)) => {
+            problems.push(format!("picture {place} of its dataset: {fault}"));
+            place - place % u64::from(dataset.starts())
+        }
+        None => record.pictures_done,
+    }
+}
+
+/// Whether its taxonomy is there and about its archive.
+fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut Vec<String>) -> bool {
+    let fault = match store.taxonomy(&record.id) {
+        Ok(None) if wanted => "is missing".to_owned(),
+        Ok(None) => return false,
+        Ok(Some(taxonomy)) => {
+            let len = record.individuals();
+            let medoids = taxonomy.medoids.len();
+            let about = taxonomy.clusters.len() as u64 == len
+                && (taxonomy.measures.is_empty() || taxonomy.measures.len() == medoids)
+                && taxonomy.medoids.iter().all(|&index| index < len)
+                && taxonomy
+                    .clusters
+                    .iter()
+                    .all(|&cluster| (cluster as usize) < medoids);
+            if about {
+                return true;
+            }
+            "is of another archive".to_owned()
+        }
+        Err(error) => format!("cannot be read: {}", error.reason()),
+    };
+    problems.push(format!("its taxonomy {fault}"));
+    false
+}
+
+/// The first of `len` items that is not as it should be, and why; `check` finds it in a range, or fails where one of the
+/// range cannot be read at all.
+fn first_fault(
+    len: u64,
+    mut check: impl FnMut(Range<u64>) -> Result<Option<(u64, String)>, StoreError>,
+) -> Option<(u64, String)> {
+    let mut ranges: Vec<_> = (0..len)
+        .step_by(CHUNK as usize)
+        .map(|start| start..len.min(start + CHUNK))
+        .collect();
+    ranges.reverse();
+    while let Some(range) = ranges.pop() {
+        match check(range.clone()) {
+            Ok(None) => {}
+            Ok(found) => return found,
+            Err(error) if range.end - range.start == 1 => return Some((range.start, error.reason())),
+            Err(_) => {
+                let middle = range.start.midpoint(range.end);
+                ranges.extend([middle..range.end, range.start..middle]);
+            }
+        }
+    }
+    None
+}

@@ -1,0 +1,140 @@
+//! The doctor: what is whole in a data directory, what is not, and what can be saved.
+//!
+//! Looks and changes nothing. What is lost of a campaign's archive is not lost for good: from the last whole generation on
+//! the search makes it anew.
+
+mod campaign;
+mod salvage;
+
+pub use campaign::{CampaignFindings, Prospect};
+pub use salvage::{SalvageError, Salvaged, salvage};
+
+use crate::{
+    DataDirectory, Store, StoreError,
+    checkpoints::{CheckpointError, Condition, Shelf},
+    files::is_there,
+};
+use murmuration_proto::CheckpointDigest;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// What there is to say of a data directory.
+#[derive(Debug)]
+pub struct Findings {
+    /// The database.
+    pub database: PathBuf,
+    /// The version of its schema.
+    pub schema: u32,
+    /// What is wrong with the database as a whole; nothing if it is sound.
+    pub faults: Vec<String>,
+    /// Every checkpoint that it names, oldest first.
+    pub checkpoints: Vec<(CheckpointDigest, Condition)>,
+    /// Every campaign, oldest first.
+    pub campaigns: Vec<CampaignFindings>,
+}
+
+impl Findings {
+    /// Whether nothing is wrong.
+    #[must_use]
+    pub fn is_healthy(&self) -> bool {
+        self.faults.is_empty()
+            && self
+                .checkpoints
+                .iter()
+                .all(|(_, condition)| *condition == Condition::Whole)
+            && self
+                .campaigns
+                .iter()
+                .all(|campaign| campaign.prospect == Prospect::Whole)
+    }
+}
+
+/// Examines the data directory (or backup) `data`, whose checkpoints are kept at `location`, or in it if there is none.
+///
+/// # Errors
+/// [`StoreError::InUse`] while a coordinator holds it; if there is no database in it, or one that cannot be opened at all.
+pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, CheckpointError> {
+    let (_watched, store, schema) = watch(data)?;
+    let findings = findings(&store, schema, data, location).await;
+    drop(store);
+    findings
+}
+
+/// A data directory that nobody else can hold, and its store, to look at.
+struct Watched {
+    _lock: Option<fs::File>,
+    /// SQLite's index of a log, to be removed where looking has made it.
+    index: Option<PathBuf>,
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        if let Some(index) = &self.index {
+            // The next coordinator makes it anew if it stays.
+            let _ = fs::remove_file(index);
+        }
+    }
+}
+
+fn watch(data: &Path) -> Result<(Watched, Store, u32), StoreError> {
+    let lock = DataDirectory::watch(data)?;
+    let index = data.join(format!("{}-shm", Store::FILE));
+    let is_there = is_there(&index).map_err(|source| StoreError::File {
+        doing: "find",
+        path: index.clone(),
+        source,
+    })?;
+    let watched = Watched {
+        _lock: lock,
+        index: (!is_there).then_some(index),
+    };
+    let (store, schema) = Store::look(data, true)?;
+    Ok((watched, store, schema))
+}
+
+async fn findings(
+    store: &Store,
+    schema: u32,
+    data: &Path,
+    location: Option<&str>,
+) -> Result<Findings, CheckpointError> {
+    let mut faults = store.faults().unwrap_or_else(|error| vec![error.reason()]);
+    faults.extend(store.dangling().unwrap_or_else(|error| vec![error.reason()]));
+    let mut checkpoints = Vec::new();
+    let shelf = Shelf::look(data, location)?;
+    match store.checkpoints() {
+        Ok(records) => {
+            for record in records {
+                let condition = match &shelf {
+                    Some(shelf) => shelf.condition(record.digest).await,
+                    None => Condition::Missing,
+                };
+                checkpoints.push((record.digest, condition));
+            }
+        }
+        Err(error) => faults.push(error.reason()),
+    }
+    let campaigns = match store.campaign_ids() {
+        Ok(ids) => ids
+            .iter()
+            .map(|id| CampaignFindings::of(store, id, &checkpoints))
+            .collect(),
+        Err(error) => {
+            faults.push(error.reason());
+            Vec::new()
+        }
+    };
+    faults.dedup();
+    Ok(Findings {
+        database: data.join(Store::FILE),
+        schema,
+        faults,
+        checkpoints,
+        campaigns,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,196 @@
+//! Rows that are damaged one by one: what is said of them, and what is saved.
+
+use super::*;
+use crate::{ArchivedIndividual, GenerationRecord, Provenance};
+use murmuration_model::{
+    CampaignId, CampaignState, Weight,
+    labels::{Action, Answer, Change, RequestId},
+};
+use murmuration_proto::{CampaignSpec, CapabilityModel};
+use murmuration_search::medoids::Clustering;
+use rusqlite::Connection;
+
+const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
+
+/// A data directory with a completed campaign of three generations of two, and three labels.
+fn data() -> (tempfile::TempDir, CampaignId) {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let store = Store::open(&held).unwrap();
+    let text = "model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = 2\ngenerations = 3\nneighbours = 1\n\
+                [taxonomy]\nmedoids = 1";
+    let id = store
+        .create_campaign(&CampaignSpec::from_toml(text).unwrap(), Weight::default(), 0)
+        .unwrap();
+    for generation in 0..3 {
+        let individuals = [0, 1].map(|place| ArchivedIndividual {
+            image: Some(vec![7; 2500]),
+            ..ArchivedIndividual::still(u64::from(generation) * 2 + place, generation)
+        });
+        let record = GenerationRecord::of(generation, &[0.1, 0.1], 0);
+        store
+            .commit_generation(&id, &record, &individuals, &Provenance::default())
+            .unwrap();
+    }
+    for index in 0..3 {
+        let change = Change {
+            annotator: "ana".parse().unwrap(),
+            time_ms: 0,
+            action: Action::Answer {
+                index,
+                answer: "ring".parse::<Answer>().unwrap(),
+            },
+        };
+        let request: RequestId = index.to_string().parse().unwrap();
+        store.add_labels(&id, &request, vec![change]).unwrap();
+    }
+    let taxonomy = Clustering {
+        medoids: vec![0],
+        clusters: vec![0; 6],
+        loss: 1.0,
+    };
+    store.complete(&id, &taxonomy, &[]).unwrap();
+    (folder, id)
+}
+
+/// What is found, and whole in the copy, after `damage`: generations, labels, state.
+async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
+    let (folder, id) = data();
+    let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
+    connection.execute_batch(damage).unwrap();
+    drop(connection);
+    let found = examine(folder.path(), None).await.unwrap();
+    let elsewhere = tempfile::tempdir().unwrap();
+    let target = elsewhere.path().join("saved");
+    let salvaged = salvage(folder.path(), None, &target).await.unwrap();
+    if salvaged.is_empty() {
+        assert!(!target.exists());
+        assert_eq!(salvaged.lost[0].0, id);
+        return (found, None);
+    }
+    assert_eq!((salvaged.campaigns, salvaged.lost.len()), (vec![id.clone()], 0));
+    assert!(examine(&target, None).await.unwrap().is_healthy());
+    let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
+    let kept = store.campaign(id.as_str()).ok();
+    let kept = kept.map(|record| {
+        let individuals = store.individuals(&id, MODEL, 0..100, true).unwrap();
+        assert_eq!(individuals.len() as u64, record.individuals());
+        (
+            record.generations_done,
+            store.label_entries(&id).unwrap(),
+            record.state,
+        )
+    });
+    (found, kept)
+}
+
+async fn check(damage: &str, said: &str, kept: (u32, u64, CampaignState)) {
+    let (found, saved) = saved(damage).await;
+    assert!(!found.is_healthy());
+    let campaign = &found.campaigns[0];
+    assert_eq!(campaign.prospect, Prospect::Partly);
+    assert!(
+        campaign.problems.iter().any(|problem| problem.contains(said)),
+        "{:?}",
+        campaign.problems
+    );
+    assert_eq!(saved, Some(kept), "{damage}");
+}
+
+#[tokio::test]
+async fn a_sound_directory_is_healthy_and_saved_whole() {
+    let (found, saved) = saved("").await;
+    assert!(found.is_healthy(), "{found:?}");
+    assert_eq!(saved, Some((3, 3, CampaignState::Completed)));
+}
+
+#[tokio::test]
+async fn an_archive_is_saved_up_to_the_first_generation_that_is_not_whole() {
+    let failed = |generations| (generations, 3, CampaignState::Failed);
+    check(
+        "DELETE FROM images WHERE place = 3",
+        "individual 3: its picture",
+        failed(1),
+    )
+    .await;
+    check(
+        "UPDATE images SET image = x'00' WHERE place = 4",
+        "individual 4: its picture",
+        failed(2),
+    )
+    .await;
+    check(
+        "DELETE FROM individuals WHERE place = 0",
+        "individual 0: it is missing",
+        failed(0),
+    )
+    .await;
+    check(
+        "UPDATE individuals SET controller = x'00' WHERE place = 5",
+        "individual 5",
+        failed(2),
+    )
+    .await;
+    check(
+        "UPDATE individuals SET generation = 7 WHERE place = 2",
+        "individual 2: it is of another",
+        failed(1),
+    )
+    .await;
+    check(
+        "DELETE FROM generations WHERE generation = 1",
+        "generation 1 is missing",
+        failed(1),
+    )
+    .await;
+}
+
+#[tokio::test]
+async fn labels_and_taxonomy_are_examined_too() {
+    let labels = "DROP TRIGGER labels_stay; UPDATE labels SET action = 'shout' WHERE entry = 1";
+    check(
+        labels,
+        "entry 1 of its label log",
+        (3, 1, CampaignState::Completed),
+    )
+    .await;
+    let failed = (3, 3, CampaignState::Failed);
+    check("DELETE FROM taxonomies", "its taxonomy is missing", failed).await;
+    check(
+        "UPDATE taxonomies SET clusters = x'00000000'",
+        "its taxonomy is of another archive",
+        failed,
+    )
+    .await;
+}
+
+#[tokio::test]
+async fn a_campaign_that_nobody_can_read_is_lost_and_said_to_be() {
+    let (found, saved) = saved("UPDATE campaigns SET spec = 'nonsense'").await;
+    assert_eq!(found.campaigns[0].prospect, Prospect::Lost);
+    assert_eq!(saved, None);
+}
+
+#[tokio::test]
+async fn looking_changes_nothing() {
+    let (folder, _) = data();
+    let listing = || {
+        let mut names: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        names.sort();
+        let contents: Vec<_> = names.iter().map(|path| fs::read(path).unwrap()).collect();
+        (names, contents)
+    };
+    let before = listing();
+    examine(folder.path(), None).await.unwrap();
+    assert_eq!(listing(), before);
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let refused = examine(folder.path(), None).await.unwrap_err();
+    assert!(
+        matches!(refused, CheckpointError::Store(StoreError::InUse { .. })),
+        "{refused}"
+    );
+    drop(held);
+}

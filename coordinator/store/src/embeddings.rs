@@ -1,0 +1,136 @@
+//! Rows of embeddings, and the switch of an archive from one checkpoint to another.
+
+use super::{
+    GenerationRecord, Provenance, Store, StoreError,
+    campaigns::number_of,
+    numbers::{clamped, numbers_to_blob},
+    provenance::{Work, add_provenance},
+};
+use crate::checkpoint_rows::checkpoint_number;
+use murmuration_model::{CampaignId, CampaignState};
+use murmuration_proto::CheckpointDigest;
+use rusqlite::{Transaction, params};
+
+/// What changes in an archive when it switches to the next checkpoint: everything that is measured in its space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Switch {
+    /// Novelty of every individual, by index.
+    pub novelty: Vec<f64>,
+    /// Every complete generation, in order.
+    pub generations: Vec<GenerationRecord>,
+}
+
+impl Store {
+    /// Has a campaign move to `checkpoint`: what it holds is to be embedded with that, and then switched to it. The
+    /// campaign is running from now on.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCheckpoint`], or if it cannot be written.
+    pub fn move_to(&self, campaign: &CampaignId, checkpoint: CheckpointDigest) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            begin_move(transaction, number, checkpoint)
+        })
+    }
+
+    /// Adds embeddings by the next checkpoint, the first that of individual `place`, and where they come from, in one
+    /// transaction.
+    ///
+    /// # Errors
+    /// If they cannot be written; then none of them was.
+    pub fn add_embeddings(
+        &self,
+        campaign: &CampaignId,
+        place: u64,
+        embeddings: &[Vec<f32>],
+        provenance: &Provenance,
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            let mut statement = transaction.prepare(
+                "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
+                 VALUES (?1, (SELECT next_checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
+            )?;
+            for (place, embedding) in (place..).zip(embeddings) {
+                statement.execute(params![number, clamped(place), numbers_to_blob(embedding)])?;
+            }
+            add_provenance(transaction, number, (Work::Embedding, place), provenance)
+        })
+    }
+
+    /// Switches a campaign's archive to the next checkpoint, in one transaction: its embeddings and all that was
+    /// measured with the former ones. The taxonomy, if there was one, goes.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing has changed.
+    pub fn switch(&self, campaign: &CampaignId, switch: &Switch) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            let mut individual = transaction
+                .prepare("UPDATE individuals SET novelty = ?3 WHERE campaign = ?1 AND place = ?2")?;
+            for (place, novelty) in (0..).zip(&switch.novelty) {
+                individual.execute(params![number, clamped(place), novelty])?;
+            }
+            let mut generation = transaction.prepare(
+                "UPDATE generations SET best_novelty = ?3, mean_novelty = ?4
+                 WHERE campaign = ?1 AND generation = ?2",
+            )?;
+            for record in &switch.generations {
+                generation.execute(params![
+                    number,
+                    record.generation,
+                    record.best_novelty,
+                    record.mean_novelty
+                ])?;
+            }
+            transaction.execute(
+                "UPDATE campaigns SET checkpoint = next_checkpoint, next_checkpoint = NULL WHERE number = ?1",
+                [number],
+            )?;
+            transaction.execute(
+                "DELETE FROM embeddings WHERE campaign = ?1
+                    AND checkpoint <> (SELECT checkpoint FROM campaigns WHERE number = ?1)",
+                [number],
+            )?;
+            transaction.execute("DELETE FROM taxonomies WHERE campaign = ?1", [number])?;
+            transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
+            Ok(())
+        })
+    }
+
+    /// The embeddings by the next checkpoint, from that of individual 0 on, as far as there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn next_embeddings(&self, campaign: &CampaignId) -> Result<Vec<Vec<f32>>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare(
+                "SELECT embedding FROM embeddings WHERE campaign = ?1
+                    AND checkpoint = (SELECT next_checkpoint FROM campaigns WHERE number = ?1) ORDER BY place",
+            )?;
+            let rows = statement.query_map([number], |row| row.get::<_, Vec<u8>>(0))?;
+            rows.map(|blob| Ok(super::numbers::blob_to_numbers(&blob?))).collect()
+        })
+    }
+}
+
+/// Has a campaign move to `checkpoint`, and run.
+pub(super) fn begin_move(
+    transaction: &Transaction<'_>,
+    number: i64,
+    checkpoint: CheckpointDigest,
+) -> Result<(), StoreError> {
+    let next = checkpoint_number(transaction, checkpoint)?;
+    transaction.execute(
+        "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '' WHERE number = ?1",
+        params![number, next, CampaignState::Running.name()],
+    )?;
+    // Of a move that never ended.
+    transaction.execute(
+        "DELETE FROM embeddings WHERE campaign = ?1 AND checkpoint NOT IN
+            (SELECT ?2 UNION SELECT checkpoint FROM campaigns WHERE number = ?1 AND checkpoint NOT NULL)",
+        params![number, next],
+    )?;
+    Ok(())
+}

@@ -1,0 +1,233 @@
+//! What can go wrong with the store, in words for the person whose data it is.
+//!
+//! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
+
+use murmuration_model::CampaignId;
+use rusqlite::{ErrorCode, ffi};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+
+/// Why the store could not do what was asked; nothing was changed.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Another process holds the data directory.
+    #[error("data directory {path} is in use by {holder}")]
+    InUse {
+        /// The data directory.
+        path: PathBuf,
+        /// Who holds it, as far as it says.
+        holder: super::Holder,
+    },
+    /// The data directory does not exist and was not to be created.
+    #[error(
+        "there is no data directory {0}: `murmuration run SPEC.toml` makes one, `--data DIR` names another"
+    )]
+    NoDirectory(PathBuf),
+    /// A file or folder of the data directory cannot be used.
+    #[error("cannot {doing} {path}: {source}")]
+    File {
+        /// What was tried.
+        doing: &'static str,
+        /// With which file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The database was written by a newer version of Murmuration.
+    #[error(
+        "{path} has schema version {found}, this murmuration ({}) knows up to {known}: it was written by a newer \
+         version, so run that one; `murmuration --version` tells which one is which (nothing was changed)",
+        env!("CARGO_PKG_VERSION")
+    )]
+    Newer {
+        /// The database.
+        path: PathBuf,
+        /// Its schema version.
+        found: u32,
+        /// The newest that is understood.
+        known: u32,
+    },
+    /// The database was written before the first release, by a version that is not followed.
+    #[error(
+        "{path} has schema version {found}, the oldest that this murmuration ({}) opens is {oldest}: it was written before \
+         the first release; run the campaigns again in another data directory (nothing was changed)",
+        env!("CARGO_PKG_VERSION")
+    )]
+    Unreleased {
+        /// The database.
+        path: PathBuf,
+        /// Its schema version.
+        found: u32,
+        /// The oldest that is understood.
+        oldest: u32,
+    },
+    /// The file is no SQLite database, or it is damaged.
+    #[error("{path} is damaged ({reason}): `murmuration doctor` says what can be saved")]
+    Damaged {
+        /// The database, or a file that it names.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The disk has no room.
+    #[error(
+        "the disk that holds {path} is full: make room, then campaigns go on by themselves; what was refused was not \
+         done, and can be asked again"
+    )]
+    DiskFull {
+        /// The database, or the folder of checkpoints.
+        path: PathBuf,
+    },
+    /// The disk refuses to be written, or to say that what was written has arrived.
+    #[error(
+        "the disk that holds {path} cannot be written ({reason}): it may be failing, or have become read-only; once it can, \
+         campaigns go on by themselves, and what was refused can be asked again"
+    )]
+    Unwritable {
+        /// The database, or the folder of checkpoints.
+        path: PathBuf,
+        /// What SQLite or the system said.
+        reason: String,
+    },
+    /// The file may not be written.
+    #[error(
+        "{path} cannot be written (read-only file, folder or disk): make it writable or choose another --data"
+    )]
+    ReadOnly {
+        /// The database.
+        path: PathBuf,
+    },
+    /// Nothing of that name is stored.
+    #[error("there is no campaign \"{0}\": `murmuration list` shows those there are")]
+    NoCampaign(String),
+    /// No checkpoint of that digest is stored.
+    #[error("there is no checkpoint {0}: `murmuration checkpoints list` shows those there are")]
+    NoCheckpoint(String),
+    /// An index beyond the archive.
+    #[error("campaign {campaign} has no individual {index}: its archive holds {len}")]
+    NoIndividual {
+        /// The campaign.
+        campaign: String,
+        /// The index asked for.
+        index: u64,
+        /// Individuals in the archive.
+        len: u64,
+    },
+    /// A run of a campaign is over, and may not change it any more.
+    #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
+    Superseded(CampaignId),
+    /// Anything else that SQLite reports.
+    #[error("{path}: {source}")]
+    Sqlite {
+        /// The database.
+        path: PathBuf,
+        /// What SQLite said.
+        source: rusqlite::Error,
+    },
+}
+
+/// What SQLite reports when the system did not write, or did not say that it has.
+const NOT_WRITTEN: [i32; 8] = [
+    ffi::SQLITE_IOERR_WRITE,
+    ffi::SQLITE_IOERR_FSYNC,
+    ffi::SQLITE_IOERR_DIR_FSYNC,
+    ffi::SQLITE_IOERR_TRUNCATE,
+    ffi::SQLITE_IOERR_DELETE,
+    ffi::SQLITE_IOERR_SHMOPEN,
+    ffi::SQLITE_IOERR_SHMSIZE,
+    ffi::SQLITE_IOERR_SHMMAP,
+];
+
+impl StoreError {
+    /// Whether the disk is why, so that the same change may be made later.
+    #[must_use]
+    pub const fn may_pass(&self) -> bool {
+        matches!(
+            self,
+            Self::DiskFull { .. } | Self::Unwritable { .. } | Self::ReadOnly { .. }
+        )
+    }
+
+    /// What is wrong, for whoever knows where and what to do.
+    pub fn reason(&self) -> String {
+        match self {
+            Self::Damaged { reason, .. } => reason.clone(),
+            error => error.to_string(),
+        }
+    }
+
+    /// What a file or folder could not be written for.
+    pub fn from_io(source: io::Error, doing: &'static str, path: &Path) -> Self {
+        let path = path.to_path_buf();
+        match Self::refused(source.kind(), &source, &path) {
+            Some(refused) => refused,
+            None => Self::File { doing, path, source },
+        }
+    }
+
+    /// What the system said, where it is that the disk cannot be written for now.
+    pub fn refused(kind: io::ErrorKind, said: &dyn std::fmt::Display, path: &Path) -> Option<Self> {
+        let path = path.to_path_buf();
+        match kind {
+            io::ErrorKind::StorageFull => Some(Self::DiskFull { path }),
+            io::ErrorKind::ReadOnlyFilesystem | io::ErrorKind::QuotaExceeded => Some(Self::Unwritable {
+                path,
+                reason: said.to_string(),
+            }),
+            _ => None,
+        }
+    }
+
+    pub(super) fn from_sqlite(source: rusqlite::Error, path: &Path) -> Self {
+        let path = path.to_path_buf();
+        let code = source
+            .sqlite_error()
+            .map(|error| (error.code, error.extended_code));
+        match code {
+            Some((ErrorCode::DiskFull, _)) => Self::DiskFull { path },
+            Some((_, code)) if NOT_WRITTEN.contains(&code) => Self::Unwritable {
+                path,
+                reason: source.to_string(),
+            },
+            Some((ErrorCode::ReadOnly | ErrorCode::PermissionDenied | ErrorCode::CannotOpen, _)) => {
+                Self::ReadOnly { path }
+            }
+            Some((ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt, _)) => Self::Damaged {
+                path,
+                reason: source.to_string(),
+            },
+            _ => Self::Sqlite { path, source },
+        }
+    }
+
+    /// A stored value that this version would never have written.
+    pub(super) fn damaged(what: impl Into<String>) -> Self {
+        Self::Damaged {
+            path: PathBuf::new(),
+            reason: what.into(),
+        }
+    }
+
+    /// Fills in the path, where the code that met the error did not know it.
+    pub(super) fn at(self, path: &Path) -> Self {
+        match self {
+            Self::Sqlite { source, .. } => Self::from_sqlite(source, path),
+            Self::Damaged { reason, .. } => Self::Damaged {
+                path: path.to_path_buf(),
+                reason,
+            },
+            other => other,
+        }
+    }
+}
+
+impl From<rusqlite::Error> for StoreError {
+    fn from(source: rusqlite::Error) -> Self {
+        Self::Sqlite {
+            path: PathBuf::new(),
+            source,
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! What there is on disk, and what cannot be known of it.
+
+use std::{
+    fs, io,
+    path::{self, Component, Path, PathBuf},
+};
+
+/// Whether there is something at `path`. Only where its folder (or one above) was looked into and has no such name, there
+/// is nothing.
+///
+/// # Errors
+/// If that cannot be known: what the system says, and of a link that leads nowhere where it should lead. A volume may not be
+/// mounted, and whoever took that for nothing would make anew what lies there.
+pub fn is_there(path: &Path) -> io::Result<bool> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_symlink() => leads_somewhere(path).map(|()| true),
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => match path.parent() {
+            Some(folder) if folder != Path::new("") => is_there(folder).map(|_| false),
+            _ => Ok(false),
+        },
+        Err(error) => Err(error),
+    }
+}
+
+fn leads_somewhere(link: &Path) -> io::Result<()> {
+    match fs::metadata(link) {
+        Ok(_) => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            let target = fs::read_link(link)?;
+            Err(io::Error::other(format!(
+                "{} is a link to {}, which is not there: mount its volume, or remove the link",
+                link.display(),
+                target.display()
+            )))
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether there is no such folder, or nothing in it.
+///
+/// # Errors
+/// If that cannot be known, or something else than a folder is there.
+pub fn is_empty(folder: &Path) -> io::Result<bool> {
+    Ok(!is_there(folder)? || fs::read_dir(folder)?.next().is_none())
+}
+
+/// `path` without links and from the root on, as far as it is there; what is not there would be made below that.
+///
+/// # Errors
+/// If what is there of it cannot be known.
+pub fn without_links(path: &Path) -> io::Result<PathBuf> {
+    let path = path::absolute(path)?;
+    let mut missing = Vec::new();
+    for part in path.ancestors() {
+        if is_there(part)? {
+            let mut whole = fs::canonicalize(part)?;
+            for component in missing.into_iter().rev() {
+                match component {
+                    Component::ParentDir => drop(whole.pop()),
+                    other => whole.push(other),
+                }
+            }
+            return Ok(whole);
+        }
+        missing.extend(part.components().next_back());
+    }
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn only_a_name_that_its_folder_does_not_have_is_not_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), "").unwrap();
+        symlink(at("file"), at("link")).unwrap();
+        symlink(at("unmounted/file"), at("lost")).unwrap();
+        symlink(at("circle"), at("circle")).unwrap();
+        for (name, found) in [
+            ("file", true),
+            ("link", true),
+            ("absent", false),
+            ("no/such/one", false),
+        ] {
+            assert_eq!(is_there(&at(name)).unwrap(), found, "{name}");
+        }
+        // Also of what would lie beyond the link.
+        for name in ["lost", "lost/further"] {
+            let error = is_there(&at(name)).unwrap_err().to_string();
+            assert!(error.contains("unmounted/file, which is not there"), "{error}");
+        }
+        assert!(is_there(&at("circle")).is_err());
+        assert!(is_there(&at("file/within")).is_err());
+    }
+
+    #[test]
+    fn only_a_folder_can_be_empty() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        assert!(is_empty(&at("absent")).unwrap());
+        assert!(is_empty(folder.path()).unwrap());
+        fs::write(at("file"), "").unwrap();
+        symlink(at("unmounted"), at("lost")).unwrap();
+        assert!(!is_empty(folder.path()).unwrap());
+        for other in ["file", "file/within", "lost"] {
+            assert!(is_empty(&at(other)).is_err(), "{other}");
+        }
+    }
+
+    #[test]
+    fn a_path_is_known_without_its_links_also_where_it_ends_in_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = fs::canonicalize(folder.path()).unwrap();
+        fs::create_dir(whole.join("data")).unwrap();
+        symlink(whole.join("data"), whole.join("link")).unwrap();
+        for (path, without) in [
+            ("data", "data"),
+            ("link/backups/monday", "data/backups/monday"),
+            ("absent/../data/monday", "data/monday"),
+            ("data/../other", "other"),
+        ] {
+            assert_eq!(
+                without_links(&whole.join(path)).unwrap(),
+                whole.join(without),
+                "{path}"
+            );
+        }
+    }
+}

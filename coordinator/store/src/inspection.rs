@@ -1,0 +1,97 @@
+//! What can be said of a database whose rows may be damaged: nothing here trusts one row for what it says of another.
+
+use super::{Store, StoreError, campaigns::number_of, labels, open};
+use murmuration_model::{CampaignId, labels::Labels};
+use murmuration_proto::counted;
+use rusqlite::{Connection, OpenFlags, params};
+use std::path::Path;
+
+/// Most faults of one kind that are named.
+const MOST_NAMED: usize = 20;
+
+impl Store {
+    /// What SQLite finds wrong with the structure of the database, the first faults by name; nothing if it is sound.
+    ///
+    /// # Errors
+    /// If it cannot even be searched for faults.
+    pub fn faults(&self) -> Result<Vec<String>, StoreError> {
+        self.read(|connection| {
+            let mut statement = connection.prepare(&format!("PRAGMA integrity_check({MOST_NAMED})"))?;
+            let mut faults = Vec::new();
+            for said in statement.query_map([], |row| row.get::<_, String>(0))? {
+                match said {
+                    Ok(said) if said == "ok" => {}
+                    Ok(said) => faults.push(said.replace('\n', " ")),
+                    // As far as it got.
+                    Err(error) => {
+                        faults.push(error.to_string());
+                        break;
+                    }
+                }
+            }
+            Ok(faults)
+        })
+    }
+
+    /// Rows that name others which are not there, by table.
+    ///
+    /// # Errors
+    /// If the tables cannot be read.
+    pub fn dangling(&self) -> Result<Vec<String>, StoreError> {
+        self.read(|connection| {
+            let mut statement = connection.prepare(
+                "SELECT \"table\", parent, count(*) FROM pragma_foreign_key_check GROUP BY 1, 2 ORDER BY 1, 2",
+            )?;
+            let rows = statement.query_map([], |row| {
+                let (table, parent, count): (String, String, i64) = (row.get(0)?, row.get(1)?, row.get(2)?);
+                let rows = counted(count.unsigned_abs(), "row");
+                Ok(format!("{table}: {rows} that belong to {parent} which are not there"))
+            })?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })
+    }
+
+    /// The ids of the campaigns, oldest first, whatever else can be read of them.
+    ///
+    /// # Errors
+    /// If not even that can be read.
+    pub fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
+        self.read(|connection| {
+            let mut statement = connection.prepare("SELECT id FROM campaigns ORDER BY number")?;
+            let rows = statement.query_map([], |row| Ok(CampaignId::from_store(row.get(0)?)))?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })
+    }
+
+    /// How many entries of a campaign's log can be read and followed, from the first on.
+    ///
+    /// # Errors
+    /// If there is no such campaign.
+    pub fn readable_labels(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut labels = Labels::default();
+            loop {
+                let next = labels.entries();
+                let entry = labels::entries(connection, "AND entry = ?2", params![number, next as i64]);
+                let entry = entry.unwrap_or_default();
+                if entry.is_empty() || labels.follow(entry).is_err() {
+                    return Ok(next);
+                }
+            }
+        })
+    }
+
+    /// Copies the database, as it stands at one instant, into the file `path`, which is on disk when this returns. Safe
+    /// while another process writes it.
+    ///
+    /// # Errors
+    /// If it cannot be read, or the file cannot be written.
+    pub fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
+        let named = |source| StoreError::from_sqlite(source, path);
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
+        let mut copy = Connection::open_with_flags(path, flags).map_err(named)?;
+        self.read(|connection| open::copy_whole(connection, &mut copy).map_err(named))?;
+        copy.close().map_err(|(_, source)| named(source))
+    }
+}

@@ -1,0 +1,171 @@
+//! What is kept of campaigns in memory because to make it again takes a while, within a bound.
+//!
+//! Everything kept here can be made again from the store, with the same outcome. Knows bytes, not what they are.
+
+use hashlink::LruCache;
+use murmuration_model::CampaignId;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Bytes of an entry besides its value: its id, its place, its lock.
+pub const ENTRY_BYTES: usize = 256;
+
+/// A value for each campaign, as many as weigh no more than a bound together. Those are forgotten that nobody has asked for
+/// the longest.
+///
+/// Two may weigh more than the bound: that which was made last, so that nothing is made over and over, and values that
+/// somebody uses, which would not be freed by being forgotten.
+#[derive(Debug)]
+pub struct Kept<V> {
+    most_bytes: usize,
+    entries: Mutex<Entries<V>>,
+}
+
+#[derive(Debug)]
+struct Entries<V> {
+    /// From that which nobody has asked for the longest.
+    by_campaign: LruCache<CampaignId, Entry<V>>,
+    bytes: usize,
+}
+
+#[derive(Debug)]
+struct Entry<V> {
+    value: Arc<V>,
+    bytes: usize,
+}
+
+impl<V: Default> Kept<V> {
+    /// Nothing yet; `most_bytes` is the bound.
+    pub fn within(most_bytes: usize) -> Self {
+        Self {
+            most_bytes,
+            entries: Mutex::new(Entries {
+                by_campaign: LruCache::new_unbounded(),
+                bytes: 0,
+            }),
+        }
+    }
+
+    /// What there is of a campaign: the default where nothing is kept. It is kept for as long as somebody has it.
+    pub fn of(&self, campaign: &CampaignId) -> Arc<V> {
+        let mut entries = self.lock();
+        if let Some(entry) = entries.by_campaign.get(campaign) {
+            return Arc::clone(&entry.value);
+        }
+        let value = Arc::<V>::default();
+        let entry = Entry {
+            value: Arc::clone(&value),
+            bytes: ENTRY_BYTES,
+        };
+        entries.by_campaign.insert(campaign.clone(), entry);
+        entries.bytes += ENTRY_BYTES;
+        entries.forget(self.most_bytes, campaign);
+        value
+    }
+
+    /// The value of a campaign holds so many bytes now; others are forgotten for it.
+    pub fn weigh(&self, campaign: &CampaignId, bytes: usize) {
+        let mut entries = self.lock();
+        let bytes = bytes.saturating_add(ENTRY_BYTES);
+        if let Some(entry) = entries.by_campaign.get_mut(campaign) {
+            let before = std::mem::replace(&mut entry.bytes, bytes);
+            entries.bytes = (entries.bytes - before).saturating_add(bytes);
+            entries.forget(self.most_bytes, campaign);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Entries<V>> {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Bytes that everything kept weighs.
+    pub fn bytes(&self) -> usize {
+        self.lock().bytes
+    }
+}
+
+impl<V> Entries<V> {
+    /// Forgets what is not needed, but not `newest`, until all weigh `most_bytes` at most.
+    fn forget(&mut self, most_bytes: usize, newest: &CampaignId) {
+        let mut over = self.bytes.saturating_sub(most_bytes);
+        let mut forgotten = Vec::new();
+        for (campaign, entry) in self.by_campaign.iter() {
+            if over == 0 {
+                break;
+            }
+            if campaign != newest && Arc::strong_count(&entry.value) == 1 {
+                over = over.saturating_sub(entry.bytes);
+                forgotten.push(campaign.clone());
+            }
+        }
+        for campaign in forgotten {
+            let gone = self.by_campaign.remove(&campaign);
+            self.bytes -= gone.map_or(0, |entry| entry.bytes);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id(number: usize) -> CampaignId {
+        CampaignId::from_store(format!("campaign-{number}"))
+    }
+
+    /// Keeps a value of so many bytes.
+    fn keep(kept: &Kept<Mutex<usize>>, number: usize, bytes: usize) {
+        let value = kept.of(&id(number));
+        *value.lock().unwrap() = number;
+        kept.weigh(&id(number), bytes);
+    }
+
+    fn has(kept: &Kept<Mutex<usize>>, number: usize) -> bool {
+        kept.lock().by_campaign.contains_key(&id(number))
+    }
+
+    #[test]
+    fn what_is_kept_weighs_no_more_than_the_bound() {
+        let kept = Kept::within(10_000);
+        for number in 1..1000 {
+            keep(&kept, number, 1000);
+            assert!(kept.bytes() <= 10_000);
+            let there: Vec<usize> = (1..=number).filter(|&number| has(&kept, number)).collect();
+            assert_eq!(there.len(), number.min(7));
+            assert!(there.contains(&number));
+        }
+        // Values that weigh nothing take room all the same.
+        for number in 1000..2000 {
+            drop(kept.of(&id(number)));
+            assert!(kept.bytes() <= 10_000);
+        }
+    }
+
+    #[test]
+    fn what_was_asked_for_last_stays() {
+        let kept = Kept::within(5000);
+        (1..=3).for_each(|number| keep(&kept, number, 1000));
+        assert_eq!(*kept.of(&id(1)).lock().unwrap(), 1);
+        keep(&kept, 4, 1000);
+        assert_eq!(
+            [1, 2, 3, 4].map(|number| has(&kept, number)),
+            [true, false, true, true]
+        );
+        // One that grows has others forgotten.
+        kept.weigh(&id(3), 3400);
+        assert_eq!([1, 3, 4].map(|number| has(&kept, number)), [false, true, true]);
+    }
+
+    #[test]
+    fn what_is_larger_than_the_bound_and_what_is_in_use_stay() {
+        let kept = Kept::within(2000);
+        keep(&kept, 1, 9000);
+        assert_eq!(*kept.of(&id(1)).lock().unwrap(), 1);
+        let used = kept.of(&id(1));
+        keep(&kept, 2, 1000);
+        assert!(Arc::ptr_eq(&used, &kept.of(&id(1))));
+        drop(used);
+        keep(&kept, 3, 1000);
+        assert_eq!([1, 2, 3].map(|number| has(&kept, number)), [false, false, true]);
+        assert_eq!(*kept.of(&id(1)).lock().unwrap(), 0, "it is made again");
+    }
+}

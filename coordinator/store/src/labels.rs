@@ -1,0 +1,243 @@
+//! The label log: added to, never changed.
+
+mod followed;
+mod rows;
+
+pub(super) use followed::Followed;
+pub(super) use rows::{entries, insert};
+
+use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
+use murmuration_model::{
+    CampaignId,
+    labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
+};
+use rusqlite::{Connection, Transaction, params};
+
+/// Why nothing was added to a log.
+#[derive(Debug, thiserror::Error)]
+pub enum LabelError {
+    /// The store could not be read or written, or there is no such campaign or individual.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// What was said does not go with what the log says.
+    #[error("{0}")]
+    Refused(#[from] Refusal),
+    /// A former request of the same id said something else.
+    #[error("request \"{0}\" was made before, and said something else")]
+    OtherRequest(RequestId),
+}
+
+/// An answer that was taken back.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Undone {
+    /// The entry that takes it back.
+    pub entry: Entry,
+    /// The answer.
+    pub answer: Label,
+}
+
+impl Store {
+    /// The whole log of a campaign, in order.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn label_log(&self, campaign: &CampaignId) -> Result<Vec<Entry>, StoreError> {
+        self.read(|connection| log(connection, number_of(connection, campaign)?, 0))
+    }
+
+    /// Number of entries of a campaign's log.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn label_entries(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let count: i64 = connection.query_row(
+                "SELECT coalesce(max(entry) + 1, 0) FROM labels WHERE campaign = ?1",
+                [number],
+                |row| row.get(0),
+            )?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
+    /// Number of entries of all campaigns' logs.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn count_labels(&self) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            // Entries are numbered without gaps; to count them would read them all.
+            let entries =
+                "SELECT coalesce(sum((SELECT max(entry) + 1 FROM labels WHERE campaign = number)), 0)
+                FROM campaigns";
+            let count: i64 = connection.query_row(entries, [], |row| row.get(0))?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
+    /// What a request added to a campaign's log; nothing if it was not made.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn request_entries(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+    ) -> Result<Vec<Entry>, StoreError> {
+        self.read(|connection| made(connection, number_of(connection, campaign)?, request))
+    }
+
+    /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A request
+    /// that was made before adds nothing: the entries are those that it added then.
+    ///
+    /// # Errors
+    /// [`LabelError`]; [`StoreError::NoIndividual`] where an answer is about one that the archive does not hold. Nothing
+    /// was added then.
+    pub fn add_labels(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        changes: Vec<Change>,
+    ) -> Result<Vec<Entry>, LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            add(transaction, (campaign, number), request, changes, labels)
+        })
+    }
+
+    /// Takes back what an annotator said last: of the request that their newest standing answer came with, all of their
+    /// answers that still stand, in one transaction; these, the newest first. A request that was made before takes nothing
+    /// back: the answers are those that it took back then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
+    ///
+    /// # Errors
+    /// [`LabelError`]; [`Refusal::NothingToUndo`] where none of their answers stands. Nothing has changed then.
+    pub fn undo_labels(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        annotator: &Annotator,
+        time_ms: u64,
+    ) -> Result<Vec<Undone>, LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            let undo = Change {
+                annotator: annotator.clone(),
+                time_ms,
+                action: Action::Undo,
+            };
+            let mut entries = made(transaction, number, request)?;
+            if entries.is_empty() {
+                entries = undo_newest(transaction, number, labels, &undo)?;
+                insert(transaction, number, request, &entries)?;
+            } else if !entries.iter().all(|entry| says_the_same(&entry.change, &undo)) {
+                return Err(LabelError::OtherRequest(request.clone()));
+            }
+            let undone = |entry: Entry| {
+                let answer = labels.given(entry.supersedes?)?;
+                Some(Undone { entry, answer })
+            };
+            Ok(entries.into_iter().filter_map(undone).collect())
+        })
+    }
+}
+
+/// As many entries that take back as the last act of their annotator has answers that stand.
+fn undo_newest(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    undo: &Change,
+) -> Result<Vec<Entry>, LabelError> {
+    let annotator = &undo.annotator;
+    let nothing = || Refusal::NothingToUndo(annotator.clone());
+    let newest = labels.newest(annotator).ok_or_else(nothing)?;
+    let first: i64 = transaction
+        .query_row(
+            "SELECT min(entry) FROM labels WHERE campaign = ?1
+             AND request = (SELECT request FROM labels WHERE campaign = ?1 AND entry = ?2)",
+            params![number, clamped(newest)],
+            |row| row.get(0),
+        )
+        .map_err(StoreError::from)?;
+    let mut entries = Vec::new();
+    while labels
+        .newest(annotator)
+        .is_some_and(|newest| newest >= first.unsigned_abs())
+    {
+        entries.push(labels.record(undo.clone())?);
+    }
+    Ok(entries)
+}
+
+/// What was refused has written nothing.
+pub(super) fn add(
+    transaction: &Transaction<'_>,
+    (campaign, number): (&CampaignId, i64),
+    request: &RequestId,
+    changes: Vec<Change>,
+    labels: &mut Labels,
+) -> Result<Vec<Entry>, LabelError> {
+    let before = made(transaction, number, request)?;
+    if !before.is_empty() {
+        let same = before.len() == changes.len()
+            && before
+                .iter()
+                .zip(&changes)
+                .all(|(entry, change)| says_the_same(&entry.change, change));
+        return if same {
+            Ok(before)
+        } else {
+            Err(LabelError::OtherRequest(request.clone()))
+        };
+    }
+    check_individuals(transaction, campaign, number, &changes)?;
+    let added = changes
+        .into_iter()
+        .map(|change| labels.record(change))
+        .collect::<Result<Vec<Entry>, Refusal>>()?;
+    insert(transaction, number, request, &added)?;
+    Ok(added)
+}
+
+/// What a request added.
+fn made(connection: &Connection, number: i64, request: &RequestId) -> Result<Vec<Entry>, StoreError> {
+    entries(connection, "AND request = ?2", params![number, request.as_str()])
+}
+
+/// Times are left out: a request that is made again may be dated anew.
+fn says_the_same(one: &Change, other: &Change) -> bool {
+    (&one.annotator, &one.action) == (&other.annotator, &other.action)
+}
+
+fn check_individuals(
+    transaction: &Transaction<'_>,
+    campaign: &CampaignId,
+    number: i64,
+    changes: &[Change],
+) -> Result<(), StoreError> {
+    let len: i64 = transaction.query_row(
+        "SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1",
+        [number],
+        |row| row.get(0),
+    )?;
+    let len = len.unsigned_abs();
+    for change in changes {
+        if let Action::Answer { index, .. } = change.action
+            && index >= len
+        {
+            return Err(StoreError::NoIndividual {
+                campaign: campaign.as_str().to_owned(),
+                index,
+                len,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The log from entry `from` on.
+fn log(connection: &Connection, number: i64, from: u64) -> Result<Vec<Entry>, StoreError> {
+    entries(connection, "AND entry >= ?2", params![number, clamped(from)])
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,210 @@
+//! The label log on disk.
+
+use super::*;
+use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance};
+use murmuration_model::{Weight, labels::ClassName};
+use murmuration_proto::CampaignSpec;
+use std::path::Path;
+
+/// A store with a campaign of three individuals.
+pub(super) fn open(folder: &Path) -> (Store, CampaignId) {
+    let store = Store::open(&DataDirectory::hold(folder).unwrap()).unwrap();
+    let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
+    let record = GenerationRecord::of(0, &[0.0], 0);
+    store
+        .commit_generation(
+            &id,
+            &record,
+            &[0, 1, 2].map(|index| ArchivedIndividual::still(index, 0)),
+            &Provenance::default(),
+        )
+        .unwrap();
+    (store, id)
+}
+
+pub(super) fn change(time_ms: u64, action: Action) -> Change {
+    Change {
+        annotator: "ana".parse().unwrap(),
+        time_ms,
+        action,
+    }
+}
+
+pub(super) fn answer(index: u64, answer: &str) -> Change {
+    let answer = answer.parse().unwrap();
+    change(7, Action::Answer { index, answer })
+}
+
+pub(super) fn request(id: &str) -> RequestId {
+    id.parse().unwrap()
+}
+
+#[test]
+fn names_of_earlier_versions_that_cannot_be_seen_are_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let earlier = "INSERT INTO labels (campaign, entry, request, annotator, time_ms, action, place, class)
+                   VALUES (1, 0, 'one', 'ana' || char(8238), 7, 'answer', 2, char(8203))";
+    store
+        .write(|transaction| Ok(transaction.execute(earlier, [])?))
+        .unwrap();
+    let log = store.label_log(&id).unwrap();
+    assert_eq!(log[0].change.annotator.as_str(), "ana\u{fffd}");
+    let classes = store.labels(&id).unwrap().classes();
+    assert_eq!(classes[0].name.as_str(), "\u{fffd}");
+}
+
+#[test]
+fn every_action_reads_back_and_survives_reopening() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let [class, to, into] = ["a", "b", "c"].map(|name| name.parse::<ClassName>().unwrap());
+    let said = vec![
+        answer(2, "a"),
+        answer(2, "not sure"),
+        change(8, Action::Undo),
+        change(8, Action::Create { class: into.clone() }),
+        change(
+            8,
+            Action::Rename {
+                class,
+                to: to.clone(),
+            },
+        ),
+        change(
+            8,
+            Action::Merge {
+                class: to,
+                into: into.clone(),
+            },
+        ),
+        change(
+            8,
+            Action::Colour {
+                class: into,
+                colour: "#012345".parse().unwrap(),
+            },
+        ),
+    ];
+    let added = store.add_labels(&id, &request("1"), said.clone()).unwrap();
+    assert!(added.iter().map(|entry| &entry.change).eq(&said));
+    let labels = store.labels(&id).unwrap();
+    drop(store);
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    assert_eq!(store.label_log(&id).unwrap(), added);
+    assert_eq!(store.labels(&id).unwrap(), labels);
+    assert_eq!(labels.by_individual()[&2].as_str(), "c");
+}
+
+#[test]
+fn a_request_made_again_adds_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let added = store
+        .add_labels(&id, &request("1"), vec![answer(0, "a"), answer(1, "b")])
+        .unwrap();
+    store
+        .add_labels(&id, &request("2"), vec![answer(0, "c")])
+        .unwrap();
+    let mut later = vec![answer(0, "a"), answer(1, "b")];
+    later[0].time_ms = 99;
+    let again = store.add_labels(&id, &request("1"), later).unwrap();
+    assert_eq!(again, added);
+    assert_eq!(store.label_log(&id).unwrap().len(), 3);
+    for other in [vec![answer(0, "a")], vec![answer(0, "a"), answer(1, "c")]] {
+        let refused = store.add_labels(&id, &request("1"), other);
+        assert!(matches!(refused, Err(LabelError::OtherRequest(_))), "{refused:?}");
+    }
+    let undone = store.add_labels(&id, &request("3"), vec![change(9, Action::Undo)]);
+    let again = store.add_labels(&id, &request("3"), vec![change(9, Action::Undo)]);
+    assert_eq!(undone.unwrap(), again.unwrap());
+    assert_eq!(store.labels(&id).unwrap().by_individual()[&0].as_str(), "a");
+}
+
+#[test]
+fn an_act_is_taken_back_at_once_whatever_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+    let bens = Change {
+        annotator: "ben".parse().unwrap(),
+        ..answer(0, "c")
+    };
+    // One of them twice.
+    let sheet = vec![
+        answer(0, "b"),
+        bens,
+        answer(1, "b"),
+        answer(2, "b"),
+        answer(1, "c"),
+    ];
+    store.add_labels(&id, &request("2"), sheet).unwrap();
+    let undo = |name: &str| -> Result<Vec<u64>, LabelError> {
+        let undone = store.undo_labels(&id, &request(name), &"ana".parse().unwrap(), 9)?;
+        Ok(undone.iter().map(|undone| undone.answer.index).collect())
+    };
+    for _ in 0..2 {
+        assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    }
+    let stands = |store: &Store| -> Vec<(u64, String, String)> {
+        let labels = store.labels(&id).unwrap();
+        labels
+            .standing()
+            .map(|label| (label.index, label.annotator.to_string(), label.answer.to_string()))
+            .collect()
+    };
+    let said = |index, who: &str, class: &str| (index, who.to_owned(), class.to_owned());
+    assert_eq!(stands(&store), [said(0, "ana", "a"), said(0, "ben", "c")]);
+    assert!(matches!(undo("2"), Err(LabelError::OtherRequest(_))));
+    assert_eq!(undo("4").unwrap(), [0]);
+    assert!(matches!(
+        undo("5"),
+        Err(LabelError::Refused(Refusal::NothingToUndo(_)))
+    ));
+    assert_eq!(undo("3").unwrap(), [1, 2, 1, 0]);
+    assert_eq!(store.label_log(&id).unwrap().len(), 11);
+    assert_eq!(stands(&store), [said(0, "ben", "c")]);
+}
+
+#[test]
+fn what_is_refused_leaves_nothing_of_its_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    let class = "a".parse().unwrap();
+    let taken = vec![answer(0, "a"), change(7, Action::Create { class })];
+    let refused = store.add_labels(&id, &request("1"), taken);
+    assert!(matches!(
+        refused,
+        Err(LabelError::Refused(Refusal::ClassExists(_)))
+    ));
+    let beyond = store.add_labels(&id, &request("1"), vec![answer(0, "a"), answer(3, "a")]);
+    let said = beyond.unwrap_err().to_string();
+    assert!(
+        said.contains("has no individual 3: its archive holds 3"),
+        "{said}"
+    );
+    assert_eq!(store.label_log(&id).unwrap(), []);
+    // The id is still free.
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+}
+
+#[test]
+fn rows_are_neither_changed_nor_deleted() {
+    let folder = tempfile::tempdir().unwrap();
+    let (store, id) = open(folder.path());
+    store
+        .add_labels(&id, &request("1"), vec![answer(0, "a")])
+        .unwrap();
+    for attempt in ["UPDATE labels SET class = 'b'", "DELETE FROM labels"] {
+        let done = store.write(|transaction| Ok(transaction.execute(attempt, [])?));
+        assert!(
+            done.unwrap_err().to_string().contains("labels are never"),
+            "{attempt}"
+        );
+    }
+}

@@ -1,0 +1,209 @@
+//! What is on disk: one SQLite database in a data directory, changed by whole transactions only.
+//!
+//! Limits: knows rows, not searches. Everything acknowledged to anybody has been committed with
+//! `synchronous = FULL` first, so a `kill -9` at any instant loses nothing (invariant 4 of ARCHITECTURE.md).
+
+mod archive;
+pub mod backup;
+mod campaigns;
+mod checkpoint_rows;
+pub mod checkpoints;
+mod data_directory;
+pub mod digest;
+pub mod doctor;
+mod embeddings;
+mod error;
+pub mod files;
+mod holder;
+mod inspection;
+pub mod kept;
+mod labels;
+mod lessons;
+mod messages;
+mod numbers;
+mod open;
+mod pictures;
+mod provenance;
+mod readers;
+mod repetition;
+mod rounds;
+mod runs;
+mod salvage;
+mod schema;
+mod taken_back;
+
+pub use archive::{ArchivedIndividual, ClusterMeasures, GenerationRecord, StoredTaxonomy};
+pub use checkpoint_rows::CheckpointRecord;
+pub use data_directory::DataDirectory;
+pub use embeddings::Switch;
+pub use error::StoreError;
+pub use holder::Holder;
+pub use labels::{LabelError, Undone};
+pub use lessons::{FurtherStart, LessonPicture, LessonPictures};
+pub use pictures::Picture;
+pub use provenance::{Notice, Provenance, Suspect, Suspects};
+pub use runs::{Decision, DecisionError};
+pub use salvage::Remains;
+
+use crate::files::is_there;
+use murmuration_model::RunId;
+use readers::Readers;
+use rusqlite::{Connection, Transaction};
+use std::{
+    io,
+    path::Path,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+/// The open store; clones share its connections.
+#[derive(Debug, Clone)]
+pub struct Store {
+    /// Those that read, where there is one that writes; dropped before it, which empties the log as the last to be closed.
+    readers: Option<Arc<Readers>>,
+    /// The one that writes, as SQLite has one writer; or the only one, of a store that is looked at.
+    connection: Arc<Mutex<Connection>>,
+    path: Arc<Path>,
+    /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
+    /// has the connection.
+    in_doubt: Arc<AtomicBool>,
+    /// What the label logs come to.
+    followed: Arc<labels::Followed>,
+    /// The run that this handle is for, which alone may write through it.
+    run: Option<Arc<RunId>>,
+}
+
+impl Store {
+    /// Name of the database in its data directory.
+    pub const FILE: &str = "murmuration.sqlite";
+
+    /// Opens or creates the database in `directory`, which must be held (see [`DataDirectory::hold`]), brings it to the
+    /// newest schema, and checks its structure (of a database of more than a gigabyte `murmuration doctor` does that).
+    ///
+    /// # Errors
+    /// Says what is wrong with the file: not a database, damaged, read-only, of a newer version, on a full disk.
+    pub fn open(directory: &DataDirectory) -> Result<Self, StoreError> {
+        let path = directory.path().join(Self::FILE);
+        if !find_database(&path)? {
+            open::create(directory.path())?;
+        }
+        let connection = open::to_write(&path)?;
+        let readers = Arc::new(Readers::open(&path)?);
+        Ok(Self {
+            readers: Some(readers),
+            ..Self::over(connection, &path)
+        })
+    }
+
+    /// Opens the database in `folder` to look at it, and says which version its schema is of; nothing can be changed through
+    /// it, and nothing is checked. `alone` says that nobody writes it meanwhile (see [`DataDirectory::watch`]).
+    ///
+    /// # Errors
+    /// As [`Store::open`], and [`StoreError::NoDirectory`].
+    pub fn look(folder: &Path, alone: bool) -> Result<(Self, u32), StoreError> {
+        let path = folder.join(Self::FILE);
+        if !find_database(&path)? {
+            return Err(StoreError::NoDirectory(folder.to_path_buf()));
+        }
+        let (connection, version) = open::to_look(&path, alone)?;
+        Ok((Self::over(connection, &path), version))
+    }
+
+    fn over(connection: Connection, path: &Path) -> Self {
+        Self {
+            readers: None,
+            connection: Arc::new(Mutex::new(connection)),
+            path: path.into(),
+            in_doubt: Arc::default(),
+            followed: Arc::default(),
+            run: None,
+        }
+    }
+
+    /// Whether it can be read.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    pub fn answers(&self) -> Result<(), StoreError> {
+        self.read(|connection| {
+            let tables = "SELECT count(*) FROM sqlite_schema";
+            Ok(connection
+                .query_row(tables, [], |row| row.get::<_, i64>(0))
+                .map(drop)?)
+        })
+    }
+
+    /// Runs `change` in a transaction that is committed, on disk, when this returns `Ok`. Through the handle of a run it is
+    /// refused once that is over.
+    fn write<T>(
+        &self,
+        change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.in_doubt.load(Ordering::Relaxed) {
+            // Whoever reads what the log holds keeps it from being emptied.
+            let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
+            open::settle(&connection, &self.path)?;
+            self.in_doubt.store(false, Ordering::Relaxed);
+        }
+        let changed = changed(&mut connection, |transaction| {
+            self.check_run(transaction)?;
+            change(transaction)
+        });
+        let changed = changed.map_err(|error| error.at(&self.path));
+        if matches!(changed, Err(StoreError::Unwritable { .. })) {
+            self.in_doubt.store(true, Ordering::Relaxed);
+        }
+        if changed.is_ok() && open::has_long_log(&self.path) {
+            let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
+            // The change is on disk all the same.
+            if let Err(error) = open::shorten_log(&connection) {
+                tracing::warn!(%error, "the log of the database could not be written into it");
+                self.in_doubt.store(true, Ordering::Relaxed);
+            }
+        }
+        changed
+    }
+
+    fn read<T>(&self, query: impl FnOnce(&Connection) -> Result<T, StoreError>) -> Result<T, StoreError> {
+        let read = match &self.readers {
+            Some(readers) => readers.read(query),
+            None => query(&self.connection.lock().unwrap_or_else(PoisonError::into_inner)),
+        };
+        read.map_err(|error| error.at(&self.path))
+    }
+}
+
+/// Whether there is something at `path`; an error where that cannot be known.
+fn find(path: &Path) -> Result<bool, StoreError> {
+    is_there(path).map_err(|error| StoreError::from_io(error, "find", path))
+}
+
+/// Whether there is a database at `path`; an error where that cannot be known, or something else has its name.
+fn find_database(path: &Path) -> Result<bool, StoreError> {
+    let failed = |error| StoreError::from_io(error, "open the database", path);
+    if !find(path)? {
+        return Ok(false);
+    }
+    let found = path.metadata().map_err(failed)?;
+    match found.is_file() {
+        true => Ok(true),
+        false if found.is_dir() => Err(failed(io::Error::other("it is a folder, and no file"))),
+        false => Err(failed(io::Error::other("it is no regular file"))),
+    }
+}
+
+fn changed<T>(
+    connection: &mut Connection,
+    change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
+) -> Result<T, StoreError> {
+    let transaction = connection.transaction()?;
+    let value = change(&transaction)?;
+    transaction.commit()?;
+    Ok(value)
+}
+
+#[cfg(test)]
+mod tests;

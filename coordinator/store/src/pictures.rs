@@ -1,0 +1,139 @@
+//! Rows of datasets and trainings: what an embedder is trained on, and how far that has come.
+
+use super::{
+    Provenance, Store, StoreError,
+    campaigns::number_of,
+    numbers::{blob_to_floats, clamped, floats_to_blob},
+    provenance::{Work, add_provenance},
+};
+use murmuration_model::{CampaignId, SavedTraining};
+use murmuration_proto::{CapabilityModel, Controller};
+use rusqlite::{OptionalExtension as _, params};
+use std::ops::Range;
+
+/// One picture of a dataset.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// The controller that was simulated.
+    pub controller: Controller,
+    /// Seed of its start.
+    pub seed: u64,
+    /// Grey values, index x * resolution + y.
+    pub image: Vec<u8>,
+}
+
+impl Store {
+    /// Adds pictures to a campaign's dataset, the first at `place`, and where they come from, in one transaction.
+    ///
+    /// # Errors
+    /// If they cannot be written; then none of them was.
+    pub fn add_pictures(
+        &self,
+        campaign: &CampaignId,
+        place: u64,
+        pictures: &[Picture],
+        provenance: &Provenance,
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            let mut statement = transaction.prepare(
+                "INSERT INTO pictures (campaign, place, controller, seed, image) VALUES (?1, ?2, ?3, ?4, ?5)",
+            )?;
+            for (place, picture) in (place..).zip(pictures) {
+                statement.execute(params![
+                    number,
+                    clamped(place),
+                    floats_to_blob(picture.controller.genes()),
+                    picture.seed.cast_signed(),
+                    picture.image,
+                ])?;
+            }
+            add_provenance(transaction, number, (Work::Picture, place), provenance)
+        })
+    }
+
+    /// The picture of a dataset at `place`.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn picture(
+        &self,
+        campaign: &CampaignId,
+        model: CapabilityModel,
+        place: u64,
+    ) -> Result<Picture, StoreError> {
+        self.read(|connection| {
+            let (genes, seed, image) = connection.query_row(
+                "SELECT controller, seed, image FROM pictures WHERE campaign = ?1 AND place = ?2",
+                params![number_of(connection, campaign)?, clamped(place)],
+                |row| Ok((row.get::<_, Vec<u8>>(0)?, row.get::<_, i64>(1)?, row.get(2)?)),
+            )?;
+            let controller = Controller::new(model, &blob_to_floats(&genes))
+                .map_err(|error| StoreError::damaged(format!("picture {place} of {campaign}: {error}")))?;
+            let seed = seed.cast_unsigned();
+            Ok(Picture {
+                controller,
+                seed,
+                image,
+            })
+        })
+    }
+
+    /// The images of a dataset whose place is in `range`, in order, one after the other, as far as there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn dataset_images(&self, campaign: &CampaignId, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT image FROM pictures WHERE campaign = ?1 AND place >= ?2 AND place < ?3 ORDER BY place",
+            )?;
+            let bounds = params![number, clamped(range.start), clamped(range.end)];
+            let mut rows = statement.query(bounds)?;
+            let mut images = Vec::new();
+            while let Some(row) = rows.next()? {
+                images.extend_from_slice(row.get_ref(0)?.as_blob().map_err(rusqlite::Error::from)?);
+            }
+            Ok(images)
+        })
+    }
+
+    /// Puts a training aside, unless one that has come farther is.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn save_training(&self, campaign: &CampaignId, training: &SavedTraining) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            transaction.execute(
+                "INSERT INTO trainings (campaign, epoch, saved) VALUES (?1, ?2, ?3)
+                 ON CONFLICT (campaign) DO UPDATE SET epoch = excluded.epoch, saved = excluded.saved
+                 WHERE excluded.epoch > epoch",
+                params![number, clamped(training.epoch), training.bytes],
+            )?;
+            Ok(())
+        })
+    }
+
+    /// The training that was put aside, if one was.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn saved_training(&self, campaign: &CampaignId) -> Result<Option<SavedTraining>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let found = connection.query_row(
+                "SELECT epoch, saved FROM trainings WHERE campaign = ?1",
+                [number],
+                |row| {
+                    Ok(SavedTraining {
+                        epoch: row.get::<_, i64>(0)?.unsigned_abs(),
+                        bytes: row.get(1)?,
+                    })
+                },
+            );
+            Ok(found.optional()?)
+        })
+    }
+}

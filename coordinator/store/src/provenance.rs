@@ -1,0 +1,357 @@
+//! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
+
+use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
+use murmuration_model::{CampaignId, MachineId, Maker, Quarantined};
+use murmuration_proto::{EmbeddingKind, Text};
+use rusqlite::{Connection, Transaction, params};
+use std::{
+    collections::BTreeMap,
+    iter::repeat,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// Notices of a campaign that are told; older ones stay in the store.
+const MOST_NOTICES: u32 = 50;
+
+/// In the place of the machine that alone did something, where two found the same.
+const NOBODY: u64 = 0;
+
+/// Where some results come from.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Provenance {
+    /// Who made each. Empty if nobody knows.
+    pub makers: Vec<Maker>,
+    /// What somebody should know of it, in sentences.
+    pub notices: Vec<String>,
+}
+
+/// Something unusual that befell a campaign, which went on.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Notice {
+    /// Larger than that of every notice before it.
+    pub number: u64,
+    /// When, milliseconds since 1970-01-01 UTC.
+    pub time_ms: u64,
+    /// What, for people.
+    pub text: String,
+}
+
+/// Work whose results are kept with who did it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Work {
+    /// Pictures of a dataset.
+    Picture,
+    /// Individuals of an archive.
+    Evaluation,
+    /// Embeddings of an archive by the checkpoint that it moved to.
+    Embedding,
+}
+
+impl Work {
+    pub(super) const fn name(self) -> &'static str {
+        match self {
+            Self::Picture => "picture",
+            Self::Evaluation => "evaluation",
+            Self::Embedding => "embedding",
+        }
+    }
+}
+
+/// A result that rests on the word of a machine that was found wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Suspect {
+    /// Its place.
+    pub place: u64,
+    /// How the machine embeds; unknown if it does not, or if nobody noted it.
+    pub kind: EmbeddingKind,
+}
+
+/// What of a campaign rests on the word of machines that were found wrong: in the order of places.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Suspects {
+    /// Of its dataset's pictures.
+    pub pictures: Vec<Suspect>,
+    /// Of its individuals, as they were evaluated.
+    pub individuals: Vec<Suspect>,
+    /// Of its individuals, as they were embedded with the checkpoint that the archive moved to.
+    pub embeddings: Vec<Suspect>,
+    /// Whose word it is.
+    pub machines: Vec<Quarantined>,
+}
+
+impl Suspects {
+    /// Whether nothing does.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How much does.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.pictures.len() + self.individuals.len() + self.embeddings.len()
+    }
+
+    fn of(&mut self, work: &str) -> Option<&mut Vec<Suspect>> {
+        [
+            (Work::Picture, &mut self.pictures),
+            (Work::Evaluation, &mut self.individuals),
+            (Work::Embedding, &mut self.embeddings),
+        ]
+        .into_iter()
+        .find_map(|(known, places)| (known.name() == work).then_some(places))
+    }
+}
+
+impl Store {
+    /// Remembers machines that were found wrong; those that it knows already stay as they are.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn quarantine(&self, machines: &[Quarantined]) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let mut statement = transaction.prepare_cached(
+                "INSERT OR IGNORE INTO quarantined (machine, name, time_ms) VALUES (?1, ?2, ?3)",
+            )?;
+            for Quarantined { machine, name } in machines {
+                statement.execute(params![machine.0.cast_signed(), name, now_ms()])?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Machines that were found wrong, oldest first. Those whose quarantine was lifted are among them, by a number that no
+    /// machine has: what they did before stays suspect.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
+        self.read(|connection| quarantined(connection, ""))
+    }
+
+    /// Machines that are not listened to, oldest first.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn still_quarantined(&self) -> Result<Vec<Quarantined>, StoreError> {
+        self.read(|connection| quarantined(connection, "WHERE lifted_ms IS NULL"))
+    }
+
+    /// Has a machine listened to again; false if it was not quarantined. What it did before stays suspect.
+    ///
+    /// # Errors
+    /// If that cannot be written.
+    pub fn lift_quarantine(&self, machine: MachineId) -> Result<bool, StoreError> {
+        self.write(|transaction| {
+            // A number that no machine has: they are odd.
+            let random: i64 = transaction.query_row("SELECT random()", [], |row| row.get(0))?;
+            let past = (random.cast_unsigned() & !1).max(2);
+            let lifted = transaction.execute(
+                "UPDATE quarantined SET machine = ?2, lifted_ms = ?3 WHERE machine = ?1 AND lifted_ms IS NULL",
+                params![machine.0.cast_signed(), past.cast_signed(), now_ms()],
+            )?;
+            if lifted == 0 {
+                return Ok(false);
+            }
+            let mut statement = transaction.prepare("SELECT DISTINCT campaign FROM provenance")?;
+            let campaigns = statement.query_map([], |row| row.get(0))?;
+            for campaign in campaigns.collect::<Result<Vec<i64>, _>>()? {
+                replace(transaction, campaign, |by| if by == machine.0 { past } else { by })?;
+            }
+            Ok(true)
+        })
+    }
+
+    /// What of a campaign rests on the word of machines that were found wrong.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn suspects(&self, campaign: &CampaignId) -> Result<Suspects, StoreError> {
+        self.read(|connection| suspects(connection, number_of(connection, campaign)?))
+    }
+
+    /// What these machines said was found by another as well: nothing rests on their word any more. With a notice, in one
+    /// transaction.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn confirm(
+        &self,
+        campaign: &CampaignId,
+        machines: &[Quarantined],
+        notice: &str,
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            let confirmed = |by| machines.iter().any(|machine| machine.machine.0 == by);
+            replace(transaction, number, |by| if confirmed(by) { NOBODY } else { by })?;
+            add_notices(transaction, number, &[notice.to_owned()])
+        })
+    }
+
+    /// The latest notices of a campaign, at most 50, oldest first.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn notices(&self, campaign: &CampaignId) -> Result<Vec<Notice>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT number, time_ms, text FROM notices WHERE campaign = ?1 ORDER BY number DESC LIMIT ?2",
+            )?;
+            let rows = statement.query_map(params![number, MOST_NOTICES], |row| {
+                Ok(Notice {
+                    number: row.get::<_, i64>(0)?.unsigned_abs(),
+                    time_ms: row.get::<_, i64>(1)?.unsigned_abs(),
+                    text: Text::line(&row.get::<_, String>(2)?).into(),
+                })
+            })?;
+            let mut notices = rows.collect::<Result<Vec<_>, _>>()?;
+            notices.reverse();
+            Ok(notices)
+        })
+    }
+}
+
+/// What of a campaign rests on the word of machines that were found wrong.
+pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects, StoreError> {
+    let wrong: BTreeMap<u64, Quarantined> = quarantined(connection, "")?
+        .into_iter()
+        .map(|wrong| (wrong.machine.0, wrong))
+        .collect();
+    let mut suspects = Suspects::default();
+    let mut whose = BTreeMap::new();
+    if wrong.is_empty() {
+        return Ok(suspects);
+    }
+    for run in provenance(connection, number)? {
+        let Some(places) = suspects.of(&run.work) else {
+            continue;
+        };
+        // Older versions noted no kinds.
+        let kinds = run.kinds.into_iter().chain(repeat(0)).map(EmbeddingKind::from);
+        for ((place, by), kind) in (run.first..).zip(run.machines).zip(kinds) {
+            if let Some(machine) = wrong.get(&by).filter(|_| by != NOBODY) {
+                places.push(Suspect { place, kind });
+                whose.insert(by, machine.clone());
+            }
+        }
+    }
+    // A salvaged campaign may lack what its provenance tells of.
+    let held = |table| {
+        let count = format!("SELECT coalesce(max(place) + 1, 0) FROM {table} WHERE campaign = ?1");
+        connection.query_row(&count, [number], |row| row.get::<_, i64>(0))
+    };
+    let (pictures, individuals) = (held("pictures")?, held("individuals")?);
+    for (places, held) in [
+        (&mut suspects.pictures, pictures),
+        (&mut suspects.individuals, individuals),
+        (&mut suspects.embeddings, individuals),
+    ] {
+        places.retain(|suspect| clamped(suspect.place) < held);
+    }
+    suspects.machines = whose.into_values().collect();
+    Ok(suspects)
+}
+
+/// A run of results in a row, and who made each.
+struct Run {
+    work: String,
+    first: u64,
+    machines: Vec<u64>,
+    kinds: Vec<u64>,
+}
+
+fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreError> {
+    let mut statement = connection.prepare_cached(
+        "SELECT work, place, workers, kinds FROM provenance WHERE campaign = ?1 ORDER BY work, place",
+    )?;
+    let numbers = |bytes: Vec<u8>| {
+        let numbers = bytes.as_chunks().0.iter();
+        numbers.map(|number| u64::from_le_bytes(*number)).collect()
+    };
+    let rows = statement.query_map([campaign], |row| {
+        Ok(Run {
+            work: row.get(0)?,
+            first: row.get::<_, i64>(1)?.unsigned_abs(),
+            machines: numbers(row.get(2)?),
+            kinds: numbers(row.get(3)?),
+        })
+    })?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}
+
+/// Puts other machines into the place of those that made a campaign's results.
+fn replace(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    other: impl Fn(u64) -> u64,
+) -> Result<(), StoreError> {
+    for run in provenance(transaction, campaign)? {
+        let replaced = run.machines.iter().map(|&by| other(by));
+        let replaced: Vec<u8> = replaced.flat_map(u64::to_le_bytes).collect();
+        transaction.execute(
+            "UPDATE provenance SET workers = ?4 WHERE campaign = ?1 AND work = ?2 AND place = ?3",
+            params![campaign, run.work, clamped(run.first), replaced],
+        )?;
+    }
+    Ok(())
+}
+
+/// Machines that were found wrong, oldest first; `which` may be a clause of SQL.
+fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>, StoreError> {
+    let select = format!("SELECT machine, name FROM quarantined {which} ORDER BY time_ms, machine");
+    let mut statement = connection.prepare_cached(&select)?;
+    let rows = statement.query_map([], |row| {
+        Ok(Quarantined {
+            machine: MachineId(row.get::<_, i64>(0)?.cast_unsigned()),
+            name: row.get(1)?,
+        })
+    })?;
+    Ok(rows.collect::<Result<_, _>>()?)
+}
+
+/// Notes where results come from, the first of them at a place of this kind of work.
+pub(super) fn add_provenance(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    (work, first): (Work, u64),
+    Provenance { makers, notices }: &Provenance,
+) -> Result<(), StoreError> {
+    let machine = |maker: &Maker| maker.unaudited.map_or(NOBODY, |machine| machine.0);
+    let machines: Vec<u8> = makers
+        .iter()
+        .flat_map(|maker| machine(maker).to_le_bytes())
+        .collect();
+    let kinds = makers.iter().map(|maker| maker.kind.number());
+    let kinds: Vec<u8> = kinds.flat_map(u64::to_le_bytes).collect();
+    if !machines.is_empty() {
+        transaction.execute(
+            "INSERT OR REPLACE INTO provenance (campaign, work, place, workers, kinds) VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![campaign, work.name(), clamped(first), machines, kinds],
+        )?;
+    }
+    add_notices(transaction, campaign, notices)
+}
+
+pub(super) fn add_notices(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    notices: &[String],
+) -> Result<(), StoreError> {
+    let mut statement =
+        transaction.prepare_cached("INSERT INTO notices (campaign, time_ms, text) VALUES (?1, ?2, ?3)")?;
+    for text in notices {
+        statement.execute(params![campaign, now_ms(), text])?;
+    }
+    Ok(())
+}
+
+pub(super) fn now_ms() -> i64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |age| age.as_millis() as i64)
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,111 @@
+//! Rounds of feedback: what a fine-tuning learns from, from the first label to the move to what it made.
+
+use super::{
+    Store, StoreError,
+    campaigns::number_of,
+    embeddings::begin_move,
+    labels::{self, LabelError},
+};
+use murmuration_model::{
+    CampaignId, CampaignRecord, CampaignState, TrainingPictures,
+    labels::{Change, Labels, RequestId},
+};
+use murmuration_proto::CheckpointDigest;
+use rusqlite::{Transaction, params};
+use std::ops::Range;
+
+impl Store {
+    /// Begins a round: the campaign is to be fine-tuned on the first `lesson` entries of its label log, from its first
+    /// epoch on, and runs.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn begin_round(&self, campaign: &CampaignId, lesson: u64) -> Result<(), StoreError> {
+        self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, lesson))
+    }
+
+    /// Adds what a request says to the label log, as [`Store::add_labels`] does, and begins a round with the log as it
+    /// is then, all in one transaction.
+    ///
+    /// # Errors
+    /// As [`Store::add_labels`]; nothing has changed then.
+    pub fn answer_round(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        changes: Vec<Change>,
+    ) -> Result<(), LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            labels::add(transaction, (campaign, number), request, changes, labels)?;
+            begin(transaction, number, labels.entries()).map_err(LabelError::Store)
+        })
+    }
+
+    /// The labels that a round learns from.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn lesson(&self, campaign: &CampaignId, entries: u64) -> Result<Labels, StoreError> {
+        let mut log = self.label_log(campaign)?;
+        log.truncate(usize::try_from(entries).unwrap_or(usize::MAX));
+        let mut labels = Labels::default();
+        labels
+            .follow(log)
+            .map_err(|error| StoreError::damaged(error.to_string()))?;
+        Ok(labels)
+    }
+
+    /// Ends a round: the campaign moves to the checkpoint that was fine-tuned.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCheckpoint`], or if it cannot be written.
+    pub fn finish_round(
+        &self,
+        campaign: &CampaignId,
+        checkpoint: CheckpointDigest,
+    ) -> Result<(), StoreError> {
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            transaction.execute(
+                "UPDATE campaigns SET rounds = rounds + 1, learned = lesson, lesson = NULL WHERE number = ?1",
+                [number],
+            )?;
+            begin_move(transaction, number, checkpoint)
+        })
+    }
+
+    /// The images at the places `range` of a campaign's [`TrainingPictures`], in order, one after the other, as far as
+    /// there are any.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn training_images(&self, record: &CampaignRecord, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
+        let pictures = TrainingPictures::of(record);
+        let range = range.start..range.end.min(pictures.count());
+        if !pictures.is_from_archive() {
+            return self.dataset_images(&record.id, range);
+        }
+        let individuals = self.individuals(&record.id, record.spec.model(), range, true)?;
+        Ok(individuals
+            .into_iter()
+            .flat_map(|individual| individual.image.unwrap_or_default())
+            .collect())
+    }
+}
+
+pub(super) fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> Result<(), StoreError> {
+    transaction.execute(
+        "UPDATE campaigns SET lesson = ?2, state = ?3, error = '' WHERE number = ?1",
+        params![
+            number,
+            super::numbers::clamped(lesson),
+            CampaignState::Running.name()
+        ],
+    )?;
+    // Of other labels.
+    transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,150 @@
+//! Decisions about campaigns, and the runs that they begin and end.
+//!
+//! A decision looks at the campaign's state and changes it in one transaction, and counts: a *run* is what may change the
+//! campaign from one decision to the next. Whatever a run writes goes through [`Store::during`], whose every transaction
+//! makes sure first that the campaign still runs, and that no decision has been made since. So what was acknowledged to a
+//! person is what the disk says, even if a run of before goes on computing.
+
+use super::{Store, StoreError, campaigns::number_of, embeddings::begin_move, numbers::clamped, rounds};
+use murmuration_model::{CampaignId, CampaignState, Change, NotAllowed, RunId};
+use murmuration_proto::CheckpointDigest;
+use rusqlite::{Transaction, params};
+
+/// What a person decides about a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Decision {
+    /// It stops, to be continued.
+    Pause,
+    /// It goes on.
+    Resume,
+    /// It ends for good.
+    Cancel,
+    /// It moves to this checkpoint, and goes on.
+    Adopt(CheckpointDigest),
+    /// It learns from the first so many entries of its label log, and goes on.
+    Refine(u64),
+}
+
+/// Why nothing was decided.
+#[derive(Debug, thiserror::Error)]
+pub enum DecisionError {
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// The campaign's state does not allow it.
+    #[error("{0}")]
+    NotAllowed(#[from] NotAllowed),
+}
+
+impl Decision {
+    /// The kind of change that it is.
+    #[must_use]
+    pub const fn change(self) -> Change {
+        match self {
+            Self::Pause => Change::Pause,
+            Self::Resume => Change::Resume,
+            Self::Cancel => Change::Cancel,
+            Self::Adopt(_) => Change::Adopt,
+            Self::Refine(_) => Change::Refine,
+        }
+    }
+}
+
+impl Store {
+    /// The same store for a run: a change is made if the campaign runs and nothing was decided about it since the run began,
+    /// and is [`StoreError::Superseded`] otherwise.
+    #[must_use]
+    pub fn during(&self, run: RunId) -> Self {
+        Self {
+            run: Some(run.into()),
+            ..self.clone()
+        }
+    }
+
+    /// Makes a decision about a campaign, and ends the run that it may have. `has_failed` says that its run failed and could
+    /// not write that down.
+    ///
+    /// # Errors
+    /// [`DecisionError::NotAllowed`] names the state that does not allow it; [`StoreError::NoCheckpoint`]. Nothing has changed
+    /// then.
+    pub fn decide(
+        &self,
+        campaign: &CampaignId,
+        decision: Decision,
+        has_failed: bool,
+    ) -> Result<(), DecisionError> {
+        let allowed = self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            let state = match state(transaction, number)? {
+                CampaignState::Running if has_failed => CampaignState::Failed,
+                state => state,
+            };
+            let change = decision.change();
+            let Some(after) = state.after(change) else {
+                let id = campaign.clone();
+                return Ok(Err(NotAllowed { id, change, state }));
+            };
+            transaction.execute(
+                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1 WHERE number = ?1",
+                params![number, after.name()],
+            )?;
+            match decision {
+                Decision::Adopt(checkpoint) => begin_move(transaction, number, checkpoint)?,
+                Decision::Refine(lesson) => rounds::begin(transaction, number, lesson)?,
+                Decision::Pause | Decision::Resume | Decision::Cancel => {}
+            }
+            Ok(Ok(()))
+        })?;
+        Ok(allowed?)
+    }
+
+    /// Has a completed campaign run again, to be checked; whether it was completed.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn reopen(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
+        self.write(|transaction| {
+            let reopened = transaction.execute(
+                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1
+                 WHERE number = ?1 AND state = ?3",
+                params![
+                    number_of(transaction, campaign)?,
+                    CampaignState::Running.name(),
+                    CampaignState::Completed.name()
+                ],
+            )?;
+            Ok(reopened > 0)
+        })
+    }
+
+    /// Makes sure that the run which this handle is for, if it is for one, may change its campaign.
+    pub(super) fn check_run(&self, transaction: &Transaction<'_>) -> Result<(), StoreError> {
+        let Some(run) = &self.run else {
+            return Ok(());
+        };
+        let may = transaction.query_row(
+            "SELECT count(*) FROM campaigns WHERE id = ?1 AND state = ?2 AND decisions = ?3",
+            params![
+                run.campaign().as_str(),
+                CampaignState::Running.name(),
+                clamped(run.number())
+            ],
+            |row| row.get::<_, i64>(0),
+        )?;
+        match may {
+            0 => Err(StoreError::Superseded(run.campaign().clone())),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn state(transaction: &Transaction<'_>, number: i64) -> Result<CampaignState, StoreError> {
+    let name: String =
+        transaction.query_row("SELECT state FROM campaigns WHERE number = ?1", [number], |row| {
+            row.get(0)
+        })?;
+    CampaignState::from_name(&name).ok_or_else(|| StoreError::damaged(format!("state {name:?}")))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,180 @@
+//! What is taken back when workers were found wrong, so that it is done again by others. Each is one transaction, and says
+//! why. Datasets, archives and embeddings go; the label log stays, and says whose answers were about what is gone.
+
+use super::{
+    LabelError, Store, StoreError,
+    campaigns::number_of,
+    labels::insert,
+    numbers::clamped,
+    provenance::{Work, add_notices, now_ms},
+};
+use murmuration_model::{
+    CampaignId,
+    labels::{Action, Change, Labels, RequestId},
+};
+use rusqlite::{Transaction, params};
+
+impl Store {
+    /// Takes back the generations from `generation` on, with everything that they brought.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was taken back.
+    pub fn take_back(&self, campaign: &CampaignId, generation: u32, why: &str) -> Result<(), StoreError> {
+        self.take(campaign, |transaction, number, labels| {
+            take_generations(transaction, number, labels, generation)?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Takes back the embeddings of an archive, those of a move that has not ended too, and the generations that came after
+    /// the first `kept` individuals were embedded: all that is left is embedded again.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was taken back.
+    pub fn embed_again(&self, campaign: &CampaignId, kept: u64, why: &str) -> Result<(), StoreError> {
+        self.take(campaign, |transaction, number, labels| {
+            let first: Option<u32> = transaction.query_row(
+                "SELECT min(generation) FROM individuals WHERE campaign = ?1 AND place >= ?2",
+                params![number, clamped(kept)],
+                |row| row.get(0),
+            )?;
+            if let Some(generation) = first {
+                take_generations(transaction, number, labels, generation)?;
+            }
+            transaction.execute("DELETE FROM embeddings WHERE campaign = ?1", [number])?;
+            forget(transaction, number, Work::Embedding, 0)?;
+            transaction.execute(
+                "UPDATE campaigns SET next_checkpoint = coalesce(next_checkpoint, checkpoint), checkpoint = NULL
+                 WHERE number = ?1",
+                [number],
+            )?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Takes back everything but the first `pictures` of a campaign's dataset: it begins again, its embedder too.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was taken back.
+    pub fn begin_again(&self, campaign: &CampaignId, pictures: u64, why: &str) -> Result<(), StoreError> {
+        self.take(campaign, |transaction, number, labels| {
+            take_generations(transaction, number, labels, 0)?;
+            for table in ["embeddings", "trainings"] {
+                transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
+            }
+            forget(transaction, number, Work::Embedding, 0)?;
+            forget(transaction, number, Work::Picture, pictures)?;
+            transaction.execute(
+                "DELETE FROM pictures WHERE campaign = ?1 AND place >= ?2",
+                params![number, clamped(pictures)],
+            )?;
+            transaction.execute(
+                "UPDATE campaigns SET checkpoint = NULL, next_checkpoint = NULL WHERE number = ?1",
+                [number],
+            )?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Runs a change that takes back, in one transaction.
+    fn take(
+        &self,
+        campaign: &CampaignId,
+        change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let taken = self.add_to_log(campaign, |transaction, number, labels| {
+            change(transaction, number, labels)?;
+            let edition = "UPDATE campaigns SET taken_back = taken_back + 1 WHERE number = ?1";
+            transaction.execute(edition, [number]).map_err(StoreError::from)?;
+            Ok(())
+        });
+        taken.map_err(|error| match error {
+            LabelError::Store(error) => error,
+            refused => StoreError::damaged(refused.to_string()),
+        })
+    }
+
+    /// How many individuals an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
+    /// was begun with that.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn embedded_when_moved(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let end: i64 = connection.query_row(
+                "SELECT coalesce(max(place + length(workers) / 8), 0) FROM provenance
+                 WHERE campaign = ?1 AND work = ?2",
+                params![number_of(connection, campaign)?, Work::Embedding.name()],
+                |row| row.get(0),
+            )?;
+            Ok(end.unsigned_abs())
+        })
+    }
+}
+
+/// Takes generations from an archive, and answers about their individuals.
+fn take_generations(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    generation: u32,
+) -> Result<(), StoreError> {
+    let first: Option<i64> = transaction.query_row(
+        "SELECT min(place) FROM individuals WHERE campaign = ?1 AND generation >= ?2",
+        params![number, generation],
+        |row| row.get(0),
+    )?;
+    if let Some(first) = first {
+        withdraw_answers(transaction, number, labels, first.unsigned_abs())?;
+        forget(transaction, number, Work::Evaluation, first.unsigned_abs())?;
+        for table in ["images", "embeddings"] {
+            let of_place = format!("DELETE FROM {table} WHERE campaign = ?1 AND place >= ?2");
+            transaction.execute(&of_place, params![number, first])?;
+        }
+    }
+    for table in ["individuals", "generations"] {
+        let of_generation = format!("DELETE FROM {table} WHERE campaign = ?1 AND generation >= ?2");
+        transaction.execute(&of_generation, params![number, generation])?;
+    }
+    transaction.execute("DELETE FROM taxonomies WHERE campaign = ?1", [number])?;
+    Ok(())
+}
+
+/// The individuals from `first` on will be others: nobody has said anything about them.
+fn withdraw_answers(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    first: u64,
+) -> Result<(), StoreError> {
+    let about: Vec<_> = labels.standing().filter(|label| label.index >= first).collect();
+    let withdrawn = about.into_iter().map(|label| {
+        labels.record(Change {
+            annotator: label.annotator,
+            time_ms: now_ms().unsigned_abs(),
+            action: Action::Withdraw { index: label.index },
+        })
+    });
+    let withdrawn: Vec<_> = withdrawn
+        .collect::<Result<_, _>>()
+        .map_err(|refusal| StoreError::damaged(refusal.to_string()))?;
+    insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
+}
+
+/// Forgets who did the results from `first` on. Runs of them end where what is taken back begins.
+fn forget(transaction: &Transaction<'_>, number: i64, work: Work, first: u64) -> Result<(), StoreError> {
+    transaction.execute(
+        "DELETE FROM provenance WHERE campaign = ?1 AND work = ?2 AND place >= ?3",
+        params![number, work.name(), clamped(first)],
+    )?;
+    transaction.execute(
+        "UPDATE provenance SET workers = substr(workers, 1, 8 * (?3 - place)),
+             kinds = substr(kinds, 1, 8 * (?3 - place))
+         WHERE campaign = ?1 AND work = ?2 AND place + length(workers) / 8 > ?3",
+        params![number, work.name(), clamped(first)],
+    )?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

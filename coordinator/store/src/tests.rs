@@ -1,0 +1,469 @@
+//! The store as its users see it: what was committed is there, what was not is not, and bad files are named.
+
+use super::*;
+use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Lineage,
+};
+use murmuration_search::medoids::Clustering;
+use std::fs;
+
+const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
+
+fn open() -> (tempfile::TempDir, Store) {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    (folder, store)
+}
+
+fn spec() -> CampaignSpec {
+    CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap()
+}
+
+fn individual(index: u64) -> ArchivedIndividual {
+    ArchivedIndividual {
+        index,
+        generation: (index / 2) as u32,
+        controller: Controller::new(MODEL, &[0.1, -0.2, 0.3, index as f64 / 10.0]).unwrap(),
+        seed: u64::MAX - index,
+        features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
+        embedding: Vec::new(),
+        novelty: 0.1 * index as f64,
+        image: Some(vec![index as u8; 2500]),
+    }
+}
+
+fn commit(store: &Store, id: &CampaignId, generation: u32) -> Result<(), StoreError> {
+    let record = GenerationRecord {
+        generation,
+        best_novelty: 2.0,
+        mean_novelty: 1.0,
+        filtered: 3,
+    };
+    let first = u64::from(generation) * 2;
+    store.commit_generation(
+        id,
+        &record,
+        &[individual(first), individual(first + 1)],
+        &Provenance::default(),
+    )
+}
+
+#[test]
+fn words_that_were_stored_as_they_came_are_cleaned_when_they_are_read() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    let hostile = format!("a\u{1b}[2J\u{202e}{}", "x".repeat(1 << 20));
+    let provenance = Provenance {
+        notices: vec![hostile.clone()],
+        ..Provenance::default()
+    };
+    let record = GenerationRecord::of(0, &[0.0], 0);
+    store
+        .commit_generation(&id, &record, &[individual(0), individual(1)], &provenance)
+        .unwrap();
+    store.set_state(&id, CampaignState::Failed, &hostile).unwrap();
+    let error = store.campaigns().unwrap().remove(0).error;
+    let notice = store.notices(&id).unwrap().remove(0).text;
+    for words in [error, notice] {
+        assert!(
+            words.starts_with("a[2Jxxx") && words.len() < 3000,
+            "{} bytes",
+            words.len()
+        );
+    }
+}
+
+#[test]
+fn a_committed_generation_reads_back_to_the_bit() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    commit(&store, &id, 0).unwrap();
+    commit(&store, &id, 1).unwrap();
+    let read = store.individuals(&id, MODEL, 1..100, true).unwrap();
+    assert_eq!(read, [individual(1), individual(2), individual(3)]);
+    assert!(read[0].features[2].is_sign_negative());
+    assert_eq!(store.generations(&id).unwrap().len(), 2);
+    let record = store.campaign("latest").unwrap();
+    assert_eq!(
+        (record.spec, record.generations_done, record.created_ms),
+        (spec(), 2, 7)
+    );
+    assert_eq!(record.last_novelty, Some((2.0, 1.0)));
+}
+
+#[test]
+fn a_generation_is_committed_whole_or_not_at_all() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    let record = GenerationRecord {
+        generation: 0,
+        best_novelty: 0.0,
+        mean_novelty: 0.0,
+        filtered: 0,
+    };
+    let twice = [individual(0), individual(1), individual(0)];
+    assert!(
+        store
+            .commit_generation(&id, &record, &twice, &Provenance::default())
+            .is_err()
+    );
+    assert_eq!(store.archive_len(&id).unwrap(), 0);
+    assert_eq!(store.generations(&id).unwrap(), []);
+}
+
+#[test]
+fn a_taxonomy_completes_its_campaign() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    commit(&store, &id, 0).unwrap();
+    assert_eq!(store.taxonomy(&id).unwrap(), None);
+    let clustering = Clustering {
+        medoids: vec![1, 0],
+        clusters: vec![1, 0],
+        loss: 0.5,
+    };
+    let measures = [(0.25, 4.0), (0.0, 3.5)].map(|(mean_distance, novelty)| ClusterMeasures {
+        mean_distance,
+        novelty,
+    });
+    store.complete(&id, &clustering, &measures).unwrap();
+    let stored = StoredTaxonomy {
+        medoids: vec![1, 0],
+        clusters: vec![1, 0],
+        loss: 0.5,
+        measures: measures.into(),
+    };
+    assert_eq!(store.taxonomy(&id).unwrap(), Some(stored));
+    assert_eq!(
+        store.campaign(id.as_str()).unwrap().state,
+        CampaignState::Completed
+    );
+}
+
+#[test]
+fn what_is_not_there_is_named() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    let error = store.campaign("nobody-7").unwrap_err().to_string();
+    assert!(error.contains("no campaign \"nobody-7\""), "{error}");
+    let error = store.individual(&id, MODEL, 5).unwrap_err().to_string();
+    assert!(error.contains("no individual 5: its archive holds 0"), "{error}");
+}
+
+#[test]
+fn a_held_directory_is_refused_with_its_holder() {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    held.announce("http://127.0.0.1:1").unwrap();
+    let error = DataDirectory::hold(folder.path()).unwrap_err().to_string();
+    let process = std::process::id();
+    assert!(
+        error.contains(&format!("in use by process {process} at http://127.0.0.1:1")),
+        "{error}"
+    );
+    drop(held);
+    assert!(DataDirectory::hold(folder.path()).is_ok());
+}
+
+#[track_caller]
+fn check_unusable(prepare: impl FnOnce(&std::path::Path), said: &str) {
+    let (folder, store) = open();
+    drop(store);
+    let path = folder.path().join(Store::FILE);
+    prepare(&path);
+    let before = fs::read(&path).unwrap();
+    let error = Store::open(&DataDirectory::hold(folder.path()).unwrap())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains(said) && error.contains(Store::FILE), "{error}");
+    assert!(fs::read(&path).unwrap() == before, "the file was changed");
+}
+
+#[test]
+fn a_database_of_a_newer_version_is_left_alone() {
+    let newer = |path: &std::path::Path| {
+        let connection = Connection::open(path).unwrap();
+        connection.pragma_update(None, "journal_mode", "DELETE").unwrap();
+        connection.pragma_update(None, "user_version", 99).unwrap();
+    };
+    check_unusable(newer, "schema version 99, this murmuration (");
+}
+
+#[test]
+fn a_file_that_is_no_database_is_named() {
+    check_unusable(
+        |path| fs::write(path, b"certainly not a database ".repeat(100)).unwrap(),
+        "is damaged (file is not a database)",
+    );
+}
+
+#[test]
+fn a_database_that_cannot_be_found_out_about_is_not_made_anew() {
+    use std::os::unix::fs::symlink;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(Store::FILE);
+    let volume = folder.path().join("volume");
+    // A link to a volume that is not mounted, and one that the system cannot follow at all.
+    for (target, said) in [
+        (volume.join(Store::FILE), "is not there: mount its volume"),
+        (path.clone(), "oo many"),
+    ] {
+        symlink(&target, &path).unwrap();
+        let opened = Store::open(&DataDirectory::hold(folder.path()).unwrap()).map(drop);
+        let held = DataDirectory::hold_existing(folder.path()).map(drop);
+        let looked = Store::look(folder.path(), true).map(drop);
+        for error in [opened, held, looked].map(Result::unwrap_err) {
+            let error = error.to_string();
+            assert!(
+                error.contains(said) && error.contains(&target.display().to_string()),
+                "{error}"
+            );
+        }
+        assert_eq!(fs::read_link(&path).unwrap(), target);
+        assert!(!volume.exists());
+        fs::remove_file(&path).unwrap();
+    }
+}
+
+#[test]
+fn a_new_database_takes_the_place_of_no_other() {
+    let (folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    // As if it had not been found.
+    let error = open::create(folder.path()).unwrap_err().to_string();
+    assert!(error.contains(Store::FILE), "{error}");
+    drop(store);
+    let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
+    assert_eq!(store.campaign("latest").unwrap().id, id);
+}
+
+#[test]
+fn a_full_disk_is_called_that_and_loses_nothing() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    commit(&store, &id, 0).unwrap();
+    let pages: u32 = store
+        .read(|c| Ok(c.pragma_query_value(None, "page_count", |row| row.get(0))?))
+        .unwrap();
+    store
+        .write(|c| Ok(c.pragma_update(None, "max_page_count", pages)?))
+        .unwrap();
+    assert!(matches!(commit(&store, &id, 1), Err(StoreError::DiskFull { .. })));
+    assert_eq!(store.archive_len(&id).unwrap(), 2);
+    store
+        .write(|c| Ok(c.pragma_update(None, "max_page_count", pages + 100)?))
+        .unwrap();
+    commit(&store, &id, 1).unwrap();
+    assert_eq!(store.archive_len(&id).unwrap(), 4);
+}
+
+/// A store with two checkpoints and a latent campaign of one generation that is embedded by the first.
+fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
+    let (folder, store) = open();
+    let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
+    for digest in digests {
+        let record = CheckpointRecord {
+            digest,
+            size: 3,
+            lineage: Lineage::default(),
+            created_ms: 0,
+        };
+        store.add_checkpoint(&record).unwrap();
+    }
+    let text = format!(
+        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"",
+        digests[0]
+    );
+    let id = store
+        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 0)
+        .unwrap();
+    store.switch(&id, &unchanged(&[])).unwrap();
+    let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
+    let individuals = [0, 1].map(|index| ArchivedIndividual {
+        embedding: vec![index as f32, -0.5],
+        ..individual(index)
+    });
+    store
+        .commit_generation(&id, &record, &individuals, &Provenance::default())
+        .unwrap();
+    (folder, store, id, digests)
+}
+
+fn unchanged(novelty: &[f64]) -> Switch {
+    Switch {
+        novelty: novelty.to_vec(),
+        generations: Vec::new(),
+    }
+}
+
+fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
+    let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
+    individuals
+        .into_iter()
+        .map(|individual| individual.embedding)
+        .collect()
+}
+
+#[test]
+fn an_archive_switches_to_another_checkpoint_at_once() {
+    let (_folder, store, id, [first, second]) = embedded();
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    let clustering = Clustering {
+        medoids: vec![0],
+        clusters: vec![0, 0],
+        loss: 1.0,
+    };
+    store.complete(&id, &clustering, &[]).unwrap();
+
+    store.move_to(&id, second).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!(
+        (record.checkpoint, record.next_checkpoint),
+        (Some(first), Some(second))
+    );
+    assert_eq!((record.embedded, record.state), (1, CampaignState::Running));
+    // Until the switch everything is as it was.
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    assert!(store.taxonomy(&id).unwrap().is_some());
+
+    store
+        .add_embeddings(&id, 1, &[vec![8.0]], &Provenance::default())
+        .unwrap();
+    assert_eq!(store.next_embeddings(&id).unwrap(), [[7.0], [8.0]]);
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: vec![GenerationRecord::of(0, &[3.0, 5.0], 0)],
+    };
+    store.switch(&id, &switch).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(second), None));
+    assert_eq!(record.last_novelty, Some((5.0, 4.0)));
+    assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
+    assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
+    assert_eq!(store.taxonomy(&id).unwrap(), None);
+}
+
+#[test]
+fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_after() {
+    let (_folder, store, id, [_, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    let by_7 = Provenance {
+        makers: vec![
+            Maker {
+                kind: EmbeddingKind::UNKNOWN,
+                unaudited: Some(MachineId(7)),
+            };
+            2
+        ],
+        notices: Vec::new(),
+    };
+    let wrong = [vec![7.0], vec![8.0]];
+    store.add_embeddings(&id, 0, &wrong, &by_7).unwrap();
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: Vec::new(),
+    };
+    store.switch(&id, &switch).unwrap();
+    let later = ArchivedIndividual {
+        image: Some(vec![0; 4]),
+        ..ArchivedIndividual::still(2, 1)
+    };
+    let generation = GenerationRecord::of(1, &[0.0], 0);
+    store
+        .commit_generation(&id, &generation, &[later], &Provenance::default())
+        .unwrap();
+    let worker = Quarantined {
+        machine: MachineId(7),
+        name: "wrong".to_owned(),
+    };
+    store.quarantine(&[worker]).unwrap();
+    let suspect = store.suspects(&id).unwrap().embeddings;
+    assert_eq!(
+        suspect.iter().map(|suspect| suspect.place).collect::<Vec<_>>(),
+        [0, 1]
+    );
+    assert_eq!(store.embedded_when_moved(&id).unwrap(), 2);
+
+    store.embed_again(&id, 2, "a worker was wrong").unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (None, Some(second)));
+    assert_eq!((record.generations_done, record.embedded), (1, 0));
+    assert!(store.suspects(&id).unwrap().is_empty());
+    let right = [vec![1.0], vec![2.0]];
+    store
+        .add_embeddings(&id, 0, &right, &Provenance::default())
+        .unwrap();
+    store.switch(&id, &switch).unwrap();
+    assert_eq!(embeddings(&store, &id), right);
+}
+
+#[test]
+fn a_move_that_is_given_up_leaves_nothing_behind() {
+    let (_folder, store, id, [first, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
+    store.move_to(&id, first).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.next_checkpoint, record.embedded), (Some(first), 2));
+    store.move_to(&id, second).unwrap();
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedded, 0);
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+}
+
+#[test]
+fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
+    let (_folder, store, id, [digest, _]) = embedded();
+    let absent = CheckpointDigest::of(b"absent");
+    assert!(matches!(
+        store.move_to(&id, absent),
+        Err(StoreError::NoCheckpoint(_))
+    ));
+    let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{absent}\"");
+    let spec = CampaignSpec::from_toml(&text).unwrap();
+    assert!(matches!(
+        store.create_campaign(&spec, Weight::default(), 0),
+        Err(StoreError::NoCheckpoint(_))
+    ));
+    assert_eq!(store.campaign(id.as_str()).unwrap().checkpoint, Some(digest));
+    assert_eq!(store.campaigns().unwrap().len(), 1);
+}
+
+#[test]
+fn a_dataset_and_its_training_read_back() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    let picture = |index: u64| Picture {
+        controller: individual(0).controller,
+        seed: u64::MAX - index,
+        image: vec![index as u8; 4],
+    };
+    store
+        .add_pictures(&id, 0, &[picture(0), picture(1)], &Provenance::default())
+        .unwrap();
+    store
+        .add_pictures(&id, 2, &[picture(2)], &Provenance::default())
+        .unwrap();
+    assert!(
+        store
+            .add_pictures(&id, 2, &[picture(3)], &Provenance::default())
+            .is_err()
+    );
+    assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
+    assert_eq!(store.dataset_images(&id, 1..9).unwrap(), [1, 1, 1, 1, 2, 2, 2, 2]);
+
+    assert_eq!(store.saved_training(&id).unwrap(), None);
+    let training = |epoch: u64| SavedTraining {
+        epoch,
+        bytes: vec![epoch as u8],
+    };
+    for epoch in [1, 3, 2] {
+        store.save_training(&id, &training(epoch)).unwrap();
+    }
+    assert_eq!(store.saved_training(&id).unwrap(), Some(training(3)));
+}

@@ -1,0 +1,59 @@
+//! What people ask for with a button.
+
+use super::{Web, examples::EXAMPLES, wrong::Wrong};
+use axum::{
+    Form,
+    extract::{Path, State},
+    response::Redirect,
+};
+use murmuration_model::Weight;
+use murmuration_proto::{CampaignSpec, Invalid, SpecFileError};
+use serde::Deserialize;
+
+/// Which example to start.
+#[derive(Debug, Deserialize)]
+pub(super) struct Start {
+    example: String,
+}
+
+pub(super) async fn start(
+    State(web): State<Web>,
+    Form(Start { example }): Form<Start>,
+) -> Result<Redirect, Wrong> {
+    let found = EXAMPLES.iter().find(|(name, _, _)| *name == example);
+    let (_, _, text) = found.ok_or_else(|| {
+        let names = EXAMPLES.map(|(name, _, _)| name).join(", ");
+        Invalid::new("example", format!("{example:?}"), format!("one of {names}"))
+    })?;
+    let spec = CampaignSpec::from_toml(text).map_err(|error| match error {
+        SpecFileError::Value(invalid) => invalid,
+        SpecFileError::Syntax(error) => Invalid::new("example", example, error.to_string()),
+    })?;
+    let created = web.campaigns.create(spec, Weight::default()).await?;
+    Ok(page_of(created.record.id.as_str()))
+}
+
+pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let paused = web.campaigns.pause(&id).await?;
+    Ok(page_of(paused.record.id.as_str()))
+}
+
+pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let resumed = web.campaigns.resume(&id).await?;
+    Ok(page_of(resumed.record.id.as_str()))
+}
+
+pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let cancelled = web.campaigns.cancel(&id).await?;
+    Ok(page_of(cancelled.record.id.as_str()))
+}
+
+/// Learning begins; on the map it can be watched.
+pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+    let refined = web.campaigns.refine(&id).await?;
+    Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
+}
+
+fn page_of(campaign: &str) -> Redirect {
+    Redirect::to(&format!("/campaigns/{campaign}"))
+}

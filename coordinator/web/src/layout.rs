@@ -1,0 +1,114 @@
+//! What all pages have about their content.
+
+use super::visitor::Visitor;
+use maud::{DOCTYPE, Markup, html};
+use murmuration_model::CampaignRecord;
+
+/// What of a campaign a page shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    Progress,
+    Label,
+    Sheet,
+    Map,
+    Taxonomy,
+}
+
+impl Part {
+    const ALL: [(Self, &str, &str); 5] = [
+        (Self::Progress, "", "Progress"),
+        (Self::Label, "/label", "Label"),
+        (Self::Sheet, "/sheet", "Sheet"),
+        (Self::Map, "/map", "Map"),
+        (Self::Taxonomy, "/taxonomy", "Taxonomy"),
+    ];
+}
+
+/// A whole page around `content`.
+pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup {
+    document(
+        title,
+        visitor.account(),
+        &["live.js"],
+        html! { main #content { (content) } },
+    )
+}
+
+/// A page about a part of a campaign, followed by a script.
+pub(super) fn campaign_page(
+    record: &CampaignRecord,
+    part: Part,
+    visitor: &Visitor,
+    script: &str,
+    content: Markup,
+) -> Markup {
+    let id = record.id.as_str();
+    let name = Part::ALL
+        .iter()
+        .find(|(known, ..)| *known == part)
+        .map_or("", |(_, _, name)| *name);
+    let title = format!("{name} · {id}");
+    let links = html! {
+        span.campaign { (id) }
+        nav aria-label="Campaign" {
+            @for (other, path, name) in Part::ALL {
+                a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
+            }
+        }
+        (visitor.account())
+    };
+    let main = html! {
+        main #content data-campaign=(id) data-created=(record.edition().origin()) {
+            noscript { p.scriptless { (without_scripts(record, part)) } }
+            (content)
+        }
+    };
+    document(&title, links, &[script], main)
+}
+
+/// What a page says where no script runs.
+fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
+    let page = |path: &str, name: &str| html! { a href={ "/campaigns/" (record.id) (path) } { (name) } };
+    html! {
+        @match part {
+            Part::Progress => {
+                "This page shows how the campaign stood when it was loaded: without JavaScript it does not follow what "
+                "happens. Load it again for news; its buttons work."
+            },
+            Part::Taxonomy => {
+                "Without JavaScript the pictures do not move and cannot be named here. The report needs none for its pictures "
+                "and numbers."
+            },
+            Part::Label | Part::Sheet | Part::Map => {
+                "This page needs JavaScript, which this browser does not run here. Without it there are the "
+                (page("", "progress")) " of the campaign, its " (page("/taxonomy", "taxonomy")) " in pictures, and on the "
+                "command line " code { "murmuration label " (record.id) } ", which takes answers from a file."
+            },
+        }
+    }
+}
+
+fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Markup {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) " · Murmuration" }
+                link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
+                link rel="stylesheet" href="/assets/style.css";
+                link rel="stylesheet" href="/assets/teach.css";
+                noscript { link rel="stylesheet" href="/assets/noscript.css"; }
+                @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
+            }
+            body {
+                a.skip href="#content" { "Skip to the content" }
+                header { a.home href="/" { "Murmuration" } (links) }
+                p.stale-note role="status" hidden {}
+                (main)
+            }
+        }
+    }
+}

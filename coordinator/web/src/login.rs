@@ -1,0 +1,185 @@
+//! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
+
+use super::{
+    layout::layout,
+    visitor::Visitor,
+    wrong::{self, Wrong, status_of},
+};
+use axum::{
+    Extension, Form,
+    extract::Query,
+    http::{
+        HeaderMap, StatusCode, Uri,
+        header::{CACHE_CONTROL, SET_COOKIE},
+    },
+    response::{IntoResponse, Redirect, Response},
+};
+use maud::{Markup, html};
+use murmuration_access::{Door, Refusal};
+use murmuration_engine::blocking::blocking;
+use murmuration_link::TokenDigest;
+use serde::Deserialize;
+use std::{sync::Arc, time::SystemTime};
+
+/// A token, as somebody gave it.
+#[derive(Deserialize)]
+pub(super) struct Given {
+    token: String,
+    #[serde(default)]
+    to: Destination,
+}
+
+/// Where somebody was going.
+#[derive(Deserialize)]
+pub(super) struct Going {
+    #[serde(default)]
+    to: Destination,
+}
+
+/// A page of ours, by its path.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(from = "String")]
+struct Destination(String);
+
+impl Default for Destination {
+    fn default() -> Self {
+        Self("/".to_owned())
+    }
+}
+
+impl From<String> for Destination {
+    /// Whatever is not plainly a path of this host leads to the front page.
+    fn from(path: String) -> Self {
+        let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
+        match path.starts_with('/') && !path.starts_with("//") && path.chars().all(plain) {
+            true => Self(path),
+            false => Self::default(),
+        }
+    }
+}
+
+/// Who is logged in, or where to log in.
+pub(super) async fn page(
+    Extension(door): Extension<Arc<Door>>,
+    Query(Going { to }): Query<Going>,
+    headers: HeaderMap,
+) -> impl IntoResponse {
+    let token = door.logged_in(&headers);
+    let whose = token.and_then(|token| door.access.whose(token));
+    let content = match whose {
+        Some((name, role)) => html! {
+            h1 { "Logged in" }
+            p.lead { "As " strong { (name.to_string()) } ", with the role " strong { (role) } "." }
+            form method="post" action="/logout" { button { "Log out" } }
+            p { a href="/" { "All campaigns" } }
+        },
+        None if door.access.tokens.is_none() => html! {
+            h1 { "No need to log in" }
+            p.lead { "This coordinator asks nobody for a token." }
+            p { a href="/" { "All campaigns" } }
+        },
+        None => form(&to, ""),
+    };
+    (
+        [(CACHE_CONTROL, "no-store")],
+        layout("Log in", &Visitor::ANYBODY, content),
+    )
+}
+
+/// Takes a token, if it is somebody's.
+pub(super) async fn log_in(
+    Extension(door): Extension<Arc<Door>>,
+    headers: HeaderMap,
+    Form(given): Form<Given>,
+) -> Response {
+    let token = TokenDigest::of(given.token.trim());
+    if door.access.whose(token).is_none() {
+        let page = layout(
+            "Log in",
+            &Visitor::ANYBODY,
+            form(&given.to, "The coordinator does not know this token."),
+        );
+        return (StatusCode::UNAUTHORIZED, page).into_response();
+    }
+    let (sessions, is_encrypted) = (door.sessions.clone(), door.is_encrypted);
+    let opened = blocking(move || {
+        let jar = sessions.log_in(&headers, token, is_encrypted, SystemTime::now());
+        Ok::<_, Wrong>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
+    });
+    match opened.await {
+        Ok(Ok(answer)) => answer,
+        Ok(Err(wrong)) => wrong.into_response(),
+        Err(broken) => Wrong::from(broken).into_response(),
+    }
+}
+
+/// Ends the session, and has the browser forget it and what it has kept of our pages.
+pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> Response {
+    let sessions = door.sessions.clone();
+    let forgotten = sessions.forget(&headers);
+    let ended = blocking(move || sessions.log_out(&headers)).await;
+    let answer = match ended {
+        Ok(Ok(())) => Redirect::to("/").into_response(),
+        Ok(Err(error)) => Wrong::from(error).into_response(),
+        Err(broken) => Wrong::from(broken).into_response(),
+    };
+    hidden((forgotten, [("clear-site-data", "\"cache\"")], answer).into_response())
+}
+
+/// The answer, whose cookies no log shows.
+fn hidden(mut answer: Response) -> Response {
+    let headers = answer.headers_mut().iter_mut();
+    headers
+        .filter(|(name, _)| *name == SET_COOKIE)
+        .for_each(|(_, cookie)| cookie.set_sensitive(true));
+    answer
+}
+
+fn form(to: &Destination, wrong: &str) -> Markup {
+    html! {
+        h1 { "Log in" }
+        p.lead { "With a token, which whoever runs this coordinator has given to you." }
+        form.who method="post" action="/login" {
+            input type="hidden" name="to" value=(to.0);
+            label { "Token "
+                input name="token" type="password" required autofocus autocomplete="current-password";
+            }
+            button { "Log in" }
+        }
+        @if !wrong.is_empty() { p role="alert" { (wrong) } }
+    }
+}
+
+/// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
+pub(super) fn turned_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+    match (wrong::wants_page(headers), status_of(&refusal)) {
+        (true, StatusCode::UNAUTHORIZED) => {
+            let Destination(path) = uri.path().to_owned().into();
+            Redirect::to(&format!("/login?to={path}")).into_response()
+        }
+        _ => Wrong::Refused(refusal).told(headers),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_in_leads_to_pages_of_ours_alone() {
+        let leads = |path: &str| Destination::from(path.to_owned()).0;
+        for path in ["/", "/campaigns/two-sensor-1/label"] {
+            assert_eq!(leads(path), path);
+        }
+        for path in [
+            "",
+            "//evil.example",
+            "https://evil.example",
+            "/\\evil.example",
+            "/a?b",
+            "campaigns",
+        ] {
+            assert_eq!(leads(path), "/", "{path}");
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The map of a campaign's behaviours: its page, and its points for the script.
+
+use super::{
+    Web,
+    layout::{Part, campaign_page},
+    parts,
+    refused::Refused,
+    visitor::Visitor,
+    wrong::Wrong,
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+    http::StatusCode,
+    response::{IntoResponse, Response},
+};
+use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::colours;
+use murmuration_report::picture::columns::{column, span, spread};
+use murmuration_search::medoids::Clustering;
+use murmuration_service::OrStatus as _;
+use serde_json::{Value, json};
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, Wrong> {
+    let record = web.campaigns.status(&id).await?.record;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Map" }
+            div.choices.scripted {
+                label { "Places " select #projection {
+                    option value="axes" { "principal axes" }
+                    option value="neighbours" disabled { "t-SNE (not there yet)" }
+                } }
+                label { "Colours " select #colouring {
+                    option value="class" { "class" }
+                    option value="cluster" { "cluster" }
+                    option value="generation" { "generation" }
+                } }
+            }
+        }
+        (parts::who())
+        div.desk.map-desk {
+            div.sight.scripted {
+                section.plane aria-label="Behaviours" {
+                    canvas #points aria-hidden="true" {}
+                    canvas #over tabindex="0" role="application" aria-describedby="how"
+                        aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
+                    div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
+                    p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
+                }
+                ul #legend.legend aria-label="Colours" {}
+                p #distances.reason role="status" {}
+                p #how.reason {
+                    "Point at a behaviour for its picture, click it for its motion. Draw around "
+                    "several to select them (with Shift, more of them; Escape, none), then press the number of a class."
+                }
+            }
+            section.side aria-label="Selection" {
+                (parts::stage("Motion of the behaviour that was chosen"))
+                p #chosen.reason.scripted { "Click a behaviour to see its motion." }
+                p #selected.reason.scripted { "Draw around behaviours to label them." }
+                (parts::palette(false))
+                (parts::status_line())
+                (parts::learn(&record))
+            }
+        }
+    };
+    Ok(campaign_page(&record, Part::Map, &visitor, "map.js", content))
+}
+
+/// What is known of each point besides its place; clusters of the first individuals alone while the archive grows.
+pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let record = web.campaigns.status(&id).await.or_status()?.record;
+    let (individuals, population) = (record.individuals(), record.spec.search().population());
+    let queries = web.labels.queries;
+    let clustered = blocking(move || queries.clusters(&record)).await.or_status()?;
+    let clustered = clustered.or_status()?;
+    let Clustering {
+        medoids, clusters, ..
+    } = &clustered.clustering;
+    Ok(Json(json!({
+        "count": individuals,
+        "population": population,
+        "final": clustered.is_taxonomy,
+        "edition": clustered.space.edition.to_string(),
+        "medoids": medoids,
+        "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
+        "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
+    })))
+}
+
+/// Places on the principal axes.
+pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let record = web.campaigns.status(&id).await.or_status()?.record;
+    let maps = web.maps.clone();
+    let axes = blocking(move || maps.axes(&record))
+        .await
+        .or_status()?
+        .or_status()?;
+    Ok(Json(places(&axes.points)))
+}
+
+/// Places by t-SNE; ACCEPTED, and nothing, while they are computed.
+pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
+    let record = web.campaigns.status(&id).await.or_status()?.record;
+    let maps = web.maps.clone();
+    let found = blocking(move || maps.neighbours(&record))
+        .await
+        .or_status()?
+        .or_status()?;
+    Ok(match found {
+        Some(points) => Json(places(&points)).into_response(),
+        None => StatusCode::ACCEPTED.into_response(),
+    })
+}
+
+fn places(points: &[[f64; 2]]) -> Value {
+    let axis = |axis: usize| points.iter().map(move |point| point[axis]);
+    let spans = [span(axis(0)), span(axis(1))];
+    json!({ "x": spread(axis(0)), "y": spread(axis(1)), "spans": spans })
+}

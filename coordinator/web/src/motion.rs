@@ -1,0 +1,48 @@
+//! The motion of an individual, for a script to draw.
+
+use super::{Web, archived::Created, refused::Refused};
+use axum::{
+    Json,
+    extract::{Path, Query, State},
+    response::IntoResponse,
+};
+use murmuration_model::colours;
+use murmuration_proto::{
+    Frames, Replay,
+    parts::whole,
+    v1::{self, campaign_service_server::CampaignService as _},
+};
+use murmuration_report::picture::columns;
+use murmuration_service::OrStatus as _;
+use serde_json::json;
+use std::time::Duration;
+use tonic::{Request, Status};
+
+/// Bytes of one motion, before base64.
+const MOTION_BYTES: usize = 2 << 20;
+/// How long a script waits for a worker; then it is told that they have other work, and may ask again.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+pub(super) async fn motion(
+    State(web): State<Web>,
+    Path((campaign, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
+) -> Result<impl IntoResponse, Refused> {
+    let record = web.campaigns.status(&campaign).await.or_status()?.record;
+    web.archive.dispatch.check_staffed().or_status()?;
+    let world = *record.spec.world();
+    let request = v1::GetReplayRequest {
+        campaign: record.id.to_string(),
+        index,
+        stride: Frames::to_watch(&world).stride().get(),
+    };
+    let replay = tokio::time::timeout(PATIENCE, web.archive.get_replay(Request::new(request)));
+    let late = || Status::unavailable("the workers have not simulated this yet");
+    let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
+    let told = json!({
+        "world": columns::world(&world),
+        "colours": colours::AGENTS.map(colours::hex),
+        "run": columns::motion(&Replay::try_from(replay)?, &world, MOTION_BYTES),
+    });
+    Ok(([created.keep(&record)], Json(told)))
+}

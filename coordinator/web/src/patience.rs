@@ -1,0 +1,56 @@
+//! How long a browser waits for an answer to begin: then it is told that there is none, rather than that the connection broke.
+
+use super::wrong::Wrong;
+use axum::{extract::Request, middleware::Next, response::Response};
+use murmuration_access::limits::PAGE_LIMIT;
+
+/// Gives up what takes too long. What is followed has begun by then.
+pub(super) async fn limited(request: Request, next: Next) -> Response {
+    let headers = request.headers().clone();
+    answered_in_time(next.run(request), || Wrong::Late.told(&headers)).await
+}
+
+async fn answered_in_time(
+    answer: impl Future<Output = Response>,
+    otherwise: impl FnOnce() -> Response,
+) -> Response {
+    match tokio::time::timeout(PAGE_LIMIT, answer).await {
+        Ok(answer) => answer,
+        Err(_) => otherwise(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::{
+        body::to_bytes,
+        http::{HeaderMap, HeaderValue, StatusCode, header::ACCEPT},
+        response::IntoResponse as _,
+    };
+    use murmuration_access::limits::IDLE_LIMIT;
+    use std::future;
+
+    #[tokio::test(start_paused = true)]
+    async fn what_takes_too_long_is_told_in_words_before_the_connection_is_closed() {
+        for (accepts, begins) in [
+            ("text/html,*/*", "<!DOCTYPE html>"),
+            ("*/*", "this took longer than"),
+        ] {
+            let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(accepts))]);
+            let begun = tokio::time::Instant::now();
+            let told = answered_in_time(future::pending(), || Wrong::Late.told(&headers)).await;
+            assert!(begun.elapsed() < IDLE_LIMIT);
+            assert_eq!(told.status(), StatusCode::GATEWAY_TIMEOUT);
+            let body = to_bytes(told.into_body(), usize::MAX).await.unwrap();
+            let text = String::from_utf8(body.to_vec()).unwrap();
+            assert!(
+                text.starts_with(begins) && text.contains("murmuration report"),
+                "{text}"
+            );
+        }
+        let soon = async { "soon".into_response() };
+        let told = answered_in_time(soon, || Wrong::Late.into_response()).await;
+        assert_eq!(told.status(), StatusCode::OK);
+    }
+}

@@ -1,0 +1,42 @@
+//! Who looks at a page: whoever has logged in, where there is a log-in.
+
+use axum::{extract::FromRequestParts, http::request::Parts};
+use maud::{Markup, html};
+use murmuration_access::Door;
+use std::{convert::Infallible, sync::Arc};
+
+/// Whoever looks.
+#[derive(Debug)]
+pub(super) struct Visitor {
+    /// Whose token they have logged in with.
+    name: Option<String>,
+}
+
+impl Visitor {
+    /// Of whom nothing is known.
+    pub(super) const ANYBODY: Self = Self { name: None };
+
+    /// Their name and the way out; nothing for who has not logged in.
+    pub(super) fn account(&self) -> Markup {
+        html! {
+            @if let Some(name) = &self.name {
+                form.account method="post" action="/logout" {
+                    span { (name) }
+                    button.plain { "Log out" }
+                }
+            }
+        }
+    }
+}
+
+impl<S: Sync> FromRequestParts<S> for Visitor {
+    type Rejection = Infallible;
+
+    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Self, Infallible> {
+        let door = parts.extensions.get::<Arc<Door>>();
+        let whose = door.and_then(|door| door.access.whose(door.logged_in(&parts.headers)?));
+        Ok(Self {
+            name: whose.map(|(name, _)| name.to_string()),
+        })
+    }
+}
