@@ -14,12 +14,15 @@
 //!
 //! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
+mod ids;
 mod job;
 mod quarantine;
 mod queues;
 mod task;
 mod turns;
 mod workers;
+
+pub use ids::{Abilities, JobId, LeaseNumber, WorkerId, WorkerProcessId};
 
 use job::Job;
 use murmuration_model::MachineId;
@@ -30,36 +33,6 @@ use std::{
 };
 use task::Task;
 use workers::Worker;
-
-/// A worker's connection; a worker that connects anew has another one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct WorkerId(u64);
-
-/// A worker's process, the same over all its connections from one machine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct WorkerProcessId {
-    /// Where it runs.
-    pub machine: MachineId,
-    /// What tells it from other processes of that machine: a number of its own choosing, which gives it no vote.
-    pub instance: u64,
-}
-
-/// What a worker can do.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Abilities {
-    /// Tasks that it runs at once, 1 or more.
-    pub capacity: usize,
-    /// Whether it embeds pictures.
-    pub embeds: bool,
-}
-
-/// A job that was submitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct JobId(u64);
-
-/// A lease; numbers are never used twice in one run of the coordinator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct LeaseNumber(pub u64);
 
 /// Most tasks in one batch.
 pub const MAX_BATCH: usize = 64;

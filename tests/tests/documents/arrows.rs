@@ -6,7 +6,11 @@ mod rings;
 use crate::pages::root;
 use code::Crate;
 use rings::rings;
-use std::{collections::BTreeMap, fs};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::PathBuf,
+};
 
 /// The floor of each crate, by its folder. A crate depends only on crates of lower floors; tests, benchmarks and build
 /// scripts included.
@@ -69,6 +73,27 @@ pub fn no_modules_know_each_other_in_a_ring() {
         }
     }
     assert_eq!(found, RINGS, "rings found (left), rings that are allowed (right)");
+}
+
+/// Files are read in one sitting.
+pub fn no_file_is_longer_than_450_lines() {
+    let mut folders: Vec<PathBuf> = FLOORS.iter().map(|(folder, _)| root().join(folder)).collect();
+    let mut files = BTreeSet::new();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.insert(path);
+            }
+        }
+    }
+    assert!(files.len() > 400, "{}", files.len());
+    for file in files {
+        let lines = fs::read_to_string(&file).unwrap().lines().count();
+        assert!(lines <= 450, "{} has {lines} lines", file.display());
+    }
 }
 
 /// A ring is found where there is one, through names that a module hands on; code of tests is left out.

@@ -18,6 +18,7 @@ fn main() -> ExitCode {
         test!(arrows::rings_are_found),
         test!(arrows::no_crate_knows_one_of_its_floor_or_above),
         test!(arrows::no_modules_know_each_other_in_a_ring),
+        test!(arrows::no_file_is_longer_than_450_lines),
         test!(map::every_crate_is_on_the_map_with_its_floor_and_its_public_modules),
         test!(options::what_starts_a_service_is_an_environment_variable_too),
         test!(references::links_and_paths_lead_somewhere),

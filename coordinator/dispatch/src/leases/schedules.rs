@@ -3,6 +3,8 @@
 //!
 //! `MURMURATION_SCHEDULES` says how many, `MURMURATION_SEED` where they begin: a failure names the seed of its own.
 
+mod observed;
+
 use super::*;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng as _};
@@ -270,83 +272,6 @@ impl Cluster {
         self.table.add_credits(worker, grant.tasks.len());
         self.hear_news();
         true
-    }
-
-    fn hear_news(&mut self) {
-        for news in self.table.take_news() {
-            match news {
-                News::Progress { job, settled } => assert!(settled < self.jobs[&job].tasks),
-                News::Done { job, results } => {
-                    let submitted = self.jobs.remove(&job).expect("a job ended twice");
-                    assert_eq!(results.len(), submitted.tasks);
-                    for (place, settled) in results.into_iter().enumerate() {
-                        self.check(job, &submitted, place, settled);
-                    }
-                }
-                News::Disagreement { job, between, .. } => {
-                    self.jobs.remove(&job).expect("a job ended twice");
-                    assert!(self.are_several(&between), "a machine differs from itself");
-                    let lies = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Liar;
-                    assert!(between.iter().any(lies), "honest machines differ");
-                    self.seen.disagreements += 1;
-                }
-                News::Impossible { job, by } => {
-                    let submitted = self.jobs.remove(&job).expect("a job ended twice");
-                    assert!(by.len() == 1 || self.are_several(&by));
-                    let honest = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Honest;
-                    assert!(
-                        !submitted.impossible.is_empty() || !by.iter().any(honest),
-                        "an honest machine refuses"
-                    );
-                    self.seen.impossible += 1;
-                }
-                News::Quarantined { process, workers, .. } => {
-                    self.seen.quarantines += 1;
-                    let machine = process.machine;
-                    assert_eq!(
-                        self.machines[&machine],
-                        Character::Liar,
-                        "an honest machine was found wrong"
-                    );
-                    let of_machine = self.processes.iter_mut().filter(|(id, _)| id.machine == machine);
-                    let mut connected: Vec<_> = of_machine
-                        .filter_map(|(_, process)| process.worker.take())
-                        .collect();
-                    connected.sort_unstable();
-                    assert_eq!(connected, workers);
-                }
-            }
-        }
-    }
-
-    fn are_several(&self, processes: &[WorkerProcessId]) -> bool {
-        let machines: BTreeSet<_> = processes.iter().map(|process| process.machine).collect();
-        machines.len() == processes.len() && machines.len() > 1
-    }
-
-    fn check(&mut self, job: JobId, submitted: &Submitted, place: usize, settled: Settled<u64>) {
-        match settled {
-            Settled::Result { value, by, audited } => {
-                self.seen.settled += 1;
-                let is_liar = self.machines[&by.machine] == Character::Liar;
-                assert!(!submitted.deadly.contains(&place), "a deadly task was done");
-                assert!(
-                    is_liar || !submitted.impossible.contains(&place),
-                    "an impossible task was done"
-                );
-                if value != truth(job, place) {
-                    assert!(
-                        !audited && is_liar && !self.table.quarantined.contains(&by.machine),
-                        "a lie was kept"
-                    );
-                }
-            }
-            Settled::SetAside { lost } => {
-                self.seen.set_aside += 1;
-                assert!(lost.len() >= MOST_LOST);
-                assert!(submitted.lost[&place] >= MOST_LOST, "set aside without a reason");
-            }
-        }
     }
 
     fn step(&mut self) {

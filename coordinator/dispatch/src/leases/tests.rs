@@ -3,6 +3,7 @@
 use super::*;
 
 mod machines;
+mod turns;
 
 const DISPUTE_PATIENCE: Duration = Duration::from_secs(5);
 const ABLE: Abilities = Abilities {
@@ -377,98 +378,4 @@ fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
         table.lose(worker);
     }
     assert_eq!((table.waiting(), table.take_news().len()), (1, 9));
-}
-
-#[test]
-fn a_late_lease_is_also_given_to_an_idle_worker() {
-    let (mut table, [_, _]) = workers([1, 1]);
-    table.submit(terms(1));
-    let start = now();
-    let slow = table.grant(start).unwrap();
-    assert_eq!(table.grant(start), None, "it is not late yet");
-    let spare = table.grant(start + PATIENCE.1 * 2).unwrap();
-    assert_ne!(spare.worker, slow.worker);
-    assert_eq!(spare.tasks, slow.tasks);
-    assert_eq!(table.grant(start + PATIENCE.1 * 9), None, "nobody gets it twice");
-    table
-        .complete(spare.worker, spare.lease, answers(&spare), start)
-        .unwrap();
-    assert_eq!(results(table.take_news()).len(), 1);
-}
-
-#[test]
-fn jobs_share_the_workers_by_effort() {
-    let (mut table, [worker]) = workers([1_000_000]);
-    let heavy = table.submit(Terms {
-        effort: 3,
-        ..terms(4000)
-    });
-    let light = table.submit(terms(4000));
-    let mut had = BTreeMap::from([(heavy, 0), (light, 0)]);
-    while table.waiting() > 3000 {
-        let grant = table.grant(now()).unwrap();
-        *had.get_mut(&grant.job).unwrap() += grant.tasks.len();
-        table
-            .complete(worker, grant.lease, answers(&grant), now())
-            .unwrap();
-    }
-    let ratio = had[&light] as f64 / had[&heavy] as f64;
-    assert!((2.5..3.5).contains(&ratio), "{had:?}");
-}
-
-#[test]
-fn who_gives_a_job_back_pauses_from_it_for_longer_each_time_and_does_others_meanwhile() {
-    let (mut table, [worker]) = workers([1000]);
-    let mut now = now();
-    let broken = table.submit(terms(1));
-    let mut pauses = Vec::new();
-    let mut grant = table.grant(now).unwrap();
-    for _ in 0..8 {
-        assert_eq!(grant.job, broken);
-        table.give_back(worker, grant.lease, now);
-        let sound = table.submit(terms(1));
-        let other = table.grant(now).unwrap();
-        assert_eq!(other.job, sound, "another job is done at once");
-        table.complete(worker, other.lease, answers(&other), now).unwrap();
-        let begun = now;
-        grant = loop {
-            match table.grant(now) {
-                Some(grant) => break grant,
-                None => now += Duration::from_millis(50),
-            }
-        };
-        pauses.push((now - begun).as_millis());
-    }
-    assert_eq!(pauses, [200, 400, 800, 1600, 3200, 6400, 10_000, 10_000]);
-}
-
-#[test]
-fn a_small_job_does_not_wait_for_a_large_one() {
-    let (mut table, [_]) = workers([1000]);
-    let large = table.submit(terms(10_000));
-    assert_eq!(table.grant(now()).unwrap().job, large);
-    let small = table.submit(terms(2));
-    let next: Vec<_> = (0..3).map(|_| table.grant(now()).unwrap().job).collect();
-    assert!(next.contains(&small), "{next:?}");
-}
-
-#[test]
-fn whoever_has_least_in_hand_is_next() {
-    let (mut table, [many, few]) = workers([64, 4]);
-    table.submit(terms(2));
-    assert_eq!(
-        table.grant(now()).unwrap().worker,
-        many,
-        "with equal loads, the one with more room"
-    );
-    assert_eq!(table.grant(now()).unwrap().worker, few);
-}
-
-#[test]
-fn silence_is_noticed() {
-    let (mut table, [worker]) = workers([1]);
-    let later = now() + Duration::from_secs(60);
-    assert_eq!(table.silent(later, Duration::from_secs(30)), [worker]);
-    table.hear(worker, later);
-    assert_eq!(table.silent(later, Duration::from_secs(30)), []);
 }

@@ -1,0 +1,161 @@
+//! Archives that move to another checkpoint.
+
+use super::*;
+
+/// A store with two checkpoints and a latent campaign of one generation that is embedded by the first.
+fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
+    let (folder, store) = open();
+    let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
+    for digest in digests {
+        let record = CheckpointRecord {
+            digest,
+            size: 3,
+            lineage: Lineage::default(),
+            created_ms: 0,
+        };
+        store.add_checkpoint(&record).unwrap();
+    }
+    let text = format!(
+        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"",
+        digests[0]
+    );
+    let id = store
+        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 0)
+        .unwrap();
+    store.switch(&id, &unchanged(&[])).unwrap();
+    let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
+    let individuals = [0, 1].map(|index| ArchivedIndividual {
+        embedding: vec![index as f32, -0.5],
+        ..individual(index)
+    });
+    store
+        .commit_generation(&id, &record, &individuals, &Provenance::default())
+        .unwrap();
+    (folder, store, id, digests)
+}
+
+fn unchanged(novelty: &[f64]) -> Switch {
+    Switch {
+        novelty: novelty.to_vec(),
+        generations: Vec::new(),
+    }
+}
+
+fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
+    let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
+    individuals
+        .into_iter()
+        .map(|individual| individual.embedding)
+        .collect()
+}
+
+#[test]
+fn an_archive_switches_to_another_checkpoint_at_once() {
+    let (_folder, store, id, [first, second]) = embedded();
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    let clustering = Clustering {
+        medoids: vec![0],
+        clusters: vec![0, 0],
+        loss: 1.0,
+    };
+    store.complete(&id, &clustering, &[]).unwrap();
+
+    store.move_to(&id, second).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!(
+        (record.checkpoint, record.next_checkpoint),
+        (Some(first), Some(second))
+    );
+    assert_eq!((record.embedded, record.state), (1, CampaignState::Running));
+    // Until the switch everything is as it was.
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+    assert!(store.taxonomy(&id).unwrap().is_some());
+
+    store
+        .add_embeddings(&id, 1, &[vec![8.0]], &Provenance::default())
+        .unwrap();
+    assert_eq!(store.next_embeddings(&id).unwrap(), [[7.0], [8.0]]);
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: vec![GenerationRecord::of(0, &[3.0, 5.0], 0)],
+    };
+    store.switch(&id, &switch).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(second), None));
+    assert_eq!(record.last_novelty, Some((5.0, 4.0)));
+    assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
+    assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
+    assert_eq!(store.taxonomy(&id).unwrap(), None);
+}
+
+#[test]
+fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_after() {
+    let (_folder, store, id, [_, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    let by_7 = Provenance {
+        makers: vec![
+            Maker {
+                kind: EmbeddingKind::UNKNOWN,
+                unaudited: Some(MachineId(7)),
+            };
+            2
+        ],
+        notices: Vec::new(),
+    };
+    let wrong = [vec![7.0], vec![8.0]];
+    store.add_embeddings(&id, 0, &wrong, &by_7).unwrap();
+    let switch = Switch {
+        novelty: vec![3.0, 5.0],
+        generations: Vec::new(),
+    };
+    store.switch(&id, &switch).unwrap();
+    let later = ArchivedIndividual {
+        image: Some(vec![0; 4]),
+        ..ArchivedIndividual::still(2, 1)
+    };
+    let generation = GenerationRecord::of(1, &[0.0], 0);
+    store
+        .commit_generation(&id, &generation, &[later], &Provenance::default())
+        .unwrap();
+    let worker = Quarantined {
+        machine: MachineId(7),
+        name: "wrong".to_owned(),
+    };
+    store.quarantine(&[worker]).unwrap();
+    let suspect = store.suspects(&id).unwrap().embeddings;
+    assert_eq!(
+        suspect.iter().map(|suspect| suspect.place).collect::<Vec<_>>(),
+        [0, 1]
+    );
+    assert_eq!(store.embedded_when_moved(&id).unwrap(), 2);
+
+    store.embed_again(&id, 2, "a worker was wrong").unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.checkpoint, record.next_checkpoint), (None, Some(second)));
+    assert_eq!((record.generations_done, record.embedded), (1, 0));
+    assert!(store.suspects(&id).unwrap().is_empty());
+    let right = [vec![1.0], vec![2.0]];
+    store
+        .add_embeddings(&id, 0, &right, &Provenance::default())
+        .unwrap();
+    store.switch(&id, &switch).unwrap();
+    assert_eq!(embeddings(&store, &id), right);
+}
+
+#[test]
+fn a_move_that_is_given_up_leaves_nothing_behind() {
+    let (_folder, store, id, [first, second]) = embedded();
+    store.move_to(&id, second).unwrap();
+    store
+        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .unwrap();
+    store.move_to(&id, first).unwrap();
+    let record = store.campaign(id.as_str()).unwrap();
+    assert_eq!((record.next_checkpoint, record.embedded), (Some(first), 2));
+    store.move_to(&id, second).unwrap();
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedded, 0);
+    assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
+}
