@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_engine::{
-    queries::{Holder, Queries, Wish},
+    queries::{Holder, Queries, QueryRequest},
     space::Spaces,
 };
 use murmuration_model::{
@@ -61,8 +61,8 @@ fn answer(index: u64) -> Done<Change> {
     })
 }
 
-fn question() -> Done<Wish> {
-    Ok(Wish {
+fn question() -> Done<QueryRequest> {
+    Ok(QueryRequest {
         holder: Holder {
             annotator: "ana".parse()?,
             session: String::new(),

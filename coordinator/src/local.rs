@@ -9,14 +9,14 @@ use tokio::{sync::watch, task::JoinHandle};
 
 /// The workers and trainers that a coordinator has in its own process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Crew {
+pub struct InProcess {
     /// Workers, of one thread each.
     pub workers: usize,
     /// Trainers; they share the process's thread pool.
     pub trainers: usize,
 }
 
-impl Crew {
+impl InProcess {
     /// None: work waits for processes elsewhere.
     pub const NONE: Self = Self {
         workers: 0,
@@ -38,7 +38,7 @@ impl LocalCluster {
     ///
     /// # Errors
     /// If the coordinator cannot start.
-    pub async fn start(options: Options, crew: Crew) -> Result<Self, ServerError> {
+    pub async fn start(options: Options, crew: InProcess) -> Result<Self, ServerError> {
         let cache = options.data.path().join("cache");
         let coordinator = Coordinator::start(options).await?;
         let way = coordinator.local().clone();

@@ -9,9 +9,9 @@ use crate::{
     probes::{Probes, Readiness},
 };
 use doors::{Served, Serving, listen, url};
-use murmuration_access::{Entrance, connections::Places, limits};
+use murmuration_access::{ListenConfig, connections::Places, limits};
 use murmuration_dispatch as dispatch;
-use murmuration_dispatch::{Dispatch, Party, Trainers};
+use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
     campaign::{CampaignError, Campaigns},
     maps::Maps,
@@ -28,7 +28,7 @@ use murmuration_proto::{
     },
 };
 use murmuration_search::interrupt::Interrupt;
-use murmuration_service::{CampaignApi, CheckpointApi, LabelApi, Seats, TrainerApi, WorkerApi};
+use murmuration_service::{CampaignApi, CheckpointApi, LabelApi, Permits, TrainerApi, WorkerApi};
 use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
@@ -47,7 +47,7 @@ pub struct Options {
     /// The data directory, held by this process.
     pub data: DataDirectory,
     /// Where and how to listen, and whom to let in.
-    pub entrance: Entrance,
+    pub entrance: ListenConfig,
     /// Whether to continue the campaigns that were running when their coordinator ended.
     pub resume: bool,
     /// Where checkpoints are kept: a URL, or `None` for the data directory.
@@ -123,10 +123,10 @@ impl Coordinator {
         let metrics = Metrics::new();
         let dispatch = Dispatch::start(
             options.dispatch,
-            metrics.dispatch(Party::Worker),
+            metrics.dispatch(PeerKind::Worker),
             store.quarantined()?,
         );
-        let trainers = Trainers::start(options.dispatch, metrics.dispatch(Party::Trainer));
+        let trainers = Trainers::start(options.dispatch, metrics.dispatch(PeerKind::Trainer));
         let interrupt = Interrupt::default();
         // One for questions and maps, which are of the same archives.
         let spaces = Spaces::new(store.clone());
@@ -152,7 +152,7 @@ impl Coordinator {
             campaigns: campaigns.clone(),
             store: store.clone(),
             dispatch: dispatch.clone(),
-            seats: Seats::default(),
+            permits: Permits::default(),
         };
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.
         let label_api = LabelApi {

@@ -1,4 +1,4 @@
 #![no_main]
-//! Fuzzes `edges::campaign_toml`.
+//! Fuzzes `fuzz_targets::campaign_toml`.
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::edges::campaign_toml(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::fuzz_targets::campaign_toml(bytes));

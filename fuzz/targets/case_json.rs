@@ -1,4 +1,4 @@
 #![no_main]
-//! Fuzzes `edges::case_json`.
+//! Fuzzes `fuzz_targets::case_json`.
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::edges::case_json(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::fuzz_targets::case_json(bytes));

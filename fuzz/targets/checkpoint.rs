@@ -1,4 +1,4 @@
 #![no_main]
-//! Fuzzes `edges::checkpoint`.
+//! Fuzzes `fuzz_targets::checkpoint`.
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::edges::checkpoint(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::fuzz_targets::checkpoint(bytes));

@@ -1,4 +1,4 @@
 #![no_main]
-//! Fuzzes `edges::labels_csv`.
+//! Fuzzes `fuzz_targets::labels_csv`.
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::edges::labels_csv(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::fuzz_targets::labels_csv(bytes));

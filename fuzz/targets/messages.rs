@@ -1,4 +1,4 @@
 #![no_main]
-//! Fuzzes `edges::messages`.
+//! Fuzzes `fuzz_targets::messages`.
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::edges::messages(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| murmuration_tests::fuzz_targets::messages(bytes));

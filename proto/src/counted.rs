@@ -24,6 +24,8 @@ pub fn noun(count: u64, singular: &str) -> String {
     let is_consonant = |letter: char| !"aeiou".contains(letter);
     match singular.strip_suffix('y') {
         Some(stem) if stem.ends_with(is_consonant) => format!("{stem}ies"),
+        // An epoch ends like a stomach.
+        _ if singular.ends_with("och") => format!("{singular}s"),
         _ if ["s", "x", "ch", "sh"].iter().any(|end| singular.ends_with(end)) => format!("{singular}es"),
         _ => format!("{singular}s"),
     }
@@ -47,10 +49,13 @@ mod tests {
 
     #[test]
     fn plurals_are_spelled_as_in_english() {
-        let plurals = ["class", "entry", "day", "box", "branch", "pass"].map(|singular| noun(2, singular));
+        let plurals =
+            ["class", "entry", "day", "box", "branch", "pass", "epoch"].map(|singular| noun(2, singular));
         assert_eq!(
             plurals,
-            ["classes", "entries", "days", "boxes", "branches", "passes"]
+            [
+                "classes", "entries", "days", "boxes", "branches", "passes", "epochs"
+            ]
         );
     }
 }

@@ -1,8 +1,8 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
-use murmuration_access::Entrance;
+use murmuration_access::ListenConfig;
 use murmuration_coordinator::{
-    local::{Crew, LocalCluster},
+    local::{InProcess, LocalCluster},
     server::Options,
 };
 use murmuration_dispatch as dispatch;
@@ -71,30 +71,40 @@ pub fn quick_dispatch() -> dispatch::Options {
 impl Cluster {
     /// Starts a coordinator over `data` with `workers` workers and a trainer; running campaigns of the directory go on.
     pub async fn start(data: &Path, workers: usize) -> Self {
-        Self::start_as(data, workers, Entrance::loopback(0), quick_dispatch()).await
+        Self::start_as(data, workers, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
     /// The same at another entrance; its own client gets in as a process of this machine.
-    pub async fn start_at(data: &Path, workers: usize, entrance: Entrance) -> Self {
+    pub async fn start_at(data: &Path, workers: usize, entrance: ListenConfig) -> Self {
         Self::start_as(data, workers, entrance, quick_dispatch()).await
     }
 
     /// The same, with other options for workers.
     pub async fn start_with(data: &Path, workers: usize, dispatch: dispatch::Options) -> Self {
-        Self::start_as(data, workers, Entrance::loopback(0), dispatch).await
+        Self::start_as(data, workers, ListenConfig::loopback(0), dispatch).await
     }
 
     /// The same as [`Cluster::start`], but without a trainer.
     pub async fn start_without_trainer(data: &Path, workers: usize) -> Self {
-        let crew = Crew { workers, trainers: 0 };
-        Self::start_crew(data, crew, Entrance::loopback(0), quick_dispatch()).await
+        let crew = InProcess { workers, trainers: 0 };
+        Self::start_crew(data, crew, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
-    async fn start_as(data: &Path, workers: usize, entrance: Entrance, dispatch: dispatch::Options) -> Self {
-        Self::start_crew(data, Crew { workers, trainers: 1 }, entrance, dispatch).await
+    async fn start_as(
+        data: &Path,
+        workers: usize,
+        entrance: ListenConfig,
+        dispatch: dispatch::Options,
+    ) -> Self {
+        Self::start_crew(data, InProcess { workers, trainers: 1 }, entrance, dispatch).await
     }
 
-    async fn start_crew(data: &Path, crew: Crew, entrance: Entrance, dispatch: dispatch::Options) -> Self {
+    async fn start_crew(
+        data: &Path,
+        crew: InProcess,
+        entrance: ListenConfig,
+        dispatch: dispatch::Options,
+    ) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
             entrance,

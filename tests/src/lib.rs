@@ -5,18 +5,18 @@
 mod binaries;
 mod built;
 mod cluster;
-pub mod edges;
+mod fake_worker;
 mod faulty_libc;
+pub mod fuzz_targets;
 mod harness;
-mod impostor;
 pub mod requirements;
 mod small_disk;
 
 pub use binaries::{Finished, Murmuration, Running};
 pub use built::binary;
 pub use cluster::{Cluster, longer_spec, quick_dispatch, small_latent_spec, small_spec};
+pub use fake_worker::FakeWorker;
 pub use faulty_libc::FaultyLibc;
 pub use harness::{Test, block_on, run, run_one_by_one};
-pub use impostor::Impostor;
 pub use requirements::Requirement;
 pub use small_disk::SmallDisk;

@@ -5,7 +5,7 @@ use murmuration_proto::{
     SIMULATOR_VERSION,
     v1::{self, coordinator_message::Message as Answer, worker_message::Message},
 };
-use murmuration_tests::{Cluster, Impostor, small_spec};
+use murmuration_tests::{Cluster, FakeWorker, small_spec};
 use tonic::Code;
 use tonic_health::pb::{
     HealthCheckRequest, health_check_response::ServingStatus, health_client::HealthClient,
@@ -49,7 +49,7 @@ async fn check_undisturbed<F: Future<Output = ()>>(disturb: impl FnOnce(String) 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_vanishes_with_a_lease_costs_nothing() {
     check_undisturbed(async |url| {
-        let mut impostor = Impostor::connect(&url).await;
+        let mut impostor = FakeWorker::connect(&url).await;
         impostor.lease(10).await;
     })
     .await;
@@ -58,7 +58,7 @@ async fn a_worker_that_vanishes_with_a_lease_costs_nothing() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_falls_silent_is_dropped_and_told_so() {
     check_undisturbed(async |url| {
-        let mut impostor = Impostor::connect(&url).await;
+        let mut impostor = FakeWorker::connect(&url).await;
         impostor.lease(10).await;
         let status = impostor.receive().await.unwrap_err();
         assert_eq!(status.code(), Code::DeadlineExceeded);
@@ -119,7 +119,7 @@ async fn impossible_results_are_refused_by_name() {
     ];
     check_undisturbed(async |url| {
         for (evaluation, extra, said) in cases {
-            let mut impostor = Impostor::connect(&url).await;
+            let mut impostor = FakeWorker::connect(&url).await;
             let (lease, batch) = impostor.lease(4).await;
             impostor
                 .answer(lease, evaluation, batch.tasks.len() + extra)
@@ -139,7 +139,7 @@ async fn impossible_results_are_refused_by_name() {
 #[tokio::test(flavor = "multi_thread")]
 async fn results_for_leases_that_never_were_are_ignored() {
     check_undisturbed(async |url| {
-        let mut impostor = Impostor::connect(&url).await;
+        let mut impostor = FakeWorker::connect(&url).await;
         let evaluation = v1::Evaluation {
             features: vec![0.0; 5],
             image: vec![0; 2500],
@@ -169,7 +169,7 @@ async fn results_for_leases_that_never_were_are_ignored() {
 async fn another_simulator_version_is_told_which_one_to_run() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
-    let status = Impostor::say_hello(&cluster.url(), Impostor::hello("0"))
+    let status = FakeWorker::say_hello(&cluster.url(), FakeWorker::hello("0"))
         .await
         .unwrap_err();
     assert_eq!(status.code(), Code::FailedPrecondition);
@@ -184,11 +184,11 @@ async fn another_simulator_version_is_told_which_one_to_run() {
 async fn messages_out_of_order_or_range_end_the_stream() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
-    let status = Impostor::say_hello(&cluster.url(), Message::Heartbeat(v1::Heartbeat {}))
+    let status = FakeWorker::say_hello(&cluster.url(), Message::Heartbeat(v1::Heartbeat {}))
         .await
         .unwrap_err();
     assert_eq!(status.message(), "the first message must be Hello");
-    let mut impostor = Impostor::connect(&cluster.url()).await;
+    let mut impostor = FakeWorker::connect(&cluster.url()).await;
     impostor
         .send(Message::Credits(v1::Credits {
             evaluations: u32::MAX,
@@ -206,7 +206,7 @@ async fn messages_out_of_order_or_range_end_the_stream() {
 async fn a_draining_worker_gets_no_more_leases() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
-    let mut leaving = Impostor::connect(&cluster.url()).await;
+    let mut leaving = FakeWorker::connect(&cluster.url()).await;
     leaving
         .send(Message::Credits(v1::Credits { evaluations: 5 }))
         .await;
@@ -236,7 +236,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
         .unwrap()
         .into_inner();
     assert_eq!(created.weight, 250);
-    let mut unable = Impostor::connect(&cluster.url()).await;
+    let mut unable = FakeWorker::connect(&cluster.url()).await;
     let (lease, _) = unable.lease(5).await;
     unable
         .fail(lease, v1::FailureClass::Retryable, "the cache is full")
@@ -256,9 +256,9 @@ async fn a_campaign_says_why_its_work_was_given_back() {
 async fn what_one_machine_says_cannot_be_done_another_does() {
     check_undisturbed(async |url| {
         // It is there, and has no time: what it could do is not given up.
-        let busy = Impostor::connect(&url).await;
+        let busy = FakeWorker::connect(&url).await;
         tokio::spawn(busy.dismissed());
-        let mut unfit = Impostor::connect_as(&url, 2, 1).await.unwrap();
+        let mut unfit = FakeWorker::connect_as(&url, 2, 1).await.unwrap();
         let (lease, batch) = unfit.lease(5).await;
         assert_eq!(batch.tasks.len(), 5);
         unfit.fail(lease, v1::FailureClass::Fatal, "no such model").await;
@@ -279,7 +279,7 @@ async fn what_two_machines_say_cannot_be_done_fails_the_campaign_aloud() {
     let campaign = cluster.create(&small_spec("")).await;
     let mut asked = Vec::new();
     for (machine, instance) in [(2, 1), (3, 2)] {
-        let mut unfit = Impostor::connect_as(&cluster.url(), machine, instance)
+        let mut unfit = FakeWorker::connect_as(&cluster.url(), machine, instance)
             .await
             .unwrap();
         let (lease, _) = unfit.lease(20).await;
@@ -304,7 +304,7 @@ async fn what_the_only_machine_says_cannot_be_done_fails_the_campaign_aloud() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let mut unfit = Impostor::connect_as(&cluster.url(), 2, 1).await.unwrap();
+    let mut unfit = FakeWorker::connect_as(&cluster.url(), 2, 1).await.unwrap();
     let (lease, _) = unfit.lease(5).await;
     unfit.fail(lease, v1::FailureClass::Fatal, "no such model").await;
     tokio::spawn(unfit.dismissed());

@@ -3,15 +3,15 @@
 //! Whatever it holds can be lost: the coordinator has the last snapshot, and whoever leases the training next goes on
 //! from there to the same checkpoint.
 
-mod course;
 mod dataset;
 mod event;
 mod job;
 mod task;
+mod training_run;
 
 use event::{Event, Undone};
 use job::Running;
-use murmuration_link::{Address, Broken, Coordinator, Credentials, Health, Link, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Coordinator, Credentials, Health, Link, Peer, Role, keep, stopped};
 use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
@@ -64,7 +64,7 @@ struct Trainer {
     turn: Arc<Mutex<()>>,
 }
 
-impl Party for Trainer {
+impl Peer for Trainer {
     async fn session(&mut self, mut link: Link, mut stop: watch::Receiver<bool>) -> Result<(), Broken> {
         ask(&link).await?;
         let mut running: Option<Running> = None;

@@ -3,7 +3,7 @@
 //! Stateless: whatever it holds can be lost, the coordinator gives it to another.
 
 mod checkpoints;
-mod desk;
+mod executor;
 mod lease;
 mod pool;
 #[cfg(test)]
@@ -12,7 +12,7 @@ mod tests;
 use checkpoints::Checkpoints;
 use lease::{Lease, Outcome};
 use murmuration_embed::Runtime;
-use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Party, Role, keep, stopped};
+use murmuration_link::{Address, Broken, Credentials, Health, Link, LinkError, Peer, Role, keep, stopped};
 use murmuration_proto::{
     EmbeddingKind,
     v1::{self, coordinator_message, worker_message},
@@ -82,7 +82,7 @@ struct Worker {
     pool: Pool,
 }
 
-impl Party for Worker {
+impl Peer for Worker {
     async fn session(&mut self, mut link: Link, mut stop: watch::Receiver<bool>) -> Result<(), Broken> {
         let mut promised = 0;
         loop {

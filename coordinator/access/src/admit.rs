@@ -2,9 +2,9 @@
 //! it may ask for that.
 
 use super::{
-    Access, Refusal, Session, Sessions, Shown,
+    Access, PresentedCredentials, Refusal, Session, Sessions,
     machine::Certificate,
-    needs::{self, Need},
+    needs::{self, Requirement},
     origin::{self, Asked, Hosts},
 };
 use crate::{
@@ -98,7 +98,7 @@ impl Door {
         origin::check(self.hosts, self.is_encrypted, asked, request)?;
         let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
-        let shown = Shown {
+        let shown = PresentedCredentials {
             token: bearer(request.headers())
                 .map(TokenDigest::of)
                 .or(session.map(|session| session.token)),
@@ -115,7 +115,7 @@ impl Door {
 }
 
 /// What a request must show.
-fn need(request: &Request) -> Need {
+fn need(request: &Request) -> Requirement {
     needs::of_method(request.uri().path()).unwrap_or_else(|| {
         let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
         needs::of_page(request.method(), route)
@@ -124,7 +124,7 @@ fn need(request: &Request) -> Need {
 
 /// Whether anybody may have what is asked for, token or not.
 pub fn is_for_anybody(request: &Request) -> bool {
-    need(request) == Need::Nothing
+    need(request) == Requirement::Nothing
 }
 
 /// Whether its headers are within the limits, which are the same whichever HTTP it came by.

@@ -6,8 +6,8 @@
 
 mod admit;
 pub mod connections;
-mod entrance;
 pub mod limits;
+mod listen_config;
 mod local;
 mod machine;
 mod needs;
@@ -17,7 +17,7 @@ mod sessions;
 mod tokens;
 
 pub use admit::{Door, admit, is_for_anybody};
-pub use entrance::{Entrance, EntranceError, Tls};
+pub use listen_config::{ListenConfig, ListenConfigError, Tls};
 pub use local::{Local, local_token};
 pub use machine::{Machine, origin};
 pub use needs::Role;
@@ -28,7 +28,7 @@ pub use tokens::{Tokens, TokensError};
 
 use machine::Certificate;
 use murmuration_link::TokenDigest;
-use needs::Need;
+use needs::Requirement;
 use std::sync::Arc;
 
 /// Whom a door lets in.
@@ -42,7 +42,7 @@ pub struct Access {
 
 /// What a request shows for itself.
 #[derive(Debug, Clone, Default)]
-pub struct Shown {
+pub struct PresentedCredentials {
     /// The digest of a token, in a header or behind a cookie.
     token: Option<TokenDigest>,
     /// The certificate of its connection, which the TLS library has checked.
@@ -110,20 +110,24 @@ impl Access {
         self.tokens.is_none() && !self.certificates
     }
 
-    fn admits(&self, need: Need, shown: &Shown) -> Result<(), Refusal> {
+    fn admits(&self, need: Requirement, shown: &PresentedCredentials) -> Result<(), Refusal> {
         let certificate = shown.certificate.as_ref().filter(|_| self.certificates);
         let is_for = |machine| certificate.is_some_and(|certificate| certificate.is_for(machine));
         let needs = match need {
-            Need::Nothing => return Ok(()),
-            Need::Machine(machine) if is_for(machine) => return Ok(()),
-            Need::Machine(machine) if certificate.is_some() => {
+            Requirement::Nothing => return Ok(()),
+            Requirement::Machine(machine) if is_for(machine) => return Ok(()),
+            Requirement::Machine(machine) if certificate.is_some() => {
                 return Err(Refusal::WrongCertificate(machine));
             }
-            Need::Machine(_) if self.certificates => return Err(Refusal::NoCertificate),
-            Need::MachineOr(machine, _) if is_for(machine) => return Ok(()),
-            Need::AnyMachineOr(_) if is_for(Machine::Worker) || is_for(Machine::Trainer) => return Ok(()),
-            Need::Machine(_) => Role::Operator,
-            Need::MachineOr(_, role) | Need::AnyMachineOr(role) | Need::Person(role) => role,
+            Requirement::Machine(_) if self.certificates => return Err(Refusal::NoCertificate),
+            Requirement::MachineOr(machine, _) if is_for(machine) => return Ok(()),
+            Requirement::AnyMachineOr(_) if is_for(Machine::Worker) || is_for(Machine::Trainer) => {
+                return Ok(());
+            }
+            Requirement::Machine(_) => Role::Operator,
+            Requirement::MachineOr(_, role) | Requirement::AnyMachineOr(role) | Requirement::Person(role) => {
+                role
+            }
         };
         let Some(tokens) = &self.tokens else {
             return Ok(());
@@ -152,8 +156,8 @@ mod tests {
     use super::*;
     use murmuration_link::Token;
 
-    fn shown(token: Option<&Token>, certificate: &[Machine]) -> Shown {
-        Shown {
+    fn shown(token: Option<&Token>, certificate: &[Machine]) -> PresentedCredentials {
+        PresentedCredentials {
             token: token.map(Token::digest),
             certificate: (!certificate.is_empty()).then(|| Certificate::for_these(certificate)),
         }
@@ -177,23 +181,29 @@ mod tests {
         let access = access(&pairs, false);
         for (place, token) in tokens.iter().enumerate() {
             for (needs, role) in roles.into_iter().enumerate() {
-                let admitted = access.admits(Need::Person(role), &shown(Some(token), &[]));
+                let admitted = access.admits(Requirement::Person(role), &shown(Some(token), &[]));
                 assert_eq!(admitted.is_ok(), place >= needs, "{place} for {role}");
             }
             // Without a client CA machines are let in as operators.
             let machine = access.admits(
-                Need::Machine(Machine::Worker),
+                Requirement::Machine(Machine::Worker),
                 &shown(Some(token), &[Machine::Worker]),
             );
             assert_eq!(machine.is_ok(), place == 2);
         }
-        assert_eq!(access.admits(Need::Nothing, &Shown::default()), Ok(()));
         assert_eq!(
-            access.admits(Need::Person(Role::Viewer), &Shown::default()),
+            access.admits(Requirement::Nothing, &PresentedCredentials::default()),
+            Ok(())
+        );
+        assert_eq!(
+            access.admits(
+                Requirement::Person(Role::Viewer),
+                &PresentedCredentials::default()
+            ),
             Err(Refusal::NoToken)
         );
         let stranger = Token::generate().unwrap();
-        let refused = access.admits(Need::Person(Role::Viewer), &shown(Some(&stranger), &[]));
+        let refused = access.admits(Requirement::Person(Role::Viewer), &shown(Some(&stranger), &[]));
         assert_eq!(refused, Err(Refusal::UnknownToken));
     }
 
@@ -203,22 +213,22 @@ mod tests {
         let access = access(&[(Role::Operator, &operator)], true);
         let (worker, trainer) = (Machine::Worker, Machine::Trainer);
         let person = shown(Some(&operator), &[]);
-        let refused = access.admits(Need::Machine(worker), &person);
+        let refused = access.admits(Requirement::Machine(worker), &person);
         assert_eq!(refused, Err(Refusal::NoCertificate));
         let machine = shown(None, &[worker]);
-        assert_eq!(access.admits(Need::Machine(worker), &machine), Ok(()));
-        let refused = access.admits(Need::Machine(trainer), &machine);
+        assert_eq!(access.admits(Requirement::Machine(worker), &machine), Ok(()));
+        let refused = access.admits(Requirement::Machine(trainer), &machine);
         assert_eq!(refused, Err(Refusal::WrongCertificate(trainer)));
         for need in [
-            Need::AnyMachineOr(Role::Operator),
-            Need::MachineOr(worker, Role::Operator),
+            Requirement::AnyMachineOr(Role::Operator),
+            Requirement::MachineOr(worker, Role::Operator),
         ] {
             assert_eq!(access.admits(need, &machine), Ok(()));
             assert_eq!(access.admits(need, &person), Ok(()));
         }
         for need in [
-            Need::MachineOr(trainer, Role::Operator),
-            Need::Person(Role::Viewer),
+            Requirement::MachineOr(trainer, Role::Operator),
+            Requirement::Person(Role::Viewer),
         ] {
             assert_eq!(access.admits(need, &machine), Err(Refusal::NoToken));
         }
@@ -228,11 +238,11 @@ mod tests {
     fn without_tokens_everybody_is_an_operator() {
         let open = Access::default();
         for need in [
-            Need::Machine(Machine::Worker),
-            Need::Person(Role::Operator),
-            Need::MachineOr(Machine::Trainer, Role::Operator),
+            Requirement::Machine(Machine::Worker),
+            Requirement::Person(Role::Operator),
+            Requirement::MachineOr(Machine::Trainer, Role::Operator),
         ] {
-            assert_eq!(open.admits(need, &Shown::default()), Ok(()));
+            assert_eq!(open.admits(need, &PresentedCredentials::default()), Ok(()));
         }
     }
 }

@@ -30,7 +30,7 @@ impl fmt::Display for Role {
 
 /// What a request must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Need {
+pub enum Requirement {
     /// Nothing.
     Nothing,
     /// The token of somebody with this role.
@@ -44,11 +44,11 @@ pub enum Need {
 }
 
 use Machine::{Trainer, Worker};
-use Need::{AnyMachineOr, MachineOr, Nothing, Person};
+use Requirement::{AnyMachineOr, MachineOr, Nothing, Person};
 use Role::{Annotator, Operator, Viewer};
 
 /// gRPC: service, methods, what they need.
-const METHODS: [(&str, &[(&str, Need)]); 7] = [
+const METHODS: [(&str, &[(&str, Requirement)]); 7] = [
     (
         "murmuration.v1.CampaignService",
         &[
@@ -92,12 +92,15 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
             ("GetAgreement", Person(Viewer)),
         ],
     ),
-    ("murmuration.v1.WorkerService", &[("Work", Need::Machine(Worker))]),
+    (
+        "murmuration.v1.WorkerService",
+        &[("Work", Requirement::Machine(Worker))],
+    ),
     (
         "murmuration.v1.TrainerService",
         &[
-            ("Train", Need::Machine(Trainer)),
-            ("FetchTraining", Need::Machine(Trainer)),
+            ("Train", Requirement::Machine(Trainer)),
+            ("FetchTraining", Requirement::Machine(Trainer)),
         ],
     ),
     ("grpc.health.v1.Health", &[("Check", Nothing), ("Watch", Nothing)]),
@@ -108,7 +111,7 @@ const METHODS: [(&str, &[(&str, Need)]); 7] = [
 ];
 
 /// Pages, and what machines ask: route, what looking at it needs, what posting to it needs.
-const PAGES: [(&str, Option<Need>, Option<Need>); 29] = [
+const PAGES: [(&str, Option<Requirement>, Option<Requirement>); 29] = [
     ("/", Some(Person(Viewer)), Some(Person(Operator))),
     ("/login", Some(Nothing), Some(Nothing)),
     ("/logout", None, Some(Nothing)),
@@ -149,7 +152,7 @@ const PAGES: [(&str, Option<Need>, Option<Need>); 29] = [
 ];
 
 /// What the gRPC method of this path (`/SERVICE/METHOD`) needs; `None` where there is none.
-pub(super) fn of_method(path: &str) -> Option<Need> {
+pub(super) fn of_method(path: &str) -> Option<Requirement> {
     let (service, method) = path.strip_prefix('/')?.split_once('/')?;
     let (_, methods) = METHODS.iter().find(|(known, _)| *known == service)?;
     let known = methods.iter().find(|(known, _)| *known == method);
@@ -157,7 +160,7 @@ pub(super) fn of_method(path: &str) -> Option<Need> {
 }
 
 /// What a page needs, by its route (`/campaigns/{id}`); `None` is no page.
-pub(super) fn of_page(method: &Method, route: Option<&str>) -> Need {
+pub(super) fn of_page(method: &Method, route: Option<&str>) -> Requirement {
     // An address that leads nowhere.
     let Some(route) = route else { return Person(Viewer) };
     let looks = [Method::GET, Method::HEAD].contains(method);

@@ -12,7 +12,7 @@
 //! - a job ends as impossible once two machines say so of one of its tasks, or where there is no other machine to ask;
 //! - there is one code path for a lease that comes back undone, whatever the reason.
 //!
-//! [`LeaseTable::take_news`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
+//! [`LeaseTable::take_events`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
 mod ids;
 mod job;
@@ -51,7 +51,7 @@ pub trait Agree {
 
 /// How a job is to be done.
 #[derive(Debug, Clone)]
-pub struct Terms {
+pub struct JobParams {
     /// Number of tasks, at least one.
     pub tasks: usize,
     /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
@@ -62,7 +62,7 @@ pub struct Terms {
     /// Whether only workers that embed can do them.
     pub embeds: bool,
     /// Whether a late lease is also given to a worker that would be idle.
-    pub hurried: bool,
+    pub speculative: bool,
 }
 
 /// A batch that was just leased: send it to its worker.
@@ -99,7 +99,7 @@ pub enum Settled<R> {
 
 /// Something that whoever waits for jobs, or watches workers, wants to hear.
 #[derive(Debug, PartialEq, Eq)]
-pub enum News<R> {
+pub enum Event<R> {
     /// So many tasks of a job are settled. Fewer than before where a worker was found wrong.
     Progress {
         /// The job.
@@ -177,7 +177,7 @@ pub struct LeaseTable<R> {
     workers: BTreeMap<WorkerId, Worker>,
     leases: BTreeMap<LeaseNumber, Lease>,
     quarantined: BTreeSet<MachineId>,
-    news: Vec<News<R>>,
+    events: Vec<Event<R>>,
     /// Effort that the job served last has had: where new ones begin, so that they owe nothing.
     served: u64,
     /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
@@ -207,7 +207,7 @@ impl<R: Agree> LeaseTable<R> {
             workers: BTreeMap::new(),
             leases: BTreeMap::new(),
             quarantined: BTreeSet::new(),
-            news: Vec::new(),
+            events: Vec::new(),
             served: 0,
             turnaround: None,
             next: 0,
@@ -215,21 +215,25 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// Takes in a job.
-    pub fn submit(&mut self, terms: Terms) -> JobId {
+    pub fn submit(&mut self, params: JobParams) -> JobId {
         let id = JobId(self.fresh_number());
-        let tasks = (0..terms.tasks).map(|place| Task::new(terms.audited.contains(&place)));
+        let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));
         let job = Job {
             tasks: tasks.collect(),
             // The second voices are asked for early, so that the end of a job does not wait for them.
             queues: Queues::new(
-                terms.audited.iter().copied().filter(|&place| place < terms.tasks),
-                (0..terms.tasks).filter(|place| !terms.audited.contains(place)),
+                params
+                    .audited
+                    .iter()
+                    .copied()
+                    .filter(|&place| place < params.tasks),
+                (0..params.tasks).filter(|place| !params.audited.contains(place)),
             ),
             settled: 0,
             served: self.served,
-            effort: terms.effort.max(1),
-            hurried: terms.hurried,
-            embeds: terms.embeds,
+            effort: params.effort.max(1),
+            speculative: params.speculative,
+            embeds: params.embeds,
         };
         self.jobs.insert(id, job);
         id
@@ -274,8 +278,8 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// What happened since it was last asked.
-    pub fn take_news(&mut self) -> Vec<News<R>> {
-        std::mem::take(&mut self.news)
+    pub fn take_events(&mut self) -> Vec<Event<R>> {
+        std::mem::take(&mut self.events)
     }
 
     /// Results of a lease, one a task and in their order; also of one that was lost meanwhile.
@@ -360,7 +364,7 @@ impl<R: Agree> LeaseTable<R> {
         let by = self.jobs.get(&id).map(|job| job.tasks[place].refused.clone());
         self.forget(id);
         let by = by.unwrap_or_default();
-        self.news.push(News::Impossible { job: id, by });
+        self.events.push(Event::Impossible { job: id, by });
     }
 
     /// A lease that its holder will not answer comes back; its tasks are the next to go out.
@@ -402,13 +406,13 @@ impl<R: Agree> LeaseTable<R> {
         let Some(job) = self.jobs.get(&id) else { return };
         if job.settled < job.tasks.len() {
             let settled = job.settled;
-            self.news.push(News::Progress { job: id, settled });
+            self.events.push(Event::Progress { job: id, settled });
             return;
         }
         let tasks = self.jobs.remove(&id).map(|job| job.tasks).unwrap_or_default();
         self.forget(id);
         let results = tasks.into_iter().filter_map(Task::into_settled).collect();
-        self.news.push(News::Done { job: id, results });
+        self.events.push(Event::Done { job: id, results });
     }
 
     /// Takes a lease from its holder; false if nobody holds it.

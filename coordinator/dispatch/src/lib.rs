@@ -3,17 +3,17 @@
 //! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
 //! no results once a job is over and writes nothing to disk.
 
-mod headway;
 mod job;
+mod job_progress;
 pub mod leases;
 mod metrics;
 mod service;
 mod trainers;
 mod work;
 
-pub use headway::Headway;
 pub use job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob};
-pub use metrics::{DispatchMetrics, Families, Party, WorkKind};
+pub use job_progress::JobProgress;
+pub use metrics::{DispatchMetrics, Families, PeerKind, WorkKind};
 pub use trainers::Trainers;
 
 use crate::leases::{LeaseNumber, WorkerId};
@@ -104,7 +104,7 @@ pub struct Dispatch {
 
 /// Who connects.
 #[derive(Debug)]
-pub struct Newcomer {
+pub struct JoinRequest {
     /// Its name, for people.
     pub name: String,
     /// Where it connects from.
@@ -121,7 +121,7 @@ pub struct Newcomer {
 
 /// Why somebody is not welcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum NotWelcome {
+pub enum JoinError {
     /// Nobody is taken in any more.
     #[error("the coordinator is shutting down")]
     ShuttingDown,
@@ -194,12 +194,12 @@ enum Command {
 enum Request {
     Submit {
         work: Work,
-        headway: Arc<Headway>,
+        job_progress: Arc<JobProgress>,
         reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
     },
     Join {
-        newcomer: Newcomer,
-        reply: oneshot::Sender<Result<WorkerId, NotWelcome>>,
+        join_request: JoinRequest,
+        reply: oneshot::Sender<Result<WorkerId, JoinError>>,
     },
     Report {
         worker: WorkerId,
@@ -228,7 +228,7 @@ impl Dispatch {
         }
     }
 
-    /// Has the workers evaluate a job; `headway` says how far it is. Results are in the
+    /// Has the workers evaluate a job; `job_progress` says how far it is. Results are in the
     /// order of the tasks. Dropping the future withdraws the job.
     ///
     /// # Errors
@@ -236,13 +236,13 @@ impl Dispatch {
     pub async fn evaluate(
         &self,
         job: EvaluationJob,
-        headway: Arc<Headway>,
+        job_progress: Arc<JobProgress>,
     ) -> Result<Vec<Evaluated>, JobError> {
-        let outputs = self.submit(Work::Evaluations(job), headway).await?;
+        let outputs = self.submit(Work::Evaluations(job), job_progress).await?;
         Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
     }
 
-    /// Has the workers embed stored pictures; `headway` says how far that is. Embeddings are in the order of the pictures,
+    /// Has the workers embed stored pictures; `job_progress` says how far that is. Embeddings are in the order of the pictures,
     /// each with who made it. Dropping the future withdraws the job.
     ///
     /// # Errors
@@ -250,9 +250,9 @@ impl Dispatch {
     pub async fn embed(
         &self,
         job: EmbeddingJob,
-        headway: Arc<Headway>,
+        job_progress: Arc<JobProgress>,
     ) -> Result<Vec<(Vec<f32>, Maker)>, JobError> {
-        let outputs = self.submit(Work::Embeddings(job), headway).await?;
+        let outputs = self.submit(Work::Embeddings(job), job_progress).await?;
         Ok(outputs.into_iter().filter_map(Output::into_embedded).collect())
     }
 
@@ -323,12 +323,12 @@ impl Dispatch {
     }
 
     /// Takes in whoever connects.
-    pub async fn join(&self, newcomer: Newcomer) -> Result<WorkerId, NotWelcome> {
+    pub async fn join(&self, join_request: JoinRequest) -> Result<WorkerId, JoinError> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::Work(Request::Join { newcomer, reply });
+        let command = Command::Work(Request::Join { join_request, reply });
         let sent = self.commands.send(command).await;
-        sent.map_err(|_| NotWelcome::ShuttingDown)?;
-        answer.await.map_err(|_| NotWelcome::ShuttingDown)?
+        sent.map_err(|_| JoinError::ShuttingDown)?;
+        answer.await.map_err(|_| JoinError::ShuttingDown)?
     }
 
     /// Passes on what a worker says.
@@ -356,9 +356,13 @@ impl Dispatch {
         }
     }
 
-    async fn submit(&self, work: Work, headway: Arc<Headway>) -> Result<Vec<Output>, JobError> {
+    async fn submit(&self, work: Work, job_progress: Arc<JobProgress>) -> Result<Vec<Output>, JobError> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::Work(Request::Submit { work, headway, reply });
+        let command = Command::Work(Request::Submit {
+            work,
+            job_progress,
+            reply,
+        });
         self.commands
             .send(command)
             .await

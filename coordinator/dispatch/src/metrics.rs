@@ -13,14 +13,14 @@ use std::time::Duration;
 
 /// With whom a dispatcher deals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Party {
+pub enum PeerKind {
     /// Workers.
     Worker,
     /// Trainers.
     Trainer,
 }
 
-impl Party {
+impl PeerKind {
     const fn name(self) -> &'static str {
         match self {
             Self::Worker => "worker",
@@ -60,10 +60,10 @@ impl WorkKind {
         [("work", self.name())]
     }
 
-    const fn party(self) -> Party {
+    const fn party(self) -> PeerKind {
         match self {
-            Self::Evaluation | Self::Embedding | Self::Replay => Party::Worker,
-            Self::Training => Party::Trainer,
+            Self::Evaluation | Self::Embedding | Self::Replay => PeerKind::Worker,
+            Self::Training => PeerKind::Trainer,
         }
     }
 }
@@ -173,7 +173,7 @@ impl Families {
 
     /// Where the dispatcher of workers or trainers counts.
     #[must_use]
-    pub fn of(&self, party: Party) -> DispatchMetrics {
+    pub fn of(&self, party: PeerKind) -> DispatchMetrics {
         let labels = [("party", party.name())];
         // What has not happened yet is nought, not absent: a rate over it is one from the first scrape on.
         for kind in WorkKind::ALL.into_iter().filter(|kind| kind.party() == party) {

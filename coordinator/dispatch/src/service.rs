@@ -3,7 +3,7 @@
 mod results;
 
 use super::{
-    Command, Headway, JobError, Newcomer, NotWelcome, Options, Outbox, Request, Room, WorkerReport,
+    Command, JobError, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, Room, WorkerReport,
     work::{Output, Work},
 };
 use crate::{
@@ -58,7 +58,7 @@ struct Given {
 
 struct Job {
     work: Work,
-    headway: Arc<Headway>,
+    job_progress: Arc<JobProgress>,
     /// Why somebody says that nobody can do it.
     refusal: Option<String>,
     reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
@@ -135,18 +135,22 @@ impl Service {
 
     fn take(&mut self, request: Request) {
         match request {
-            Request::Submit { work, headway, reply } => {
+            Request::Submit {
+                work,
+                job_progress,
+                reply,
+            } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
-                let id = self.table.submit(work.terms(|| chance.chance(share)));
+                let id = self.table.submit(work.params(|| chance.chance(share)));
                 let job = Job {
                     work,
-                    headway,
+                    job_progress,
                     refusal: None,
                     reply,
                 };
                 self.jobs.insert(id, job);
             }
-            Request::Join { newcomer, reply } => self.welcome(newcomer, reply),
+            Request::Join { join_request, reply } => self.welcome(join_request, reply),
             Request::Room {
                 worker,
                 epoch,
@@ -194,15 +198,15 @@ impl Service {
         }
     }
 
-    fn welcome(&mut self, newcomer: Newcomer, reply: oneshot::Sender<Result<WorkerId, NotWelcome>>) {
-        let Newcomer {
+    fn welcome(&mut self, join_request: JoinRequest, reply: oneshot::Sender<Result<WorkerId, JoinError>>) {
+        let JoinRequest {
             name,
             origin,
             instance,
             capacity,
             kind,
             outbox,
-        } = newcomer;
+        } = join_request;
         let process = WorkerProcessId {
             machine: origin.machine,
             instance: instance.unwrap_or_else(|| self.chance.bits()),
@@ -213,7 +217,7 @@ impl Service {
         };
         let Some(id) = self.table.join(process, abilities, Instant::now()) else {
             // It is told, if it still listens.
-            let _ = reply.send(Err(NotWelcome::Quarantined(process.machine)));
+            let _ = reply.send(Err(JoinError::Quarantined(process.machine)));
             return;
         };
         let welcome = v1::coordinator_message::Message::Welcome(v1::Welcome {
@@ -255,7 +259,7 @@ impl Service {
     fn tell_lacks(&self) {
         let lacks = self.table.lacks_embedders();
         for job in self.jobs.values().filter(|job| job.work.embeds()) {
-            job.headway.set_lacks_embedder(lacks);
+            job.job_progress.set_lacks_embedder(lacks);
         }
     }
 

@@ -1,7 +1,7 @@
 //! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
 
 use super::{
-    Dispatch, Headway, JobError, Options, TrainingJob,
+    Dispatch, JobError, JobProgress, Options, TrainingJob,
     work::{Output, Work},
 };
 use crate::DispatchMetrics;
@@ -20,13 +20,17 @@ impl Trainers {
         Self(Dispatch::start(options, metrics, Vec::new()))
     }
 
-    /// Has a trainer train an embedder and publish it; `headway` says what holds it up. Dropping the future withdraws the
+    /// Has a trainer train an embedder and publish it; `job_progress` says what holds it up. Dropping the future withdraws the
     /// job.
     ///
     /// # Errors
     /// See [`JobError`].
-    pub async fn train(&self, job: TrainingJob, headway: Arc<Headway>) -> Result<CheckpointDigest, JobError> {
-        let outputs = self.0.submit(Work::Training(Box::new(job)), headway).await?;
+    pub async fn train(
+        &self,
+        job: TrainingJob,
+        job_progress: Arc<JobProgress>,
+    ) -> Result<CheckpointDigest, JobError> {
+        let outputs = self.0.submit(Work::Training(Box::new(job)), job_progress).await?;
         outputs
             .into_iter()
             .find_map(Output::into_checkpoint)

@@ -1,9 +1,9 @@
-//! The work of a job as the lease table, the wire and the dispatcher have it: terms, batches, results.
+//! The work of a job as the lease table, the wire and the dispatcher have it: params, batches, results.
 
 use super::job::{EmbeddingJob, Evaluated, EvaluationJob, ReplayJob, TrainingJob};
 use crate::{
     WorkKind,
-    leases::{Agree, Terms},
+    leases::{Agree, JobParams},
 };
 use murmuration_model::{CampaignId, Maker, Weight};
 use murmuration_proto::{
@@ -95,12 +95,12 @@ impl Work {
     }
 
     /// How it is to be leased: `audited` says of which tasks a second machine is asked, if of any.
-    pub(super) fn terms(&self, audited: impl FnMut() -> bool) -> Terms {
+    pub(super) fn params(&self, audited: impl FnMut() -> bool) -> JobParams {
         let tasks = self.tasks();
         let mut audited = audited;
         let mut some = || (0..tasks).filter(|_| audited()).collect();
         let simulation = |world: &World| u64::from(world.agents()) * u64::from(world.horizon());
-        let (weight, effort, audited, hurried) = match self {
+        let (weight, effort, audited, speculative) = match self {
             Self::Evaluations(job) => (job.weight, simulation(&job.world), some(), true),
             Self::Embeddings(job) => (job.weight, EMBEDDING_EFFORT, some(), true),
             // Somebody waits for it.
@@ -108,12 +108,12 @@ impl Work {
             // Two at once would cost minutes of a machine each.
             Self::Training(job) => (job.weight, 1, BTreeSet::new(), false),
         };
-        Terms {
+        JobParams {
             tasks,
             effort: weight.charge(effort),
             audited,
             embeds: self.embeds(),
-            hurried,
+            speculative,
         }
     }
 
@@ -278,7 +278,7 @@ mod tests {
                 },
                 images: vec![Vec::new()],
             };
-            Work::Embeddings(job).terms(|| false).effort
+            Work::Embeddings(job).params(|| false).effort
         };
         assert_eq!(effort(100), 2 * effort(200));
     }

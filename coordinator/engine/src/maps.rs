@@ -1,13 +1,13 @@
 //! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
 //! been computed.
 //!
-//! Maps are kept for as long as they are true (until the archive grows or another edition of it begins) and there is room
+//! Maps are kept for as long as they are true (until the archive grows or another archive_version of it begins) and there is room
 //! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
 
 mod neighbours;
 
 use crate::space::{Space, SpaceError, Spaces};
-use murmuration_model::{CampaignRecord, CampaignState, Edition};
+use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_search::{
     interrupt::Interrupt,
     projection::{self, Projection},
@@ -42,7 +42,7 @@ struct Known {
 }
 
 /// What a map is a map of.
-type Version = (Edition, u64);
+type Version = (ArchiveVersion, u64);
 
 /// How far the t-SNE of an archive has come.
 #[derive(Debug, Clone)]
@@ -133,7 +133,7 @@ impl Maps {
         record: &CampaignRecord,
         known: &'a mut Option<Known>,
     ) -> Result<&'a mut Known, SpaceError> {
-        let of = (record.edition(), record.individuals());
+        let of = (record.archive_version(), record.individuals());
         let current = match known.take() {
             Some(current) if current.of == of => current,
             former => {
@@ -157,7 +157,7 @@ impl Maps {
 }
 
 fn version(space: &Space) -> Version {
-    (space.edition, space.behaviours.len() as u64)
+    (space.archive_version, space.behaviours.len() as u64)
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -1,6 +1,6 @@
 //! The behaviour space of an archive: what novelty, questions and maps are measured in.
 
-use murmuration_model::{CampaignRecord, Edition};
+use murmuration_model::{ArchiveVersion, CampaignRecord};
 use murmuration_search::{
     interrupt::Interrupted,
     novelty::{Behaviours, Misfit},
@@ -20,7 +20,7 @@ pub struct Space {
     /// One an individual, by index.
     pub behaviours: Behaviours,
     /// What they are of.
-    pub edition: Edition,
+    pub archive_version: ArchiveVersion,
 }
 
 /// Why there is no space to measure in.
@@ -38,7 +38,7 @@ pub enum SpaceError {
 }
 
 impl Space {
-    /// Reads the archive as far as `record` says that it goes. One of which another edition begins meanwhile is
+    /// Reads the archive as far as `record` says that it goes. One of which another archive_version begins meanwhile is
     /// read again.
     ///
     /// # Errors
@@ -47,20 +47,22 @@ impl Space {
         Self::read_on(store, record, None)
     }
 
-    /// As [`Space::read`]; what is known of the same edition is not read again.
+    /// As [`Space::read`]; what is known of the same archive_version is not read again.
     fn read_on(store: &Store, record: &CampaignRecord, known: Option<&Self>) -> Result<Self, SpaceError> {
-        let edition = || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.edition()) };
-        let mut before = edition()?;
+        let archive_version =
+            || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.archive_version()) };
+        let mut before = archive_version()?;
         loop {
             let len = record.individuals();
-            let begun = known.filter(|known| known.edition == before && known.behaviours.len() as u64 <= len);
+            let begun =
+                known.filter(|known| known.archive_version == before && known.behaviours.len() as u64 <= len);
             let read = behaviours(store, record, begun.map(|known| known.behaviours.clone()));
-            let after = edition()?;
-            // Two editions are no space.
+            let after = archive_version()?;
+            // Two archive_versions are no space.
             if before == after {
                 return Ok(Self {
                     behaviours: read?,
-                    edition: after,
+                    archive_version: after,
                 });
             }
             before = after;
@@ -104,7 +106,8 @@ impl Spaces {
         let kept = self.kept.of(&record.id);
         let mut known = kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is = |space: &Arc<Space>| {
-            space.edition == record.edition() && space.behaviours.len() as u64 == record.individuals()
+            space.archive_version == record.archive_version()
+                && space.behaviours.len() as u64 == record.individuals()
         };
         if let Some(space) = known.as_ref().filter(|space| is(space)) {
             return Ok(Arc::clone(space));

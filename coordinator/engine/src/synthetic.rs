@@ -4,7 +4,7 @@ use crate::{
     blocking::{Broken, blocking},
     queries::{Queries, QueryError},
 };
-use murmuration_dispatch::{Dispatch, Headway, JobError, ReplayJob};
+use murmuration_dispatch::{Dispatch, JobError, JobProgress, ReplayJob};
 use murmuration_judge as judge;
 use murmuration_judge::judge;
 use murmuration_model::{
@@ -55,7 +55,7 @@ pub struct SyntheticAnnotator {
 
 impl SyntheticAnnotator {
     /// What it says of the first `count` individuals in the strategy's order that nobody has answered about, fewer where
-    /// there are not so many; nothing is written to the log. `headway` counts the answers; `interrupt` ends a clustering of the archive.
+    /// there are not so many; nothing is written to the log. `job_progress` counts the answers; `interrupt` ends a clustering of the archive.
     ///
     /// With the same archive and log they are the same answers.
     ///
@@ -66,7 +66,7 @@ impl SyntheticAnnotator {
         record: &CampaignRecord,
         strategy: Strategy,
         count: usize,
-        headway: Arc<Headway>,
+        job_progress: Arc<JobProgress>,
         interrupt: &Interrupt,
     ) -> Result<Vec<Change>, AnnotatorError> {
         let asked = self
@@ -78,10 +78,10 @@ impl SyntheticAnnotator {
         for part in asked.chunks((AGENTS_AT_ONCE / agents).clamp(1, AT_ONCE)) {
             let mut answering = JoinSet::new();
             for (place, &index) in part.iter().enumerate() {
-                let (annotator, record, headway) = (self.clone(), record.clone(), headway.clone());
+                let (annotator, record, job_progress) = (self.clone(), record.clone(), job_progress.clone());
                 answering.spawn(async move {
                     let answer = annotator.answer(&record, index as u64).await?;
-                    headway.one_more();
+                    job_progress.one_more();
                     Ok::<_, AnnotatorError>((place, answer))
                 });
             }

@@ -17,7 +17,7 @@ mod weight;
 pub use campaign_id::CampaignId;
 pub use embedder::Embedder;
 pub use machine::{MachineId, Maker, Origin, Quarantined};
-pub use record::{CampaignRecord, Edition};
+pub use record::{ArchiveVersion, CampaignRecord};
 pub use repetition::{Repetition, Round, generations_in_words};
 pub use run_id::RunId;
 pub use stage::Stage;

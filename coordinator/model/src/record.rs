@@ -45,10 +45,10 @@ pub struct CampaignRecord {
     pub learned: Option<u64>,
 }
 
-/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one edition, is the same.
-/// As text, for scripts to compare: its [`Edition::origin`], and the digest of the checkpoint if there is one.
+/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive_version, is the same.
+/// As text, for scripts to compare: its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Edition {
+pub struct ArchiveVersion {
     /// When the campaign was created, milliseconds since 1970-01-01 UTC: it tells apart campaigns of one id in different data
     /// directories.
     pub created_ms: u64,
@@ -58,7 +58,7 @@ pub struct Edition {
     pub checkpoint: Option<CheckpointDigest>,
 }
 
-impl Edition {
+impl ArchiveVersion {
     /// What tells its individuals from those of any other campaign of this id, and from those that were taken back.
     #[must_use]
     pub fn origin(&self) -> String {
@@ -69,7 +69,7 @@ impl Edition {
     }
 }
 
-impl fmt::Display for Edition {
+impl fmt::Display for ArchiveVersion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.origin())?;
         match self.checkpoint {
@@ -80,10 +80,10 @@ impl fmt::Display for Edition {
 }
 
 impl CampaignRecord {
-    /// The edition that its archive is of.
+    /// The archive_version that its archive is of.
     #[must_use]
-    pub fn edition(&self) -> Edition {
-        Edition {
+    pub fn archive_version(&self) -> ArchiveVersion {
+        ArchiveVersion {
             created_ms: self.created_ms,
             taken_back: self.taken_back,
             checkpoint: self.checkpoint,

@@ -56,3 +56,10 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     }
     needed
 }
+
+/// Whether commands lead to the archive again: one round of people's answers, which a file can hold.
+pub(super) fn is_by_commands(report: &Report) -> bool {
+    let repetition = &report.repetition;
+    let is_one_round = repetition.attended && !repetition.adopted && repetition.rounds.len() == 1;
+    is_one_round && report.names.named().machine == 0
+}

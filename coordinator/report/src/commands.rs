@@ -6,7 +6,7 @@ use murmuration_proto::{CampaignSpec, World};
 /// Runs the campaign of a `spec.toml` again.
 pub(super) const RUN_AGAIN: &str = "murmuration run spec.toml";
 
-/// Teaches the campaign that a `spec.toml` ran, a round at a time.
+/// Teaches the campaign that a `spec.toml` ran, in one round.
 pub(super) const TEACH_AGAIN: [&str; 3] = [
     RUN_AGAIN,
     "murmuration label latest --csv labels.csv",

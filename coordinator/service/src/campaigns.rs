@@ -1,6 +1,6 @@
 //! The service for clients: campaigns, archives, taxonomies, replays.
 
-use super::{Seats, Streamed, in_parts};
+use super::{Permits, Streamed, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
 use murmuration_engine::{blocking::blocking, campaign::Campaigns, taxonomy::Taxonomy};
@@ -25,7 +25,7 @@ pub struct CampaignApi {
     /// Who simulates replays.
     pub dispatch: Dispatch,
     /// How many may watch, and ask for replays, at once.
-    pub seats: Seats,
+    pub permits: Permits,
 }
 
 type Answer<T> = Result<Response<T>, Status>;
@@ -90,7 +90,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     ) -> Answer<Self::WatchCampaignStream> {
         let campaigns = self.campaigns.clone();
         let id = self.record(&request.get_ref().campaign).await?.id;
-        let seat = self.seats.watch()?;
+        let seat = self.permits.watch()?;
         let (messages, stream) = mpsc::channel(1);
         tokio::spawn(async move {
             let _seat = seat;
@@ -262,7 +262,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let found = self
             .read(move |store| store.individual(&id, record.spec.model(), index))
             .await?;
-        let _seat = self.seats.replay()?;
+        let _seat = self.permits.replay()?;
         let job = ReplayJob {
             campaign: record.id,
             controller: found.controller,

@@ -7,7 +7,7 @@ use crate::status::{IntoStatus, OrStatus as _};
 use murmuration_engine::{
     blocking::blocking,
     campaign::CampaignError,
-    queries::{Queries, Wish},
+    queries::{Queries, QueryRequest},
     synthetic::SyntheticAnnotator,
 };
 use murmuration_model::labels::{Agreement, Annotator, Change, Entry, Labels, RequestId};
@@ -209,7 +209,7 @@ impl v1::label_service_server::LabelService for LabelApi {
     ) -> Answered<v1::NextQueriesResponse> {
         let message = request.into_inner();
         let campaign = message.campaign.clone();
-        let wish: Wish = message.try_into()?;
+        let wish: QueryRequest = message.try_into()?;
         let asked = self
             .queries
             .next(&campaign, wish, Instant::now())

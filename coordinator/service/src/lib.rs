@@ -2,10 +2,10 @@
 
 mod campaigns;
 mod checkpoints;
-pub mod gather;
 mod labels;
 mod lease_id;
-mod seats;
+mod permits;
+pub mod report_data;
 mod snapshots;
 mod status;
 mod training;
@@ -15,7 +15,7 @@ mod work;
 pub use campaigns::CampaignApi;
 pub use checkpoints::CheckpointApi;
 pub use labels::LabelApi;
-pub use seats::{Seat, Seats};
+pub use permits::{Permit, Permits};
 pub use status::{IntoStatus, OrStatus};
 pub use training::TrainerApi;
 pub use unreadable::blame_the_client;

@@ -1,6 +1,6 @@
 //! Errors of the floors below, as gRPC says them.
 
-use murmuration_dispatch::{JobError, NotWelcome};
+use murmuration_dispatch::{JobError, JoinError};
 use murmuration_engine::{blocking::Broken, campaign::CampaignError, queries::QueryError, space::SpaceError};
 use murmuration_model::labels::Refusal;
 use murmuration_proto::Text;
@@ -145,11 +145,11 @@ impl IntoStatus for CheckpointError {
     }
 }
 
-impl IntoStatus for NotWelcome {
+impl IntoStatus for JoinError {
     fn into_status(self) -> Status {
         match self {
-            NotWelcome::ShuttingDown => Status::unavailable(self.to_string()),
-            NotWelcome::Quarantined(_) => Status::failed_precondition(self.to_string()),
+            JoinError::ShuttingDown => Status::unavailable(self.to_string()),
+            JoinError::Quarantined(_) => Status::failed_precondition(self.to_string()),
         }
     }
 }

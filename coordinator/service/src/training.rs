@@ -5,7 +5,7 @@ use super::{
     work::{CheckVersion, serve},
 };
 use crate::status::{IntoStatus as _, OrStatus as _};
-use murmuration_dispatch::{Party, Trainers};
+use murmuration_dispatch::{PeerKind, Trainers};
 use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, Stage, TrainingPictures};
 use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
@@ -31,7 +31,7 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::TrainStream>, Status> {
-        let party = (Party::Trainer, check_trainer as CheckVersion);
+        let party = (PeerKind::Trainer, check_trainer as CheckVersion);
         serve(self.trainers.dispatch(), request, party).await
     }
 

@@ -3,7 +3,7 @@
 use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
-use murmuration_dispatch::{Dispatch, Newcomer, OUTBOX, Party, WorkerReport, leases::WorkerId};
+use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, PeerKind, WorkerReport, leases::WorkerId};
 use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -32,7 +32,7 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::WorkStream>, Status> {
-        let party = (Party::Worker, check_simulator as CheckVersion);
+        let party = (PeerKind::Worker, check_simulator as CheckVersion);
         serve(&self.dispatch, request, party).await
     }
 }
@@ -44,14 +44,14 @@ pub(super) type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
 pub(super) async fn serve(
     dispatch: &Dispatch,
     request: Request<Streaming<v1::WorkerMessage>>,
-    (party, check): (Party, CheckVersion),
+    (party, check): (PeerKind, CheckVersion),
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
     let from = origin(request.extensions());
     let from = from.ok_or_else(|| Status::internal("this connection has no address"))?;
     let mut inbox = request.into_inner();
     let hello = hello(&mut inbox, check).await?;
     let (outbox, stream) = mpsc::channel(OUTBOX);
-    let newcomer = Newcomer {
+    let join_request = JoinRequest {
         name: hello.name,
         origin: from,
         instance: (hello.instance != 0).then_some(hello.instance),
@@ -59,7 +59,7 @@ pub(super) async fn serve(
         capacity: hello.capacity as usize,
         outbox: outbox.clone(),
     };
-    let worker = dispatch.join(newcomer).await.or_status()?;
+    let worker = dispatch.join(join_request).await.or_status()?;
     let dispatch = dispatch.clone();
     let stream_ends = async move {
         if let Err(status) = pass_on(&dispatch, (worker, party), &mut inbox).await {
@@ -109,18 +109,18 @@ fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
 /// Passes on what a worker or trainer says until its stream ends.
 async fn pass_on(
     dispatch: &Dispatch,
-    (worker, party): (WorkerId, Party),
+    (worker, party): (WorkerId, PeerKind),
     inbox: &mut Streaming<v1::WorkerMessage>,
 ) -> Result<(), Status> {
     use v1::worker_message::Message;
     let mut snapshots = Snapshots::of(dispatch.clone(), worker);
     while let Some(message) = inbox.next().await {
         let report = match (message.map_err(blamed)?.message, party) {
-            (Some(Message::Snapshot(_) | Message::Training(_)), Party::Worker) => {
+            (Some(Message::Snapshot(_) | Message::Training(_)), PeerKind::Worker) => {
                 let allowed = "one of a worker's: only trainers put trainings aside and report on them";
                 return Err(Invalid::new("message", "about a training", allowed).into());
             }
-            (Some(Message::Snapshot(part)), Party::Trainer) => snapshots.add(part).await?,
+            (Some(Message::Snapshot(part)), PeerKind::Trainer) => snapshots.add(part).await?,
             (message, _) => report(message)?,
         };
         dispatch.report(worker, report).await;

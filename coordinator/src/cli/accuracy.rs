@@ -6,7 +6,7 @@ use super::{
     files::{is_there, read, synthetic, tell_counted},
     json,
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_accuracy::{Accuracy, Labels, Summary, Tally};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_link::{InputKind, OutputError, outln};
@@ -250,7 +250,7 @@ async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
     let (file, seen) = if is_digest && !is_there(path)? {
         let fetch = async |connection: &mut Connection| fetch(connection, named).await;
-        connection::with(global, Crew::NONE, fetch).await?
+        connection::with(global, InProcess::NONE, fetch).await?
     } else {
         let file = read(path, InputKind::Checkpoint)?;
         (file, SeenPictures::default())

@@ -7,9 +7,9 @@ use super::{
     heard::{Heard as _, heard},
     json,
     next_step::{changed, failed, state, what_next},
-    run::{CrewSize, go_on, read_spec},
+    run::{InProcessArgs, go_on, read_spec},
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
@@ -81,7 +81,7 @@ impl Submit {
             };
             heard(connection.client.create_campaign(request).await?)
         };
-        let campaign = connection::with(global, Crew::NONE, submit).await?;
+        let campaign = connection::with(global, InProcess::NONE, submit).await?;
         let next = format!("watch {}", campaign.id);
         Ok(changed(global, &campaign, campaign.state(), "submitted", &next)?)
     }
@@ -100,7 +100,7 @@ impl Adopt {
         };
         go_on(
             global,
-            CrewSize::default().count(),
+            InProcessArgs::default().count(),
             "moves to that checkpoint",
             adopt,
         )
@@ -119,7 +119,7 @@ impl Refine {
         };
         go_on(
             global,
-            CrewSize::default().count(),
+            InProcessArgs::default().count(),
             "learns from its labels",
             refine,
         )
@@ -137,7 +137,7 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
         let last = follow(&mut connection.client, campaign, show).await?;
         Ok((last, connection.is_own()))
     };
-    let (last, own) = connection::with(global, Crew::NONE, watch).await?;
+    let (last, own) = connection::with(global, InProcess::NONE, watch).await?;
     match last.state() {
         v1::CampaignState::Failed => Err(failed(global, &last)),
         v1::CampaignState::Running if own => {
@@ -160,7 +160,7 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
         let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
         whole(listed.await?.into_inner()).await?.campaigns.heard()
     };
-    let campaigns = connection::with(global, Crew::NONE, list).await?;
+    let campaigns = connection::with(global, InProcess::NONE, list).await?;
     if global.json {
         campaigns
             .iter()
@@ -219,7 +219,7 @@ impl Show {
             let individual = connection.client.get_individual(request).await?.into_inner();
             Ok((campaign, Some(individual)))
         };
-        match connection::with(global, Crew::NONE, get).await? {
+        match connection::with(global, InProcess::NONE, get).await? {
             (campaign, Some(individual)) => show_individual(global, &campaign, &individual),
             (campaign, None) => show_campaign(global, &campaign),
         }
@@ -290,7 +290,7 @@ pub(super) async fn pause(global: &Global, campaign: &str) -> Result<(), CliErro
         };
         heard(connection.client.pause_campaign(request).await?)
     };
-    let campaign = connection::with(global, Crew::NONE, pause).await?;
+    let campaign = connection::with(global, InProcess::NONE, pause).await?;
     let next = format!("resume {}", campaign.id);
     let paused = v1::CampaignState::Paused;
     Ok(changed(global, &campaign, paused, "is paused", &next)?)
@@ -303,7 +303,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
         };
         heard(connection.client.cancel_campaign(request).await?)
     };
-    let campaign = connection::with(global, Crew::NONE, cancel).await?;
+    let campaign = connection::with(global, InProcess::NONE, cancel).await?;
     let cancelled = v1::CampaignState::Cancelled;
     Ok(changed(global, &campaign, cancelled, "is cancelled", "list")?)
 }
@@ -311,7 +311,7 @@ pub(super) async fn cancel(global: &Global, campaign: &str) -> Result<(), CliErr
 pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliError> {
     let answer =
         async |connection: &mut Connection| Ok(id_and_digest(&mut connection.client, campaign).await?);
-    let (id, digest) = connection::with(global, Crew::NONE, answer).await?;
+    let (id, digest) = connection::with(global, InProcess::NONE, answer).await?;
     if global.json {
         json::print(&json::digest(&id, &digest))?;
     } else {

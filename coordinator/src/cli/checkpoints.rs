@@ -7,7 +7,7 @@ use super::{
     heard::{Heard as _, heard},
     json,
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_link::{InputKind, OutputError, outln, print};
 use murmuration_proto::{CheckpointDigest, Lineage, counted, onnx::MAX_MODEL_BYTES, parts::whole, v1};
 use murmuration_store::DataDirectory;
@@ -45,9 +45,9 @@ impl CheckpointsCommand {
             async |connection: &mut Connection| self.with(&mut connection.checkpoints, global.json).await;
         if makes_data {
             let data = DataDirectory::hold(&global.data)?;
-            return connection::with_own(global, data, Crew::NONE, ask).await;
+            return connection::with_own(global, data, InProcess::NONE, ask).await;
         }
-        connection::with(global, Crew::NONE, ask).await
+        connection::with(global, InProcess::NONE, ask).await
     }
 
     async fn with(self, client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {

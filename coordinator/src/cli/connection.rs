@@ -5,10 +5,10 @@
 
 use super::{CliError, Global};
 use crate::{
-    local::{Crew, LocalCluster},
+    local::{InProcess, LocalCluster},
     server::Options,
 };
-use murmuration_access::{Entrance, local_token};
+use murmuration_access::{ListenConfig, local_token};
 use murmuration_dispatch as dispatch;
 use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
@@ -33,7 +33,7 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    async fn open(global: &Global, crew: Crew) -> Result<Self, CliError> {
+    async fn open(global: &Global, crew: InProcess) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
             return Self::to(url, &global.credentials()?).await;
         }
@@ -49,13 +49,13 @@ impl Connection {
     }
 
     /// Starts a coordinator over a data directory that this process holds.
-    async fn start(global: &Global, data: DataDirectory, crew: Crew) -> Result<Self, CliError> {
+    async fn start(global: &Global, data: DataDirectory, crew: InProcess) -> Result<Self, CliError> {
         let options = Options {
             data,
-            entrance: Entrance::loopback(0),
+            entrance: ListenConfig::loopback(0),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
-            tries_checkpoints: crew != Crew::NONE,
+            tries_checkpoints: crew != InProcess::NONE,
             dispatch: dispatch::Options::default(),
         };
         let own = LocalCluster::start(options, crew).await?;
@@ -108,7 +108,7 @@ impl Connection {
 /// as long as that takes, with this crew (and goes on with no campaign by itself).
 pub(super) async fn with<T>(
     global: &Global,
-    crew: Crew,
+    crew: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
     Connection::open(global, crew).await?.asked(ask).await
@@ -118,7 +118,7 @@ pub(super) async fn with<T>(
 pub(super) async fn with_own<T>(
     global: &Global,
     data: DataDirectory,
-    crew: Crew,
+    crew: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
     Connection::start(global, data, crew).await?.asked(ask).await
@@ -167,7 +167,7 @@ mod tests {
                 }
             };
             let held = DataDirectory::hold(&data).unwrap();
-            let asked = with_own(&global, held, Crew::NONE, ask).await;
+            let asked = with_own(&global, held, InProcess::NONE, ask).await;
             assert_eq!(
                 asked.map_err(|error| error.to_string()).err(),
                 fails.then(|| "as asked".to_owned())

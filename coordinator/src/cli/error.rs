@@ -1,12 +1,12 @@
 //! What a command tells a person when it cannot do what was asked.
 
 use crate::server::ServerError;
-use murmuration_access::{EntranceError, TokensError};
+use murmuration_access::{ListenConfigError, TokensError};
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_proto::{Invalid, SpecFileError, Text};
 use murmuration_report::{ReportError, picture::PictureError};
-use murmuration_service::gather::GatherError;
+use murmuration_service::report_data::ReportDataError;
 use murmuration_store::{StoreError, backup::BackupError};
 use std::{
     error::Error as _,
@@ -91,8 +91,8 @@ impl From<Invalid> for CliError {
     }
 }
 
-impl From<EntranceError> for CliError {
-    fn from(error: EntranceError) -> Self {
+impl From<ListenConfigError> for CliError {
+    fn from(error: ListenConfigError) -> Self {
         Self::Input(error.to_string())
     }
 }
@@ -109,11 +109,11 @@ impl From<CredentialsError> for CliError {
     }
 }
 
-impl From<GatherError> for CliError {
-    fn from(error: GatherError) -> Self {
+impl From<ReportDataError> for CliError {
+    fn from(error: ReportDataError) -> Self {
         match error {
-            GatherError::Service(status) => status.into(),
-            GatherError::Answer(_) | GatherError::Misfit(_) | GatherError::Interrupted(_) => {
+            ReportDataError::Service(status) => status.into(),
+            ReportDataError::Answer(_) | ReportDataError::Misfit(_) | ReportDataError::Interrupted(_) => {
                 Self::Failed(error.to_string())
             }
         }

@@ -1,13 +1,13 @@
 //! Following a campaign: a bar on a terminal, plain lines elsewhere, JSON lines for programs.
 
-mod news;
+mod status_line;
 
 use super::{CliError, connection::Client, heard::Heard as _, json};
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use murmuration_link::{OutputError, errln};
 use murmuration_proto::{counted, grouped, v1};
-use news::News;
-pub(super) use news::name as stage_name;
+use status_line::StatusLine;
+pub(super) use status_line::name as stage_name;
 use std::{
     io::IsTerminal as _,
     time::{Duration, Instant},
@@ -83,25 +83,25 @@ impl View {
     }
 
     fn draw(&mut self, status: &v1::Campaign) -> Result<(), OutputError> {
-        let news = News::of(status);
+        let line = StatusLine::of(status);
         self.end_stage(status.stage());
         self.notice(&status.notices);
         match &mut self.to {
             Screen::Json => json::print(&json::campaign(status))?,
             Screen::Bar(bar) => {
-                bar.set_length(news.total);
-                bar.set_position(news.done);
-                bar.set_prefix(match news.total {
+                bar.set_length(line.total);
+                bar.set_position(line.done);
+                bar.set_prefix(match line.total {
                     0 => String::new(),
-                    total => format!("{}/{}", grouped(news.done), grouped(total)),
+                    total => format!("{}/{}", grouped(line.done), grouped(total)),
                 });
-                bar.set_message(news.text);
+                bar.set_message(line.text);
             }
             Screen::Plain { next, shown } => {
-                let step = Some((status.stage(), news.step, !status.waiting.is_empty()));
+                let step = Some((status.stage(), line.step, !status.waiting.is_empty()));
                 let due = step != *shown && Instant::now() >= *next;
                 if due || !status.active {
-                    errln!("{}{}", how_far(&news), news.text);
+                    errln!("{}{}", how_far(&line), line.text);
                     *next = Instant::now() + LINE_INTERVAL;
                     *shown = step;
                 }
@@ -153,11 +153,11 @@ impl View {
 }
 
 /// How far a stage has come; nothing before anybody has said how much there is to do.
-fn how_far(news: &News) -> String {
-    if news.total == 0 {
+fn how_far(line: &StatusLine) -> String {
+    if line.total == 0 {
         return String::new();
     }
-    format!("{}/{} · ", grouped(news.done), counted(news.total, news.unit))
+    format!("{}/{} · ", grouped(line.done), counted(line.total, line.unit))
 }
 
 fn bar() -> ProgressBar {

@@ -3,7 +3,7 @@
 use murmuration_link::{OutputError, outln};
 use murmuration_proto::{CampaignSpec, CapabilityModel, CheckpointDigest, Dataset, EmbedderSource, v1};
 use murmuration_store::{
-    Remains,
+    Recoverable,
     backup::Manifest,
     checkpoints::Condition,
     doctor::{CampaignFindings, Findings, Prospect, Salvaged},
@@ -218,7 +218,7 @@ pub(super) fn backup(folder: &str, manifest: &Manifest) -> Value {
 
 /// What the doctor found, and what of it was saved.
 pub(super) fn findings(found: &Findings, salvaged: Option<&Salvaged>) -> Value {
-    let remains = |remains: &Remains| {
+    let remains = |remains: &Recoverable| {
         json!({
             "pictures": remains.pictures,
             "generations": remains.generations,

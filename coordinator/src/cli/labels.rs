@@ -6,9 +6,9 @@ use super::{
     files::{read, write},
     heard::{Heard as _, heard},
     json,
-    run::CrewSize,
+    run::InProcessArgs,
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_link::{InputKind, OutputError, errln, outln};
 use murmuration_model::labels::{Annotator, Answer, Labelled, Table, to_csv};
 use murmuration_proto::{CampaignSpec, Strategy, Text, counted, parts::whole, v1};
@@ -24,7 +24,7 @@ use std::{
 With --csv people's answers are read from a file. It has a line of column names, among them id (the index of an individual) \
 and class (or `not sure`, or `skip`), and perhaps annotator and time (milliseconds since 1970): it is what `murmuration labels \
 --csv` writes (docs/labels.md). Rows without a class are passed over. Columns seed, v1, ... must hold the seeds and controllers \
-of the individuals. All rows are stored, or none.
+of the individuals. All rows are stored, or none; a file with rows of the synthetic annotator is refused: take them out.
 
 With --synthetic the rule-based judge answers instead, from the motion of each individual, as the annotator `synthetic`; no \
 person may be called so. `murmuration judge` says how well it agrees with people.
@@ -113,10 +113,10 @@ impl LabelCommand {
             None => None,
         };
         let crew = match &table {
-            Some(_) => Crew::NONE,
-            None => Crew {
+            Some(_) => InProcess::NONE,
+            None => InProcess {
                 trainers: 0,
-                ..CrewSize::default().count()
+                ..InProcessArgs::default().count()
             },
         };
         let label = async |connection: &mut Connection| {
@@ -249,7 +249,7 @@ impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let list = async |connection: &mut Connection| self.list(connection).await;
         let (v1::ListLabelsResponse { labels, digest }, text) =
-            connection::with(global, Crew::NONE, list).await?;
+            connection::with(global, InProcess::NONE, list).await?;
         let answers = || labels.iter().filter_map(|label| label.answer.as_ref());
         if let (Some(file), Some(text)) = (&self.csv, text) {
             write(file, text)?;
@@ -317,7 +317,7 @@ impl ClassesCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let campaign = self.campaign.clone();
         let ask = async |connection: &mut Connection| self.with(&mut connection.labels).await;
-        let classes = connection::with(global, Crew::NONE, ask).await?.classes;
+        let classes = connection::with(global, InProcess::NONE, ask).await?.classes;
         warn_of_near_names(&campaign, &classes);
         if global.json {
             classes
@@ -390,7 +390,7 @@ impl AgreementCommand {
             let parts = connection.labels.get_agreement(request).await?;
             whole(parts.into_inner()).await?.heard()
         };
-        let agreement = connection::with(global, Crew::NONE, ask).await?;
+        let agreement = connection::with(global, InProcess::NONE, ask).await?;
         if global.json {
             json::print(&json::agreement(&first, &second, &agreement))?;
         } else {

@@ -18,8 +18,8 @@ mod health;
 mod heard;
 mod json;
 mod judge;
-mod keeping;
 mod labels;
+mod maintenance;
 mod next_step;
 mod quarantine;
 mod report;
@@ -176,11 +176,11 @@ enum Command {
     /// Ask whether a coordinator, worker or trainer is there and ready, for container engines and scripts
     Health(health::Health),
     /// Copy the data directory, also of a coordinator that runs
-    Backup(keeping::Backup),
+    Backup(maintenance::Backup),
     /// Put a backup back
-    Restore(keeping::Restore),
+    Restore(maintenance::Restore),
     /// Say what is whole in a data directory and what is not; save what can be saved
-    Doctor(keeping::Doctor),
+    Doctor(maintenance::Doctor),
     /// List the machines whose results were found wrong; listen to one of them again
     Quarantine(quarantine::QuarantineCommand),
     /// Measure this machine

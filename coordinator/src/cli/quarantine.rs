@@ -1,6 +1,6 @@
 //! `quarantine`: machines whose results were found wrong, in a data directory of this machine.
 
-use super::{CliError, Global, json, keeping::of_this_machine};
+use super::{CliError, Global, json, maintenance::of_this_machine};
 use murmuration_link::{errln, outln};
 use murmuration_model::MachineId;
 use murmuration_store::{DataDirectory, Store, StoreError};

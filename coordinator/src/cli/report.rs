@@ -6,12 +6,12 @@ use super::{
     error::report_folder,
     heard::{self, heard},
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_link::{errln, outln};
 use murmuration_model::CampaignId;
 use murmuration_proto::v1;
 use murmuration_report as report;
-use murmuration_service::gather;
+use murmuration_service::report_data;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `report`.
@@ -26,7 +26,7 @@ pub(super) struct ReportCommand {
 
 impl ReportCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let crew = Crew {
+        let crew = InProcess {
             workers: 1,
             trainers: 0,
         };
@@ -67,8 +67,8 @@ pub(super) async fn write_report(
     campaign: &CampaignId,
     folder: &Path,
 ) -> Result<PathBuf, CliError> {
-    let names = gather::names(&mut connection.labels, campaign.as_str()).await?;
-    let report = gather::report(&mut connection.client, campaign.as_str(), names).await?;
+    let names = report_data::names(&mut connection.labels, campaign.as_str()).await?;
+    let report = report_data::report(&mut connection.client, campaign.as_str(), names).await?;
     let folder = folder.to_owned();
     let written = tokio::task::spawn_blocking(move || report::write(&report, &folder)).await;
     match written {

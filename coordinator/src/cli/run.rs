@@ -9,7 +9,7 @@ use super::{
     json, next_step, quoted,
     report::write_report,
 };
-use crate::local::Crew;
+use crate::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, OutputError, errln, outln, termination};
 use murmuration_proto::{CampaignSpec, counted, v1};
@@ -30,7 +30,7 @@ pub(super) struct Run {
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     #[command(flatten)]
-    crew: CrewSize,
+    crew: InProcessArgs,
 }
 
 /// Arguments of `resume`.
@@ -39,12 +39,12 @@ pub(super) struct Resume {
     /// Campaign id, or `latest`
     campaign: String,
     #[command(flatten)]
-    crew: CrewSize,
+    crew: InProcessArgs,
 }
 
 /// How many workers and trainers to start in this process.
 #[derive(Debug, Default, clap::Args)]
-pub(super) struct CrewSize {
+pub(super) struct InProcessArgs {
     /// Workers in this process, one thread each [default: number of cores]
     #[arg(long, env = "MURMURATION_WORKERS", value_name = "N")]
     workers: Option<usize>,
@@ -53,18 +53,18 @@ pub(super) struct CrewSize {
     trainers: Option<usize>,
 }
 
-impl CrewSize {
-    pub(super) fn count(&self) -> Crew {
+impl InProcessArgs {
+    pub(super) fn count(&self) -> InProcess {
         let cores = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         let workers = self.workers.unwrap_or_else(cores);
-        Crew {
+        InProcess {
             workers,
             trainers: self.trainers.unwrap_or(workers.min(1)),
         }
     }
 
     /// At least one of each, where nobody else could do the work.
-    fn some(&self) -> Result<Crew, CliError> {
+    fn some(&self) -> Result<InProcess, CliError> {
         let crew = self.count();
         if crew.workers == 0 {
             let said = "--workers 0: without workers nothing would be evaluated";
@@ -156,7 +156,7 @@ impl Resume {
 /// what it does then.
 pub(super) async fn go_on(
     global: &Global,
-    crew: Crew,
+    crew: InProcess,
     what: &str,
     change: impl AsyncFnOnce(&mut Connection) -> Result<v1::Campaign, CliError>,
 ) -> Result<(), CliError> {

@@ -1,9 +1,9 @@
 //! `serve`: a coordinator that stays.
 
-use super::{CliError, Global, run::CrewSize};
+use super::{CliError, Global, run::InProcessArgs};
 use crate::{local::LocalCluster, server::Options};
 use clap::builder::BoolishValueParser;
-use murmuration_access::{Entrance, Tls, Tokens};
+use murmuration_access::{ListenConfig, Tls, Tokens};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::Share;
 use murmuration_link::{errln, termination};
@@ -59,7 +59,7 @@ pub(super) struct Serve {
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
     #[command(flatten)]
-    crew: CrewSize,
+    crew: InProcessArgs,
 }
 
 impl Serve {
@@ -88,13 +88,13 @@ impl Serve {
         Ok(())
     }
 
-    fn entrance(&self) -> Result<Entrance, CliError> {
+    fn entrance(&self) -> Result<ListenConfig, CliError> {
         let tls = match (&self.certificate, &self.key) {
             (Some(certificate), Some(key)) => Some(Tls::read(certificate, key, self.client_ca.as_deref())?),
             _ => None,
         };
         let tokens = self.tokens.as_deref().map(Tokens::read).transpose()?;
-        Ok(Entrance::new(self.listen, tls, tokens, self.insecure_listen)?)
+        Ok(ListenConfig::new(self.listen, tls, tokens, self.insecure_listen)?)
     }
 
     fn say_how_to_reach(&self, url: &str) {

@@ -6,7 +6,7 @@
 
 mod observed;
 
-use murmuration_dispatch::{DispatchMetrics, Families, Party};
+use murmuration_dispatch::{DispatchMetrics, Families, PeerKind};
 use murmuration_engine::campaign::{CampaignError, CampaignMetrics, Campaigns};
 use murmuration_proto::{SIMULATOR_VERSION, TRAINER_VERSION};
 use murmuration_store::Store;
@@ -53,7 +53,7 @@ impl Metrics {
 
     /// Where the dispatcher of workers or trainers counts.
     #[must_use]
-    pub fn dispatch(&self, party: Party) -> DispatchMetrics {
+    pub fn dispatch(&self, party: PeerKind) -> DispatchMetrics {
         self.dispatch.of(party)
     }
 

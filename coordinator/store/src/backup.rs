@@ -6,7 +6,7 @@
 
 use crate::{
     DataDirectory, Store, StoreError,
-    checkpoints::{CheckpointError, Shelf},
+    checkpoints::{BlobStore, CheckpointError},
     doctor,
     files::{is_empty, is_there, without_links},
 };
@@ -159,7 +159,7 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
     let location = manifest.checkpoint_store.as_deref();
     copy(from, location, &arriving).await?;
     check(&arriving, location, from).await?;
-    for name in [Shelf::FOLDER, Store::FILE] {
+    for name in [BlobStore::FOLDER, Store::FILE] {
         let (copied, place) = (arriving.join(name), data.join(name));
         if is_there(&copied).map_err(failed("find", &copied))? {
             fs::rename(&copied, &place).map_err(failed("write", &place))?;
@@ -198,12 +198,12 @@ async fn copy(
     let (copied, _) = Store::look(folder, true)?;
     let digests: Vec<_> = copied.checkpoints()?.iter().map(|record| record.digest).collect();
     if location.is_none() && !digests.is_empty() {
-        let (shelf, new) = (Shelf::open(data, None)?, Shelf::open(folder, None)?);
+        let (shelf, new) = (BlobStore::open(data, None)?, BlobStore::open(folder, None)?);
         for &digest in &digests {
             let bytes: Bytes = shelf.get(digest).await?;
             new.put(digest, bytes).await?;
         }
-        sync(&folder.join(Shelf::FOLDER))?;
+        sync(&folder.join(BlobStore::FOLDER))?;
     }
     sync(folder)?;
     Ok(digests)

@@ -1,8 +1,8 @@
-//! Checkpoints: bytes on a shelf under their digest, descriptions in the database.
+//! Checkpoints: bytes on a blob_store under their digest, descriptions in the database.
 
-mod shelf;
+mod blob_store;
 
-pub use shelf::{Condition, Shelf};
+pub use blob_store::{BlobStore, Condition};
 
 use crate::{CheckpointRecord, Store, StoreError};
 use bytes::Bytes;
@@ -20,7 +20,7 @@ use std::{
 #[derive(Debug, Clone)]
 pub struct Checkpoints {
     store: Store,
-    shelf: Shelf,
+    blob_store: BlobStore,
 }
 
 /// Why a checkpoint cannot be stored or read.
@@ -94,13 +94,13 @@ pub enum CheckpointError {
 }
 
 impl Checkpoints {
-    /// Keeps checkpoints on the [`Shelf`] at `location`.
+    /// Keeps checkpoints on the [`BlobStore`] at `location`.
     ///
     /// # Errors
-    /// As [`Shelf::open`].
+    /// As [`BlobStore::open`].
     pub fn open(store: Store, data: &Path, location: Option<&str>) -> Result<Self, CheckpointError> {
-        let shelf = Shelf::open(data, location)?;
-        Ok(Self { store, shelf })
+        let blob_store = BlobStore::open(data, location)?;
+        Ok(Self { store, blob_store })
     }
 
     /// Tries out whether checkpoints can be kept where they are to be.
@@ -108,7 +108,7 @@ impl Checkpoints {
     /// # Errors
     /// [`CheckpointError::Location`] where they cannot.
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
-        self.shelf.try_out().await
+        self.blob_store.try_out().await
     }
 
     /// Checks every checkpoint in a folder against its digest; those in a bucket are checked when they are fetched. One
@@ -117,11 +117,11 @@ impl Checkpoints {
     /// # Errors
     /// [`CheckpointError::Damaged`], or if they cannot be read.
     pub async fn verify(&self) -> Result<(), CheckpointError> {
-        if !self.shelf.is_folder() {
+        if !self.blob_store.is_folder() {
             return Ok(());
         }
         for record in self.list().await? {
-            match self.shelf.get(record.digest).await {
+            match self.blob_store.get(record.digest).await {
                 Ok(_) => {}
                 Err(missing @ CheckpointError::Missing { .. }) => tracing::warn!("{missing}"),
                 Err(error) => return Err(error),
@@ -157,7 +157,7 @@ impl Checkpoints {
             lineage,
             created_ms,
         };
-        self.shelf.put(digest, bytes).await?;
+        self.blob_store.put(digest, bytes).await?;
         self.on_disk(move |store| {
             store.add_checkpoint(&record)?;
             store.checkpoint(record.digest)
@@ -187,7 +187,7 @@ impl Checkpoints {
     /// If there is none of that digest, or its bytes are gone or damaged.
     pub async fn fetch(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         self.describe(digest).await?;
-        self.shelf.get(digest).await
+        self.blob_store.get(digest).await
     }
 
     /// A checkpoint as an embedder of pictures in `format`.

@@ -43,7 +43,7 @@ pub use lessons::{FurtherStart, LessonPicture, LessonPictures};
 pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
 pub use runs::{Decision, DecisionError};
-pub use salvage::Remains;
+pub use salvage::Recoverable;
 
 use crate::files::is_there;
 use murmuration_model::RunId;

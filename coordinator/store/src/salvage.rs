@@ -6,7 +6,7 @@ use rusqlite::{Connection, Params, Transaction, params, params_from_iter, types:
 
 /// What of a campaign is whole, from its beginning on.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Remains {
+pub struct Recoverable {
     /// Pictures of its dataset.
     pub pictures: u64,
     /// Generations.
@@ -43,7 +43,7 @@ impl Store {
         &self,
         from: &Self,
         campaign: &CampaignId,
-        remains: &Remains,
+        remains: &Recoverable,
         cut: Option<&str>,
     ) -> Result<(), StoreError> {
         from.read(|source| {

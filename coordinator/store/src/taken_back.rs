@@ -84,8 +84,10 @@ impl Store {
     ) -> Result<(), StoreError> {
         let taken = self.add_to_log(campaign, |transaction, number, labels| {
             change(transaction, number, labels)?;
-            let edition = "UPDATE campaigns SET taken_back = taken_back + 1 WHERE number = ?1";
-            transaction.execute(edition, [number]).map_err(StoreError::from)?;
+            let archive_version = "UPDATE campaigns SET taken_back = taken_back + 1 WHERE number = ?1";
+            transaction
+                .execute(archive_version, [number])
+                .map_err(StoreError::from)?;
             Ok(())
         });
         taken.map_err(|error| match error {

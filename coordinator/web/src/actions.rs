@@ -1,6 +1,6 @@
 //! What people ask for with a button.
 
-use super::{Web, examples::EXAMPLES, wrong::Wrong};
+use super::{Web, examples::EXAMPLES, page_error::PageError};
 use axum::{
     Form,
     extract::{Path, State},
@@ -19,7 +19,7 @@ pub(super) struct Start {
 pub(super) async fn start(
     State(web): State<Web>,
     Form(Start { example }): Form<Start>,
-) -> Result<Redirect, Wrong> {
+) -> Result<Redirect, PageError> {
     let found = EXAMPLES.iter().find(|(name, _, _)| *name == example);
     let (_, _, text) = found.ok_or_else(|| {
         let names = EXAMPLES.map(|(name, _, _)| name).join(", ");
@@ -33,23 +33,23 @@ pub(super) async fn start(
     Ok(page_of(created.record.id.as_str()))
 }
 
-pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let paused = web.campaigns.pause(&id).await?;
     Ok(page_of(paused.record.id.as_str()))
 }
 
-pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+pub(super) async fn resume(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let resumed = web.campaigns.resume(&id).await?;
     Ok(page_of(resumed.record.id.as_str()))
 }
 
-pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let cancelled = web.campaigns.cancel(&id).await?;
     Ok(page_of(cancelled.record.id.as_str()))
 }
 
 /// Learning begins; on the map it can be watched.
-pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, Wrong> {
+pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let refined = web.campaigns.refine(&id).await?;
     Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
 }

@@ -19,9 +19,9 @@ pub(super) fn is_kept(cache_control: &HeaderValue) -> bool {
 /// The part of an address that tells campaigns of one id apart.
 #[derive(Debug, Deserialize)]
 pub(super) struct Created {
-    /// The [`Edition::origin`] of what is meant; absent from addresses that people type.
+    /// The [`ArchiveVersion::origin`] of what is meant; absent from addresses that people type.
     ///
-    /// [`Edition::origin`]: murmuration_model::Edition::origin
+    /// [`ArchiveVersion::origin`]: murmuration_model::ArchiveVersion::origin
     created: Option<String>,
 }
 
@@ -29,7 +29,7 @@ impl Created {
     /// For how long a browser, and nobody between it and here, may keep what it was sent of this campaign: who asks may
     /// have had to show a token.
     pub(super) fn keep(&self, record: &CampaignRecord) -> (HeaderName, &'static str) {
-        let kept = match self.created == Some(record.edition().origin()) {
+        let kept = match self.created == Some(record.archive_version().origin()) {
             true => LASTING,
             false => CHECKED,
         };
@@ -39,6 +39,6 @@ impl Created {
 
 /// Where the picture of an individual is.
 pub(super) fn picture(record: &CampaignRecord, index: u64) -> String {
-    let (id, created) = (&record.id, record.edition().origin());
+    let (id, created) = (&record.id, record.archive_version().origin());
     format!("/campaigns/{id}/individuals/{index}?created={created}")
 }

@@ -1,6 +1,6 @@
 //! What pages are made of besides markup: style sheets and scripts, part of the binary.
 
-use super::wrong::Wrong;
+use super::page_error::PageError;
 use axum::{
     extract::Path,
     http::header::{CACHE_CONTROL, CONTENT_TYPE},
@@ -51,8 +51,8 @@ const ASSETS: [(&str, &str, &str); 21] = [
 ];
 
 /// One of them.
-pub(super) async fn asset(Path(name): Path<String>) -> Result<impl IntoResponse, Wrong> {
+pub(super) async fn asset(Path(name): Path<String>) -> Result<impl IntoResponse, PageError> {
     let found = ASSETS.iter().find(|(known, _, _)| *known == name);
-    let (_, kind, content) = found.ok_or(Wrong::NoPage)?;
+    let (_, kind, content) = found.ok_or(PageError::NoPage)?;
     Ok(([(CONTENT_TYPE, *kind), (CACHE_CONTROL, "no-cache")], *content))
 }

@@ -3,9 +3,9 @@
 use super::{
     Web,
     layout::{Part, campaign_page},
+    page_error::PageError,
     parts,
     visitor::Visitor,
-    wrong::Wrong,
 };
 use axum::extract::{Path, State};
 use maud::{Markup, html};
@@ -16,7 +16,7 @@ pub(super) async fn one(
     State(web): State<Web>,
     Path(id): Path<String>,
     visitor: Visitor,
-) -> Result<Markup, Wrong> {
+) -> Result<Markup, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let usual = record
         .spec
@@ -92,7 +92,7 @@ pub(super) async fn sheet(
     State(web): State<Web>,
     Path(id): Path<String>,
     visitor: Visitor,
-) -> Result<Markup, Wrong> {
+) -> Result<Markup, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {

@@ -58,7 +58,7 @@ pub(super) fn campaign_page(
         (visitor.account())
     };
     let main = html! {
-        main #content data-campaign=(id) data-created=(record.edition().origin()) {
+        main #content data-campaign=(id) data-created=(record.archive_version().origin()) {
             noscript { p.scriptless { (without_scripts(record, part)) } }
             (content)
         }

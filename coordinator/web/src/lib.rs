@@ -15,6 +15,7 @@ mod live;
 mod login;
 mod map;
 mod motion;
+mod page_error;
 mod pages;
 mod parts;
 mod patience;
@@ -22,7 +23,6 @@ mod refused;
 mod taxonomy;
 mod teach;
 mod visitor;
-mod wrong;
 
 use axum::{
     Extension, Router,
@@ -36,9 +36,9 @@ use murmuration_access::{Door, Refusal, admit, limits::MAX_POST, requests};
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
 use murmuration_service::{CampaignApi, LabelApi, blame_the_client};
 use murmuration_store::Store;
+use page_error::PageError;
 use std::sync::Arc;
 use tonic::{Status, service::Routes};
-use wrong::Wrong;
 
 /// What the pages show, and who does what they ask for.
 #[derive(Debug, Clone)]
@@ -113,6 +113,6 @@ async fn nowhere(headers: HeaderMap) -> Response {
     let kind = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes);
     match kind.is_some_and(|kind| kind.starts_with(b"application/grpc")) {
         true => Status::unimplemented("this coordinator has no such service").into_http(),
-        false => Wrong::NoPage.into_response(),
+        false => PageError::NoPage.into_response(),
     }
 }

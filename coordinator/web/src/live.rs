@@ -1,13 +1,13 @@
 //! Pages that follow what happens: the parts that change, sent again whenever they do.
 
-use super::{Web, pages, wrong::Wrong};
+use super::{Web, page_error::PageError, pages};
 use axum::{
     extract::{Path, State},
     response::sse::{Event, KeepAlive, Sse},
 };
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
-use murmuration_model::{CampaignRecord, CampaignState, Edition};
-use murmuration_service::Seat;
+use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
+use murmuration_service::Permit;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
 use tokio::sync::{Mutex, mpsc};
@@ -18,7 +18,7 @@ const INTERVAL: Duration = Duration::from_millis(250);
 
 type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
-pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, Wrong> {
+pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, PageError> {
     let seat = seat(&web)?;
     let look = move || {
         let web = web.clone();
@@ -27,7 +27,7 @@ pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, Wrong> {
     Ok(follow(seat, look))
 }
 
-pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
+pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     let seat = seat(&web)?;
     let shown = Arc::<Mutex<Option<Shown>>>::default();
@@ -53,16 +53,16 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 type Shown = (Stands, String);
 
 /// What archive there is, and whether it has a taxonomy.
-type Stands = (Edition, u64, bool);
+type Stands = (ArchiveVersion, u64, bool);
 
 fn stands(record: &CampaignRecord) -> Stands {
     let completed = record.state == CampaignState::Completed;
-    (record.edition(), record.individuals(), completed)
+    (record.archive_version(), record.individuals(), completed)
 }
 
-/// For scripts: which edition the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
+/// For scripts: which archive_version the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
 /// what is being done with it; whoever shows any of these looks again when it changes.
-pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, Wrong> {
+pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     let seat = seat(&web)?;
     let look = move || {
@@ -72,9 +72,9 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let doing = status.active.then(|| pages::doing(&status));
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
-            let (edition, individuals, completed) = stands(&record);
+            let (archive_version, individuals, completed) = stands(&record);
             let seen = json!({
-                "edition": edition.to_string(),
+                "archive_version": archive_version.to_string(),
                 "individuals": individuals,
                 "completed": completed,
                 "labels": entries,
@@ -86,14 +86,14 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
     Ok(follow(seat, look))
 }
 
-fn seat(web: &Web) -> Result<Seat, Wrong> {
-    let seat = web.archive.seats.watch();
-    seat.map_err(|status| Wrong::Busy(status.message().to_owned()))
+fn seat(web: &Web) -> Result<Permit, PageError> {
+    let seat = web.archive.permits.watch();
+    seat.map_err(|status| PageError::Busy(status.message().to_owned()))
 }
 
 /// Sends what `look` sees, whenever that is not what it was before, for as long as somebody listens. It is called several
 /// times a second: what it reads must not grow with the archive.
-fn follow<Look, Looked>(seat: Seat, look: Look) -> Events
+fn follow<Look, Looked>(seat: Permit, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, CampaignError>> + Send,

@@ -2,8 +2,8 @@
 
 use super::{
     layout::layout,
+    page_error::{self, PageError, status_of},
     visitor::Visitor,
-    wrong::{self, Wrong, status_of},
 };
 use axum::{
     Extension, Form,
@@ -104,12 +104,12 @@ pub(super) async fn log_in(
     let (sessions, is_encrypted) = (door.sessions.clone(), door.is_encrypted);
     let opened = blocking(move || {
         let jar = sessions.log_in(&headers, token, is_encrypted, SystemTime::now());
-        Ok::<_, Wrong>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
+        Ok::<_, PageError>(hidden((jar?, Redirect::to(&given.to.0)).into_response()))
     });
     match opened.await {
         Ok(Ok(answer)) => answer,
         Ok(Err(wrong)) => wrong.into_response(),
-        Err(broken) => Wrong::from(broken).into_response(),
+        Err(broken) => PageError::from(broken).into_response(),
     }
 }
 
@@ -120,8 +120,8 @@ pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: Head
     let ended = blocking(move || sessions.log_out(&headers)).await;
     let answer = match ended {
         Ok(Ok(())) => Redirect::to("/").into_response(),
-        Ok(Err(error)) => Wrong::from(error).into_response(),
-        Err(broken) => Wrong::from(broken).into_response(),
+        Ok(Err(error)) => PageError::from(error).into_response(),
+        Err(broken) => PageError::from(broken).into_response(),
     };
     hidden((forgotten, [("clear-site-data", "\"cache\"")], answer).into_response())
 }
@@ -152,12 +152,12 @@ fn form(to: &Destination, wrong: &str) -> Markup {
 
 /// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
 pub(super) fn turned_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    match (wrong::wants_page(headers), status_of(&refusal)) {
+    match (page_error::wants_page(headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
             let Destination(path) = uri.path().to_owned().into();
             Redirect::to(&format!("/login?to={path}")).into_response()
         }
-        _ => Wrong::Refused(refusal).told(headers),
+        _ => PageError::Refused(refusal).told(headers),
     }
 }
 

@@ -3,10 +3,10 @@
 use super::{
     Web,
     layout::{Part, campaign_page},
+    page_error::PageError,
     parts,
     refused::Refused,
     visitor::Visitor,
-    wrong::Wrong,
 };
 use axum::{
     Json,
@@ -27,7 +27,7 @@ pub(super) async fn page(
     State(web): State<Web>,
     Path(id): Path<String>,
     visitor: Visitor,
-) -> Result<Markup, Wrong> {
+) -> Result<Markup, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let content = html! {
         div.wide-bar {
@@ -88,7 +88,7 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
         "count": individuals,
         "population": population,
         "final": clustered.is_taxonomy,
-        "edition": clustered.space.edition.to_string(),
+        "archive_version": clustered.space.archive_version.to_string(),
         "medoids": medoids,
         "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
         "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),

@@ -5,8 +5,8 @@ use super::{
     archived::{self, Created},
     examples::EXAMPLES,
     layout::{Part, campaign_page, layout},
+    page_error::PageError,
     visitor::Visitor,
-    wrong::Wrong,
 };
 use axum::{
     extract::{Path, Query, State},
@@ -27,7 +27,7 @@ use murmuration_report::picture::grey_png;
 const SCALE: u32 = 3;
 
 /// Every campaign, and how to start another.
-pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Result<Markup, Wrong> {
+pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
     let listed = web.campaigns.list().await?;
     Ok(layout(
         "Campaigns",
@@ -83,7 +83,7 @@ pub(super) async fn campaign(
     State(web): State<Web>,
     Path(id): Path<String>,
     visitor: Visitor,
-) -> Result<Markup, Wrong> {
+) -> Result<Markup, PageError> {
     let status = web.campaigns.status(&id).await?;
     let id = status.record.id.as_str();
     Ok(campaign_page(
@@ -237,7 +237,7 @@ fn facts(status: &CampaignStatus) -> Markup {
                     (fact("Held-out triplets", format!("{:.1} %", 100.0 * share)))
                 }
             }
-            @if status.per_second > 0.0 { (fact("A second", format!("{:.0}", status.per_second))) }
+            @if status.per_second > 0.0 { (fact("Rate", format!("{:.0} a second", status.per_second))) }
             (fact("Workers", status.workers.to_string()))
             (fact("Trainers", status.trainers.to_string()))
             @if let Some(checkpoint) = status.record.checkpoint {
@@ -280,12 +280,12 @@ pub(super) async fn image(
     State(web): State<Web>,
     Path((id, index)): Path<(String, u64)>,
     Query(created): Query<Created>,
-) -> Result<impl IntoResponse, Wrong> {
+) -> Result<impl IntoResponse, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let resolution = record.spec.image().resolution();
     let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
-    let pixels = individual.image.ok_or(Wrong::NoPage)?;
+    let pixels = individual.image.ok_or(PageError::NoPage)?;
     let file = grey_png(&pixels, resolution, SCALE)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))
 }

@@ -1,13 +1,13 @@
 //! How long a browser waits for an answer to begin: then it is told that there is none, rather than that the connection broke.
 
-use super::wrong::Wrong;
+use super::page_error::PageError;
 use axum::{extract::Request, middleware::Next, response::Response};
 use murmuration_access::limits::PAGE_LIMIT;
 
 /// Gives up what takes too long. What is followed has begun by then.
 pub(super) async fn limited(request: Request, next: Next) -> Response {
     let headers = request.headers().clone();
-    answered_in_time(next.run(request), || Wrong::Late.told(&headers)).await
+    answered_in_time(next.run(request), || PageError::Late.told(&headers)).await
 }
 
 async fn answered_in_time(
@@ -39,7 +39,7 @@ mod tests {
         ] {
             let headers = HeaderMap::from_iter([(ACCEPT, HeaderValue::from_static(accepts))]);
             let begun = tokio::time::Instant::now();
-            let told = answered_in_time(future::pending(), || Wrong::Late.told(&headers)).await;
+            let told = answered_in_time(future::pending(), || PageError::Late.told(&headers)).await;
             assert!(begun.elapsed() < IDLE_LIMIT);
             assert_eq!(told.status(), StatusCode::GATEWAY_TIMEOUT);
             let body = to_bytes(told.into_body(), usize::MAX).await.unwrap();
@@ -50,7 +50,7 @@ mod tests {
             );
         }
         let soon = async { "soon".into_response() };
-        let told = answered_in_time(soon, || Wrong::Late.into_response()).await;
+        let told = answered_in_time(soon, || PageError::Late.into_response()).await;
         assert_eq!(told.status(), StatusCode::OK);
     }
 }

@@ -3,9 +3,9 @@
 use super::{
     Web, archived,
     layout::{Part, campaign_page},
+    page_error::PageError,
     parts,
     visitor::Visitor,
-    wrong::Wrong,
 };
 use axum::{
     extract::{Path, State},
@@ -29,7 +29,7 @@ use murmuration_proto::{
     },
 };
 use murmuration_report as report;
-use murmuration_service::{OrStatus as _, gather};
+use murmuration_service::{OrStatus as _, report_data};
 use murmuration_store::StoreError;
 use std::{collections::BTreeMap, sync::Arc};
 use tonic::Status;
@@ -39,7 +39,7 @@ pub(super) async fn page(
     State(web): State<Web>,
     Path(id): Path<String>,
     visitor: Visitor,
-) -> Result<Markup, Wrong> {
+) -> Result<Markup, PageError> {
     let record = web.campaigns.status(&id).await?.record;
     let (store, campaign, spec) = (web.store.clone(), record.id.clone(), record.spec.clone());
     let read = move || -> Result<(Option<Taxonomy>, Arc<Labels>), StoreError> {
@@ -135,7 +135,7 @@ fn card(
 pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,
-) -> Result<impl IntoResponse, Wrong> {
+) -> Result<impl IntoResponse, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
     web.archive.dispatch.check_staffed().or_status()?;
     // The service of this process, without a network between.
@@ -143,11 +143,11 @@ pub(super) async fn export(
     let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels));
     let failed = |error: String| Status::internal(error);
     let gathered = async {
-        let names = gather::names(&mut labels, id.as_str()).await?;
-        gather::report(&mut archive, id.as_str(), names).await
+        let names = report_data::names(&mut labels, id.as_str()).await?;
+        report_data::report(&mut archive, id.as_str(), names).await
     };
     let gathered = gathered.await.map_err(|error| match error {
-        gather::GatherError::Service(status) => status,
+        report_data::ReportDataError::Service(status) => status,
         other => failed(other.to_string()),
     })?;
     let page = blocking(move || report::page(&gathered)).await?;

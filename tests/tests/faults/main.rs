@@ -7,11 +7,11 @@
 
 mod campaign;
 mod clock;
-mod crowd;
 mod decisions;
 mod disk;
 mod kills;
 mod network;
+mod overload;
 mod processes;
 mod proxy;
 mod soak;
@@ -92,8 +92,8 @@ const SCENARIOS: [(&str, Scenario, &[Requirement]); 22] = [
     ("failing disk", disk::failing, &[]),
     ("read-only disk", disk::read_only, &[]),
     ("clock jumps", clock::jumps, &[]),
-    ("connections", crowd::connections, &[]),
-    ("limits", crowd::limits, &[OpenFiles(crowd::FILES)]),
+    ("connections", overload::connections, &[]),
+    ("limits", overload::limits, &[OpenFiles(overload::FILES)]),
     ("soak", soak::soak, &[]),
 ];
 

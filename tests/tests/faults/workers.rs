@@ -7,7 +7,7 @@ use super::{
     table::Row,
 };
 use murmuration_proto::v1;
-use murmuration_tests::Impostor;
+use murmuration_tests::FakeWorker;
 use std::{path::Path, thread, time::Duration};
 use tonic::Status;
 
@@ -25,7 +25,7 @@ fn lie() -> v1::Evaluation {
 fn answer_all(cluster: &Cluster, evaluation: &v1::Evaluation) -> (usize, Status) {
     let url = cluster.url();
     cluster.runtime().block_on(async {
-        let impostor = Impostor::connect(&url).await;
+        let impostor = FakeWorker::connect(&url).await;
         impostor.answer_all(evaluation).await
     })
 }
@@ -65,7 +65,7 @@ pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let id = cluster.submit(&spec);
     let url = cluster.url();
     let took = cluster.runtime().block_on(async move {
-        let mut impostor = Impostor::connect(&url).await;
+        let mut impostor = FakeWorker::connect(&url).await;
         let (_, batch) = impostor.lease(64).await;
         tokio::spawn(impostor.dismissed());
         batch.tasks.len()
@@ -195,7 +195,7 @@ pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let (told, again) = cluster.runtime().block_on(async {
         let mut liars = Vec::new();
         for instance in 1..=connections {
-            liars.push(Impostor::connect_as(&url, machine, instance).await.unwrap());
+            liars.push(FakeWorker::connect_as(&url, machine, instance).await.unwrap());
         }
         let lying = liars
             .into_iter()
@@ -204,7 +204,7 @@ pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
         for liar in lying.collect::<Vec<_>>() {
             told.push(liar.await.unwrap());
         }
-        let again = Impostor::connect_as(&url, machine, connections + 1).await;
+        let again = FakeWorker::connect_as(&url, machine, connections + 1).await;
         (told, again.unwrap_err())
     });
     for status in told.iter().map(|(_, status)| status).chain([&again]) {
@@ -266,7 +266,7 @@ pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 5);
     let url = cluster.url();
     let sent = cluster.runtime().block_on(async {
-        let mut impostor = Impostor::connect(&url).await;
+        let mut impostor = FakeWorker::connect(&url).await;
         let (own, batch) = impostor.lease(1).await;
         let mut sent = 0;
         for number in 0..own.number + 20 {

@@ -2,7 +2,7 @@
 
 use crate::{Honest, LIAR, connect, lie, longer, notices, undisturbed, with_a_liar};
 use murmuration_proto::v1;
-use murmuration_tests::{Cluster, Impostor, small_spec};
+use murmuration_tests::{Cluster, FakeWorker, small_spec};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn two_connections_of_a_liar_do_not_outvote_an_honest_worker() {
@@ -43,7 +43,7 @@ async fn one_machine_whose_workers_vanish_condemns_nothing_that_another_can_do()
     for instance in 1..=3 {
         if instance == 3 {
             // It is there, and has no time yet.
-            let other = Impostor::connect(&cluster.url()).await;
+            let other = FakeWorker::connect(&cluster.url()).await;
             busy = Some(tokio::spawn(other.dismissed()));
         }
         let mut vanishes = connect(&cluster, (LIAR.0, instance)).await.unwrap();

@@ -6,7 +6,7 @@ mod machines;
 use murmuration_dispatch::{Options, Share};
 use murmuration_link::Credentials;
 use murmuration_proto::{CampaignSpec, Purpose, Stream, v1};
-use murmuration_tests::{Cluster, Impostor, Murmuration, quick_dispatch, small_latent_spec, small_spec};
+use murmuration_tests::{Cluster, FakeWorker, Murmuration, quick_dispatch, small_latent_spec, small_spec};
 use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
 use tonic::{Code, Status};
@@ -47,12 +47,12 @@ fn impossible() -> v1::Evaluation {
     }
 }
 
-async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<Impostor, Status> {
-    Impostor::connect_as(&cluster.url(), machine, instance).await
+async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<FakeWorker, Status> {
+    FakeWorker::connect_as(&cluster.url(), machine, instance).await
 }
 
 /// Lies about so many tasks, if no more than that are to be had.
-async fn tell_lies(liar: &mut Impostor, count: usize) {
+async fn tell_lies(liar: &mut FakeWorker, count: usize) {
     let mut told = 0;
     while told < count {
         let (lease, batch) = liar.lease(20).await;
@@ -108,7 +108,7 @@ async fn undisturbed(spec: &CampaignSpec) -> String {
 }
 
 /// A cluster that audits everything and has a campaign, whose id comes with it, and no worker but the liar.
-async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, Impostor) {
+async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, FakeWorker) {
     let options = Options {
         // Time for the second honest worker to come.
         silence_limit: Duration::from_secs(20),

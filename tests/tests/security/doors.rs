@@ -3,7 +3,7 @@
 
 use crate::Desk;
 use murmuration_access::{
-    Entrance,
+    ListenConfig,
     limits::{MAX_HEADER_BYTES, MAX_HEADERS},
 };
 use murmuration_proto::{
@@ -81,7 +81,7 @@ fn is_denied(answer: &Answer) -> bool {
 
 /// A coordinator for whoever reaches it, as `--insecure-listen` makes one.
 async fn trusting(data: &Path) -> Cluster {
-    let entrance = Entrance::new(([0, 0, 0, 0], 0).into(), None, None, true).unwrap();
+    let entrance = ListenConfig::new(([0, 0, 0, 0], 0).into(), None, None, true).unwrap();
     Cluster::start_at(data, 0, entrance).await
 }
 

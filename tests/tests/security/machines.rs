@@ -5,7 +5,7 @@ use murmuration_link::{Credentials, Health};
 use murmuration_proto::v1::{
     self, checkpoint_service_client::CheckpointServiceClient, trainer_service_client::TrainerServiceClient,
 };
-use murmuration_tests::{Cluster, Impostor, small_spec};
+use murmuration_tests::{Cluster, FakeWorker, small_spec};
 use murmuration_worker::client as worker;
 use std::{error::Error as _, num::NonZeroUsize};
 use tokio::sync::watch;
@@ -143,7 +143,7 @@ async fn a_certificate_is_a_machine() {
     cluster.create(&small_spec("")).await;
     let connect = async |name: &str, instance| {
         let shown = desk.credentials(None, Some(&desk.path(&format!("certs/{name}"))));
-        Impostor::connect_over(channel(&cluster, &shown).await, instance).await
+        FakeWorker::connect_over(channel(&cluster, &shown).await, instance).await
     };
     let mut liar = connect("alpha", 1).await.unwrap();
     let (lease, batch) = liar.lease(1).await;

@@ -11,7 +11,7 @@ mod snapshots;
 mod unreadable;
 mod words;
 
-use murmuration_access::{Entrance, Tls, Tokens};
+use murmuration_access::{ListenConfig, Tls, Tokens};
 use murmuration_link::{Credentials, IdentityFiles, TrustFiles};
 use murmuration_tests::{Cluster, Murmuration};
 use std::{
@@ -91,7 +91,7 @@ impl Desk {
         )
         .unwrap();
         let tokens = Tokens::read(&self.path("tokens.toml")).unwrap();
-        let entrance = Entrance::new(([127, 0, 0, 1], 0).into(), Some(tls), Some(tokens), false).unwrap();
+        let entrance = ListenConfig::new(([127, 0, 0, 1], 0).into(), Some(tls), Some(tokens), false).unwrap();
         Cluster::start_at(&self.path("data"), workers, entrance).await
     }
 

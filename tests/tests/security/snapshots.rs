@@ -7,7 +7,7 @@ use murmuration_proto::{
         training_part::Part, worker_message::Message,
     },
 };
-use murmuration_tests::{Cluster, Impostor, small_latent_spec};
+use murmuration_tests::{Cluster, FakeWorker, small_latent_spec};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -128,7 +128,7 @@ async fn a_trainer_trains_one_embedder_at_a_time() {
 async fn a_worker_puts_no_training_aside() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
-    let mut worker = Impostor::connect(&cluster.url()).await;
+    let mut worker = FakeWorker::connect(&cluster.url()).await;
     let lease = v1::LeaseId { epoch: 1, number: 1 };
     worker.send(snapshot(lease, 1 << 20, false)).await;
     let status = worker.receive().await.unwrap_err();

@@ -4,7 +4,7 @@ use murmuration_proto::{
     SIMULATOR_VERSION,
     v1::{self, worker_message::Message as Said},
 };
-use murmuration_tests::{Cluster, Impostor};
+use murmuration_tests::{Cluster, FakeWorker};
 use prost::Message;
 use tokio_stream::StreamExt as _;
 use tonic::{Code, Request, Status, codegen::http::uri::PathAndQuery};
@@ -52,7 +52,7 @@ async fn a_message_that_cannot_be_read_is_its_senders_fault() {
         check(sent(&cluster, method, vec![v1::Credits { evaluations: 1 }]).await);
     }
     // After a Hello that can be read: what travels as a text of some other message is the same bytes.
-    let Said::Hello(hello) = Impostor::hello(SIMULATOR_VERSION) else {
+    let Said::Hello(hello) = FakeWorker::hello(SIMULATOR_VERSION) else {
         panic!("not a Hello")
     };
     let hello = v1::Hello {

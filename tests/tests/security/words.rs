@@ -1,7 +1,7 @@
 //! What workers and clients call things, and say: nothing of it moves a terminal's cursor, hides, or is without end.
 
 use murmuration_proto::v1::{self, label_service_client::LabelServiceClient, worker_message::Message};
-use murmuration_tests::{Cluster, Impostor, small_spec};
+use murmuration_tests::{Cluster, FakeWorker, small_spec};
 use tonic::Code;
 
 /// What no terminal should be sent.
@@ -22,7 +22,7 @@ async fn a_workers_words_are_cleaned_and_cut() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let campaign = cluster.create(&small_spec("")).await;
-    let mut worker = Impostor::connect(&cluster.url()).await;
+    let mut worker = FakeWorker::connect(&cluster.url()).await;
     let (lease, _) = worker.lease(5).await;
     let endless = format!("{HOSTILE} {}", "x".repeat(8 << 20));
     worker.send(failure(lease, endless)).await;
@@ -40,11 +40,12 @@ async fn names_that_cannot_be_seen_are_refused_by_field() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     for name in ["", "\u{200b}", "wor\u{202e}ker", "a\u{1b}[2J"] {
-        let Message::Hello(hello) = Impostor::hello(murmuration_proto::SIMULATOR_VERSION) else {
+        let Message::Hello(hello) = FakeWorker::hello(murmuration_proto::SIMULATOR_VERSION) else {
             unreachable!()
         };
         let name = name.to_owned();
-        let refused = Impostor::say_hello(&cluster.url(), Message::Hello(v1::Hello { name, ..hello })).await;
+        let refused =
+            FakeWorker::say_hello(&cluster.url(), Message::Hello(v1::Hello { name, ..hello })).await;
         let status = refused.unwrap_err();
         assert_eq!(status.code(), Code::InvalidArgument);
         assert!(status.message().starts_with("hello.name = "), "{status}");

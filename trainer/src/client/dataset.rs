@@ -18,7 +18,7 @@ use tonic::Status;
 const MAX_SAVED_BYTES: usize = 300 << 20;
 
 /// All that a training begins with.
-pub(super) struct Material {
+pub(super) struct TrainingInputs {
     pub(super) pictures: Arc<Pictures>,
     /// If it learns from labels.
     pub(super) fine_tuning: Option<FineTuning>,
@@ -36,7 +36,7 @@ struct Parts {
 }
 
 /// Fetches what `task` needs.
-pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Material, Undone> {
+pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<TrainingInputs, Undone> {
     let parts = attempts(|| receive(task, coordinator.clone()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
@@ -51,7 +51,7 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Mate
             })
         }
     };
-    Ok(Material {
+    Ok(TrainingInputs {
         pictures: Arc::new(pictures),
         fine_tuning,
         saved: parts.saved,

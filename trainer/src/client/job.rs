@@ -1,10 +1,10 @@
 //! One lease's training, from its task to the published checkpoint.
 
 use super::{
-    course::Course,
     dataset,
     event::{Event, Undone},
     task::Task,
+    training_run::TrainingRun,
 };
 use murmuration_embed::Runtime;
 use murmuration_link::{Coordinator, attempts, follow, for_lease, stopped};
@@ -80,7 +80,7 @@ async fn train(
         fetched = dataset::fetch(&task, &coordinator) => fetched?,
         () = stopped(&mut stop) => return Err(Undone::retryable("the trainer is leaving")),
     };
-    let course = Course {
+    let course = TrainingRun {
         task,
         material,
         runtime,

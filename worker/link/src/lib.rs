@@ -1,6 +1,6 @@
 //! The connection of a worker or trainer to its coordinator: made, kept alive, and made again when it breaks.
 //!
-//! [`keep`] is the whole of it: a [`Party`] says what it does while it is connected, [`Link`] is what it does it with.
+//! [`keep`] is the whole of it: a [`Peer`] says what it does while it is connected, [`Link`] is what it does it with.
 //! Knows nothing of the work itself.
 #![deny(missing_docs)]
 
@@ -163,7 +163,7 @@ impl Address {
 }
 
 /// Somebody who works for a coordinator.
-pub trait Party {
+pub trait Peer {
     /// One connection, from the Welcome on. `Ok` once it was asked to stop and has said what there was to say:
     /// then [`Link::close`] must have been awaited.
     fn session(
@@ -180,7 +180,7 @@ pub trait Party {
 pub async fn keep(
     address: &Address,
     health: &Health,
-    party: &mut impl Party,
+    party: &mut impl Peer,
     mut stop: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
     let mut pause = Backoff::new();

@@ -2,7 +2,7 @@
 
 use super::{
     checkpoints::Checkpoints,
-    desk::Desk,
+    executor::Executor,
     lease::{Lease, Outcome},
 };
 use murmuration_link::follow;
@@ -56,8 +56,8 @@ impl Pool {
         for number in 0..threads.get() {
             let (queue, outcomes, draining) = (queue.clone(), outcomes.clone(), draining.clone());
             thread::Builder::new().name(format!("evaluate-{number}")).spawn({
-                let desk = Desk::new(checkpoints.clone());
-                move || work_until_closed(&queue, &outcomes, &draining, desk)
+                let executor = Executor::new(checkpoints.clone());
+                move || work_until_closed(&queue, &outcomes, &draining, executor)
             })?;
         }
         Ok(Self {
@@ -120,7 +120,7 @@ fn work_until_closed(
     queue: &Mutex<blocking::Receiver<Lease>>,
     outcomes: &mpsc::UnboundedSender<Finished>,
     draining: &AtomicBool,
-    mut desk: Desk,
+    mut executor: Executor,
 ) {
     loop {
         let next = queue.lock().unwrap_or_else(PoisonError::into_inner).recv();
@@ -133,7 +133,7 @@ fn work_until_closed(
         let outcome = if draining.load(Ordering::Relaxed) {
             Outcome::retryable("the worker is leaving".to_owned())
         } else {
-            desk.outcome(lease)
+            executor.outcome(lease)
         };
         let took = begun.elapsed();
         tracing::debug!(tasks = credits, ?took, "over");

@@ -3,7 +3,7 @@
 
 use super::{
     checkpoints::Checkpoints,
-    desk::Desk,
+    executor::Executor,
     lease::{Lease, Outcome, Work},
 };
 use murmuration_link::{Address, Credentials, Role};
@@ -119,14 +119,14 @@ impl Worker {
 
     /// What a thread makes of `work`, a new one every time.
     async fn outcome(&self, work: Work) -> Outcome {
-        let mut desk = Desk::new(self.checkpoints.clone());
+        let mut executor = Executor::new(self.checkpoints.clone());
         let lease = Lease {
             id: v1::LeaseId::default(),
             campaign: "small-1".to_owned(),
             trace_parent: String::new(),
             work,
         };
-        tokio::task::spawn_blocking(move || desk.outcome(lease))
+        tokio::task::spawn_blocking(move || executor.outcome(lease))
             .await
             .unwrap()
     }

@@ -15,7 +15,7 @@ pub(super) struct Job<R> {
     /// Effort that it has had, of all its workers; whoever has had least is next.
     pub(super) served: u64,
     pub(super) effort: u64,
-    pub(super) hurried: bool,
+    pub(super) speculative: bool,
     /// Whether only workers that embed can do it.
     pub(super) embeds: bool,
 }

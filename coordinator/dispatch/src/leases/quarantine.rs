@@ -1,6 +1,6 @@
 //! Machines that were found wrong: what they said is forgotten, and they are not listened to.
 
-use super::{Agree, Back, LeaseTable, News, WorkerProcessId, job::Job, task::Task};
+use super::{Agree, Back, Event, LeaseTable, WorkerProcessId, job::Job, task::Task};
 use murmuration_model::MachineId;
 use std::collections::BTreeSet;
 
@@ -34,7 +34,7 @@ impl<R: Agree> LeaseTable<R> {
             for &worker in &workers {
                 self.drop_worker(worker, Back::Returned);
             }
-            self.news.push(News::Quarantined {
+            self.events.push(Event::Quarantined {
                 process,
                 workers,
                 again,

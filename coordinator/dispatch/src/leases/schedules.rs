@@ -111,14 +111,14 @@ impl Cluster {
         let deadly = (0..tasks).filter(|_| self.chance(40)).collect();
         let impossible = (0..tasks).filter(|_| self.chance(150)).collect();
         let embeds = self.chance(3);
-        let terms = Terms {
+        let params = JobParams {
             tasks,
             effort: 1 + self.below(5) as u64,
             audited,
             embeds,
-            hurried: !self.chance(4),
+            speculative: !self.chance(4),
         };
-        let job = self.table.submit(terms);
+        let job = self.table.submit(params);
         let submitted = Submitted {
             tasks,
             deadly,
@@ -224,7 +224,7 @@ impl Cluster {
             );
             process.has.push(grant);
         }
-        self.hear_news();
+        self.hear_events();
     }
 
     /// A process does the next thing that it has; false if it has nothing, or never will.
@@ -246,7 +246,7 @@ impl Cluster {
         let (is_deadly, is_impossible) = (meets(|job| &job.deadly), meets(|job| &job.impossible));
         if is_deadly {
             self.die(id);
-            self.hear_news();
+            self.hear_events();
             return true;
         }
         let refuses = match character {
@@ -257,7 +257,7 @@ impl Cluster {
         if refuses {
             self.table.refuse(worker, grant.lease, self.now);
             self.table.add_credits(worker, grant.tasks.len());
-            self.hear_news();
+            self.hear_events();
             return true;
         }
         let lies = character == Character::Liar && self.chance(3);
@@ -270,7 +270,7 @@ impl Cluster {
         let taken = self.table.complete(worker, grant.lease, results, self.now);
         assert!(matches!(taken, Ok(()) | Err(Refused::UnknownLease)), "{taken:?}");
         self.table.add_credits(worker, grant.tasks.len());
-        self.hear_news();
+        self.hear_events();
         true
     }
 
@@ -348,7 +348,7 @@ impl Cluster {
         for instance in leaving.map(|(&instance, _)| instance).collect::<Vec<_>>() {
             self.die(instance);
         }
-        if self.table.jobs.values().any(|job| !job.hurried) {
+        if self.table.jobs.values().any(|job| !job.speculative) {
             // What is not given twice waits for its worker until somebody ends it.
             let hung = self.processes.iter().filter(|(_, process)| process.hangs);
             for instance in hung.map(|(&instance, _)| instance).collect::<Vec<_>>() {

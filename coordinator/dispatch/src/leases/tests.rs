@@ -46,20 +46,20 @@ fn answers(grant: &Grant) -> Vec<u64> {
         .collect()
 }
 
-fn terms(tasks: usize) -> Terms {
-    Terms {
+fn params(tasks: usize) -> JobParams {
+    JobParams {
         tasks,
         effort: 1,
         audited: BTreeSet::new(),
         embeds: false,
-        hurried: true,
+        speculative: true,
     }
 }
 
-fn audited(tasks: usize) -> Terms {
-    Terms {
+fn audited(tasks: usize) -> JobParams {
+    JobParams {
         audited: (0..tasks).collect(),
-        ..terms(tasks)
+        ..params(tasks)
     }
 }
 
@@ -76,10 +76,11 @@ fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; 
     (table, ids)
 }
 
-fn results(news: Vec<News<u64>>) -> Vec<Settled<u64>> {
-    news.into_iter()
-        .find_map(|news| match news {
-            News::Done { results, .. } => Some(results),
+fn results(events: Vec<Event<u64>>) -> Vec<Settled<u64>> {
+    events
+        .into_iter()
+        .find_map(|events| match events {
+            Event::Done { results, .. } => Some(results),
             _ => None,
         })
         .expect("the job is done")
@@ -88,7 +89,7 @@ fn results(news: Vec<News<u64>>) -> Vec<Settled<u64>> {
 #[test]
 fn without_credits_nothing_is_leased() {
     let (mut table, [worker]) = workers([0]);
-    table.submit(terms(3));
+    table.submit(params(3));
     assert_eq!(table.grant(now()), None);
     table.add_credits(worker, 1);
     assert_eq!(table.grant(now()).unwrap().tasks.len(), 1);
@@ -98,7 +99,7 @@ fn without_credits_nothing_is_leased() {
 #[test]
 fn a_lost_workers_tasks_go_out_again_and_its_late_result_still_counts() {
     let (mut table, [first, second]) = workers([1, 0]);
-    let job = table.submit(terms(1));
+    let job = table.submit(params(1));
     let lost = table.grant(now()).unwrap();
     table.lose(first);
     table.add_credits(second, 1);
@@ -111,7 +112,7 @@ fn a_lost_workers_tasks_go_out_again_and_its_late_result_still_counts() {
         by: process(1),
         audited: false,
     };
-    assert_eq!(results(table.take_news()), [expected]);
+    assert_eq!(results(table.take_events()), [expected]);
     let late = table.complete(second, again.lease, answers(&again), now());
     assert_eq!(late, Err(Refused::UnknownLease));
 }
@@ -119,7 +120,7 @@ fn a_lost_workers_tasks_go_out_again_and_its_late_result_still_counts() {
 #[test]
 fn results_count_only_from_the_worker_that_has_the_lease() {
     let (mut table, [first, second]) = workers([1, 0]);
-    table.submit(terms(1));
+    table.submit(params(1));
     let grant = table.grant(now()).unwrap();
     let stolen = table.complete(second, grant.lease, vec![13], now());
     assert_eq!(stolen, Err(Refused::NotYours));
@@ -129,7 +130,7 @@ fn results_count_only_from_the_worker_that_has_the_lease() {
 #[test]
 fn a_wrong_number_of_results_changes_nothing() {
     let (mut table, [worker]) = workers([5]);
-    table.submit(terms(4));
+    table.submit(params(4));
     let grant = table.grant(now()).unwrap();
     let refused = Refused::WrongCount {
         got: 0,
@@ -161,15 +162,15 @@ fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
     table
         .complete(third.worker, third.lease, answers(&third), now())
         .unwrap();
-    let news = table.take_news();
-    let quarantined = News::Quarantined {
+    let events = table.take_events();
+    let quarantined = Event::Quarantined {
         process: liar,
         workers: vec![wrong.worker],
         again: 0,
     };
-    assert!(news.contains(&quarantined), "{news:?}");
+    assert!(events.contains(&quarantined), "{events:?}");
     assert!(matches!(
-        results(news)[..],
+        results(events)[..],
         [Settled::Result { audited: true, .. }]
     ));
     assert_eq!(table.join(liar, ABLE, now()), None);
@@ -179,13 +180,13 @@ fn an_audited_task_is_done_by_two_and_whoever_is_outvoted_is_quarantined() {
 #[test]
 fn what_a_quarantined_worker_did_unaudited_is_done_again() {
     let (mut table, [first, _]) = workers([1, 0]);
-    let job = table.submit(terms(2));
+    let job = table.submit(params(2));
     let grant = table.grant(now()).unwrap();
     table.complete(first, grant.lease, vec![13], now()).unwrap();
     table.quarantine(process(1));
-    let news = table.take_news();
-    assert!(news.contains(&News::Progress { job, settled: 1 }));
-    assert!(news.contains(&News::Progress { job, settled: 0 }));
+    let events = table.take_events();
+    assert!(events.contains(&Event::Progress { job, settled: 1 }));
+    assert!(events.contains(&Event::Progress { job, settled: 0 }));
     table.add_credits(WorkerId(1), 2);
     let again: Vec<_> = std::iter::from_fn(|| table.grant(now()))
         .flat_map(|grant| grant.tasks)
@@ -201,7 +202,7 @@ fn an_audit_without_a_second_worker_is_waived() {
     table.complete(only, grant.lease, answers(&grant), now()).unwrap();
     assert_eq!(table.grant(now()), None);
     assert!(matches!(
-        results(table.take_news())[..],
+        results(table.take_events())[..],
         [Settled::Result { audited: false, .. }]
     ));
 }
@@ -221,7 +222,7 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs() {
     assert!(table.jobs.contains_key(&second.job));
     assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
     assert!(matches!(
-        results(table.take_news())[..],
+        results(table.take_events())[..],
         [Settled::Result { audited: false, .. }]
     ));
 }
@@ -230,7 +231,7 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs() {
 fn an_audit_does_not_wait_for_a_worker_that_hangs_and_takes_nothing_more() {
     let (mut table, [_]) = workers([1]);
     let start = now();
-    table.submit(terms(1));
+    table.submit(params(1));
     table.grant(start).expect("what it hangs over");
     table.submit(audited(1));
     let sound = join(&mut table, process(2), 1);
@@ -274,7 +275,7 @@ fn an_audit_does_not_wait_for_a_machine_that_gives_work_back() {
     table.give_back(unfit, second.lease, now());
     assert_eq!(table.grant(now()), None);
     assert!(matches!(
-        results(table.take_news())[..],
+        results(table.take_events())[..],
         [Settled::Result { audited: false, .. }]
     ));
 }
@@ -293,23 +294,23 @@ fn two_that_differ_with_no_third_end_the_job() {
     assert!(table.jobs.contains_key(&job), "a third may come");
     assert_eq!(table.grant(now() + 2 * DISPUTE_PATIENCE), None);
     let between = vec![process(2), process(1)];
-    let expected = |between: &[WorkerProcessId]| News::Disagreement {
+    let expected = |between: &[WorkerProcessId]| Event::Disagreement {
         job,
         task: 0,
         between: between.to_vec(),
     };
-    let news = table.take_news();
+    let events = table.take_events();
     let reversed: Vec<_> = between.iter().rev().copied().collect();
     assert!(
-        news.contains(&expected(&between)) || news.contains(&expected(&reversed)),
-        "{news:?}"
+        events.contains(&expected(&between)) || events.contains(&expected(&reversed)),
+        "{events:?}"
     );
 }
 
 #[test]
 fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
     let (mut table, [first]) = workers([4]);
-    table.submit(terms(4));
+    table.submit(params(4));
     while table.grant(now()).is_some() {}
     table.lose(first);
     let deadly = 2;
@@ -340,7 +341,7 @@ fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
             .complete(worker, grant.lease, answers(&grant), now())
             .unwrap();
     }
-    for (place, settled) in results(table.take_news()).into_iter().enumerate() {
+    for (place, settled) in results(table.take_events()).into_iter().enumerate() {
         match settled {
             Settled::SetAside { lost: whom } => assert_eq!((place, &whom), (deadly, &lost)),
             Settled::Result { .. } => assert_ne!(place, deadly),
@@ -351,7 +352,7 @@ fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
 #[test]
 fn a_worker_that_comes_back_was_not_taken_by_what_it_held() {
     let (mut table, [worker]) = workers([1]);
-    table.submit(terms(1));
+    table.submit(params(1));
     let mut held = table.grant(now()).unwrap();
     let mut connection = worker;
     for _ in 0..10 {
@@ -369,7 +370,7 @@ fn a_worker_that_comes_back_was_not_taken_by_what_it_held() {
 #[test]
 fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
     let (mut table, _) = workers([]);
-    table.submit(terms(1));
+    table.submit(params(1));
     for instance in 1..10 {
         let worker = table.join(process(instance), ABLE, now()).unwrap();
         table.add_credits(worker, 1);
@@ -377,5 +378,5 @@ fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
         table.get_on(held.lease);
         table.lose(worker);
     }
-    assert_eq!((table.waiting(), table.take_news().len()), (1, 9));
+    assert_eq!((table.waiting(), table.take_events().len()), (1, 9));
 }

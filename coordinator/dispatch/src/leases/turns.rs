@@ -1,8 +1,8 @@
 //! Who is next: which task of a job, which job, and which worker for it.
 
 use super::{
-    Agree, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, News, PATIENCE, WorkerId, job::Job,
-    workers::Worker,
+    Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, PATIENCE, WorkerId,
+    job::Job, workers::Worker,
 };
 use std::{
     cmp::Reverse,
@@ -37,7 +37,7 @@ impl<R: Agree> LeaseTable<R> {
                 return self.lease(job, choice, now);
             }
         }
-        let (job, choice) = self.choose_late(reserved, now)?;
+        let (job, choice) = self.speculate(reserved, now)?;
         self.lease(job, choice, now)
     }
 
@@ -136,10 +136,10 @@ impl<R: Agree> LeaseTable<R> {
 
     /// What an idle worker gets of a lease that is late with others: the first result counts. Whoever has it as well is
     /// given twice as long before there is a next.
-    fn choose_late(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
+    fn speculate(&self, reserved: Option<WorkerId>, now: Instant) -> Option<(JobId, Choice)> {
         for lease in self.late(now) {
             let job = self.jobs.get(&lease.job)?;
-            if !job.hurried {
+            if !job.speculative {
                 continue;
             }
             let late = |place: usize| {
@@ -290,7 +290,7 @@ impl<R: Agree> LeaseTable<R> {
             return;
         }
         self.forget(id);
-        self.news.push(News::Disagreement {
+        self.events.push(Event::Disagreement {
             job: id,
             task: place,
             between,
@@ -321,7 +321,7 @@ impl<R: Agree> LeaseTable<R> {
             return false;
         };
         let task = &job.tasks[place];
-        let is_urgent = !task.votes.is_empty() || (job.hurried && task.refused.is_empty());
+        let is_urgent = !task.votes.is_empty() || (job.speculative && task.refused.is_empty());
         let is_no_help = |worker: &Worker| {
             // Late with something else, it may still be given this one, unless it takes nothing more.
             let takes_more = worker.credits > 0 && !worker.alone;

@@ -2,8 +2,8 @@
 
 use super::{Given, Job, Service};
 use crate::{
-    Evaluated, JobError, NotWelcome, SetAside, TrainingJob,
-    leases::{JobId, LeaseNumber, News, Refused, Settled, WorkerId, WorkerProcessId},
+    Evaluated, JobError, JoinError, SetAside, TrainingJob,
+    leases::{Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
     work::{Output, Work},
 };
 use murmuration_model::{Maker, Quarantined};
@@ -49,7 +49,7 @@ impl Service {
                         false => "gave work back, which is tried again",
                     };
                     let trouble = format!("{name} {what}: {}", failure.message);
-                    job.headway.set_trouble(Some(trouble));
+                    job.job_progress.set_trouble(Some(trouble));
                 }
                 if is_fatal {
                     job.refusal = Some(failure.message);
@@ -64,7 +64,7 @@ impl Service {
                         self.metrics
                             .answered(job.work.kind(), outputs.len(), at.elapsed());
                     }
-                    job.headway.set_trouble(None);
+                    job.job_progress.set_trouble(None);
                     self.keep(worker, lease, outputs);
                 }
                 Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
@@ -96,31 +96,31 @@ impl Service {
 
     /// Passes on what became of jobs and workers.
     pub(super) fn tell_news(&mut self) {
-        for news in self.table.take_news() {
-            match news {
-                News::Progress { job, settled } => {
+        for events in self.table.take_events() {
+            match events {
+                Event::Progress { job, settled } => {
                     if let Some(job) = self.jobs.get(&job) {
-                        job.headway.set_done(settled as u32);
+                        job.job_progress.set_done(settled as u32);
                     }
                 }
-                News::Done { job, results } => {
+                Event::Done { job, results } => {
                     let results = self.outcome(job, results);
                     self.reply(job, results);
                 }
-                News::Disagreement { job, task, between } => {
+                Event::Disagreement { job, task, between } => {
                     let workers = self.names(&between);
                     self.metrics.disagreed();
                     tracing::error!(?workers, task, "machines disagree, and there is no other to ask");
                     self.reply(job, Err(JobError::Disagreement { task, workers }));
                 }
-                News::Impossible { job, by } => {
+                Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
                     let said = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
                     let said = said.unwrap_or_default();
                     tracing::error!(workers, said, "work cannot be done");
                     self.reply(job, Err(JobError::Fatal(format!("{said} (so {workers})"))));
                 }
-                News::Quarantined {
+                Event::Quarantined {
                     process,
                     workers,
                     again,
@@ -139,14 +139,14 @@ impl Service {
             "a machine was found wrong, and is quarantined"
         );
         for worker in workers {
-            let status = Status::failed_precondition(NotWelcome::Quarantined(machine).to_string());
+            let status = Status::failed_precondition(JoinError::Quarantined(machine).to_string());
             self.dismiss(worker, Some(status));
         }
         if self.table.workers() == 0 {
             let trouble =
                 format!("{name} was found wrong and is quarantined: start a worker on another machine");
             for job in self.jobs.values() {
-                job.headway.set_trouble(Some(trouble.clone()));
+                job.job_progress.set_trouble(Some(trouble.clone()));
             }
         }
         self.wrong
@@ -222,12 +222,12 @@ impl Service {
         let job = self.table.leased(worker, lease).and_then(|id| self.jobs.get(&id));
         if let Some(Job {
             work: Work::Training(job),
-            headway,
+            job_progress,
             ..
         }) = job
         {
             tell(job);
-            headway.set_trouble(None);
+            job_progress.set_trouble(None);
             self.table.get_on(lease);
         }
     }

@@ -56,7 +56,7 @@ pub(super) async fn embed(
             images,
         };
         let Some(embeddings) = handle
-            .until_stopped(|headway| context.dispatch.embed(job, headway))
+            .until_stopped(|job_progress| context.dispatch.embed(job, job_progress))
             .await
         else {
             return Ok(Outcome::Stopped);

@@ -71,7 +71,7 @@ pub(super) async fn evaluate(
             ..job
         };
         let Some(evaluated) = handle
-            .until_stopped(|headway| dispatch.evaluate(job, headway))
+            .until_stopped(|job_progress| dispatch.evaluate(job, job_progress))
             .await
         else {
             return Ok(None);

@@ -20,9 +20,9 @@ pub(super) async fn label(
     };
     let (strategy, count) = (feedback.strategy(), feedback.labels() as usize);
     let interrupt = handle.interrupt().clone();
-    let answers = |headway| {
+    let answers = |job_progress| {
         let annotator = &context.annotator;
-        annotator.answers(&record, strategy, count, headway, &interrupt)
+        annotator.answers(&record, strategy, count, job_progress, &interrupt)
     };
     let answered = handle.until_stopped(answers).await;
     let Some(answers) = answered else {

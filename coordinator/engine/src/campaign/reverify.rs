@@ -178,7 +178,7 @@ async fn wrong_embedding(
             .map(|old| old.image.clone().unwrap_or_default())
             .collect(),
     };
-    let embed = |headway| context.dispatch.embed(job, headway);
+    let embed = |job_progress| context.dispatch.embed(job, job_progress);
     let Some(again) = handle.until_stopped(embed).await else {
         return Ok(None);
     };

@@ -1,6 +1,6 @@
 //! What a campaign at work tells its watchers, and hears from whoever stops it.
 
-use murmuration_dispatch::{Headway, NO_WORKER};
+use murmuration_dispatch::{JobProgress, NO_WORKER};
 use murmuration_proto::v1;
 use murmuration_search::interrupt::Interrupt;
 use std::{
@@ -164,11 +164,11 @@ impl RunHandle {
     /// where it waits for workers or trainers does it, so that no commit is ever left in the air.
     pub(super) async fn until_stopped<F: Future>(
         &mut self,
-        begin: impl FnOnce(Arc<Headway>) -> F,
+        begin: impl FnOnce(Arc<JobProgress>) -> F,
     ) -> Option<F::Output> {
-        let headway = Arc::<Headway>::default();
+        let job_progress = Arc::<JobProgress>::default();
         let mut stopped = self.stopped.clone();
-        let work = begin(headway.clone());
+        let work = begin(job_progress.clone());
         tokio::pin!(work);
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
@@ -181,9 +181,9 @@ impl RunHandle {
                 }
                 _ = tick.tick() => {
                     let now = Instant::now();
-                    self.count(headway.done(), now);
+                    self.count(job_progress.done(), now);
                     let missing = self.workers.missing(now);
-                    self.waiting(held_up_by(missing, headway.trouble()));
+                    self.waiting(held_up_by(missing, job_progress.trouble()));
                 }
             }
         }

@@ -6,7 +6,7 @@ use super::{
     run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
 };
 use crate::blocking::blocking;
-use murmuration_dispatch::{Headway, Lesson, TrainingJob};
+use murmuration_dispatch::{JobProgress, Lesson, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use murmuration_store::{Store, StoreError};
@@ -34,8 +34,8 @@ pub(super) async fn train(
     };
     let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
     let trained = {
-        let headway = Arc::<Headway>::default();
-        let training = context.trainers.train(job, headway.clone());
+        let job_progress = Arc::<JobProgress>::default();
+        let training = context.trainers.train(job, job_progress.clone());
         tokio::pin!(training);
         let mut trainers = Hands::trainers(context.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
@@ -47,7 +47,7 @@ pub(super) async fn train(
                 Ok(()) = reports.changed() => handle.training(*reports.borrow_and_update()),
                 _ = tick.tick() => {
                     let missing = trainers.missing(Instant::now());
-                    handle.waiting(held_up_by(missing, headway.trouble()));
+                    handle.waiting(held_up_by(missing, job_progress.trouble()));
                 }
             }
         }

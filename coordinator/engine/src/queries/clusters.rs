@@ -1,7 +1,7 @@
 //! The clusters of an archive, also while it grows: what questions by medoids and contact sheets go by.
 
 use crate::space::{Space, SpaceError, Spaces};
-use murmuration_model::{CampaignRecord, CampaignState, Edition};
+use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_proto::{Purpose, Stream};
 use murmuration_search::{
     interrupt::Interrupt,
@@ -68,18 +68,18 @@ impl Clustered {
     fn serves(&self, record: &CampaignRecord) -> bool {
         let individuals = self.space.behaviours.len() as u64;
         let ends = record.state == CampaignState::Completed && !self.is_taxonomy;
-        serves(individuals, self.space.edition, record) && !ends
+        serves(individuals, self.space.archive_version, record) && !ends
     }
 }
 
-/// Whether what was made of so many individuals, of that edition, still serves. While a campaign searches
+/// Whether what was made of so many individuals, of that archive_version, still serves. While a campaign searches
 /// it does until the archive is a quarter larger: clustering it after every generation would help nobody.
-pub(super) fn serves(individuals: u64, edition: Edition, record: &CampaignRecord) -> bool {
+pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: &CampaignRecord) -> bool {
     let slack = match record.state {
         CampaignState::Running => individuals / 4,
         _ => 0,
     };
-    edition == record.edition() && record.individuals() <= individuals + slack
+    archive_version == record.archive_version() && record.individuals() <= individuals + slack
 }
 
 impl Clusters {

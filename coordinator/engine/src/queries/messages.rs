@@ -1,6 +1,6 @@
 //! Queries as the messages that carry them.
 
-use super::{Asked, Holder, Query, Wish};
+use super::{Asked, Holder, Query, QueryRequest};
 use murmuration_proto::{Invalid, v1};
 
 /// Most queries that somebody holds at once.
@@ -8,7 +8,7 @@ const MAX_QUERIES: u32 = 100;
 /// Most characters of a window's name.
 const MAX_SESSION: usize = 64;
 
-impl TryFrom<v1::NextQueriesRequest> for Wish {
+impl TryFrom<v1::NextQueriesRequest> for QueryRequest {
     type Error = Invalid;
 
     fn try_from(message: v1::NextQueriesRequest) -> Result<Self, Invalid> {

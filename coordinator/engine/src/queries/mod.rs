@@ -16,6 +16,6 @@ mod ranking;
 pub use clusters::Clustered;
 pub use leases::{Holder, PATIENCE, QueryLeases};
 pub use murmuration_proto::Strategy;
-pub use open::{Asked, Queries, QueryError, Wish};
+pub use open::{Asked, Queries, QueryError, QueryRequest};
 pub use query::{Query, Reason};
 pub use ranking::{by_doubt, by_lot};

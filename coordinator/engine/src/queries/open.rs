@@ -10,7 +10,7 @@ use crate::{
     space::{SpaceError, Spaces},
 };
 use murmuration_model::{
-    CampaignId, CampaignRecord, Edition,
+    ArchiveVersion, CampaignId, CampaignRecord,
     labels::{Annotator, Labels},
 };
 use murmuration_proto::{Purpose, Strategy, Stream};
@@ -27,7 +27,7 @@ const MOST_BYTES: usize = 64 << 20;
 
 /// What somebody would like to be asked.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Wish {
+pub struct QueryRequest {
     /// Who.
     pub holder: Holder,
     /// How it is chosen.
@@ -105,7 +105,7 @@ struct Ranking {
 #[derive(Debug)]
 struct Ranked {
     order: Vec<Query>,
-    edition: Edition,
+    archive_version: ArchiveVersion,
 }
 
 impl Queries {
@@ -126,7 +126,7 @@ impl Queries {
     ///
     /// # Errors
     /// See [`QueryError`].
-    pub async fn next(&self, campaign: &str, wish: Wish, now: Instant) -> Result<Asked, QueryError> {
+    pub async fn next(&self, campaign: &str, wish: QueryRequest, now: Instant) -> Result<Asked, QueryError> {
         let (store, campaign) = (self.store.clone(), campaign.to_owned());
         let record = blocking(move || store.campaign(&campaign)).await??;
         let ranked = self.ranked(&record, wish.strategy).await?;
@@ -236,19 +236,22 @@ impl Queries {
         clustered: impl FnOnce(&CampaignRecord) -> Result<Arc<Clustered>, SpaceError> + Send + 'static,
     ) -> Result<Ranked, QueryError> {
         blocking(move || {
-            let (order, edition) = match strategy {
+            let (order, archive_version) = match strategy {
                 Strategy::Medoids => {
                     let clustered = clustered(&record)?;
                     let order = ranking::by_doubt(&clustered.space.behaviours, &clustered.clustering);
-                    (order, clustered.space.edition)
+                    (order, clustered.space.archive_version)
                 }
                 Strategy::Random => {
                     let count = record.individuals() as usize;
                     let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-                    (ranking::by_lot(count, &mut stream), record.edition())
+                    (ranking::by_lot(count, &mut stream), record.archive_version())
                 }
             };
-            Ok(Ranked { order, edition })
+            Ok(Ranked {
+                order,
+                archive_version,
+            })
         })
         .await?
     }
@@ -260,7 +263,7 @@ fn lease(
     store: &Store,
     record: &CampaignRecord,
     ranked: &Ranked,
-    wish: &Wish,
+    wish: &QueryRequest,
     now: Instant,
 ) -> Result<Asked, StoreError> {
     // Labels are read and queries leased under this lock, so that no two are given the same.
@@ -305,13 +308,13 @@ async fn blocking<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) 
 impl Ranked {
     /// Whether it can still be asked from.
     fn still_fits(&self, record: &CampaignRecord) -> bool {
-        clusters::serves(self.order.len() as u64, self.edition, record)
+        clusters::serves(self.order.len() as u64, self.archive_version, record)
     }
 }
 
 /// Whether `wish` may be about an individual: nobody is asked what was asked before, but for agreement, and then not what
 /// they answered themselves.
-fn is_open(labels: &Labels, index: u64, wish: &Wish) -> bool {
+fn is_open(labels: &Labels, index: u64, wish: &QueryRequest) -> bool {
     let mut answered = labels.answered(index);
     if !wish.agreement {
         return answered.next().is_none();

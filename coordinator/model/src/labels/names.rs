@@ -194,8 +194,8 @@ impl FromStr for Annotator {
     fn from_str(text: &str) -> Result<Self, Invalid> {
         match Self::is_synthetic(text) {
             true => {
-                let allowed = "a person's name: that is the synthetic annotator's, which `murmuration label --synthetic` \
-                               has answer";
+                let allowed = "a person's name: `synthetic` is the rule-based judge, which answers where `murmuration label \
+                     --synthetic N` asks it";
                 Err(Invalid::new("annotator", quoted(text), allowed))
             }
             false => Self::known(text),

@@ -121,8 +121,10 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
                 h2 #names-title { "What they were called" }
                 p.lead {
                     "Of " (counted(report.individuals.len() as u64, "individual")) ", people have named " (grouped(named.people))
-                    ", and the rule-based judge, a machine, another " (grouped(named.machine)) ". A card bears the name of its own "
-                    "behaviour; others of its cluster may have been given another. "
+                    @if named.machine > 0 {
+                        ", and the rule-based judge, a machine, another " (grouped(named.machine))
+                    }
+                    ". A card bears the name of its own behaviour; others of its cluster may have been given another. "
                     @match files {
                         Files::Beside => {
                             "classes.csv, which was written beside this page, has these colours, and archive.csv every name."
@@ -137,7 +139,8 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
                         @let Named { people, machine } = names.individuals(class);
                         li { span.class style={ "--class:" (class.colour) } {
                             (class.name) " · " (grouped(people + machine))
-                            @if machine > 0 { ", " (grouped(machine)) " of them by the rule-based judge alone" }
+                            @if machine > 0 && people == 0 { ", named by the rule-based judge alone" }
+                            @else if machine > 0 { ", " (grouped(machine)) " of them by the rule-based judge alone" }
                         } }
                     }
                 }
@@ -239,10 +242,18 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
                 (copyable("command", commands::RUN_AGAIN))
             } @else {
                 @for sentence in &needed { p { (sentence) } }
-                @if report.repetition.attended && !report.repetition.adopted {
-                    p { "On machines of one kind of processor these commands, the last two once a round, lead to the same archive:" }
+                @if again::is_by_commands(report) {
+                    p {
+                        "On machines of one kind of processor these commands lead to the same archive, if no answer has changed "
+                        "since the round began:"
+                    }
                     (copyable("command", &commands::write_labels(report)))
                     @for command in commands::TEACH_AGAIN { (copyable("command", command)) }
+                } @else if !report.repetition.adopted {
+                    p {
+                        "Commands alone do not lead there: a round learns from the answers as they stand when it begins, and those "
+                        "that are exported are today's."
+                    }
                 }
             }
             p { "With simulator version " (report.simulator_version) ", expect this archive digest:" }

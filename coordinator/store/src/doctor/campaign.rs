@@ -1,6 +1,6 @@
 //! What is whole of one campaign.
 
-use crate::{ArchivedIndividual, Remains, Store, StoreError, checkpoints::Condition};
+use crate::{ArchivedIndividual, Recoverable, Store, StoreError, checkpoints::Condition};
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
 use murmuration_proto::{CheckpointDigest, EmbedderSource, SIMULATOR_VERSION};
 use std::ops::Range;
@@ -18,9 +18,9 @@ pub struct CampaignFindings {
     /// What is wrong with it.
     pub problems: Vec<String>,
     /// What there should be.
-    pub stored: Remains,
+    pub stored: Recoverable,
     /// What of that is whole.
-    pub remains: Remains,
+    pub remains: Recoverable,
     /// What becomes of it.
     pub prospect: Prospect,
     /// Why this version does not go on with it, though it is whole.
@@ -79,8 +79,8 @@ impl CampaignFindings {
             id: id.clone(),
             state: None,
             problems: vec![error.reason()],
-            stored: Remains::default(),
-            remains: Remains::default(),
+            stored: Recoverable::default(),
+            remains: Recoverable::default(),
             prospect: Prospect::Lost,
             note: None,
         }
@@ -88,8 +88,8 @@ impl CampaignFindings {
 }
 
 /// What should be there, and what of it is whole.
-fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Remains, Remains) {
-    let stored = Remains {
+fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> (Recoverable, Recoverable) {
+    let stored = Recoverable {
         pictures: record.pictures_done,
         generations: record.generations_done,
         individuals: record.individuals(),
@@ -108,7 +108,7 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
         problems.push(format!("entry {labels} of its label log cannot be followed"));
     }
     let complete = generations == record.generations_done;
-    let remains = Remains {
+    let remains = Recoverable {
         pictures: pictures(store, record, problems),
         generations,
         individuals: u64::from(generations) * population,

@@ -11,7 +11,7 @@ pub use salvage::{SalvageError, Salvaged, salvage};
 
 use crate::{
     DataDirectory, Store, StoreError,
-    checkpoints::{CheckpointError, Condition, Shelf},
+    checkpoints::{BlobStore, CheckpointError, Condition},
     files::is_there,
 };
 use murmuration_proto::CheckpointDigest;
@@ -103,7 +103,7 @@ async fn findings(
     let mut faults = store.faults().unwrap_or_else(|error| vec![error.reason()]);
     faults.extend(store.dangling().unwrap_or_else(|error| vec![error.reason()]));
     let mut checkpoints = Vec::new();
-    let shelf = Shelf::look(data, location)?;
+    let shelf = BlobStore::look(data, location)?;
     match store.checkpoints() {
         Ok(records) => {
             for record in records {

@@ -3,7 +3,7 @@
 use super::{CampaignFindings, Findings, Prospect, findings, watch};
 use crate::{
     DataDirectory, Store, StoreError,
-    checkpoints::{CheckpointError, Condition, Shelf},
+    checkpoints::{BlobStore, CheckpointError, Condition},
     files::{is_empty, without_links},
 };
 use murmuration_model::CampaignId;
@@ -110,9 +110,9 @@ pub async fn salvage(data: &Path, location: Option<&str>, target: &Path) -> Resu
         }
     }
     if location.is_none()
-        && let Some(shelf) = Shelf::look(data, None)?
+        && let Some(shelf) = BlobStore::look(data, None)?
     {
-        let new = Shelf::open(target, None)?;
+        let new = BlobStore::open(target, None)?;
         for &digest in &salvaged.checkpoints {
             new.put(digest, shelf.get(digest).await?).await?;
         }

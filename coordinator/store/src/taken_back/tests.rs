@@ -86,13 +86,17 @@ fn what_is_taken_back_is_of_another_edition_whatever_the_clock_says() {
     let spec = murmuration_proto::CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"");
     let weight = murmuration_model::Weight::default();
     let id = store.create_campaign(&spec.unwrap(), weight, ahead).unwrap();
-    let edition = || store.campaign(id.as_str()).unwrap().edition();
-    let mut editions = vec![edition()];
-    assert_eq!(editions[0].to_string(), ahead.to_string());
+    let archive_version = || store.campaign(id.as_str()).unwrap().archive_version();
+    let mut archive_versions = vec![archive_version()];
+    assert_eq!(archive_versions[0].to_string(), ahead.to_string());
     for _ in 0..2 {
         store.take_back(&id, 0, "a worker was wrong").unwrap();
-        assert!(!editions.contains(&edition()), "{}", edition());
-        editions.push(edition());
+        assert!(
+            !archive_versions.contains(&archive_version()),
+            "{}",
+            archive_version()
+        );
+        archive_versions.push(archive_version());
     }
-    assert_eq!(editions[2].to_string(), format!("{ahead}.2"));
+    assert_eq!(archive_versions[2].to_string(), format!("{ahead}.2"));
 }

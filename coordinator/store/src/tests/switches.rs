@@ -2,45 +2,6 @@
 
 use super::*;
 
-/// A store with two checkpoints and a latent campaign of one generation that is embedded by the first.
-fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
-    let (folder, store) = open();
-    let digests = [b"one", b"two"].map(|bytes| CheckpointDigest::of(bytes));
-    for digest in digests {
-        let record = CheckpointRecord {
-            digest,
-            size: 3,
-            lineage: Lineage::default(),
-            created_ms: 0,
-        };
-        store.add_checkpoint(&record).unwrap();
-    }
-    let text = format!(
-        "model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{}\"",
-        digests[0]
-    );
-    let id = store
-        .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 0)
-        .unwrap();
-    store.switch(&id, &unchanged(&[])).unwrap();
-    let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
-    let individuals = [0, 1].map(|index| ArchivedIndividual {
-        embedding: vec![index as f32, -0.5],
-        ..individual(index)
-    });
-    store
-        .commit_generation(&id, &record, &individuals, &Provenance::default())
-        .unwrap();
-    (folder, store, id, digests)
-}
-
-fn unchanged(novelty: &[f64]) -> Switch {
-    Switch {
-        novelty: novelty.to_vec(),
-        generations: Vec::new(),
-    }
-}
-
 fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
     let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
     individuals

@@ -8,10 +8,16 @@ export function random() {
   return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-export const annotator = () => localStorage.getItem(NAME) ?? "";
+// The rule-based judge's name is nobody else's, whatever its case and what stands between its letters.
+const isReserved = (name) => name.toLowerCase().replace(/[^\p{L}\p{N}]/gu, "") === "synthetic";
+
+export function annotator() {
+  const name = localStorage.getItem(NAME) ?? "";
+  return isReserved(name) ? "" : name;
+}
 
 export function rename(name) {
-  if (name.trim()) localStorage.setItem(NAME, name.trim());
+  if (name.trim() && !isReserved(name)) localStorage.setItem(NAME, name.trim());
 }
 
 // The window's id outlives a refresh, so that the same questions come again; a window that was duplicated takes another.
@@ -46,9 +52,13 @@ export function introduced() {
   form.hidden = false;
   form.elements.annotator.focus();
   return new Promise((resolve) => {
+    form.elements.annotator.addEventListener("input", (event) => event.target.setCustomValidity(""));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      rename(form.elements.annotator.value);
+      const field = form.elements.annotator;
+      field.setCustomValidity(isReserved(field.value) ? "That is the rule-based judge's name: take another." : "");
+      if (!form.reportValidity()) return;
+      rename(field.value);
       if (!annotator()) return;
       form.hidden = true;
       form.elements.annotator.blur();

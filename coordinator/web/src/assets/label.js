@@ -155,7 +155,7 @@ let labels = null;
 let stands = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const grown = `${seen.labels} ${seen.edition} ${seen.individuals}`;
+  const grown = `${seen.labels} ${seen.archive_version} ${seen.individuals}`;
   if (grown === stands) return;
   stands = grown;
   queue.top();

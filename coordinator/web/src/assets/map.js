@@ -82,7 +82,9 @@ function individualsOf(place) {
   const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
   const machine = all.filter((index) => known.machine.has(index)).length;
   if (all.length === 0) return null;
-  return machine === 0 ? `${all.length}` : `${all.length}, ${machine} of them by the rule-based judge alone`;
+  if (machine === 0) return `${all.length}`;
+  if (machine === all.length) return `${all.length}, named by the rule-based judge alone`;
+  return `${all.length}, ${machine} of them by the rule-based judge alone`;
 }
 
 // From early to late: three colours that differ in lightness too.
@@ -270,7 +272,7 @@ let stands = null;
 let entries = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const now = `${seen.edition} ${seen.individuals} ${seen.completed}`;
+  const now = `${seen.archive_version} ${seen.individuals} ${seen.completed}`;
   const [moved, said] = [now !== stands, seen.labels !== entries];
   [stands, entries] = [now, seen.labels];
   if (moved) load().catch((error) => complain(status, error));

@@ -18,7 +18,7 @@ const over = at("over");
 const player = new Player(document.querySelector(".player"));
 let clusters = [];
 // What the clusters are of: how many individuals, in which space, and whether they are the last.
-let made = { of: 0, edition: null, final: false };
+let made = { of: 0, archive_version: null, final: false };
 // Others that wait for the next look: nothing changes under somebody's hands.
 let coming = null;
 let labelled = new Set();
@@ -190,7 +190,7 @@ async function load() {
   labelled = new Set([...column(labels.individual, Uint32Array), ...said]);
   palette.show(labels.classes);
   const of = column(points.cluster, Uint16Array);
-  made = { of: of.length, edition: points.edition, final: points.final };
+  made = { of: of.length, archive_version: points.archive_version, final: points.final };
   const fresh = points.medoids.map((medoid) => [medoid]);
   of.forEach((cluster, index) => {
     if (index !== points.medoids[cluster]) fresh[cluster].push(index);
@@ -225,7 +225,7 @@ function tellHowFar() {
 // Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.
 function isOutgrown(seen) {
   const grown = seen.individuals > made.of + Math.floor(made.of / 4);
-  return grown || seen.edition !== made.edition || (seen.completed && !made.final);
+  return grown || seen.archive_version !== made.archive_version || (seen.completed && !made.final);
 }
 
 let latest = null;

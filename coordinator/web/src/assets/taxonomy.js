@@ -39,7 +39,7 @@ for (const card of document.querySelectorAll(".medoid")) {
 
 let begun = null;
 follow((seen) => {
-  const stands = `${seen.edition} ${seen.individuals} ${seen.completed}`;
+  const stands = `${seen.archive_version} ${seen.individuals} ${seen.completed}`;
   if (begun !== null && begun !== stands) location.reload();
   begun = stands;
 });

@@ -3,25 +3,25 @@
 use super::*;
 
 impl Cluster {
-    pub(super) fn hear_news(&mut self) {
-        for news in self.table.take_news() {
-            match news {
-                News::Progress { job, settled } => assert!(settled < self.jobs[&job].tasks),
-                News::Done { job, results } => {
+    pub(super) fn hear_events(&mut self) {
+        for events in self.table.take_events() {
+            match events {
+                Event::Progress { job, settled } => assert!(settled < self.jobs[&job].tasks),
+                Event::Done { job, results } => {
                     let submitted = self.jobs.remove(&job).expect("a job ended twice");
                     assert_eq!(results.len(), submitted.tasks);
                     for (place, settled) in results.into_iter().enumerate() {
                         self.check(job, &submitted, place, settled);
                     }
                 }
-                News::Disagreement { job, between, .. } => {
+                Event::Disagreement { job, between, .. } => {
                     self.jobs.remove(&job).expect("a job ended twice");
                     assert!(self.are_several(&between), "a machine differs from itself");
                     let lies = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Liar;
                     assert!(between.iter().any(lies), "honest machines differ");
                     self.seen.disagreements += 1;
                 }
-                News::Impossible { job, by } => {
+                Event::Impossible { job, by } => {
                     let submitted = self.jobs.remove(&job).expect("a job ended twice");
                     assert!(by.len() == 1 || self.are_several(&by));
                     let honest = |by: &WorkerProcessId| self.machines[&by.machine] == Character::Honest;
@@ -31,7 +31,7 @@ impl Cluster {
                     );
                     self.seen.impossible += 1;
                 }
-                News::Quarantined { process, workers, .. } => {
+                Event::Quarantined { process, workers, .. } => {
                     self.seen.quarantines += 1;
                     let machine = process.machine;
                     assert_eq!(

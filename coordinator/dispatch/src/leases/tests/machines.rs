@@ -11,8 +11,8 @@ fn workers_of_one_machine_have_one_vote() {
     assert!(liars.contains(&lie.worker));
     table.complete(lie.worker, lie.lease, vec![13], now()).unwrap();
     assert_eq!(
-        table.take_news(),
-        [News::Progress {
+        table.take_events(),
+        [Event::Progress {
             job: lie.job,
             settled: 0
         }]
@@ -30,13 +30,13 @@ fn workers_of_one_machine_have_one_vote() {
     table
         .complete(third, decides.lease, answers(&decides), now())
         .unwrap();
-    let news = table.take_news();
-    let quarantined = news.iter().find_map(|news| match news {
-        News::Quarantined { process, workers, .. } => Some((process.machine, workers.as_slice())),
+    let events = table.take_events();
+    let quarantined = events.iter().find_map(|events| match events {
+        Event::Quarantined { process, workers, .. } => Some((process.machine, workers.as_slice())),
         _ => None,
     });
     assert_eq!(quarantined, Some((MachineId(7), liars.as_slice())));
-    let [Settled::Result { value, .. }] = results(news)[..] else {
+    let [Settled::Result { value, .. }] = results(events)[..] else {
         panic!("one result")
     };
     assert_eq!(value, answer(truth.job, 0));
@@ -70,7 +70,7 @@ fn a_machine_that_contradicts_itself_is_quarantined() {
 #[test]
 fn three_workers_of_one_machine_do_not_condemn_a_task_that_another_can_try() {
     let (mut table, []) = workers([]);
-    let job = table.submit(terms(1));
+    let job = table.submit(params(1));
     let other = join(&mut table, process(1), 0);
     for instance in 1..=3 {
         let victim = join(&mut table, worker_of(7, instance), 1);
@@ -85,14 +85,14 @@ fn three_workers_of_one_machine_do_not_condemn_a_task_that_another_can_try() {
     table
         .complete(other, grant.lease, answers(&grant), now())
         .unwrap();
-    let done = results(table.take_news());
+    let done = results(table.take_events());
     assert!(matches!(done[..], [Settled::Result { value, .. }] if value == answer(job, 0)));
 }
 
 #[test]
 fn where_there_is_one_machine_three_of_its_workers_condemn_a_task() {
     let (mut table, []) = workers([]);
-    table.submit(terms(1));
+    table.submit(params(1));
     for instance in 1..=3 {
         let victim = join(&mut table, worker_of(7, instance), 1);
         table.grant(now()).unwrap();
@@ -101,13 +101,13 @@ fn where_there_is_one_machine_three_of_its_workers_condemn_a_task() {
     join(&mut table, worker_of(7, 4), 1);
     assert_eq!(table.grant(now()), None);
     let lost = (1..=3).map(|instance| worker_of(7, instance)).collect();
-    assert_eq!(results(table.take_news()), [Settled::SetAside { lost }]);
+    assert_eq!(results(table.take_events()), [Settled::SetAside { lost }]);
 }
 
 #[test]
 fn what_embeds_goes_to_workers_that_embed() {
     let (mut table, []) = workers([]);
-    let embeds = Terms {
+    let embeds = JobParams {
         embeds: true,
         ..audited(1)
     };
@@ -121,7 +121,7 @@ fn what_embeds_goes_to_workers_that_embed() {
     table.add_credits(unable, 9);
     assert!(table.lacks_embedders());
     assert_eq!(table.grant(now()), None);
-    let simulates = table.submit(terms(1));
+    let simulates = table.submit(params(1));
     assert_eq!(table.grant(now()).unwrap().job, simulates);
     let able = join(&mut table, process(2), 1);
     assert!(!table.lacks_embedders());
@@ -131,7 +131,7 @@ fn what_embeds_goes_to_workers_that_embed() {
     // Nor does it audit.
     table.grant(now());
     assert!(matches!(
-        results(table.take_news())[..],
+        results(table.take_events())[..],
         [Settled::Result { audited: false, .. }]
     ));
 }
@@ -139,7 +139,7 @@ fn what_embeds_goes_to_workers_that_embed() {
 #[test]
 fn what_one_machine_cannot_do_another_does() {
     let (mut table, [_, _]) = workers([1, 1]);
-    table.submit(terms(1));
+    table.submit(params(1));
     let refused = table.grant(now()).unwrap();
     table.refuse(refused.worker, refused.lease, now());
     let done = table.grant(now()).unwrap();
@@ -147,16 +147,16 @@ fn what_one_machine_cannot_do_another_does() {
     table
         .complete(done.worker, done.lease, answers(&done), now())
         .unwrap();
-    assert_eq!(results(table.take_news()).len(), 1);
+    assert_eq!(results(table.take_events()).len(), 1);
     assert!(
         table.process(refused.worker).is_some(),
         "nobody is quarantined for it"
     );
 }
 
-fn impossible(news: Vec<News<u64>>) -> Option<Vec<WorkerProcessId>> {
-    news.into_iter().find_map(|news| match news {
-        News::Impossible { by, .. } => Some(by),
+fn impossible(events: Vec<Event<u64>>) -> Option<Vec<WorkerProcessId>> {
+    events.into_iter().find_map(|events| match events {
+        Event::Impossible { by, .. } => Some(by),
         _ => None,
     })
 }
@@ -164,17 +164,17 @@ fn impossible(news: Vec<News<u64>>) -> Option<Vec<WorkerProcessId>> {
 #[test]
 fn what_two_machines_cannot_do_ends_the_job() {
     let (mut table, []) = workers([]);
-    table.submit(terms(1));
+    table.submit(params(1));
     for process in [worker_of(1, 1), worker_of(1, 2), worker_of(2, 3)] {
         join(&mut table, process, 1);
     }
     let start = now();
     for _ in 0..2 {
-        assert_eq!(impossible(table.take_news()), None);
+        assert_eq!(impossible(table.take_events()), None);
         let grant = table.grant(start).unwrap();
         table.refuse(grant.worker, grant.lease, start);
     }
-    let by = impossible(table.take_news()).expect("it is impossible");
+    let by = impossible(table.take_events()).expect("it is impossible");
     let machines: BTreeSet<_> = by.iter().map(|process| process.machine.0).collect();
     assert_eq!(machines, BTreeSet::from([1, 2]));
     assert!(table.jobs.is_empty());
@@ -195,16 +195,19 @@ fn what_a_liar_alone_could_do_ends_the_job_once_the_liar_is_found_wrong() {
         assert_eq!(grant.worker, honest);
         table.refuse(honest, grant.lease, now());
     }
-    assert_eq!(impossible(table.take_news()), None, "somebody has done it");
+    assert_eq!(impossible(table.take_events()), None, "somebody has done it");
     table.quarantine(process(7));
-    assert_eq!(impossible(table.take_news()), Some(vec![process(1), process(2)]));
+    assert_eq!(
+        impossible(table.take_events()),
+        Some(vec![process(1), process(2)])
+    );
     assert!(table.jobs.is_empty() && table.process(hangs).is_some());
 }
 
 #[test]
 fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     let (mut table, []) = workers([]);
-    table.submit(terms(1));
+    table.submit(params(1));
     let only = [1, 2].map(|instance| join(&mut table, worker_of(1, instance), 1));
     let start = now();
     let grant = table.grant(start).unwrap();
@@ -218,11 +221,11 @@ fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     assert_eq!(table.grant(later), None);
     join(&mut table, worker_of(1, 3), 1);
     assert_eq!(table.grant(later), None);
-    assert_eq!(impossible(table.take_news()), None);
+    assert_eq!(impossible(table.take_events()), None);
     later += 2 * DISPUTE_PATIENCE;
     assert_eq!(table.grant(later), None);
     assert_eq!(
-        impossible(table.take_news()),
+        impossible(table.take_events()),
         Some(vec![worker_of(1, grant_instance(&grant, only))])
     );
 }
@@ -234,7 +237,7 @@ fn grant_instance(grant: &Grant, workers: [WorkerId; 2]) -> u64 {
 #[test]
 fn a_quarantined_machine_condemns_nothing() {
     let (mut table, []) = workers([]);
-    table.submit(terms(2));
+    table.submit(params(2));
     for instance in 1..=3 {
         let victim = join(&mut table, worker_of(7, instance), 1);
         table.grant(now()).unwrap();
@@ -249,7 +252,7 @@ fn a_quarantined_machine_condemns_nothing() {
             .complete(honest, grant.lease, answers(&grant), now())
             .unwrap();
     }
-    let done = results(table.take_news());
+    let done = results(table.take_events());
     assert!(
         done.iter()
             .all(|settled| matches!(settled, Settled::Result { .. }))

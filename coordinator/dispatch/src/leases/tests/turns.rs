@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn a_late_lease_is_also_given_to_an_idle_worker() {
     let (mut table, [_, _]) = workers([1, 1]);
-    table.submit(terms(1));
+    table.submit(params(1));
     let start = now();
     let slow = table.grant(start).unwrap();
     assert_eq!(table.grant(start), None, "it is not late yet");
@@ -16,17 +16,17 @@ fn a_late_lease_is_also_given_to_an_idle_worker() {
     table
         .complete(spare.worker, spare.lease, answers(&spare), start)
         .unwrap();
-    assert_eq!(results(table.take_news()).len(), 1);
+    assert_eq!(results(table.take_events()).len(), 1);
 }
 
 #[test]
 fn jobs_share_the_workers_by_effort() {
     let (mut table, [worker]) = workers([1_000_000]);
-    let heavy = table.submit(Terms {
+    let heavy = table.submit(JobParams {
         effort: 3,
-        ..terms(4000)
+        ..params(4000)
     });
-    let light = table.submit(terms(4000));
+    let light = table.submit(params(4000));
     let mut had = BTreeMap::from([(heavy, 0), (light, 0)]);
     while table.waiting() > 3000 {
         let grant = table.grant(now()).unwrap();
@@ -43,13 +43,13 @@ fn jobs_share_the_workers_by_effort() {
 fn who_gives_a_job_back_pauses_from_it_for_longer_each_time_and_does_others_meanwhile() {
     let (mut table, [worker]) = workers([1000]);
     let mut now = now();
-    let broken = table.submit(terms(1));
+    let broken = table.submit(params(1));
     let mut pauses = Vec::new();
     let mut grant = table.grant(now).unwrap();
     for _ in 0..8 {
         assert_eq!(grant.job, broken);
         table.give_back(worker, grant.lease, now);
-        let sound = table.submit(terms(1));
+        let sound = table.submit(params(1));
         let other = table.grant(now).unwrap();
         assert_eq!(other.job, sound, "another job is done at once");
         table.complete(worker, other.lease, answers(&other), now).unwrap();
@@ -68,9 +68,9 @@ fn who_gives_a_job_back_pauses_from_it_for_longer_each_time_and_does_others_mean
 #[test]
 fn a_small_job_does_not_wait_for_a_large_one() {
     let (mut table, [_]) = workers([1000]);
-    let large = table.submit(terms(10_000));
+    let large = table.submit(params(10_000));
     assert_eq!(table.grant(now()).unwrap().job, large);
-    let small = table.submit(terms(2));
+    let small = table.submit(params(2));
     let next: Vec<_> = (0..3).map(|_| table.grant(now()).unwrap().job).collect();
     assert!(next.contains(&small), "{next:?}");
 }
@@ -78,7 +78,7 @@ fn a_small_job_does_not_wait_for_a_large_one() {
 #[test]
 fn whoever_has_least_in_hand_is_next() {
     let (mut table, [many, few]) = workers([64, 4]);
-    table.submit(terms(2));
+    table.submit(params(2));
     assert_eq!(
         table.grant(now()).unwrap().worker,
         many,

@@ -61,7 +61,7 @@ impl Campaign {
     }
 
     async fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
-        let wish = Wish {
+        let wish = QueryRequest {
             holder: Holder {
                 annotator: annotator.parse().unwrap(),
                 session: String::new(),
@@ -217,7 +217,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     let ids = [campaign.id.clone(), other];
     campaign.id = ids[1].clone();
     (0..3).for_each(|generation| campaign.grow(generation));
-    let wish = |who: &str| Wish {
+    let wish = |who: &str| QueryRequest {
         holder: Holder {
             annotator: who.parse().unwrap(),
             session: String::new(),

@@ -19,12 +19,12 @@ use tonic::{Status, Streaming, service::interceptor::InterceptedService, transpo
 
 /// A hand-made worker connection.
 #[derive(Debug)]
-pub struct Impostor {
+pub struct FakeWorker {
     outbox: mpsc::Sender<v1::WorkerMessage>,
     inbox: Streaming<v1::CoordinatorMessage>,
 }
 
-impl Impostor {
+impl FakeWorker {
     /// Connects from a machine of its own and says `hello`, whatever that is.
     ///
     /// # Errors
@@ -198,7 +198,7 @@ impl Impostor {
 }
 
 fn hello_as(instance: u64) -> Message {
-    match Impostor::hello(SIMULATOR_VERSION) {
+    match FakeWorker::hello(SIMULATOR_VERSION) {
         Message::Hello(hello) => Message::Hello(v1::Hello { instance, ..hello }),
         other => other,
     }

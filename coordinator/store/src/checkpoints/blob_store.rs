@@ -1,4 +1,4 @@
-//! The shelf: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
+//! The blob_store: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
 
 use super::CheckpointError;
 use crate::{StoreError, files::is_there};
@@ -21,7 +21,7 @@ const TRIAL_LIMIT: Duration = Duration::from_secs(30);
 
 /// Where the bytes of checkpoints are; cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Shelf {
+pub struct BlobStore {
     objects: Arc<dyn ObjectStore>,
     prefix: ObjectPath,
     place: Place,
@@ -47,11 +47,11 @@ pub enum Condition {
     Unread(String),
 }
 
-impl Shelf {
+impl BlobStore {
     /// The folder's name in a data directory.
     pub const FOLDER: &str = "checkpoints";
 
-    /// The shelf at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
+    /// The blob_store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
     /// variables) or `file:///FOLDER`, or, if there is none, a folder of the data directory. A folder is made where it is
     /// missing.
     ///
@@ -83,10 +83,10 @@ impl Shelf {
         })
     }
 
-    /// As [`Shelf::open`], but nothing is made: `None` where the folder is missing.
+    /// As [`BlobStore::open`], but nothing is made: `None` where the folder is missing.
     ///
     /// # Errors
-    /// As [`Shelf::open`].
+    /// As [`BlobStore::open`].
     pub fn look(data: &Path, location: Option<&str>) -> Result<Option<Self>, CheckpointError> {
         let folder = match location {
             None => Some(data.join(Self::FOLDER)),
@@ -110,7 +110,7 @@ impl Shelf {
         })
     }
 
-    /// Tries the shelf out: puts an object there, reads it back, and removes it.
+    /// Tries the blob_store out: puts an object there, reads it back, and removes it.
     ///
     /// # Errors
     /// [`CheckpointError::Location`] where that fails, or takes longer than 30 seconds.
@@ -170,7 +170,7 @@ impl Shelf {
     /// The bytes of a checkpoint, checked against its digest.
     ///
     /// # Errors
-    /// [`CheckpointError::Missing`], [`CheckpointError::Damaged`], or if the shelf cannot be reached.
+    /// [`CheckpointError::Missing`], [`CheckpointError::Damaged`], or if the blob_store cannot be reached.
     pub async fn get(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         let found = match self.objects.get(&self.object(digest)).await {
             Ok(found) => found,

@@ -11,7 +11,7 @@ use murmuration_access::limits::{
     HANDSHAKE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_WORKER_MESSAGE,
 };
 use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient, worker_message::Message};
-use murmuration_tests::Impostor;
+use murmuration_tests::FakeWorker;
 use std::{
     io::{ErrorKind, Read as _},
     net::{Ipv4Addr, TcpStream},
@@ -153,5 +153,7 @@ async fn too_large(url: &str) -> Status {
         name: "a".repeat(MAX_WORKER_MESSAGE),
         ..v1::Hello::default()
     };
-    Impostor::say_hello(url, Message::Hello(hello)).await.unwrap_err()
+    FakeWorker::say_hello(url, Message::Hello(hello))
+        .await
+        .unwrap_err()
 }

@@ -1,7 +1,7 @@
 //! The epochs of a training, one after the other, on a thread that may block.
 
 use super::{
-    dataset::Material,
+    dataset::TrainingInputs,
     event::{Event, Undone},
     task::Task,
 };
@@ -18,16 +18,16 @@ use tokio::sync::{mpsc, watch};
 const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
 
 /// All that a training is done with.
-pub(super) struct Course {
+pub(super) struct TrainingRun {
     pub(super) task: Task,
-    pub(super) material: Material,
+    pub(super) material: TrainingInputs,
     pub(super) runtime: Runtime,
     /// Closed once nobody wants the training any more.
     pub(super) events: mpsc::Sender<Event>,
     pub(super) stop: watch::Receiver<bool>,
 }
 
-impl Course {
+impl TrainingRun {
     /// Trains to the end, or until it is stopped or not wanted any more.
     pub(super) fn run(mut self) -> Result<Publication, Undone> {
         let mut training = self.begin()?;

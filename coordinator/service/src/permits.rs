@@ -7,21 +7,21 @@ use tonic::Status;
 
 /// Room for those who watch, and for replays; shared by gRPC and pages, cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Seats {
+pub struct Permits {
     watches: Arc<Semaphore>,
     replays: Arc<Semaphore>,
 }
 
 /// One seat, until it is dropped.
-pub type Seat = OwnedSemaphorePermit;
+pub type Permit = OwnedSemaphorePermit;
 
-impl Default for Seats {
+impl Default for Permits {
     fn default() -> Self {
         Self::new(MAX_WATCHES, MAX_REPLAYS)
     }
 }
 
-impl Seats {
+impl Permits {
     fn new(watches: usize, replays: usize) -> Self {
         Self {
             watches: Arc::new(Semaphore::new(watches)),
@@ -30,7 +30,7 @@ impl Seats {
     }
 
     /// For somebody who watches.
-    pub fn watch(&self) -> Result<Seat, Status> {
+    pub fn watch(&self) -> Result<Permit, Status> {
         take(
             &self.watches,
             "too many watch this coordinator: close a window, or try again later",
@@ -38,7 +38,7 @@ impl Seats {
     }
 
     /// For a replay.
-    pub fn replay(&self) -> Result<Seat, Status> {
+    pub fn replay(&self) -> Result<Permit, Status> {
         take(
             &self.replays,
             "too many replays are waiting for workers: try again later",
@@ -46,8 +46,8 @@ impl Seats {
     }
 }
 
-fn take(seats: &Arc<Semaphore>, full: &str) -> Result<Seat, Status> {
-    seats
+fn take(permits: &Arc<Semaphore>, full: &str) -> Result<Permit, Status> {
+    permits
         .clone()
         .try_acquire_owned()
         .map_err(|_| Status::resource_exhausted(full))
@@ -60,15 +60,15 @@ mod tests {
 
     #[test]
     fn one_too_many_is_refused_until_another_leaves() {
-        let seats = Seats::new(2, 1);
-        let first = seats.watch().unwrap();
-        let _second = seats.clone().watch().unwrap();
-        assert_eq!(seats.watch().unwrap_err().code(), Code::ResourceExhausted);
+        let permits = Permits::new(2, 1);
+        let first = permits.watch().unwrap();
+        let _second = permits.clone().watch().unwrap();
+        assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);
         drop(first);
-        assert!(seats.watch().is_ok());
-        let replay = seats.replay().unwrap();
-        assert_eq!(seats.replay().unwrap_err().code(), Code::ResourceExhausted);
+        assert!(permits.watch().is_ok());
+        let replay = permits.replay().unwrap();
+        assert_eq!(permits.replay().unwrap_err().code(), Code::ResourceExhausted);
         drop(replay);
-        assert!(seats.replay().is_ok());
+        assert!(permits.replay().is_ok());
     }
 }

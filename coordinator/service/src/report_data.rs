@@ -3,7 +3,7 @@
 use bytes::Bytes;
 use murmuration_model::{
     Repetition,
-    labels::{Class, Label, given_classes},
+    labels::{Annotator, Class, Label, given_classes},
 };
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Method, Replay, SIMULATOR_VERSION,
@@ -26,7 +26,7 @@ use tonic::{
 
 /// Why there is nothing to report.
 #[derive(Debug, thiserror::Error)]
-pub enum GatherError {
+pub enum ReportDataError {
     /// The service refused, or cannot be reached.
     #[error("{}", .0.message())]
     Service(#[from] Status),
@@ -44,8 +44,8 @@ pub enum GatherError {
 /// What the behaviours of a campaign were called, and by whom.
 ///
 /// # Errors
-/// See [`GatherError`].
-pub async fn names<C>(client: &mut LabelServiceClient<C>, campaign: &str) -> Result<Names, GatherError>
+/// See [`ReportDataError`].
+pub async fn names<C>(client: &mut LabelServiceClient<C>, campaign: &str) -> Result<Names, ReportDataError>
 where
     C: GrpcService<Body> + Send,
     C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
@@ -78,7 +78,7 @@ fn label(label: v1::Label) -> Result<Label, Invalid> {
     Ok(Label {
         entry: label.entry,
         index: answer.index,
-        annotator: answer.annotator.parse()?,
+        annotator: Annotator::known(&answer.annotator)?,
         answer: answer.answer.parse()?,
         time_ms: answer.time_ms,
     })
@@ -97,12 +97,12 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
 /// The report of a completed campaign, with what its behaviours were called.
 ///
 /// # Errors
-/// See [`GatherError`].
+/// See [`ReportDataError`].
 pub async fn report<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     names: Names,
-) -> Result<Report, GatherError>
+) -> Result<Report, ReportDataError>
 where
     C: GrpcService<Body> + Send,
     C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
@@ -178,7 +178,7 @@ async fn archive<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: CapabilityModel,
-) -> Result<Vec<Entry>, GatherError>
+) -> Result<Vec<Entry>, ReportDataError>
 where
     C: GrpcService<Body> + Send,
     C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
@@ -226,7 +226,7 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
 }
 
 /// The behaviour space along its two principal axes.
-fn map(individuals: &[Entry], method: Method) -> Result<Map, GatherError> {
+fn map(individuals: &[Entry], method: Method) -> Result<Map, ReportDataError> {
     let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
     let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
     for entry in individuals {

@@ -1,6 +1,6 @@
 //! No parser at the edge panics, whatever it is given: the targets of `make fuzz` on what they take, and on changes of that.
 
-use murmuration_tests::edges::{EDGES, dice, mutated};
+use murmuration_tests::fuzz_targets::{EDGES, dice, mutated};
 
 /// Changed inputs for each parser.
 const MUTATIONS: u64 = 20_000;

@@ -9,7 +9,7 @@ use murmuration_embed::{EmbedError, Embedder, Embedders};
 use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World, v1};
 use std::sync::Arc;
 
-pub(super) struct Desk {
+pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
     /// What the last batch was evaluated with, and what that was made for.
     evaluator: Option<(World, ImageFormat, Evaluator)>,
@@ -28,7 +28,7 @@ enum Undone {
     Embed(#[from] EmbedError),
 }
 
-impl Desk {
+impl Executor {
     pub(super) const fn new(checkpoints: Arc<Checkpoints>) -> Self {
         Self {
             checkpoints,

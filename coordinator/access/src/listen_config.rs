@@ -13,7 +13,7 @@ use tonic::transport::{Certificate, Identity, Server, ServerTlsConfig};
 
 /// Where and how to listen.
 #[derive(Debug)]
-pub struct Entrance {
+pub struct ListenConfig {
     address: SocketAddr,
     tls: Option<Tls>,
     tokens: Option<Arc<Tokens>>,
@@ -29,7 +29,7 @@ pub struct Tls {
 
 /// Why one cannot listen like that.
 #[derive(Debug, thiserror::Error)]
-pub enum EntranceError {
+pub enum ListenConfigError {
     /// Others could read what is said.
     #[error(
         "{0} is not this machine's alone, and nothing said there would be encrypted: give --certificate and --key \
@@ -61,7 +61,7 @@ impl Tls {
     ///
     /// # Errors
     /// Says which file cannot be used, and why.
-    pub fn read(certificate: &Path, key: &Path, client_ca: Option<&Path>) -> Result<Self, EntranceError> {
+    pub fn read(certificate: &Path, key: &Path, client_ca: Option<&Path>) -> Result<Self, ListenConfigError> {
         let identity = Identity::from_pem(
             read_pem(certificate, "certificate")?,
             read_pem(key, "private key")?,
@@ -73,7 +73,7 @@ impl Tls {
         }
         // Now, not when the first connection comes.
         let checked = Server::builder().tls_config(config.clone());
-        checked.map_err(|error| EntranceError::Unusable {
+        checked.map_err(|error| ListenConfigError::Unusable {
             path: certificate.to_owned(),
             reason: root_cause(&error),
         })?;
@@ -84,7 +84,7 @@ impl Tls {
     }
 }
 
-impl Entrance {
+impl ListenConfig {
     /// For one person's machine: in the clear, open to every process of this machine. Port 0 is any free one.
     #[must_use]
     pub fn loopback(port: u16) -> Self {
@@ -99,17 +99,17 @@ impl Entrance {
     /// alone, unless everybody who can reach it is `trusted`.
     ///
     /// # Errors
-    /// [`EntranceError::Plain`] and [`EntranceError::Open`], which say what is missing.
+    /// [`ListenConfigError::Plain`] and [`ListenConfigError::Open`], which say what is missing.
     pub fn new(
         address: SocketAddr,
         tls: Option<Tls>,
         tokens: Option<Tokens>,
         trusted: bool,
-    ) -> Result<Self, EntranceError> {
+    ) -> Result<Self, ListenConfigError> {
         let alone = address.ip().to_canonical().is_loopback();
         match (&tls, &tokens) {
-            (None, _) if !alone && !trusted => Err(EntranceError::Plain(address)),
-            (Some(_), None) if !alone && !trusted => Err(EntranceError::Open(address)),
+            (None, _) if !alone && !trusted => Err(ListenConfigError::Plain(address)),
+            (Some(_), None) if !alone && !trusted => Err(ListenConfigError::Open(address)),
             _ => Ok(Self {
                 address,
                 tls,
@@ -147,9 +147,9 @@ impl Entrance {
 mod tests {
     use super::*;
 
-    fn enter(address: &str, tokens: bool, trusted: bool) -> Result<Entrance, EntranceError> {
+    fn enter(address: &str, tokens: bool, trusted: bool) -> Result<ListenConfig, ListenConfigError> {
         let tokens = tokens.then(Tokens::default);
-        Entrance::new(address.parse().unwrap(), None, tokens, trusted)
+        ListenConfig::new(address.parse().unwrap(), None, tokens, trusted)
     }
 
     #[test]
@@ -170,7 +170,7 @@ mod tests {
         ] {
             for tokens in [false, true] {
                 let refused = enter(elsewhere, tokens, false);
-                assert!(matches!(refused, Err(EntranceError::Plain(_))), "{elsewhere}");
+                assert!(matches!(refused, Err(ListenConfigError::Plain(_))), "{elsewhere}");
                 assert!(enter(elsewhere, tokens, true).is_ok(), "{elsewhere}");
             }
         }

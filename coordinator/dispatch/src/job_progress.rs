@@ -11,13 +11,13 @@ const NO_EMBEDDER: &str = "no connected worker can embed: start one where ONNX R
 
 /// How far a job is, and what holds it up.
 #[derive(Debug, Default)]
-pub struct Headway {
+pub struct JobProgress {
     done: AtomicU32,
     trouble: Mutex<Option<String>>,
     lacks_embedder: AtomicBool,
 }
 
-impl Headway {
+impl JobProgress {
     /// Tasks whose results have arrived; fewer than before where a worker was found wrong.
     #[must_use]
     pub fn done(&self) -> u32 {

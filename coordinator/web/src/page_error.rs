@@ -15,7 +15,7 @@ use tonic::Status;
 
 /// What is wrong with a request, or went wrong with it.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Wrong {
+pub(super) enum PageError {
     /// There is no page of that address.
     #[error("there is no such page")]
     NoPage,
@@ -52,7 +52,7 @@ pub(super) fn wants_page(headers: &HeaderMap) -> bool {
     accepts.is_some_and(|kinds| kinds.contains("text/html"))
 }
 
-impl Wrong {
+impl PageError {
     /// The answer to a request with these headers: a page, or a line of text.
     pub(super) fn told(self, headers: &HeaderMap) -> Response {
         match wants_page(headers) {
@@ -97,19 +97,19 @@ pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
     }
 }
 
-impl From<Broken> for Wrong {
+impl From<Broken> for PageError {
     fn from(broken: Broken) -> Self {
         CampaignError::from(broken).into()
     }
 }
 
-impl From<StoreError> for Wrong {
+impl From<StoreError> for PageError {
     fn from(error: StoreError) -> Self {
         Self::Campaign(error.into())
     }
 }
 
-impl IntoResponse for Wrong {
+impl IntoResponse for PageError {
     fn into_response(self) -> Response {
         let page = layout(
             "Not that way",

@@ -5,7 +5,7 @@ use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, v1};
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
-pub(super) struct News {
+pub(super) struct StatusLine {
     pub(super) done: u64,
     pub(super) total: u64,
     /// What is counted, in the singular.
@@ -29,16 +29,16 @@ pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
     }
 }
 
-impl News {
+impl StatusLine {
     /// What there is to say; while the campaign waits for something, what for.
     pub(super) fn of(status: &v1::Campaign) -> Self {
-        let news = Self::of_stage(status);
+        let line = Self::of_stage(status);
         if status.waiting.is_empty() {
-            return news;
+            return line;
         }
         Self {
             text: format!("waiting: {}", status.waiting),
-            ..news
+            ..line
         }
     }
 
