@@ -121,12 +121,13 @@ impl Coordinator {
         }
         checkpoints.verify().await?;
         let metrics = Metrics::new();
+        let quarantined = store.quarantined()?;
         let dispatch = Dispatch::start(
             options.dispatch,
             metrics.dispatch(PeerKind::Worker),
-            store.quarantined()?,
+            quarantined.clone(),
         );
-        let trainers = Trainers::start(options.dispatch, metrics.dispatch(PeerKind::Trainer));
+        let trainers = Trainers::start(options.dispatch, metrics.dispatch(PeerKind::Trainer), quarantined);
         let interrupt = Interrupt::default();
         // One for questions and maps, which are of the same archives.
         let spaces = Spaces::new(store.clone());

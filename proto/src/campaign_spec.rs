@@ -22,10 +22,11 @@ impl TryFrom<String> for CampaignName {
 
     fn try_from(name: String) -> Result<Self, Invalid> {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        if (1..=64).contains(&name.len()) && name.chars().all(fits) {
+        // A first '-' would make an option of the campaign's id.
+        if (1..=64).contains(&name.len()) && name.chars().all(fits) && !name.starts_with('-') {
             return Ok(Self(name));
         }
-        let allowed = "1 to 64 letters, digits, '-' and '_'";
+        let allowed = "1 to 64 letters, digits, '-' and '_', the first of them no '-'";
         Err(Invalid::new("name", text::quoted(&name), allowed))
     }
 }
@@ -338,6 +339,7 @@ mod tests {
         check_refused("model = \"three-sensor\"", "three-sensor");
         check_refused(&format!("{MINIMAL}sed = 3"), "unknown field `sed`");
         check_refused(&format!("{MINIMAL}name = \"a b\""), "name = \"a b\"");
+        check_refused(&format!("{MINIMAL}name = \"-x\""), "name = \"-x\"");
         check_refused(
             &format!("{MINIMAL}[search]\npopulation = 0"),
             "search.population = 0: must be a whole number from 1",

@@ -2,7 +2,7 @@
 
 mod bounds;
 
-pub use bounds::FeatureBounds;
+pub use bounds::{FeatureBounds, check_positions};
 
 use crate::simulate::{Agent, Swarm};
 use murmuration_proto::{Features, World};

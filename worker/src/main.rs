@@ -16,7 +16,7 @@ struct Arguments {
     #[command(flatten)]
     party: PartyArguments,
     /// Evaluations at once [default: number of cores]
-    #[arg(long, env = "MURMURATION_THREADS")]
+    #[arg(long, env = "MURMURATION_THREADS", value_parser = threads)]
     threads: Option<NonZeroUsize>,
     /// Name shown to people
     #[arg(long, env = "MURMURATION_WORKER_NAME", default_value = "worker")]
@@ -24,6 +24,15 @@ struct Arguments {
     /// Folder for checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
+}
+
+/// More threads than any machine has would take all of its memory, and no coordinator would have them.
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|number: &NonZeroUsize| number.get() <= 4096);
+    number.ok_or_else(|| "it must be a whole number from 1 to 4096".to_owned())
 }
 
 #[tokio::main(flavor = "current_thread")]

@@ -16,7 +16,10 @@ use std::{
     collections::BTreeMap,
     fs, io,
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, PoisonError, RwLock},
+    sync::{
+        Arc, Mutex, PoisonError, RwLock,
+        atomic::{AtomicBool, Ordering},
+    },
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 use tokio::sync::watch;
@@ -42,6 +45,8 @@ struct Shared {
     open: RwLock<Open>,
     /// Held by whoever changes the sessions until the file is written: files follow each other as changes do.
     changing: Mutex<()>,
+    /// Whether the file says something else than memory does. Set and read under `changing`.
+    unwritten: AtomicBool,
 }
 
 type Open = BTreeMap<String, Entry>;
@@ -122,6 +127,7 @@ impl Sessions {
             path,
             open: RwLock::new(open),
             changing: Mutex::new(()),
+            unwritten: AtomicBool::new(false),
         };
         // A token that comes back later brings no sessions back.
         let open = shared.open();
@@ -186,7 +192,9 @@ impl Sessions {
     pub fn log_out(&self, headers: &HeaderMap) -> Result<(), StoreError> {
         let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut open = self.0.open();
-        if self.id(headers).and_then(|id| open.remove(&id)).is_some() {
+        let has_ended = self.id(headers).and_then(|id| open.remove(&id)).is_some();
+        // Whoever asks again, since it could not be written, asks for that.
+        if has_ended || self.0.unwritten.load(Ordering::Relaxed) {
             self.0.set(open.clone());
             self.0.write(&open)?;
         }
@@ -246,6 +254,7 @@ impl Shared {
 
     /// Writes the file, which its owner alone can read, whole or not at all.
     fn write(&self, open: &Open) -> Result<(), StoreError> {
+        self.unwritten.store(true, Ordering::Relaxed);
         let mut entries: Vec<_> = open.iter().collect();
         entries.sort_unstable_by_key(|(_, entry)| entry.number);
         let rows: Vec<Row> = entries
@@ -266,7 +275,9 @@ impl Shared {
             file.persist(&self.path)?;
             fs::File::open(folder)?.sync_all()
         };
-        write().map_err(|error| StoreError::from_io(error, "write", &self.path))
+        write().map_err(|error| StoreError::from_io(error, "write", &self.path))?;
+        self.unwritten.store(false, Ordering::Relaxed);
+        Ok(())
     }
 }
 

@@ -158,7 +158,15 @@ fn parse(text: &str) -> Result<Tokens, String> {
             .map_err(|error| format!("the digest of \"{name}\": {error}"))?;
         Ok::<_, String>((name, role, digest))
     });
-    Ok(Tokens::of(holders.collect::<Result<Vec<_>, _>>()?))
+    let holders = holders.collect::<Result<Vec<_>, _>>()?;
+    for (place, (name, _, digest)) in holders.iter().enumerate() {
+        if let Some((other, ..)) = holders[..place].iter().find(|(.., known)| known == digest) {
+            return Err(format!(
+                "\"{other}\" and \"{name}\" have the same token: give each a token of their own"
+            ));
+        }
+    }
+    Ok(Tokens::of(holders))
 }
 
 #[cfg(test)]
@@ -181,6 +189,12 @@ mod tests {
         assert_eq!(whose(&ana), Some(("ana \"a\"".to_owned(), Role::Annotator)));
         assert_eq!(whose(&bo), Some(("bo".to_owned(), Role::Operator)));
         assert_eq!(whose(&Token::generate().unwrap()), None);
+        text += &written("bo again", Role::Viewer, &bo);
+        let refused = parse(&text).unwrap_err();
+        assert!(
+            refused.contains("\"bo\" and \"bo again\" have the same token"),
+            "{refused}"
+        );
     }
 
     fn written(name: &str, role: Role, token: &Token) -> String {
@@ -248,8 +262,10 @@ mod tests {
             let error = parse(text).unwrap_err();
             assert!(error.contains(said), "{error}");
         }
-        let entry = format!("[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"{digest}\"\n");
-        assert!(parse(&entry.repeat(MAX_HOLDERS)).is_ok());
-        assert!(parse(&entry.repeat(MAX_HOLDERS + 1)).is_err());
+        let entry =
+            |place| format!("[[token]]\nname = \"a\"\nrole = \"viewer\"\ndigest = \"{place:064x}\"\n");
+        let entries = |count| (0..count).map(entry).collect::<String>();
+        assert!(parse(&entries(MAX_HOLDERS)).is_ok());
+        assert!(parse(&entries(MAX_HOLDERS + 1)).is_err());
     }
 }

@@ -314,7 +314,7 @@ mod tests {
     fn hand_crafted_features_have_the_known_accuracy() {
         let check = |set: &str, not_random: [u64; 2], every: [u64; 2], percent: [f64; 2]| {
             let file = format!(
-                "{}/../tests/labelled/{set}/validation.csv",
+                "{}/../../tests/labelled/{set}/validation.csv",
                 env!("CARGO_MANIFEST_DIR")
             );
             let labels = Labels::read(file).unwrap();

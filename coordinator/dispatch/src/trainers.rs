@@ -5,6 +5,7 @@ use super::{
     work::{Output, Work},
 };
 use crate::DispatchMetrics;
+use murmuration_model::Quarantined;
 use murmuration_proto::CheckpointDigest;
 use std::sync::Arc;
 use tokio::sync::watch;
@@ -14,10 +15,10 @@ use tokio::sync::watch;
 pub struct Trainers(Dispatch);
 
 impl Trainers {
-    /// Starts it on the current runtime.
+    /// Starts it on the current runtime. It does not listen to machines that were found wrong before.
     #[must_use]
-    pub fn start(options: Options, metrics: DispatchMetrics) -> Self {
-        Self(Dispatch::start(options, metrics, Vec::new()))
+    pub fn start(options: Options, metrics: DispatchMetrics, wrong: Vec<Quarantined>) -> Self {
+        Self(Dispatch::start(options, metrics, wrong))
     }
 
     /// Has a trainer train an embedder and publish it; `job_progress` says what holds it up. Dropping the future withdraws the
@@ -41,6 +42,12 @@ impl Trainers {
     #[must_use]
     pub fn connected(&self) -> watch::Receiver<usize> {
         self.0.workers()
+    }
+
+    /// Machines that were found wrong, oldest first, now and whenever there is another.
+    #[must_use]
+    pub fn quarantined(&self) -> watch::Receiver<Vec<Quarantined>> {
+        self.0.quarantined()
     }
 
     /// Ends every trainer's stream and every training; those go on with the next coordinator.

@@ -10,7 +10,7 @@ use murmuration_proto::{
     CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, World, check_embedding,
     embeddings_agree, v1,
 };
-use murmuration_worker::features::FeatureBounds;
+use murmuration_worker::features::{FeatureBounds, check_positions};
 use std::collections::BTreeSet;
 
 /// What embedding a picture costs, in steps of an agent.
@@ -232,6 +232,8 @@ impl Work {
                         job.world.agents().to_string(),
                     ));
                 }
+                let poses = replay.frames().flatten();
+                check_positions(&job.world, poses.map(|&[x, y, _]| [x.into(), y.into()]))?;
                 Ok(vec![Output::Replay(replay)])
             }
             _ => Err(Invalid::new(

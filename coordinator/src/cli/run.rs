@@ -46,11 +46,16 @@ pub(super) struct Resume {
 #[derive(Debug, Default, clap::Args)]
 pub(super) struct InProcessArgs {
     /// Workers in this process, one thread each [default: number of cores]
-    #[arg(long, env = "MURMURATION_WORKERS", value_name = "N")]
+    #[arg(long, env = "MURMURATION_WORKERS", value_name = "N", value_parser = at_most_4096())]
     workers: Option<usize>,
     /// Trainers in this process [default: 1, or 0 with --workers 0]
-    #[arg(long, env = "MURMURATION_TRAINERS", value_name = "N")]
+    #[arg(long, env = "MURMURATION_TRAINERS", value_name = "N", value_parser = at_most_4096())]
     trainers: Option<usize>,
+}
+
+/// More threads than any machine has would take all of its memory.
+fn at_most_4096() -> clap::builder::RangedU64ValueParser<usize> {
+    clap::builder::RangedU64ValueParser::new().range(0..=4096)
 }
 
 impl InProcessArgs {

@@ -119,11 +119,12 @@ pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: Head
     let forgotten = sessions.forget(&headers);
     let ended = blocking(move || sessions.log_out(&headers)).await;
     let answer = match ended {
-        Ok(Ok(())) => Redirect::to("/").into_response(),
+        Ok(Ok(())) => (forgotten, Redirect::to("/")).into_response(),
+        // The browser keeps its cookie, so that it can ask again.
         Ok(Err(error)) => PageError::from(error).into_response(),
         Err(broken) => PageError::from(broken).into_response(),
     };
-    hidden((forgotten, [("clear-site-data", "\"cache\"")], answer).into_response())
+    hidden(([("clear-site-data", "\"cache\"")], answer).into_response())
 }
 
 /// The answer, whose cookies no log shows.

@@ -80,6 +80,34 @@ impl FeatureBounds {
     }
 }
 
+/// Whether agents of a swarm in `world` can be there, at its start or after any step.
+///
+/// # Errors
+/// Names the first coordinate that none has.
+pub fn check_positions(world: &World, positions: impl IntoIterator<Item = [f64; 2]>) -> Result<(), Invalid> {
+    let push = push(world) + ROUNDING.1;
+    let sides = [world.width(), world.height()];
+    for position in positions {
+        for ((axis, value), side) in ["x", "y"].into_iter().zip(position).zip(sides) {
+            // Poses may come in single precision.
+            let room = push + side * ROUNDING.0;
+            if !(-room..=side + room).contains(&value) {
+                let allowed = format!(
+                    "from {:.3} to {:.3}, which agents of this world reach",
+                    -room,
+                    side + room
+                );
+                return Err(Invalid::new(
+                    format!("replay.{axis}"),
+                    format!("{value:e}"),
+                    allowed,
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Furthest that an agent is pushed out of others in a step.
 fn push(world: &World) -> f64 {
     let once = 5.0 * world.radius() + 2.0 * (GAP + JITTER);
@@ -170,6 +198,27 @@ mod tests {
             let features = features(&controller, &world, seed);
             let checked = FeatureBounds::of(&world).check(&features);
             prop_assert!(checked.is_ok(), "{checked:?} {features:?} {world:?}");
+        }
+
+        #[test]
+        fn every_agent_is_where_agents_can_be(controller in controllers(), world in worlds(), seed: u64) {
+            let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
+            for _ in 0..=world.horizon() {
+                // As motions are sent.
+                let positions = swarm.agents().map(|agent| agent.position.map(|value| f64::from(value as f32)));
+                let checked = check_positions(&world, positions);
+                prop_assert!(checked.is_ok(), "{checked:?} {world:?}");
+                swarm.step();
+            }
+        }
+    }
+
+    #[test]
+    fn where_no_agent_can_be_is_named() {
+        let check = |position| check_positions(&World::default(), [[0.0, 0.0], position]);
+        assert!(check([500.0, 500.0]).is_ok());
+        for (position, axis) in [([3.4e38, 0.0], "x"), ([0.0, -1e4], "y"), ([f64::NAN, 0.0], "x")] {
+            assert_eq!(check(position).unwrap_err().field, format!("replay.{axis}"));
         }
     }
 

@@ -203,6 +203,13 @@ fn without_a_disk_nobody_is_logged_in_and_a_log_out_says_that_it_may_not_last() 
     );
     assert!(kept.sessions.log_out(&cookie).is_err());
     assert_eq!(whose(&kept.sessions, &cookie, now()), None);
+    // Who asks again is not told that it lasts, until it does.
+    assert!(kept.sessions.log_out(&cookie).is_err());
+    std::fs::create_dir(&path).unwrap();
+    kept.sessions.log_out(&cookie).unwrap();
+    let restarted = Sessions::kept(&path, &kept.secret, |_| true).unwrap();
+    assert_eq!(whose(&restarted, &cookie, now()), None);
+    std::fs::remove_dir_all(&path).unwrap();
 }
 
 #[tokio::test(start_paused = true)]

@@ -127,18 +127,24 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Whenever workers are found wrong, has those completed campaigns go on that rest on their word; those at work look
+    /// Whenever workers or trainers are found wrong, remembers them, and has those completed campaigns go on that rest on their word; those at work look
     /// themselves. Ends with the dispatcher.
     pub async fn watch_quarantine(self) {
-        let mut quarantined = self.context.dispatch.quarantined();
+        let mut workers = self.context.dispatch.quarantined();
+        let mut trainers = self.context.trainers.quarantined();
         loop {
-            let wrong = quarantined.borrow_and_update().clone();
+            let mut wrong = workers.borrow_and_update().clone();
+            wrong.extend(trainers.borrow_and_update().iter().cloned());
             if !wrong.is_empty()
                 && let Err(error) = self.reopen(wrong).await
             {
                 tracing::error!(%error, "completed campaigns cannot be checked for what a wrong worker did");
             }
-            if quarantined.changed().await.is_err() {
+            let changed = tokio::select! {
+                changed = workers.changed() => changed,
+                changed = trainers.changed() => changed,
+            };
+            if changed.is_err() {
                 return;
             }
         }

@@ -44,7 +44,7 @@ mod tests {
         let labels = said.iter().zip(0..).map(|((annotator, answer), entry)| Label {
             entry,
             index: 3,
-            annotator: annotator.parse().unwrap(),
+            annotator: Annotator::known(annotator).unwrap(),
             answer: answer.parse().unwrap(),
             time_ms: 0,
         });
