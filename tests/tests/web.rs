@@ -261,18 +261,25 @@ async fn what_the_machine_said_is_told_apart_from_what_people_say() {
     let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
     let medoid = |place: usize| taxonomy.medoids[place].individual.as_ref().unwrap().index;
     let (first, second) = (medoid(0), medoid(1));
-    let say = async |request: u32, annotator: &str, indices: &[u64]| {
-        let answer = |index: &u64| format!(r#"{{"index":{index},"answer":"ring"}}"#);
-        let answers: Vec<String> = indices.iter().map(answer).collect();
-        let answers = answers.join(",");
-        let said = format!(r#"{{"request_id":"{request}","annotator":"{annotator}","answers":[{answers}]}}"#);
-        browser.tell("labels", &said, StatusCode::OK).await;
+    let marks = async || {
+        let cards = browser.page("/campaigns/small-1/taxonomy").await;
+        cards.matches("by the rule-based judge, not by a person.").count()
     };
-    say(1, "synthetic", &[first, second]).await;
-    say(2, "ben", &[second]).await;
-    let cards = browser.page("/campaigns/small-1/taxonomy").await;
-    let mark = "Named “ring” by the rule-based judge, not by a person.";
-    assert_eq!(cards.matches(mark).count(), 1, "{cards}");
+    // It is asked about the first medoids.
+    let synthetic = v1::AppendSyntheticLabelsRequest {
+        campaign: "small-1".to_owned(),
+        request_id: "1".to_owned(),
+        count: 2,
+        strategy: v1::QueryStrategy::Medoids as i32,
+    };
+    let mut labels = LabelServiceClient::connect(cluster.url()).await.unwrap();
+    let said = labels.append_synthetic_labels(synthetic).await.unwrap();
+    assert_eq!(whole(said.into_inner()).await.unwrap().entries.len(), 2);
+    assert_eq!(marks().await, 2);
+    let said =
+        format!(r#"{{"request_id":"2","annotator":"ben","answers":[{{"index":{second},"answer":"ring"}}]}}"#);
+    browser.tell("labels", &said, StatusCode::OK).await;
+    assert_eq!(marks().await, 1);
     let labels: Value = serde_json::from_str(&browser.page("/campaigns/small-1/labels").await).unwrap();
     let machine = labels["machine"].as_str().unwrap();
     let expected: &str = if first < second { "AQA=" } else { "AAE=" };

@@ -16,6 +16,7 @@
 
 mod ids;
 mod job;
+mod params;
 mod quarantine;
 mod queues;
 mod task;
@@ -23,6 +24,7 @@ mod turns;
 mod workers;
 
 pub use ids::{Abilities, JobId, LeaseNumber, WorkerId, WorkerProcessId};
+pub use params::JobParams;
 
 use job::Job;
 use murmuration_model::MachineId;
@@ -47,22 +49,6 @@ const LATE: u32 = 4;
 pub trait Agree {
     /// Whether `other` is the same result.
     fn agrees_with(&self, other: &Self) -> bool;
-}
-
-/// How a job is to be done.
-#[derive(Debug, Clone)]
-pub struct JobParams {
-    /// Number of tasks, at least one.
-    pub tasks: usize,
-    /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
-    /// say); at least 1.
-    pub effort: u64,
-    /// Places of the tasks that a worker on a second machine repeats, where there is one.
-    pub audited: BTreeSet<usize>,
-    /// Whether only workers that embed can do them.
-    pub embeds: bool,
-    /// Whether a late lease is also given to a worker that would be idle.
-    pub speculative: bool,
 }
 
 /// A batch that was just leased: send it to its worker.
