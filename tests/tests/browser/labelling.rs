@@ -196,9 +196,11 @@ pub async fn who_goes_on_after_the_goal_is_told_so() {
 pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_before() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
-    let said = |range: std::ops::Range<u64>| range.map(|index| (index, "milling".to_owned()));
-    scene.labels.say("synthetic", said(0..60)).await;
-    scene.labels.say("Ben", said(60..70)).await;
+    scene.labels.judge(60).await;
+    let judged = scene.labels.standing().await;
+    let open = (0..100).filter(|index| !judged.contains_key(index));
+    let said = open.take(10).map(|index| (index, "milling".to_owned()));
+    scene.labels.say("Ben", said).await;
     for page in ["/label", "/sheet"] {
         let window = driver.open(&scene.url(page)).await;
         window.until("!document.getElementById('who').hidden").await;

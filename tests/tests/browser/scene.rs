@@ -91,6 +91,19 @@ impl Labels {
         self.0.append_labels(request).await.unwrap();
     }
 
+    /// Has the synthetic annotator answer about `count` individuals.
+    pub async fn judge(&mut self, count: u32) {
+        let request = v1::AppendSyntheticLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: "the judge says".to_owned(),
+            strategy: v1::QueryStrategy::Random as i32,
+            count,
+        };
+        let said = self.0.append_synthetic_labels(request).await.unwrap();
+        let said = whole(said.into_inner()).await.unwrap().entries;
+        assert_eq!(said.len(), count as usize);
+    }
+
     /// Takes back what `annotator` said last.
     pub async fn undo(&mut self, annotator: &str) {
         let request = v1::UndoLabelsRequest {
