@@ -152,7 +152,23 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
             path: from.to_path_buf(),
         });
     }
+    let is_new = !is_there(data).map_err(failed("find", data))?;
     let held = DataDirectory::hold(data)?;
+    // Nobody else puts anything there from here on; but for the lock somebody may have, since it was looked into.
+    if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
+        return Err(BackupError::NotEmpty(data.to_path_buf()));
+    }
+    let restored = put_back(from, data, &manifest).await;
+    if restored.is_err() {
+        // It was empty: what is there now is in the way of the next try. What cannot be removed is said then.
+        let _ = clear(data, is_new);
+    }
+    drop(held);
+    restored.map(|()| manifest)
+}
+
+/// Fills an empty folder from a backup that is whole.
+async fn put_back(from: &Path, data: &Path, manifest: &Manifest) -> Result<(), BackupError> {
     // Under its own name only when everything that it names is there.
     let arriving = data.join("restoring");
     fs::create_dir(&arriving).map_err(failed("make", &arriving))?;
@@ -166,9 +182,23 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
         }
     }
     fs::remove_dir(&arriving).map_err(failed("remove", &arriving))?;
-    sync(data)?;
-    drop(held);
-    Ok(manifest)
+    sync(data)
+}
+
+/// Empties a folder; removes it if it is to go as well.
+fn clear(folder: &Path, and_folder: bool) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        match entry.file_type()?.is_dir() {
+            true => fs::remove_dir_all(entry.path())?,
+            false => fs::remove_file(entry.path())?,
+        }
+    }
+    if and_folder {
+        fs::remove_dir(folder)
+    } else {
+        Ok(())
+    }
 }
 
 /// Copies a database, then every checkpoint that the copy names; their digests. Checkpoints never go, so those are there.

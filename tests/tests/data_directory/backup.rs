@@ -4,7 +4,8 @@ use crate::{generations, undisturbed};
 use murmuration_tests::Murmuration;
 use std::{fs, os::unix::fs::symlink, path::Path};
 
-const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+/// An embedder's file.
+pub const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
 
 pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,6 @@
 //! Disks that are full, read-only or failing: campaigns wait, nothing that was acknowledged is lost.
 
-use crate::{generations, undisturbed, waits_for};
+use crate::{backup::MODEL, generations, undisturbed, waits_for};
 use murmuration_tests::{FaultyLibc, Murmuration, SmallDisk, longer_spec};
 use std::{fs, path::Path};
 
@@ -96,4 +96,22 @@ pub fn a_read_only_disk_is_named() {
     let named =
         run.stderr.to_lowercase().contains("read-only") && run.stderr.contains(&data.display().to_string());
     assert!(named && !run.stderr.contains("panicked"), "{}", run.stderr);
+}
+
+pub fn what_does_not_fit_on_a_disk_leaves_nothing_in_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = Murmuration::over(&folder.path().join("data"));
+    assert_eq!(data.run(&["checkpoints", "import", MODEL]).code, Some(0));
+    let backup = folder.path().join("backup").display().to_string();
+    assert_eq!(data.run(&["backup", &backup]).code, Some(0));
+
+    let disk = folder.path().join("disk");
+    let mounted = SmallDisk::new(&disk, "64k");
+    let place = disk.join("restored");
+    let refused = Murmuration::over(&place).run(&["restore", &backup]);
+    assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+    assert!(!place.exists(), "what was begun is in the way");
+    drop(mounted);
+    let restored = Murmuration::over(&place).run(&["restore", &backup]);
+    assert_eq!(restored.code, Some(0), "{}", restored.stderr);
 }

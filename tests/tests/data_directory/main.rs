@@ -22,6 +22,7 @@ fn main() -> ExitCode {
         test!(checkpoint_store::a_folder_that_cannot_be_made_is_named),
         test!(checkpoint_store::a_checkpoint_in_a_folder_elsewhere_is_acknowledged_once_it_is_on_disk),
         test!(disk::on_a_full_disk_a_campaign_waits_for_room).needs(Requirement::Mount),
+        test!(disk::what_does_not_fit_on_a_disk_leaves_nothing_in_the_way).needs(Requirement::Mount),
         test!(disk::what_a_failing_disk_has_not_confirmed_is_not_acknowledged),
         test!(disk::a_read_only_disk_is_named).needs(Requirement::Mount),
         test!(doctor::what_is_whole_of_a_damaged_archive_is_saved_and_the_rest_made_anew),
