@@ -244,7 +244,7 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     let lift = ["quarantine", "--lift", machine];
     let held = murmuration.run(&lift);
     assert!(
-        held.code == Some(1) && held.stderr.contains("stop that first"),
+        held.code == Some(1) && held.stderr.contains("stop that process first"),
         "{}",
         held.stderr
     );
