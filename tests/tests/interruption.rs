@@ -58,7 +58,9 @@ fn terminated_politely_it_says_how_to_go_on() {
     let (code, said) = process.terminate_and_hear();
     assert_eq!(code, Some(1), "{said}");
     assert!(
-        said.contains("everything up to the last complete generation is kept: `murmuration resume small-1`"),
+        said.contains(
+            "everything up to the last complete generation is kept; next: murmuration resume small-1"
+        ),
         "{said}"
     );
     let kept = generations(&murmuration.latest());

@@ -2,10 +2,10 @@
 
 use super::{
     Streamed,
-    work::{CheckVersion, serve},
+    work::{Peer, serve},
 };
 use crate::status::{IntoStatus as _, OrStatus as _};
-use murmuration_dispatch::{PeerKind, Trainers};
+use murmuration_dispatch::Trainers;
 use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, Stage, TrainingPictures};
 use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
@@ -31,8 +31,8 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::TrainStream>, Status> {
-        let party = (PeerKind::Trainer, check_trainer as CheckVersion);
-        serve(self.trainers.dispatch(), request, party).await
+        let trainer = Peer::Trainer(self.store.clone());
+        serve(self.trainers.dispatch(), request, (trainer, check_trainer)).await
     }
 
     type FetchTrainingStream = Streamed<v1::TrainingPart>;

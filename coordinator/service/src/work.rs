@@ -3,8 +3,10 @@
 use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
-use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, PeerKind, WorkerReport, leases::WorkerId};
-use murmuration_proto::{Invalid, SIMULATOR_VERSION, Text, text, v1};
+use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, WorkerReport, leases::WorkerId};
+use murmuration_engine::blocking::blocking;
+use murmuration_proto::{CheckpointDigest, Invalid, SIMULATOR_VERSION, Text, text, v1};
+use murmuration_store::{Store, StoreError};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
@@ -32,19 +34,26 @@ impl v1::worker_service_server::WorkerService for WorkerApi {
         &self,
         request: Request<Streaming<v1::WorkerMessage>>,
     ) -> Result<Response<Self::WorkStream>, Status> {
-        let party = (PeerKind::Worker, check_simulator as CheckVersion);
-        serve(&self.dispatch, request, party).await
+        serve(&self.dispatch, request, (Peer::Worker, check_simulator)).await
     }
 }
 
+/// Who is at the other end of a stream.
+#[derive(Debug)]
+pub(super) enum Peer {
+    Worker,
+    /// A trainer, which publishes what it trains in this store.
+    Trainer(Store),
+}
+
 /// Whether a new connection is of a version that this coordinator can work with.
-pub(super) type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
+type CheckVersion = fn(&v1::Hello) -> Result<(), Status>;
 
 /// Welcomes whoever is at the other end, and passes on what it says for as long as its stream lasts.
 pub(super) async fn serve(
     dispatch: &Dispatch,
     request: Request<Streaming<v1::WorkerMessage>>,
-    (party, check): (PeerKind, CheckVersion),
+    (peer, check): (Peer, CheckVersion),
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
     let from = origin(request.extensions());
     let from = from.ok_or_else(|| Status::internal("this connection has no address"))?;
@@ -62,7 +71,7 @@ pub(super) async fn serve(
     let worker = dispatch.join(join_request).await.or_status()?;
     let dispatch = dispatch.clone();
     let stream_ends = async move {
-        if let Err(status) = pass_on(&dispatch, (worker, party), &mut inbox).await {
+        if let Err(status) = pass_on(&dispatch, (worker, peer), &mut inbox).await {
             tracing::debug!(?worker, %status, "worker stream broke");
             // The worker may be gone already.
             let _ = outbox.try_send(Err(status));
@@ -109,23 +118,55 @@ fn check_simulator(hello: &v1::Hello) -> Result<(), Status> {
 /// Passes on what a worker or trainer says until its stream ends.
 async fn pass_on(
     dispatch: &Dispatch,
-    (worker, party): (WorkerId, PeerKind),
+    (worker, peer): (WorkerId, Peer),
     inbox: &mut Streaming<v1::WorkerMessage>,
 ) -> Result<(), Status> {
     use v1::worker_message::Message;
     let mut snapshots = Snapshots::of(dispatch.clone(), worker);
     while let Some(message) = inbox.next().await {
-        let report = match (message.map_err(blamed)?.message, party) {
-            (Some(Message::Snapshot(_) | Message::Training(_)), PeerKind::Worker) => {
+        let report = match (message.map_err(blamed)?.message, &peer) {
+            (Some(Message::Snapshot(_) | Message::Training(_)), Peer::Worker) => {
                 let allowed = "one of a worker's: only trainers put trainings aside and report on them";
                 return Err(Invalid::new("message", "about a training", allowed).into());
             }
-            (Some(Message::Snapshot(part)), PeerKind::Trainer) => snapshots.add(part).await?,
-            (message, _) => report(message)?,
+            (Some(Message::Snapshot(part)), Peer::Trainer(_)) => snapshots.add(part).await?,
+            (message, Peer::Trainer(store)) => published(report(message)?, store).await?,
+            (message, Peer::Worker) => report(message)?,
         };
         dispatch.report(worker, report).await;
     }
     Ok(())
+}
+
+/// The same report; but a checkpoint that was never published is no checkpoint, and what the dispatcher takes in is then
+/// as impossible as any other result that cannot be.
+async fn published(report: WorkerReport, store: &Store) -> Result<WorkerReport, Status> {
+    use v1::batch_result::Outcome;
+    let WorkerReport::Result {
+        epoch,
+        lease,
+        outcome: Outcome::Checkpoint(digest),
+    } = report
+    else {
+        return Ok(report);
+    };
+    let outcome = match digest.parse::<CheckpointDigest>() {
+        Ok(named) => {
+            let store = store.clone();
+            let found = blocking(move || store.checkpoint(named)).await.or_status()?;
+            match found {
+                Err(StoreError::NoCheckpoint(_)) => Outcome::Checkpoint(format!("unpublished {digest}")),
+                found => found.or_status().map(|_| Outcome::Checkpoint(digest))?,
+            }
+        }
+        // The dispatcher says what is wrong with it.
+        Err(_) => Outcome::Checkpoint(digest),
+    };
+    Ok(WorkerReport::Result {
+        epoch,
+        lease,
+        outcome,
+    })
 }
 
 /// What a message says that is no part of a snapshot.

@@ -1,13 +1,13 @@
 //! Trainings put aside: only a trainer does it, only of the training that it leases, and no more than that can be.
 
 use murmuration_proto::{
-    TRAINER_VERSION,
+    CheckpointDigest, TRAINER_VERSION,
     v1::{
         self, coordinator_message::Message as Answer, trainer_service_client::TrainerServiceClient,
         training_part::Part, worker_message::Message,
     },
 };
-use murmuration_tests::{Cluster, FakeWorker, small_latent_spec};
+use murmuration_tests::{Cluster, FakeWorker, Murmuration, small_latent_spec};
 use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -121,6 +121,50 @@ async fn a_trainer_trains_one_embedder_at_a_time() {
         let said = format!("hello.capacity = {capacity}: must be");
         assert!(refused.message().starts_with(&said), "{refused}");
     }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_that_names_what_it_never_published_is_quarantined_until_a_person_lifts_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let campaign = cluster.create(&small_latent_spec("")).await;
+    let mut trainer = Trainer::connect(&cluster.url()).await;
+    let lease = trainer.lease().await;
+    let never = CheckpointDigest::of(b"never published").to_string();
+    let result = v1::BatchResult {
+        lease: Some(lease),
+        outcome: Some(v1::batch_result::Outcome::Checkpoint(never)),
+    };
+    trainer.send(Message::Result(result)).await;
+    let dismissed = trainer.dismissed().await;
+    assert!(dismissed.message().contains("unpublished"), "{dismissed}");
+    assert_eq!(
+        cluster.status(&campaign).await.state(),
+        v1::CampaignState::Running
+    );
+    let is_listed = async {
+        while Murmuration::over(folder.path())
+            .run(&["quarantine"])
+            .stdout
+            .is_empty()
+        {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(30), is_listed)
+        .await
+        .unwrap();
+    cluster.stop().await;
+
+    let cluster = Cluster::start_without_trainer(folder.path(), 0).await;
+    let Err(refused) = Trainer::connect_with(&cluster.url(), 1).await else {
+        panic!("a quarantined trainer was let in")
+    };
+    assert!(
+        refused.message().contains("murmuration quarantine --lift"),
+        "{refused}"
+    );
     cluster.stop().await;
 }
 
