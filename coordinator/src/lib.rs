@@ -1,7 +1,6 @@
-//! Campaigns: the search, its archive and taxonomy, the leases that farm it out, and the command line.
+//! The program `murmuration`: the command line, a whole coordinator, and a whole cluster in one process.
 //!
-//! ARCHITECTURE.md has the map. Knows `proto`, and `worker` only to start workers in-process and for the
-//! `simulate` command.
+//! ARCHITECTURE.md has the map of the crates that it is put together from.
 #![deny(missing_docs)]
 
 pub mod cli;

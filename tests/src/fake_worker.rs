@@ -55,9 +55,9 @@ impl FakeWorker {
             .await
             .unwrap();
         let inbox = client.work(ReceiverStream::new(messages)).await?.into_inner();
-        let mut impostor = Self { outbox, inbox };
-        match impostor.receive().await? {
-            Some(Answer::Welcome(_)) => Ok(impostor),
+        let mut worker = Self { outbox, inbox };
+        match worker.receive().await? {
+            Some(Answer::Welcome(_)) => Ok(worker),
             other => panic!("not a welcome: {other:?}"),
         }
     }

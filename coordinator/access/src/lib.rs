@@ -1,8 +1,10 @@
 //! Who may do what: the doors of a coordinator, what a request shows at one, and what it needs.
 //!
 //! `needs` is the one table of what every method and page needs; `admit` asks it before anything else happens with a
-//! request, and `origin` whether another site's page may have sent it. Machines show certificates, people tokens, browsers a cookie that a token was given for. Services and pages
-//! know nothing of any of this.
+//! request, and `origin` whether another site's page may have sent it. Machines show certificates, people tokens, browsers
+//! a cookie that a token was given for. Services and pages know nothing of any of this.
+//!
+//! Beside it stand the `connections` of a listener, every limit on what comes over the network, and the id of a request.
 
 mod admit;
 pub mod connections;

@@ -117,7 +117,7 @@ impl Service {
             }
             self.forget_withdrawn_jobs();
             self.send_leases();
-            self.tell_news();
+            self.tell_events();
             self.tell_lacks();
             let count = self.table.workers();
             self.metrics.stand(count, self.table.waiting(), self.table.out());

@@ -1,4 +1,4 @@
-//! The work of a job as the lease table, the wire and the dispatcher have it: params, batches, results.
+//! The work of a job as the lease table, the wire and the dispatcher have it: parameters, batches, results.
 
 use super::job::{EmbeddingJob, Evaluated, EvaluationJob, ReplayJob, TrainingJob};
 use crate::{

@@ -1,7 +1,7 @@
 //! Where behaviours lie in two dimensions, for people to look at: on the principal axes at once, by t-SNE once that has
 //! been computed.
 //!
-//! Maps are kept for as long as they are true (until the archive grows or another archive_version of it begins) and there is room
+//! Maps are kept for as long as they are true (until the archive grows or another archive version of it begins) and there is room
 //! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
 
 mod neighbours;

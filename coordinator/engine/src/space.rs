@@ -38,7 +38,7 @@ pub enum SpaceError {
 }
 
 impl Space {
-    /// Reads the archive as far as `record` says that it goes. One of which another archive_version begins meanwhile is
+    /// Reads the archive as far as `record` says that it goes. One of which another archive version begins meanwhile is
     /// read again.
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Space {
         Self::read_on(store, record, None)
     }
 
-    /// As [`Space::read`]; what is known of the same archive_version is not read again.
+    /// As [`Space::read`]; what is known of the same archive version is not read again.
     fn read_on(store: &Store, record: &CampaignRecord, known: Option<&Self>) -> Result<Self, SpaceError> {
         let archive_version =
             || -> Result<_, StoreError> { Ok(store.campaign(record.id.as_str())?.archive_version()) };
@@ -58,7 +58,7 @@ impl Space {
                 known.filter(|known| known.archive_version == before && known.behaviours.len() as u64 <= len);
             let read = behaviours(store, record, begun.map(|known| known.behaviours.clone()));
             let after = archive_version()?;
-            // Two archive_versions are no space.
+            // Two archive versions are no space.
             if before == after {
                 return Ok(Self {
                     behaviours: read?,

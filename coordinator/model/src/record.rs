@@ -45,7 +45,7 @@ pub struct CampaignRecord {
     pub learned: Option<u64>,
 }
 
-/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive_version, is the same.
+/// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive version, is the same.
 /// As text, for scripts to compare: its [`ArchiveVersion::origin`], and the digest of the checkpoint if there is one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ArchiveVersion {
@@ -80,7 +80,7 @@ impl fmt::Display for ArchiveVersion {
 }
 
 impl CampaignRecord {
-    /// The archive_version that its archive is of.
+    /// The archive version that its archive is of.
     #[must_use]
     pub fn archive_version(&self) -> ArchiveVersion {
         ArchiveVersion {

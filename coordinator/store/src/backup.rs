@@ -228,9 +228,9 @@ async fn copy(
     let (copied, _) = Store::look(folder, true)?;
     let digests: Vec<_> = copied.checkpoints()?.iter().map(|record| record.digest).collect();
     if location.is_none() && !digests.is_empty() {
-        let (shelf, new) = (BlobStore::open(data, None)?, BlobStore::open(folder, None)?);
+        let (blobs, new) = (BlobStore::open(data, None)?, BlobStore::open(folder, None)?);
         for &digest in &digests {
-            let bytes: Bytes = shelf.get(digest).await?;
+            let bytes: Bytes = blobs.get(digest).await?;
             new.put(digest, bytes).await?;
         }
         sync(&folder.join(BlobStore::FOLDER))?;

@@ -1,4 +1,4 @@
-//! Checkpoints: bytes on a blob_store under their digest, descriptions in the database.
+//! Checkpoints: bytes on a blob store under their digest, descriptions in the database.
 
 mod blob_store;
 

@@ -60,7 +60,7 @@ fn stands(record: &CampaignRecord) -> Stands {
     (record.archive_version(), record.individuals(), completed)
 }
 
-/// For scripts: which archive_version the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
+/// For scripts: which archive version the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
 /// what is being done with it; whoever shows any of these looks again when it changes.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;

@@ -95,7 +95,7 @@ impl Service {
     }
 
     /// Passes on what became of jobs and workers.
-    pub(super) fn tell_news(&mut self) {
+    pub(super) fn tell_events(&mut self) {
         for events in self.table.take_events() {
             match events {
                 Event::Progress { job, settled } => {

@@ -127,8 +127,8 @@ impl Campaigns {
         Ok(())
     }
 
-    /// Whenever workers or trainers are found wrong, remembers them, and has those completed campaigns go on that rest on their word; those at work look
-    /// themselves. Ends with the dispatcher.
+    /// Whenever workers or trainers are found wrong, remembers them, and reopens completed campaigns that contain their
+    /// results; those at work look themselves. Ends with the dispatcher.
     pub async fn watch_quarantine(self) {
         let mut workers = self.context.dispatch.quarantined();
         let mut trainers = self.context.trainers.quarantined();

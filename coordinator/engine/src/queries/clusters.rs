@@ -72,7 +72,7 @@ impl Clustered {
     }
 }
 
-/// Whether what was made of so many individuals, of that archive_version, still serves. While a campaign searches
+/// Whether what was made of so many individuals, of that archive version, still serves. While a campaign searches
 /// it does until the archive is a quarter larger: clustering it after every generation would help nobody.
 pub(super) fn serves(individuals: u64, archive_version: ArchiveVersion, record: &CampaignRecord) -> bool {
     let slack = match record.state {

@@ -51,7 +51,7 @@ impl BlobStore {
     /// The folder's name in a data directory.
     pub const FOLDER: &str = "checkpoints";
 
-    /// The blob_store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
+    /// The blob store at `location`: a URL such as `s3://BUCKET/PREFIX` (credentials as in the AWS tools' environment
     /// variables) or `file:///FOLDER`, or, if there is none, a folder of the data directory. A folder is made where it is
     /// missing.
     ///
@@ -110,7 +110,7 @@ impl BlobStore {
         })
     }
 
-    /// Tries the blob_store out: puts an object there, reads it back, and removes it.
+    /// Tries the blob store out: puts an object there, reads it back, and removes it.
     ///
     /// # Errors
     /// [`CheckpointError::Location`] where that fails, or takes longer than 30 seconds.
@@ -170,7 +170,7 @@ impl BlobStore {
     /// The bytes of a checkpoint, checked against its digest.
     ///
     /// # Errors
-    /// [`CheckpointError::Missing`], [`CheckpointError::Damaged`], or if the blob_store cannot be reached.
+    /// [`CheckpointError::Missing`], [`CheckpointError::Damaged`], or if the blob store cannot be reached.
     pub async fn get(&self, digest: CheckpointDigest) -> Result<Bytes, CheckpointError> {
         let found = match self.objects.get(&self.object(digest)).await {
             Ok(found) => found,

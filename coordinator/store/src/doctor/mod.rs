@@ -103,12 +103,12 @@ async fn findings(
     let mut faults = store.faults().unwrap_or_else(|error| vec![error.reason()]);
     faults.extend(store.dangling().unwrap_or_else(|error| vec![error.reason()]));
     let mut checkpoints = Vec::new();
-    let shelf = BlobStore::look(data, location)?;
+    let blobs = BlobStore::look(data, location)?;
     match store.checkpoints() {
         Ok(records) => {
             for record in records {
-                let condition = match &shelf {
-                    Some(shelf) => shelf.condition(record.digest).await,
+                let condition = match &blobs {
+                    Some(blobs) => blobs.condition(record.digest).await,
                     None => Condition::Missing,
                 };
                 checkpoints.push((record.digest, condition));

@@ -110,11 +110,11 @@ pub async fn salvage(data: &Path, location: Option<&str>, target: &Path) -> Resu
         }
     }
     if location.is_none()
-        && let Some(shelf) = BlobStore::look(data, None)?
+        && let Some(blobs) = BlobStore::look(data, None)?
     {
         let new = BlobStore::open(target, None)?;
         for &digest in &salvaged.checkpoints {
-            new.put(digest, shelf.get(digest).await?).await?;
+            new.put(digest, blobs.get(digest).await?).await?;
         }
     }
     Ok(salvaged)
