@@ -3,68 +3,72 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-browser test-faults faults test-containers lint build install runtime browser toolchain bench fuzz clean
+.PHONY: demo test test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
 
-# Builds, runs the paper's single-sensor campaign on a learned embedding, and says where its report is.
+# Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# Everything that must hold before a change lands. Every test is run; what failed is said at the end.
-test: lint build runtime browser
+# Everything that must pass before a change lands. Runs every test and lists failures at the end.
+test: lint runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		bases="$$(tests/containers/base-images)" && \
 		MURMURATION_TEST_BASES="$$bases" PATH="$${python:+$$python:}$$PATH" \
-		$(CARGO) test --release --workspace --no-fail-fast
+		$(CARGO) test --workspace --no-fail-fast
 
-# The pages in a real browser alone; pictures of them land in target/screenshots.
-test-browser: build browser
-	$(CARGO) test --release -p murmuration-tests --test browser
+# Only the pages, in a real browser; screenshots land in target/screenshots.
+test-browser: toolchain browser
+	$(CARGO) test --workspace --test machine -- browser
 
-# Faults against the real processes in a short form; `make faults` fires all of them, for more than an hour.
-test-faults: build runtime
-	$(CARGO) test --release --workspace --test faults
+# Faults against the real processes, in a short form; `make faults` fires all of them in full, for more than an hour.
+test-faults: toolchain runtime
+	$(CARGO) test --workspace --test faults
 
 faults: build runtime
 	MURMURATION_SCHEDULES=1000000 $(CARGO) test --release --workspace --lib schedules -- --nocapture
 	MURMURATION_SCALE=long $(CARGO) test --release --workspace --test faults
 
-# A cluster in containers, some of which are killed. Ignored where there is no Docker engine.
-test-containers: build runtime
+# A cluster in containers, some of which are killed. Ignored without a Docker engine.
+test-containers: toolchain runtime
 	bases="$$(tests/containers/base-images)" && \
-		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --release --workspace --test containers
+		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --workspace --test containers
 
 lint: toolchain
 	$(CARGO) fmt --all --check
-	$(CARGO) clippy --release --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --release --workspace --no-deps
+	$(CARGO) clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps
 	scripts/validate-kubernetes $(CURDIR)/target/kubernetes-validate
 	scripts/cargo-deny
 
 build: toolchain
 	$(CARGO) build --release --workspace --bins
 
-# The programs, where cargo puts what it installs. INSTALL_ROOT names another folder.
+# Installs the programs into cargo's folder for binaries. INSTALL_ROOT names another folder.
 INSTALL_ROOT ?= $(or $(CARGO_INSTALL_ROOT),$(CARGO_HOME),$(HOME)/.cargo)
 install: build runtime
 	install -d "$(INSTALL_ROOT)/bin"
 	install target/release/murmuration target/release/murmuration-worker target/release/murmuration-trainer "$(INSTALL_ROOT)/bin"
 
-# Performance figures of this machine, each beside a baseline of the same run.
+# Performance figures of this machine, each with a baseline from the same run.
 bench: build runtime
 	./target/release/murmuration bench simulate
 	./target/release/murmuration bench train
 	$(CARGO) bench --workspace
 
-# Every parser at the edge, for so many seconds each; `make test` runs the same targets on changed inputs.
+# Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %.
+instructions:
+	scripts/instruction-counts
+
+# Fuzzes every parser of outside input, for SECONDS each; `make test` runs the same targets on changed inputs.
 SECONDS ?= 60
 fuzz: toolchain
 	scripts/fuzz $(SECONDS)
 
-# ONNX Runtime, which embedders run on: a pinned library, fetched once into the cache folder.
+# ONNX Runtime, which runs embedders: a pinned library, fetched once into the cache folder.
 runtime:
 	@scripts/fetch-onnxruntime
 
-# Chromium and its driver, which only tests want.
+# Chromium and its driver, which only tests need.
 browser:
 	@scripts/browser
 

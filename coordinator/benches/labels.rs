@@ -2,14 +2,14 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use murmuration_engine::{
-    queries::{Holder, Queries, QueryRequest},
+    queries::{AnnotatorSession, Queries, QueryRequest},
     space::Spaces,
 };
 use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Change, Labels},
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, Strategy, Stream};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use std::{
@@ -29,19 +29,14 @@ fn labelled(store: &Store) -> Done<CampaignId> {
     let text =
         format!("model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = {POPULATION}");
     let id = store.create_campaign(&CampaignSpec::from_toml(&text)?, Weight::default(), 7)?;
-    let mut stream = Stream::derive(1, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(1, Purpose::Start, 0);
     for generation in 0..ARCHIVE / POPULATION {
         let mut individuals = Vec::new();
         for index in generation * POPULATION..(generation + 1) * POPULATION {
+            let controller = Controller::new(CapabilityModel::SingleSensor, &[0.0; 4])?;
             individuals.push(ArchivedIndividual {
-                index,
-                generation: generation as u32,
-                controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4])?,
-                seed: 0,
                 features: std::array::from_fn(|_| stream.unit()),
-                embedding: Vec::new(),
-                novelty: 0.0,
-                image: None,
+                ..ArchivedIndividual::unmeasured(index, generation as u32, controller)
             });
         }
         let record = GenerationRecord::of(generation as u32, &[0.0], 0);
@@ -63,7 +58,7 @@ fn answer(index: u64) -> Done<Change> {
 
 fn question() -> Done<QueryRequest> {
     Ok(QueryRequest {
-        holder: Holder {
+        holder: AnnotatorSession {
             annotator: "ana".parse()?,
             session: String::new(),
         },

@@ -5,12 +5,11 @@
 
 use crate::metrics::{CONTENT_TYPE, Metrics};
 use axum::{
-    Router,
     extract::State,
     http::{StatusCode, header},
     response::{IntoResponse as _, Response},
-    routing::get,
 };
+use murmuration_access::{GuardedRouter, Requirement};
 use murmuration_engine::{blocking::blocking, campaign::Campaigns};
 use murmuration_link::Health;
 use murmuration_store::Store;
@@ -54,11 +53,11 @@ pub(crate) struct Probes {
 
 impl Probes {
     /// The three routes.
-    pub(crate) fn routes(self) -> Router {
-        Router::new()
-            .route("/healthz", get(async || "alive\n"))
-            .route("/readyz", get(ready))
-            .route("/metrics", get(metrics))
+    pub(crate) fn routes(self) -> GuardedRouter {
+        GuardedRouter::default()
+            .get("/healthz", Requirement::Nothing, async || "alive\n")
+            .get("/readyz", Requirement::Nothing, ready)
+            .get("/metrics", Requirement::VIEWER, metrics)
             .with_state(self)
     }
 }

@@ -1,6 +1,7 @@
 //! The coordinator as a whole: options in, a listening server out, a clean end.
 
 mod doors;
+mod services;
 
 pub use doors::LocalWay;
 
@@ -9,7 +10,7 @@ use crate::{
     probes::{Probes, Readiness},
 };
 use doors::{Served, Serving, listen, url};
-use murmuration_access::{ListenConfig, connections::Places, limits};
+use murmuration_access::{ListenConfig, Requirements, connections::ConnectionPermits};
 use murmuration_dispatch as dispatch;
 use murmuration_dispatch::{Dispatch, PeerKind, Trainers};
 use murmuration_engine::{
@@ -34,9 +35,10 @@ use murmuration_store::{
     checkpoints::{CheckpointError, Checkpoints},
 };
 use murmuration_web::Web;
+use services::Services;
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
-use tonic::{server::NamedService as _, service::Routes};
+use tonic::server::NamedService as _;
 
 /// How long a clean end may wait for open streams.
 const SHUTDOWN_LIMIT: Duration = Duration::from_secs(5);
@@ -47,7 +49,7 @@ pub struct Options {
     /// The data directory, held by this process.
     pub data: DataDirectory,
     /// Where and how to listen, and whom to let in.
-    pub entrance: ListenConfig,
+    pub listen: ListenConfig,
     /// Whether to continue the campaigns that were running when their coordinator ended.
     pub resume: bool,
     /// Where checkpoints are kept: a URL, or `None` for the data directory.
@@ -93,6 +95,7 @@ pub struct Coordinator {
     address: SocketAddr,
     is_encrypted: bool,
     local: LocalWay,
+    requirements: Requirements,
     campaigns: Campaigns,
     dispatch: Dispatch,
     trainers: Trainers,
@@ -111,7 +114,7 @@ impl Coordinator {
     /// # Errors
     /// See [`ServerError`].
     pub async fn start(options: Options) -> Result<Self, ServerError> {
-        let (listener, address) = listen(options.entrance.address()).await?;
+        let (listener, address) = listen(options.listen.address()).await?;
         let store = Store::open(&options.data)?;
         let checkpoints =
             Checkpoints::open(store.clone(), options.data.path(), options.checkpoints.as_deref())?;
@@ -183,35 +186,28 @@ impl Coordinator {
             campaigns: campaigns.clone(),
             store: store.clone(),
         };
-        let campaign_service =
-            CampaignServiceServer::new(campaign_api).max_decoding_message_size(limits::MAX_MESSAGE);
-        let worker_service = WorkerServiceServer::new(WorkerApi {
-            dispatch: dispatch.clone(),
-        })
-        .max_decoding_message_size(limits::MAX_WORKER_MESSAGE);
-        let checkpoint_service = CheckpointServiceServer::new(CheckpointApi { checkpoints })
-            .max_decoding_message_size(limits::MAX_MESSAGE);
-        let label_service =
-            LabelServiceServer::new(label_api).max_decoding_message_size(limits::MAX_LABEL_MESSAGE);
-        let trainer_service = TrainerServiceServer::new(TrainerApi {
-            trainers: trainers.clone(),
-            store,
-        })
-        .max_decoding_message_size(limits::MAX_MESSAGE);
-
-        let services = Routes::new(campaign_service)
-            .add_service(worker_service)
-            .add_service(trainer_service)
-            .add_service(checkpoint_service)
-            .add_service(label_service)
-            .add_service(health)
-            .add_service(reflection);
+        let services = Services {
+            campaigns: campaign_api,
+            checkpoints: CheckpointApi { checkpoints },
+            labels: label_api,
+            workers: WorkerApi {
+                dispatch: dispatch.clone(),
+            },
+            trainers: TrainerApi {
+                trainers: trainers.clone(),
+                store,
+            },
+        };
+        let services = services
+            .routes()
+            .service(health, services::HEALTH)
+            .service(reflection, services::REFLECTION);
+        let routes = murmuration_web::routes(services, web, probes.routes());
+        let requirements = routes.requirements().clone();
         let (stop, stopped) = watch::channel(false);
         let served = Served {
-            services,
-            web,
-            probes,
-            places: Places::of_this_process(),
+            routes,
+            permits: ConnectionPermits::of_this_process(),
             stopped,
         };
         let (local, servers) = served.open(listener, &options).await?;
@@ -230,8 +226,9 @@ impl Coordinator {
         readiness.set(true).await;
         Ok(Self {
             address,
-            is_encrypted: options.entrance.tls().is_some(),
+            is_encrypted: options.listen.tls().is_some(),
             local,
+            requirements,
             campaigns,
             dispatch,
             trainers,
@@ -259,6 +256,12 @@ impl Coordinator {
     #[must_use]
     pub const fn local(&self) -> &LocalWay {
         &self.local
+    }
+
+    /// What each page and gRPC method that it serves requires.
+    #[must_use]
+    pub const fn requirements(&self) -> &Requirements {
+        &self.requirements
     }
 
     /// Stops the searches between two commits, and whatever else is computed; running campaigns stay running in the store.

@@ -5,7 +5,7 @@
     python -m grpc_tools.protoc -I proto --python_out=. --grpc_python_out=. proto/murmuration/v1/*.proto
     MURMURATION_TOKEN_FILE=token python examples/python/submit_and_watch.py swarm.example:7700 certs/ca.pem
 
-The token is that of an operator, and the modules that protoc wrote must be where Python finds them (PYTHONPATH).
+The token must be an operator's. Python must find the modules written by protoc (PYTHONPATH).
 Prints a line for every change, then the campaign's id and the digest of its archive.
 """
 
@@ -19,7 +19,7 @@ from murmuration.v1 import campaign_pb2_grpc as services
 
 
 def connect(address: str, ca: str) -> grpc.Channel:
-    """A channel that shows the token with every call, and takes nobody for the coordinator but who `ca` vouches for."""
+    """A channel that sends the token with every call, and trusts only a coordinator whose certificate `ca` signed."""
     token = Path(os.environ["MURMURATION_TOKEN_FILE"]).read_text().strip()
     tls = grpc.ssl_channel_credentials(Path(ca).read_bytes())
     return grpc.secure_channel(

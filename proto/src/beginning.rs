@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// A text if it has at most `most` characters; or else so many, and an ellipsis.
+/// Returns a text of at most `most` characters; a longer text is cut there and gets an ellipsis.
 #[must_use]
 pub fn beginning(text: &str, most: usize) -> Cow<'_, str> {
     match text.char_indices().nth(most) {

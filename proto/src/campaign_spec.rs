@@ -1,11 +1,11 @@
-//! Everything that decides a campaign's outcome, validated as a whole.
+//! Everything that determines a campaign's outcome, validated as a whole.
 
 use crate::{
     CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
     Search, TomlError, World, embedder, invalid, text, toml_errors, v1,
 };
 
-/// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it can stand in ids and paths.
+/// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CampaignName(String);
 
@@ -22,7 +22,7 @@ impl TryFrom<String> for CampaignName {
 
     fn try_from(name: String) -> Result<Self, Invalid> {
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-        // A first '-' would make an option of the campaign's id.
+        // With a leading '-', a campaign's id would be read as an option.
         if (1..=64).contains(&name.len()) && name.chars().all(fits) && !name.starts_with('-') {
             return Ok(Self(name));
         }
@@ -31,7 +31,8 @@ impl TryFrom<String> for CampaignName {
     }
 }
 
-/// Everything that decides a campaign's outcome: the same specification gives the same archive, bit for bit.
+/// The specification of a campaign: everything that determines its outcome. The same specification gives the same archive,
+/// bit for bit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignSpec {
     name: CampaignName,
@@ -51,13 +52,12 @@ impl CampaignSpec {
     /// Reads a campaign file (TOML; the fields are those of the message `CampaignSpec`).
     ///
     /// # Errors
-    /// Says where the text is not TOML, which field it does not know, or which value is not allowed.
+    /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, SpecFileError> {
-        let message: v1::CampaignSpec = toml_errors::read(text)?;
-        Ok(message.try_into()?)
+        Ok(toml_errors::campaign(text)?.try_into()?)
     }
 
-    /// Writes it as a campaign file with every field spelled out; [`CampaignSpec::from_toml`] reads the same back.
+    /// Writes a campaign file with every field; [`CampaignSpec::from_toml`] reads the same specification back.
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(&v1::CampaignSpec::from(self)).unwrap_or_default()
@@ -105,7 +105,7 @@ impl CampaignSpec {
         &self.image
     }
 
-    /// The controllers that may be proposed.
+    /// The controllers that a search can propose.
     #[must_use]
     pub const fn controllers(&self) -> &ControllerSpace {
         &self.controllers
@@ -123,24 +123,24 @@ impl CampaignSpec {
         self.medoids
     }
 
-    /// Where its first embedder comes from; `None` if and only if the method has no embedding.
+    /// The source of the first embedder; `None` if and only if the method has no embedding.
     #[must_use]
     pub const fn embedder(&self) -> Option<&EmbedderSource> {
         self.embedder.as_ref()
     }
 
-    /// How it is taught; `None` if and only if the method has no embedding.
+    /// How the campaign is taught; `None` if and only if the method has no embedding.
     #[must_use]
     pub const fn feedback(&self) -> Option<&Feedback> {
         self.feedback.as_ref()
     }
 
-    /// Most bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
+    /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
-    /// Most bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
+    /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
     pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
-    /// Evaluations that it comes to when nobody intervenes, those after unattended rounds included.
+    /// Number of evaluations if nobody intervenes, including those after unattended rounds.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
         let further = self.feedback.as_ref().map_or(0, |feedback| {
@@ -149,10 +149,10 @@ impl CampaignSpec {
         self.search.evaluations() + further * u64::from(self.search.population())
     }
 
-    /// The same with another seed (0 to 2^63 - 1), of its training too unless that has one of its own.
+    /// A copy with another seed (0 to 2^63 - 1). The training gets the seed too, unless it has its own.
     ///
     /// # Errors
-    /// Where the seed is out of range.
+    /// If the seed is out of range.
     pub fn with_seed(self, seed: u64) -> Result<Self, Invalid> {
         let mut message = v1::CampaignSpec::from(&self);
         message.seed = Some(seed);
@@ -166,7 +166,7 @@ impl CampaignSpec {
 }
 
 impl CampaignSpec {
-    /// What has to be held at once must fit.
+    /// Checks that everything held in memory at the same time fits.
     fn check_memory(&self) -> Result<(), Invalid> {
         let pixels = self.image.pixels() as u64;
         let population = self.search.population();
@@ -254,7 +254,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             search,
         };
         spec.check_memory()?;
-        // A single round counts where none is planned: somebody may ask for it.
+        // Without planned rounds, one round counts: a person may request it.
         let round = spec.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(spec.search.population())
         });

@@ -8,7 +8,7 @@ use std::fmt;
 pub enum CapabilityModel {
     /// One binary line-of-sight sensor straight ahead.
     SingleSensor,
-    /// A second one at an angle that belongs to the controller.
+    /// A second sensor, at an angle that is part of the controller.
     TwoSensor,
 }
 
@@ -71,7 +71,7 @@ impl TryFrom<v1::CapabilityModel> for CapabilityModel {
 impl TryFrom<i32> for CapabilityModel {
     type Error = Invalid;
 
-    /// Takes an enum value as it comes out of a message's field.
+    /// Converts the value of an enum field of a message.
     fn try_from(number: i32) -> Result<Self, Invalid> {
         v1::CapabilityModel::try_from(number)
             .map_err(|_| Invalid::new("model", number, one_of()))?

@@ -32,10 +32,10 @@ impl FromStr for CheckpointDigest {
     }
 }
 
-/// Most bytes in one message of those that carry something part by part (1 MiB).
+/// Maximum number of bytes in one message of a stream of parts (1 MiB).
 pub const PART_BYTES: usize = 1 << 20;
 
-/// What is known of a checkpoint beside its bytes: its lineage and its figures.
+/// The description of a checkpoint: its lineage and its figures.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Lineage {
     /// The checkpoint that training started from; `None` if from scratch.
@@ -44,18 +44,18 @@ pub struct Lineage {
     pub data_digest: String,
     /// Digest of the labels it was trained on, hexadecimal, at most 64 characters; empty if none.
     pub label_digest: String,
-    /// The training configuration, TOML; at most 64 KiB, and nothing in it that cannot be seen.
+    /// The training configuration, TOML; at most 64 KiB, without invisible characters.
     pub configuration: String,
-    /// Figures measured on it, by name (1 to 64 characters that can be seen), all finite; at most 100.
+    /// Figures measured on it, by name (1 to 64 visible characters), all finite; at most 100.
     pub metrics: BTreeMap<String, f64>,
     /// The pictures whose classes it was told.
     pub labelled: SeenPictures,
 }
 
 impl Lineage {
-    /// Most bytes of its configuration.
+    /// Maximum number of bytes of its configuration.
     const MAX_CONFIGURATION: usize = 64 << 10;
-    /// Most characters of a digest, or of a figure's name.
+    /// Maximum number of characters of a digest, or of a figure's name.
     const MAX_NAME: usize = 64;
 
     /// The message that describes a checkpoint of this lineage.

@@ -1,11 +1,11 @@
-//! The genome: wheel speeds for what is sensed, and the second sensor's angle.
+//! The genome of a controller: wheel speeds for each sensor state, and the second sensor's angle.
 
 use crate::{CapabilityModel, Invalid, invalid};
 use std::{f64::consts::PI, fmt};
 
 /// A controller (paper, Eq. 2 and Eq. 4): every wheel speed in \[-1, 1\], the angle in \[-pi, pi\] radians.
 ///
-/// Negative zero is taken in as zero, so that equal controllers have equal bits.
+/// Negative zero becomes zero, so that equal controllers have equal bits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Controller {
     genes: Genes,
@@ -43,7 +43,7 @@ impl Controller {
         })
     }
 
-    /// The model that it is for.
+    /// The controller's capability model.
     #[must_use]
     pub const fn model(&self) -> CapabilityModel {
         match self.genes {

@@ -1,21 +1,24 @@
-//! Numbers, and the nouns that they count, as people read them.
+//! Numbers and counted nouns for people.
+
+use indicatif::HumanCount;
 
 /// A number with a comma between thousands: `12,345,678`.
 #[must_use]
 pub fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    HumanCount(number).to_string()
 }
 
-/// The form of an English noun that goes with a count: of `worker`, `worker` for one and `workers` for any other number.
-/// Nouns with a plural of their own, such as `man`, are not known.
+/// A measured figure: four decimals, `0.1235`, or an exponent where its whole part would be long, `1.2345e308`.
+#[must_use]
+pub fn figure(value: f64) -> String {
+    match value.abs() < 1e6 {
+        true => format!("{value:.4}"),
+        false => format!("{value:.4e}"),
+    }
+}
+
+/// The form of an English noun for a count: `worker` for one, `workers` for any other number. Irregular plurals, such as
+/// `men`, are not supported.
 #[must_use]
 pub fn noun(count: u64, singular: &str) -> String {
     if count == 1 {
@@ -24,14 +27,14 @@ pub fn noun(count: u64, singular: &str) -> String {
     let is_consonant = |letter: char| !"aeiou".contains(letter);
     match singular.strip_suffix('y') {
         Some(stem) if stem.ends_with(is_consonant) => format!("{stem}ies"),
-        // An epoch ends like a stomach.
+        // The `ch` of `epoch` is spoken like a k.
         _ if singular.ends_with("och") => format!("{singular}s"),
         _ if ["s", "x", "ch", "sh"].iter().any(|end| singular.ends_with(end)) => format!("{singular}es"),
         _ => format!("{singular}s"),
     }
 }
 
-/// A number and what it counts: `1 worker`, `12,345 workers`.
+/// A number with its noun: `1 worker`, `12,345 workers`.
 #[must_use]
 pub fn counted(count: u64, singular: &str) -> String {
     format!("{} {}", grouped(count), noun(count, singular))
@@ -45,6 +48,12 @@ mod tests {
     fn one_is_singular_and_every_other_number_is_not() {
         let texts = [0, 1, 2, 1_234_567].map(|count| counted(count, "worker"));
         assert_eq!(texts, ["0 workers", "1 worker", "2 workers", "1,234,567 workers"]);
+    }
+
+    #[test]
+    fn no_figure_has_hundreds_of_digits() {
+        let texts = [0.123_45, -12.0, 999_999.0, 1e308, f64::NAN].map(figure);
+        assert_eq!(texts, ["0.1235", "-12.0000", "999999.0000", "1.0000e308", "NaN"]);
     }
 
     #[test]

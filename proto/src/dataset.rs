@@ -8,7 +8,7 @@ record! {
     pub struct Dataset {
         /// Number of controllers, 4 to 1,000,000.
         controllers: u32,
-        /// Simulations of each, from random starts of their own, 1 to 100.
+        /// Simulations of each controller, each from its own random start, 1 to 100.
         starts: u32,
         /// Whether the controllers must pass the heuristic filter.
         filter: bool,
@@ -16,7 +16,7 @@ record! {
 }
 
 impl Dataset {
-    /// Most bytes of a dataset's pictures: a trainer holds them all.
+    /// Maximum number of bytes of a dataset's pictures: a trainer holds them all.
     pub const MAX_BYTES: u64 = 8 << 30;
 
     /// Number of pictures.
@@ -25,7 +25,7 @@ impl Dataset {
         self.controllers as u64 * self.starts as u64
     }
 
-    /// Takes a dataset in; `default` has the values of absent fields, pictures have `pixels` bytes.
+    /// Validates a dataset. `default` supplies absent fields; a picture has `pixels` bytes.
     ///
     /// # Errors
     /// Names the field that is out of range.
@@ -44,7 +44,7 @@ impl Dataset {
         Ok(dataset)
     }
 
-    /// What campaigns use unless told otherwise; an untrained network is only scaled by it.
+    /// The default of a campaign. An untrained network needs fewer controllers, which only scale it.
     pub(crate) const fn default_for(untrained: bool, filter: bool) -> Self {
         let (controllers, starts) = if untrained { (1_000, 1) } else { (10_000, 2) };
         Self {

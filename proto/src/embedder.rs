@@ -9,9 +9,9 @@ use crate::{
 /// Where a campaign's embedder comes from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum EmbedderSource {
-    /// It is published already.
+    /// A published checkpoint.
     Published(CheckpointDigest),
-    /// It is made by a trainer.
+    /// A trainer makes it.
     Trained {
         /// What it is trained on.
         dataset: Dataset,
@@ -20,7 +20,7 @@ pub enum EmbedderSource {
     },
 }
 
-/// The fields of a specification that say where the embedder comes from.
+/// The fields of a specification that determine the embedder.
 pub(crate) struct Fields {
     pub(crate) checkpoint: Option<String>,
     pub(crate) dataset: Option<v1::Dataset>,
@@ -28,7 +28,7 @@ pub(crate) struct Fields {
 }
 
 impl EmbedderSource {
-    /// Takes in what a specification says; `None` for a method without an embedding.
+    /// Validates the fields; `None` for a method without an embedding.
     pub(crate) fn from_fields(
         fields: Fields,
         method: Method,
@@ -90,7 +90,7 @@ impl EmbedderSource {
     }
 }
 
-/// The training's configuration, with the campaign's seed and the method's recipe where it says nothing else.
+/// The training's configuration. Seed and recipe default to the campaign's seed and the method's recipe.
 fn configuration(
     text: Option<&str>,
     method: Method,

@@ -1,4 +1,4 @@
-//! What comes out of one simulation.
+//! The outcome of one simulation.
 
 use crate::{ImageFormat, Invalid, counted, v1};
 
@@ -15,8 +15,8 @@ pub const FEATURE_NAMES: [&str; 5] = [
     "group_rotation",
 ];
 
-/// Largest magnitude of a feature: well above what positions and speeds of up to [`World::MAX_SIDE`](crate::World::MAX_SIDE)
-/// come to, and small enough to measure distances with.
+/// Largest magnitude of a feature: well above any value in a world of [`World::MAX_SIDE`](crate::World::MAX_SIDE), and small
+/// enough to compute distances.
 pub const MAX_FEATURE: f64 = 1e12;
 
 /// The outcome of simulating one controller from one start.
@@ -24,7 +24,7 @@ pub const MAX_FEATURE: f64 = 1e12;
 pub struct Evaluation {
     features: Features,
     image: Vec<u8>,
-    /// Empty if none was asked for.
+    /// Empty if it was not requested.
     embedding: Vec<f32>,
 }
 
@@ -55,10 +55,10 @@ impl Evaluation {
         })
     }
 
-    /// The same with the embedding of its picture, which must have `dimensions` numbers.
+    /// Adds the embedding of the picture, which must have `dimensions` numbers.
     ///
     /// # Errors
-    /// Where it has another number of them, or one that is not finite.
+    /// If the embedding has another length, or a number that is not finite.
     pub fn embedded(self, embedding: Vec<f32>, dimensions: usize) -> Result<Self, Invalid> {
         Ok(Self {
             embedding: check_embedding(embedding, dimensions)?,
@@ -66,11 +66,11 @@ impl Evaluation {
         })
     }
 
-    /// Takes an evaluation in from a worker that was asked for `format` and, with `dimensions`, for an embedding of
-    /// so many numbers.
+    /// Validates an evaluation from a worker that was asked for pictures in `format` and, if `dimensions` is given, for an
+    /// embedding of that length.
     ///
     /// # Errors
-    /// As [`Evaluation::new`] and [`Evaluation::embedded`], and where there are not five features.
+    /// As [`Evaluation::new`] and [`Evaluation::embedded`], and if there are not five features.
     pub fn for_format(
         message: v1::Evaluation,
         format: &ImageFormat,
@@ -104,19 +104,19 @@ impl Evaluation {
         self.image
     }
 
-    /// The embedding of the picture; empty if none was asked for.
+    /// The embedding of the picture; empty if it was not requested.
     #[must_use]
     pub fn embedding(&self) -> &[f32] {
         &self.embedding
     }
 
-    /// Whether the two are the same bits.
+    /// Whether both have the same bits.
     #[must_use]
     pub fn same_bits(&self, other: &Self) -> bool {
         self.same_simulation(other) && same_embedding(&self.embedding, &other.embedding)
     }
 
-    /// Whether features and image are the same bits, whatever the embeddings are.
+    /// Whether features and image have the same bits; embeddings are ignored.
     #[must_use]
     pub fn same_simulation(&self, other: &Self) -> bool {
         let bits = |features: &Features| features.map(f64::to_bits);
@@ -124,30 +124,31 @@ impl Evaluation {
     }
 }
 
-/// A kind of machine: those of one kind embed a picture as the same bits, those of different kinds nearly alike.
+/// An embedding kind. Machines of one kind embed a picture to the same bits; machines of different kinds embed it nearly
+/// alike.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EmbeddingKind(u64);
 
 impl EmbeddingKind {
-    /// That of machines that do not embed, and of embeddings whose machine is not known.
+    /// The kind of machines that do not embed, and of embeddings whose machine is unknown.
     pub const UNKNOWN: Self = Self(0);
 
-    /// The kind that a description is of.
+    /// The kind with this description.
     #[must_use]
     pub fn of(description: &str) -> Self {
         let hash = blake3::hash(description.as_bytes());
         let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
-        // 0 is nobody's.
+        // 0 stands for unknown.
         Self(u64::from_le_bytes(first) | 1)
     }
 
-    /// As it travels.
+    /// The number in messages.
     #[must_use]
     pub const fn number(self) -> u64 {
         self.0
     }
 
-    /// Whether it is known; a machine of no known kind does not embed.
+    /// Whether the kind is known; a machine without a known kind does not embed.
     #[must_use]
     pub const fn is_known(self) -> bool {
         self.0 != Self::UNKNOWN.0
@@ -160,12 +161,12 @@ impl From<u64> for EmbeddingKind {
     }
 }
 
-/// How far embeddings of one picture by machines of different kinds may be apart, in proportion to their size and absolutely:
-/// the rounding of a thousand sums in another order is a hundredth of that.
+/// Largest difference between embeddings of one picture by machines of different kinds, relative to their size and absolute.
+/// Rounding a thousand sums in another order makes a hundredth of this.
 const NEAR: f32 = 1e-3;
 
-/// Whether two embeddings are of the same picture, each with the kind of the machine that made it. Machines of one known
-/// kind must agree to the bit; others to a thousandth of the largest value, and of 1.
+/// Whether two embeddings, each with the kind of its machine, can be of the same picture. Embeddings by machines of one known
+/// kind must have the same bits. Others may differ by a thousandth of the largest value, or of 1.
 #[must_use]
 pub fn embeddings_agree(
     (one, kind): (&[f32], EmbeddingKind),
@@ -191,10 +192,10 @@ fn same_embedding(one: &[f32], other: &[f32]) -> bool {
     bits(one) == bits(other)
 }
 
-/// An embedding from outside, which must have `dimensions` finite numbers.
+/// Validates an embedding from outside, which must have `dimensions` finite numbers.
 ///
 /// # Errors
-/// Where it has not.
+/// If the length differs or a number is not finite.
 pub fn check_embedding(embedding: Vec<f32>, dimensions: usize) -> Result<Vec<f32>, Invalid> {
     if embedding.len() != dimensions {
         let allowed = counted(dimensions as u64, "value");

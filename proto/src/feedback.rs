@@ -1,19 +1,19 @@
-//! How people, or the rule-based judge in their place, teach a campaign.
+//! How people, or the synthetic annotator, teach a campaign.
 
-use crate::{Invalid, Purpose, Stream, invalid, toml_errors, training::Recipe, v1};
+use crate::{Invalid, Purpose, RandomStream, invalid, toml_errors, training::Recipe, v1};
 use std::fmt;
 
-/// How it is chosen what to ask next.
+/// How queries are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Strategy {
-    /// By lot.
+    /// At random.
     Random,
-    /// The medoids of the archive, then the members of their clusters that nearly belong to another.
+    /// The medoids of the archive, then the members of their clusters that nearly belong to another cluster.
     Medoids,
 }
 
-/// How a campaign is taught, round by round: individuals are labelled, the embedder is fine-tuned on all labels, the
-/// archive moves to it, and the search goes on there.
+/// How a campaign is taught. In each round individuals are labelled, the embedder is fine-tuned on all labels, the archive
+/// moves to the new embedder, and the search continues there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feedback {
     rounds: u32,
@@ -25,25 +25,25 @@ pub struct Feedback {
 }
 
 impl Feedback {
-    /// Rounds in which the rule-based judge labels, unattended: 0 to 1,000. Others begin when somebody asks for them.
+    /// Unattended rounds, in which the synthetic annotator labels, 0 to 1,000. Other rounds begin on request.
     #[must_use]
     pub const fn rounds(&self) -> u32 {
         self.rounds
     }
 
-    /// Individuals that it labels in a round, 2 to 50,000.
+    /// Individuals that the synthetic annotator labels per round, 2 to 50,000.
     #[must_use]
     pub const fn labels(&self) -> u32 {
         self.labels
     }
 
-    /// How those are chosen.
+    /// How these individuals are chosen.
     #[must_use]
     pub const fn strategy(&self) -> Strategy {
         self.strategy
     }
 
-    /// Generations that the search goes on for after each round, whoever labelled: 0 to 100,000.
+    /// Generations that each round adds to the search, 0 to 100,000.
     #[must_use]
     pub const fn generations(&self) -> u32 {
         self.generations
@@ -55,8 +55,7 @@ impl Feedback {
         &self.recipe
     }
 
-    /// Simulations of each labelled controller that are learned from, 1 to 16: that which was labelled, and others from
-    /// random starts.
+    /// Simulations of each labelled controller to learn from, 1 to 16: the labelled one, and others from random starts.
     #[must_use]
     pub const fn starts(&self) -> u32 {
         self.starts
@@ -66,7 +65,7 @@ impl Feedback {
     pub fn further_starts(&self, seed: u64, index: u64) -> impl Iterator<Item = u64> + use<> {
         let first = index * 16;
         let places = first + 1..first + u64::from(self.starts);
-        places.map(move |place| Stream::derive(seed, Purpose::LessonStart, place).bits())
+        places.map(move |place| RandomStream::derive(seed, Purpose::FurtherStart, place).bits())
     }
 }
 
@@ -86,7 +85,7 @@ impl TryFrom<v1::Feedback> for Feedback {
     }
 }
 
-/// The recipe `labelled` where nothing is said.
+/// The recipe; `labelled` by default.
 fn recipe(text: Option<&str>) -> Result<Recipe, Invalid> {
     let Some(text) = text else {
         return Recipe::named("labelled");

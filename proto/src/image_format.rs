@@ -3,10 +3,10 @@
 use crate::{Invalid, World, invalid, record::record, v1};
 
 record! {
-    /// The grey picture of a behaviour: its side and how many of the last steps it shows.
+    /// The format of the grey picture of a behaviour: its side, and the number of last steps that it shows.
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub struct ImageFormat {
-        /// Side in pixels, 1 to 1,000, and at most the world's smaller side (one canvas pixel a unit).
+        /// Side in pixels, 1 to 1,000, and at most the world's smaller side (one canvas pixel per unit).
         resolution: u32,
         /// Steps at the end that are drawn, 2 to 10,000,000; the first of them clears the canvas.
         window: u32,
@@ -20,10 +20,10 @@ impl ImageFormat {
         self.resolution as usize * self.resolution as usize
     }
 
-    /// Takes a format in for simulations in `world`.
+    /// Validates a format for simulations in `world`.
     ///
     /// # Errors
-    /// Names the field that is out of range or that the world is too small for.
+    /// Names the field that is out of range or too large for the world.
     pub fn for_world(message: v1::ImageFormat, world: &World) -> Result<Self, Invalid> {
         let default = Self::default();
         let resolution = message.resolution.unwrap_or(default.resolution);

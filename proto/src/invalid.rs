@@ -1,20 +1,20 @@
-//! The one error of validation: which field, what it held, what it may hold.
+//! The error of validation: the field, its value, and the allowed values.
 
 use crate::beginning::beginning;
 use std::{fmt::Display, ops::RangeInclusive};
 
-/// Most characters of a value that are shown: any number in full, and several of them.
+/// Maximum number of characters shown of a value: enough for several numbers in full.
 const SHOWN_CHARS: usize = 240;
 
-/// A value from outside that cannot be taken in.
+/// A value from outside that is not allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{field} = {value}: must be {allowed}")]
 pub struct Invalid {
     /// Path of the field from the outermost message, as in a campaign file (`search.population`).
     pub field: String,
-    /// What it held (of what is long, the beginning), or `nothing`.
+    /// The value (the beginning of a long one), or `nothing`.
     pub value: String,
-    /// What it may hold.
+    /// The allowed values.
     pub allowed: String,
 }
 
@@ -69,7 +69,7 @@ pub(crate) fn positive(field: &str, value: f64, most: f64) -> Result<f64, Invali
     ))
 }
 
-/// A number as people write it: with an exponent where it would have many digits without.
+/// A number as people write it, with an exponent if it has many digits otherwise.
 fn short(value: f64) -> String {
     let size = value.abs();
     match size >= 1e16 || (size > 0.0 && size < 1e-5) {

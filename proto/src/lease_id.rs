@@ -1,11 +1,11 @@
-//! Names by which logs of several processes speak of the same thing: a lease, a request.
+//! Ids that connect the logs of several processes: of leases and of requests.
 
 use crate::v1;
 use std::fmt;
 
-/// The header under which a request's id travels, in gRPC and in plain HTTP, there and back.
+/// The header with a request's id, in requests and answers, in gRPC and plain HTTP.
 ///
-/// Whoever asks may choose it; a worker or trainer that asks on behalf of a lease takes the lease's.
+/// The client may choose the id. A worker or trainer that makes a request for a lease uses the lease's id.
 pub const REQUEST_ID: &str = "x-request-id";
 
 /// `EPOCH-NUMBER`.

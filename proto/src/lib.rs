@@ -1,10 +1,10 @@
 //! The contract: messages, services, and the validated vocabulary built on them.
 //!
-//! [`v1`] is what travels on the wire and may hold anything. The types beside it are what the rest of
-//! the project works with: they come into being only through `TryFrom<message>` (or through a constructor
-//! that checks as much), so that behind the edge no invalid value exists.
+//! [`v1`] has the messages on the wire, which may hold anything. The rest of the project works with the types beside it. They
+//! can be constructed only through `TryFrom<message>`, or a constructor with the same checks, so no invalid value exists
+//! behind the edge.
 //!
-//! Knows about nothing else in the workspace.
+//! Depends on no other crate of the workspace.
 #![deny(missing_docs)]
 
 mod beginning;
@@ -42,7 +42,7 @@ pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
 pub use capability::CapabilityModel;
 pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use controller::Controller;
-pub use counted::{counted, grouped, noun};
+pub use counted::{counted, figure, grouped, noun};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
 pub use evaluation::{
@@ -53,7 +53,7 @@ pub use image_format::ImageFormat;
 pub use invalid::Invalid;
 pub use lease_id::REQUEST_ID;
 pub use method::Method;
-pub use random::{Purpose, Stream};
+pub use random::{Purpose, RandomStream};
 pub use replay::{Frames, Pose, Replay};
 pub use search::Search;
 pub use seen::SeenPictures;
@@ -73,10 +73,10 @@ pub const FILE_DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/de
 
 /// Version of the function (controller, world, seed) -> evaluation.
 ///
-/// It changes whenever one bit of any evaluation would. Coordinator and workers must agree on it.
+/// It changes whenever a bit of any evaluation changes. Coordinator and workers must have the same version.
 pub const SIMULATOR_VERSION: &str = "1";
 
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
-/// It changes whenever one bit of any checkpoint would. Coordinator and trainers must agree on it.
+/// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
 pub const TRAINER_VERSION: &str = "4";

@@ -10,9 +10,9 @@ pub enum Method {
     Random,
     /// Novelty search on the five hand-crafted features (Brown et al.).
     HandCrafted,
-    /// Novelty search on the embedding of the picture by a network trained without labels (the paper's).
+    /// Novelty search on the embedding of the picture by a network trained without labels (the paper's method).
     Latent,
-    /// Novelty search on the embedding by a network as it was initialised, for comparison only.
+    /// Novelty search on the embedding by an untrained network, for comparison only.
     Untrained,
     /// Novelty search on the embedding followed by the hand-crafted features.
     Concatenate,
@@ -40,13 +40,13 @@ impl Method {
         }
     }
 
-    /// Whether behaviours are told apart by an embedding (also).
+    /// Whether the behaviour space includes the embedding.
     #[must_use]
     pub const fn embeds(self) -> bool {
         matches!(self, Self::Latent | Self::Untrained | Self::Concatenate)
     }
 
-    /// Whether behaviours are told apart by the hand-crafted features (also).
+    /// Whether the behaviour space includes the hand-crafted features.
     #[must_use]
     pub const fn has_features(self) -> bool {
         matches!(self, Self::Random | Self::HandCrafted | Self::Concatenate)
@@ -87,7 +87,7 @@ impl std::str::FromStr for Method {
 impl TryFrom<i32> for Method {
     type Error = Invalid;
 
-    /// Takes an enum value as it comes out of a message's field.
+    /// Converts the value of an enum field of a message.
     fn try_from(number: i32) -> Result<Self, Invalid> {
         match v1::Method::try_from(number) {
             Ok(v1::Method::Random) => Ok(Self::Random),

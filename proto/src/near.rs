@@ -1,7 +1,7 @@
-//! Which known word somebody may have meant.
+//! Suggestions for misspelled words.
 
-/// The one of the `known` words that `word` may have been meant to be, by the measure that clap suggests options by (but a
-/// stricter one: fields are short).
+/// The `known` word most similar to `word`, if one is similar enough. The measure is clap's for options, with a stricter
+/// limit because fields are short.
 pub(crate) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let likeness = known.into_iter().map(|known| (strsim::jaro(word, known), known));
     let near = likeness.filter(|(likeness, _)| *likeness > 0.8);

@@ -1,8 +1,8 @@
 //! The messages of an ONNX model file, as far as an embedder needs them.
 //!
 //! The field numbers are those of the ONNX format (`onnx.proto`, IR version 10 and before). Fields that are not
-//! declared here are skipped when a file is read; kinds of content that are declared only so that a reader can
-//! see that they are there (subgraphs, functions, sparse tensors) are kept as undecoded bytes.
+//! declared here are skipped when a file is read; content that a reader only needs to detect (subgraphs, functions, sparse
+//! tensors) is kept as undecoded bytes.
 
 mod budget;
 mod embedder_model;
@@ -32,10 +32,10 @@ pub struct ModelProto {
     /// Its version.
     #[prost(string, tag = "3")]
     pub producer_version: String,
-    /// What computes.
+    /// The computation.
     #[prost(message, optional, tag = "7")]
     pub graph: Option<GraphProto>,
-    /// Versions of the operator sets that the nodes are taken from.
+    /// Versions of the operator sets of the nodes.
     #[prost(message, repeated, tag = "8")]
     pub opset_import: Vec<OperatorSetIdProto>,
     /// Remarks by key.
@@ -60,10 +60,10 @@ pub struct OperatorSetIdProto {
 /// A remark.
 #[derive(Clone, PartialEq, Eq, Message)]
 pub struct StringStringEntryProto {
-    /// What it is about.
+    /// Its key.
     #[prost(string, tag = "1")]
     pub key: String,
-    /// What it says.
+    /// Its text.
     #[prost(string, tag = "2")]
     pub value: String,
 }
@@ -77,13 +77,13 @@ pub struct GraphProto {
     /// The graph's name; must not be empty.
     #[prost(string, tag = "2")]
     pub name: String,
-    /// Constants, weights above all.
+    /// Constants, mostly weights.
     #[prost(message, repeated, tag = "5")]
     pub initializer: Vec<TensorProto>,
-    /// What is fed in (files of IR version 3 and before list the initialisers here too).
+    /// The inputs (files of IR version 3 and before list the initialisers here too).
     #[prost(message, repeated, tag = "11")]
     pub input: Vec<ValueInfoProto>,
-    /// What comes out.
+    /// The outputs.
     #[prost(message, repeated, tag = "12")]
     pub output: Vec<ValueInfoProto>,
     /// Types of values in between; may be incomplete.
@@ -97,16 +97,16 @@ pub struct GraphProto {
 /// One operation.
 #[derive(Clone, PartialEq, Message)]
 pub struct NodeProto {
-    /// Names of the values taken; an empty name is an optional input left out.
+    /// Names of the inputs; an empty name is an omitted optional input.
     #[prost(string, repeated, tag = "1")]
     pub input: Vec<String>,
-    /// Names of the values made.
+    /// Names of the outputs.
     #[prost(string, repeated, tag = "2")]
     pub output: Vec<String>,
     /// The node's own name; may be empty.
     #[prost(string, tag = "3")]
     pub name: String,
-    /// The operator, `Conv` say.
+    /// The operator, such as `Conv`.
     #[prost(string, tag = "4")]
     pub op_type: String,
     /// Its parameters.
@@ -150,7 +150,7 @@ pub struct AttributeProto {
     /// Subgraphs (not decoded).
     #[prost(bytes = "vec", repeated, tag = "11")]
     pub graphs: Vec<Vec<u8>>,
-    /// Which of the fields counts.
+    /// Which field holds the value.
     #[prost(enumeration = "AttributeType", tag = "20")]
     pub r#type: i32,
 }
@@ -219,7 +219,7 @@ pub struct TensorProto {
     /// Elements of type double.
     #[prost(double, repeated, tag = "10")]
     pub double_data: Vec<f64>,
-    /// Where in which other file the elements are, if `data_location` is external.
+    /// The file and position of the elements, if `data_location` is external.
     #[prost(message, repeated, tag = "13")]
     pub external_data: Vec<StringStringEntryProto>,
     /// Whether the elements are in this message.
@@ -283,13 +283,12 @@ pub struct ValueInfoProto {
     /// The value's name in the graph.
     #[prost(string, tag = "1")]
     pub name: String,
-    /// What it is.
+    /// Its type.
     #[prost(message, optional, tag = "2")]
     pub r#type: Option<TypeProto>,
 }
 
-/// What a value is. Of sequences, maps, optionals and sparse tensors it can only be seen that they are no
-/// tensors.
+/// The type of a value. Sequences, maps, optionals and sparse tensors are only recognised as not being tensors.
 #[derive(Clone, PartialEq, Message)]
 pub struct TypeProto {
     /// A dense tensor; absent for every other type.
@@ -308,7 +307,7 @@ pub struct TensorTypeProto {
     pub shape: Option<TensorShapeProto>,
 }
 
-/// A shape, a dimension at a time.
+/// A shape, as a list of dimensions.
 #[derive(Clone, PartialEq, Eq, Message)]
 pub struct TensorShapeProto {
     /// The dimensions, outermost first.
@@ -391,7 +390,7 @@ impl AttributeProto {
 }
 
 impl ValueInfoProto {
-    /// A tensor of floats whose first dimension, the batch, is open; `sizes` are those that follow.
+    /// A tensor of floats whose first dimension, the batch, is open; `sizes` are the other dimensions.
     #[must_use]
     pub fn batch_of_floats(name: &str, batch: &str, sizes: &[usize]) -> Self {
         let open = DimensionProto {

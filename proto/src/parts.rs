@@ -1,19 +1,19 @@
 //! Answers that may be longer than one message: a stream of parts.
 //!
-//! The parts make the whole by protobuf's own rule for merging two messages, which every language's library knows: lists
-//! are joined in order, any other field is the last that was given.
+//! The parts are merged by protobuf's own rule for two messages, which every language's library implements: lists are joined
+//! in order, and the last value of any other field counts.
 
 use prost::Message;
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::Status;
 
-/// Most bytes of a whole answer (4 GiB): all labels or generations of the largest campaign are less.
+/// Maximum number of bytes of a whole answer (4 GiB): more than all labels or generations of the largest campaign.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// What a stream of parts says as a whole.
+/// Merges a stream of parts into the whole answer.
 ///
 /// # Errors
-/// What the stream ended with; RESOURCE_EXHAUSTED if the whole is longer than 4 GiB.
+/// The error that ended the stream; RESOURCE_EXHAUSTED if the whole is longer than 4 GiB.
 pub async fn whole<M: Message + Default>(
     mut parts: impl Stream<Item = Result<M, Status>> + Unpin,
 ) -> Result<M, Status> {
@@ -32,7 +32,8 @@ pub async fn whole<M: Message + Default>(
     Ok(whole)
 }
 
-/// `items` in lists of about [`PART_BYTES`](crate::PART_BYTES) each, as the messages that `part` makes of them; none if there are no items.
+/// Splits `items` into lists of about [`PART_BYTES`](crate::PART_BYTES) each, and returns the messages that `part` makes of
+/// them; none if there are no items.
 pub fn parts<T: Message, M>(
     items: impl IntoIterator<Item = T>,
     part: impl Fn(Vec<T>) -> M,

@@ -3,10 +3,10 @@
 use rand_chacha::ChaCha8Rng;
 use rand_core::{Rng as _, SeedableRng as _};
 
-/// What a stream is for: streams of different purposes are independent.
+/// The purpose of a stream. Streams of different purposes are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Purpose {
-    /// Seeds of the starts; the index is the individual's.
+    /// Seeds of starts; the index is the individual's.
     Start,
     /// Proposing a generation: sampling, selection and variation; the index is the generation's.
     Propose,
@@ -28,15 +28,15 @@ pub enum Purpose {
     DatasetStart,
     /// Which behaviours people are asked about; the index is 0.
     Query,
-    /// What takes the place of an individual that was set aside; the index is the individual's and the attempt's.
+    /// The substitute of an individual whose task is poisoned; the index is made of the individual's and the attempt's.
     Substitute,
-    /// What takes the place of a controller of a dataset that was set aside; the index is the controller's and the
+    /// The substitute of a dataset's controller whose task is poisoned; the index is made of the controller's and the
     /// attempt's.
     DatasetSubstitute,
-    /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result rests on it.
+    /// Which tasks are audited; the seed is the coordinator's epoch, the index 0. No result depends on it.
     Audit,
     /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's, and the start's.
-    LessonStart,
+    FurtherStart,
 }
 
 impl Purpose {
@@ -56,19 +56,20 @@ impl Purpose {
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",
-            Self::LessonStart => "lesson start",
+            // An older word for them, which the digests of campaigns with feedback rest on.
+            Self::FurtherStart => "lesson start",
         }
     }
 }
 
-/// A reproducible stream of random numbers (ChaCha with 8 rounds, keyed by BLAKE3 of what it is for).
+/// A reproducible stream of random numbers (ChaCha with 8 rounds, keyed by BLAKE3 of seed, purpose and index).
 ///
-/// The distributions are computed here, with arithmetic that rounds alike everywhere, and are part of what a
-/// campaign's digest rests on.
+/// The distributions are computed here, with arithmetic that rounds alike everywhere, because campaigns' digests depend on
+/// them.
 #[derive(Debug, Clone)]
-pub struct Stream(ChaCha8Rng);
+pub struct RandomStream(ChaCha8Rng);
 
-impl Stream {
+impl RandomStream {
     /// The stream of `purpose` and `index` under a campaign's seed.
     #[must_use]
     pub fn derive(seed: u64, purpose: Purpose, index: u64) -> Self {
@@ -109,25 +110,44 @@ impl Stream {
     pub fn chance(&mut self, probability: f64) -> bool {
         self.unit() < probability
     }
+
+    /// Puts a list into random order (Fisher and Yates).
+    pub fn shuffle<T>(&mut self, list: &mut [T]) {
+        for last in (1..list.len()).rev() {
+            list.swap(last, self.below(last as u64 + 1) as usize);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// If these numbers change, so does the digest of every campaign ever run.
+    /// If these numbers change, the digest of every campaign changes.
     #[test]
     fn the_streams_are_the_same_for_ever() {
-        let mut stream = Stream::derive(1, Purpose::Start, 7);
+        let mut stream = RandomStream::derive(1, Purpose::Start, 7);
         assert_eq!(
             [stream.bits(), stream.bits()],
             [8382917169329880773, 14253264017393074045]
         );
     }
 
+    /// Beyond the blocks that are made at once, too.
+    #[test]
+    fn long_streams_are_the_same_for_ever() {
+        let mut stream = RandomStream::derive(1, Purpose::Start, 7);
+        let mut hasher = blake3::Hasher::new();
+        for _ in 0..100_000 {
+            hasher.update(&stream.bits().to_le_bytes());
+        }
+        let digest = hasher.finalize().to_hex();
+        assert_eq!(&digest[..16], "17cd55a6e60d1e29");
+    }
+
     #[test]
     fn purposes_and_indices_are_independent() {
-        let first = |seed, purpose, index| Stream::derive(seed, purpose, index).bits();
+        let first = |seed, purpose, index| RandomStream::derive(seed, purpose, index).bits();
         let one = first(1, Purpose::Start, 0);
         assert_ne!(one, first(1, Purpose::Propose, 0));
         assert_ne!(one, first(1, Purpose::Start, 1));

@@ -1,4 +1,4 @@
-//! An invalid value, as gRPC refuses it.
+//! Invalid values as gRPC errors.
 
 use crate::{Invalid, Text};
 use tonic::Status;

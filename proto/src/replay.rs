@@ -14,8 +14,8 @@ pub struct Replay {
     poses: Vec<Pose>,
 }
 
-/// Which frames of a motion are wanted: that of the start, from the step `first` on one every `stride` steps, and that of
-/// the end. Together they fit in one message.
+/// The frames of a motion to record: the start, one every `stride` steps from the step `first` on, and the end. Together they
+/// fit in one message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Frames {
     first: u32,
@@ -23,15 +23,15 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// Most poses of a motion that travels (48 MB): number of frames times number of agents.
+    /// Maximum number of poses of a motion in messages (48 MB): number of frames times number of agents.
     pub const MAX_POSES: u64 = 4_000_000;
-    /// Frames that are enough to watch a motion; a screen shows no more.
+    /// Enough frames to watch a motion; a screen shows no more.
     pub const WATCHED: u32 = 400;
 
-    /// From step `first` on every `stride` steps, of a motion in `world`.
+    /// Frames of a motion in `world`: every `stride` steps from step `first` on.
     ///
     /// # Errors
-    /// Where the stride is 0, or there would be more than [`Frames::MAX_POSES`] poses.
+    /// If the stride is 0, or there would be more than [`Frames::MAX_POSES`] poses.
     pub fn new(first: u32, stride: u32, world: &World) -> Result<Self, Invalid> {
         let Some(stride) = NonZeroU32::new(stride) else {
             return Err(Invalid::new("stride", 0, "1 or more"));
@@ -50,7 +50,7 @@ impl Frames {
         Err(Invalid::new("stride", stride, allowed))
     }
 
-    /// Those that show a whole motion in `world`: about [`Frames::WATCHED`], fewer where there are too many agents.
+    /// Frames that show a whole motion in `world`: about [`Frames::WATCHED`], fewer if there are too many agents.
     #[must_use]
     pub fn to_watch(world: &World) -> Self {
         let stride = NonZeroU32::new(world.horizon().div_ceil(Self::WATCHED)).unwrap_or(NonZeroU32::MIN);
@@ -60,7 +60,7 @@ impl Frames {
         }
     }
 
-    /// Those of the last `steps` steps of a motion in `world`, every `stride` steps; further apart where there are too many
+    /// Frames of the last `steps` steps of a motion in `world`, every `stride` steps, or further apart if there are too many
     /// agents.
     #[must_use]
     pub fn of_end(steps: u32, stride: NonZeroU32, world: &World) -> Self {
@@ -70,9 +70,9 @@ impl Frames {
         }
     }
 
-    /// The smallest stride at which so many steps fit.
+    /// The smallest stride with which this many steps fit.
     fn least_stride(steps: u32, world: &World) -> NonZeroU32 {
-        // One frame of the start and one of the end beside the others.
+        // Start and end take one frame each.
         let frames = Self::MAX_POSES / u64::from(world.agents()) - 2;
         let stride = u64::from(steps).div_ceil(frames);
         u32::try_from(stride)
@@ -81,7 +81,7 @@ impl Frames {
             .unwrap_or(NonZeroU32::MIN)
     }
 
-    /// The first step with a frame, that of the start aside.
+    /// The first step with a frame, apart from the start.
     #[must_use]
     pub const fn first(&self) -> u32 {
         self.first
@@ -105,7 +105,7 @@ impl Frames {
         std::iter::once(0).chain(between).chain([horizon])
     }
 
-    /// Poses of such a motion in `world`.
+    /// Number of poses of these frames in `world`.
     #[must_use]
     pub fn poses(&self, world: &World) -> u64 {
         let recorded = world.horizon().saturating_sub(self.first);
@@ -154,7 +154,7 @@ impl Replay {
         self.agents
     }
 
-    /// The messages that carry it, part by part, in order.
+    /// The messages of the replay, part by part, in order.
     pub fn into_parts(self) -> impl Iterator<Item = v1::Replay> + Send {
         let bytes = self.agents * size_of::<Pose>();
         let frames = (crate::PART_BYTES / bytes).max(1);
@@ -173,7 +173,7 @@ impl Replay {
         })
     }
 
-    /// The frames, each one pose an agent, in index order.
+    /// The frames, each with one pose per agent, in index order.
     pub fn frames(&self) -> impl ExactSizeIterator<Item = &[Pose]> {
         self.poses.chunks_exact(self.agents)
     }

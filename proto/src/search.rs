@@ -3,19 +3,19 @@
 use crate::{Invalid, invalid, record::record, v1};
 
 record! {
-    /// Population, archive and variation of the search. Population and generations are the paper's by default; of the
-    /// others it says nothing, and their defaults are ours.
+    /// Population, archive and variation of the search. Population and generations default to the paper's; the paper does not
+    /// give the others, and their defaults are ours.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct Search {
-        /// Controllers a generation, 1 to 100,000.
+        /// Controllers per generation, 1 to 100,000.
         population: u32,
-        /// Generations, the sampled first one included, 1 to 100,000.
+        /// Generations, including the sampled first one, 1 to 100,000.
         generations: u32,
         /// The k of the novelty metric (paper, Eq. 1), 1 to 100,000.
         neighbours: u32,
         /// Candidates in a tournament, 1 to 100,000.
         tournament: u32,
-        /// Probability p that the best candidate wins a tournament, else the second with p again, and so on; over 0 to 1.
+        /// Probability p that the best candidate wins a tournament; otherwise the second wins with p, and so on; over 0 to 1.
         tournament_pressure: f64,
         /// Probability of one-point crossover, 0 to 1.
         crossover: f64,
@@ -29,7 +29,7 @@ record! {
 }
 
 impl Search {
-    /// Most evaluations in one campaign.
+    /// Maximum number of evaluations in one campaign.
     pub const MAX_EVALUATIONS: u64 = 10_000_000;
 
     /// Evaluations of a whole campaign: population times generations.

@@ -1,18 +1,17 @@
-//! Which pictures an embedder was told the classes of, so that nobody judges it by them.
+//! The pictures whose classes an embedder was told, so that it is not judged by them.
 
 use crate::Invalid;
 use std::collections::BTreeSet;
 
-/// Bytes of a fingerprint: two pictures of a million have the same by chance once in ten million times.
+/// Bytes of a fingerprint: among a million pictures, the chance that two share one is one in ten million.
 const BYTES: usize = 8;
 
-/// The pictures whose classes an embedder has learned from, its ancestors' included, as the first eight bytes of their
-/// BLAKE3 digests.
+/// The pictures whose classes an embedder or its ancestors have learned, as the first eight bytes of their BLAKE3 digests.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct SeenPictures(BTreeSet<[u8; BYTES]>);
 
 impl SeenPictures {
-    /// Most pictures: 2 MiB of fingerprints.
+    /// Maximum number of pictures: their fingerprints take 2 MiB.
     pub const MOST: usize = 1 << 18;
 
     /// These pictures, each as its grey values.
@@ -21,13 +20,13 @@ impl SeenPictures {
         Self(pictures.map(fingerprint).collect())
     }
 
-    /// Whether a picture is among them, or (once in ten million times) looks as if it were.
+    /// Whether a picture is among them. Once in ten million times the answer is wrongly yes.
     #[must_use]
     pub fn has(&self, picture: &[u8]) -> bool {
         self.0.contains(&fingerprint(picture))
     }
 
-    /// Adds those of an ancestor.
+    /// Adds the pictures of an ancestor.
     pub fn join(&mut self, other: &Self) {
         self.0.extend(&other.0);
     }
@@ -41,7 +40,7 @@ impl SeenPictures {
     /// Reads what [`SeenPictures::to_bytes`] wrote.
     ///
     /// # Errors
-    /// Where they are no whole number of fingerprints, or too many.
+    /// If the bytes are not a whole number of fingerprints, or too many.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Invalid> {
         let (fingerprints, rest) = bytes.as_chunks::<BYTES>();
         if !rest.is_empty() || fingerprints.len() > Self::MOST {

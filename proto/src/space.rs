@@ -1,6 +1,6 @@
-//! The controllers that a search may propose.
+//! The controllers that a search can propose.
 
-use crate::{CapabilityModel, Controller, Invalid, Stream, counted, invalid, v1};
+use crate::{CapabilityModel, Controller, Invalid, RandomStream, counted, invalid, v1};
 use std::f64::consts::PI;
 
 /// The controller space U(C): wheel speeds on a grid over \[-1, 1\] (or continuous), and a set of sensor angles
@@ -24,11 +24,11 @@ impl ControllerSpace {
             .collect()
     }
 
-    /// Takes a space in for `model`.
+    /// Validates a space for `model`.
     ///
     /// # Errors
-    /// Names the field at fault: a step that does not divide 1 evenly, an angle out of range,
-    /// angles for a model that has none.
+    /// Names the invalid field: a step that does not divide 1 evenly, an angle out of range, angles for a model that has
+    /// none.
     pub fn for_model(message: v1::ControllerSpace, model: CapabilityModel) -> Result<Self, Invalid> {
         let angles = match model {
             CapabilityModel::SingleSensor if !message.angles.is_empty() => {
@@ -56,20 +56,20 @@ impl ControllerSpace {
         })
     }
 
-    /// The model whose controllers these are.
+    /// The capability model of these controllers.
     #[must_use]
     pub const fn model(&self) -> CapabilityModel {
         self.model
     }
 
-    /// The angles that a second sensor may take, radians; empty for the single-sensor model.
+    /// The possible angles of the second sensor, radians; empty for the single-sensor model.
     #[must_use]
     pub fn angles(&self) -> &[f64] {
         &self.angles
     }
 
     /// A uniform sample of the space.
-    pub fn sample(&self, stream: &mut Stream) -> Controller {
+    pub fn sample(&self, stream: &mut RandomStream) -> Controller {
         let mut genes = [0.0; 9];
         let genes = &mut genes[..self.model.genes()];
         for gene in &mut genes[..self.model.speeds()] {
@@ -82,7 +82,7 @@ impl ControllerSpace {
     }
 
     /// A uniform sample of the space's wheel speeds.
-    pub fn sample_speed(&self, stream: &mut Stream) -> f64 {
+    pub fn sample_speed(&self, stream: &mut RandomStream) -> f64 {
         match self.steps_per_unit {
             0 => stream.between(-1.0, 1.0),
             steps => {
@@ -93,7 +93,7 @@ impl ControllerSpace {
     }
 
     /// A uniform sample of the space's angles (0 if there are none).
-    pub fn sample_angle(&self, stream: &mut Stream) -> f64 {
+    pub fn sample_angle(&self, stream: &mut RandomStream) -> f64 {
         match self.angles.len() {
             0 => 0.0,
             count => self.angles[stream.below(count as u64) as usize],
@@ -148,7 +148,7 @@ mod tests {
     fn the_grid_is_the_papers_and_every_point_is_sampled() {
         let space = ControllerSpace::for_model(v1::ControllerSpace::default(), CapabilityModel::SingleSensor)
             .unwrap();
-        let mut stream = Stream::derive(1, Purpose::Propose, 0);
+        let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
         let mut seen: Vec<f64> = (0..2000).map(|_| space.sample_speed(&mut stream)).collect();
         seen.sort_by(f64::total_cmp);
         seen.dedup();

@@ -1,4 +1,4 @@
-//! The sections of a campaign file, and which fields each of them has.
+//! The sections of a campaign file and their fields.
 
 use crate::{
     training::{InBatch, Labelled, NetworkSettings, PaperLabelled, RandomTriplets, Settings},
@@ -26,7 +26,7 @@ pub(crate) fn sections() -> [(&'static str, Vec<String>); 14] {
     ]
 }
 
-/// The fields of a message, which it names itself when it is asked for one that it does not have.
+/// The fields of a message. Serde lists them in its error about an unknown field.
 fn fields<T: DeserializeOwned>() -> Vec<String> {
     match toml::from_str::<T>("'?' = 0") {
         Ok(_) => Vec::new(),
@@ -34,7 +34,7 @@ fn fields<T: DeserializeOwned>() -> Vec<String> {
     }
 }
 
-/// What stands between backticks.
+/// The texts between backticks.
 pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
     message.split('`').skip(1).step_by(2)
 }
@@ -54,7 +54,7 @@ mod tests {
         let table: toml::Table = spec.to_toml().parse().unwrap();
         let mut open = vec![(String::new(), table)];
         while let Some((path, table)) = open.pop() {
-            // A recipe's table holds its name, and nothing else.
+            // A recipe's table holds only its name.
             assert!(has(&path) || path.ends_with("recipe"), "{path}");
             for (name, value) in table {
                 if let toml::Value::Table(inner) = value {

@@ -1,8 +1,8 @@
-//! Words from outside, fit to be stored, logged, and shown on a terminal or a page.
+//! Text from outside, made safe to store, log, and show on a terminal or a page.
 //!
-//! A stranger's text may be of any length, move the cursor of a terminal (control characters), turn the text around it
-//! (bidirectional overrides) or hide (zero-width characters). Free text is cleaned and cut; a name is refused, since
-//! whoever chose it should choose another.
+//! Text from a stranger may have any length, move the cursor of a terminal (control characters), reverse the text around it
+//! (bidirectional overrides) or hide (zero-width characters). Free text is cleaned and cut. A bad name is refused, so that
+//! its author chooses another.
 
 pub use crate::beginning::beginning;
 
@@ -10,24 +10,24 @@ use crate::Invalid;
 use icu_properties::{CodePointSetData, props::DefaultIgnorableCodePoint};
 use std::fmt;
 
-/// Free text from outside, without characters that a reader cannot see and of bounded length.
+/// Free text from outside, without invisible characters and of bounded length.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Hash)]
 pub struct Text(String);
 
 impl Text {
-    /// Most characters; what is longer is cut and ends with an ellipsis.
+    /// Maximum number of characters; a longer text is cut and ends with an ellipsis.
     pub const MAX_CHARS: usize = 2_000;
-    /// Most characters of a text of several lines.
+    /// Maximum number of characters of a text of several lines.
     pub const MAX_CHARS_OF_LINES: usize = 64 << 10;
 
-    /// `words` as one line: ends of lines and tabs become spaces.
+    /// `words` as one line: line ends and tabs become spaces.
     #[must_use]
     pub fn line(words: &str) -> Self {
         let spaced = words.chars().map(|c| if is_space(c) { ' ' } else { c });
         Self::kept(spaced, Self::MAX_CHARS)
     }
 
-    /// `words` with their ends of lines and tabs.
+    /// `words` with their line ends and tabs.
     #[must_use]
     pub fn lines(words: &str) -> Self {
         Self::kept(words.chars(), Self::MAX_CHARS_OF_LINES)
@@ -70,7 +70,7 @@ impl From<Text> for String {
     }
 }
 
-/// `name` without the space about it: 1 to `most` characters, at least one of them visible and none hidden.
+/// `name` without surrounding spaces: 1 to `most` characters, at least one of them visible and none hidden.
 ///
 /// # Errors
 /// Names `field`, and the character that is not allowed.
@@ -90,7 +90,7 @@ pub fn name(field: &str, name: &str, most: usize) -> Result<String, Invalid> {
     Ok(trimmed.to_owned())
 }
 
-/// `text` with a mark (U+FFFD) in the place of every character that a [`name`] may not have.
+/// `text` with U+FFFD in place of every character that a [`name`] must not contain.
 #[must_use]
 pub fn marked(text: &str) -> String {
     let mark = |(c, is_hidden)| if is_hidden { char::REPLACEMENT_CHARACTER } else { c };
@@ -101,6 +101,18 @@ pub fn marked(text: &str) -> String {
 #[must_use]
 pub fn quoted(text: &str) -> String {
     format!("\"{}\"", beginning(text, 80).escape_debug())
+}
+
+/// A URL without the user name and password that it may hold, for messages and logs: `s3://***@bucket`.
+#[must_use]
+pub fn masked_url(url: &str) -> String {
+    let begin = url.find("://").map_or(0, |colon| colon + 3);
+    let (scheme, rest) = url.split_at(begin);
+    let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
+    match authority.rfind('@') {
+        Some(at) => format!("{scheme}***{}", &rest[at..]),
+        None => url.to_owned(),
+    }
 }
 
 /// Each character, and whether it is hidden.
@@ -120,13 +132,13 @@ const fn is_joiner(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}' | '\u{fe0e}' | '\u{fe0f}')
 }
 
-/// Whether a character after `before` shows nothing, or changes what stands around it.
+/// Whether a character after `before` is invisible, or changes the text around it.
 fn is_hidden(c: char, before: Option<char>) -> bool {
     if c.is_ascii() {
         return c.is_ascii_control();
     }
     if is_joiner(c) {
-        // Scripts of India and Persia and compound emoji need them; after Latin letters they are only there to hide.
+        // Indic scripts, Persian and compound emoji need them; after Latin letters they only serve to hide.
         let joins = |before: char| {
             !before.is_ascii() && !before.is_whitespace() && before != c && !is_joiner_of_letters(before)
         };
@@ -142,7 +154,7 @@ const fn is_joiner_of_letters(c: char) -> bool {
     matches!(c, '\u{200c}' | '\u{200d}')
 }
 
-/// Whether a character that is not hidden leaves a mark. The braille pattern without dots is a symbol that does not.
+/// Whether a character that is not hidden is visible. The braille pattern without dots is not.
 fn is_visible(c: char) -> bool {
     !c.is_whitespace() && c != '\u{2800}' && !is_joiner(c)
 }
@@ -184,6 +196,20 @@ mod tests {
         let long = quoted(&"é".repeat(81));
         assert_eq!(long, format!("\"{}…\"", "é".repeat(80)));
         assert_eq!(quoted(&"x".repeat(80)), format!("\"{}\"", "x".repeat(80)));
+    }
+
+    #[test]
+    fn a_url_is_shown_without_its_password() {
+        for (url, shown) in [
+            ("http://ana:secret@10.0.0.7:7700", "http://***@10.0.0.7:7700"),
+            ("s3://key:se@cret@bucket/a@b?c", "s3://***@bucket/a@b?c"),
+            ("ana:secret@10.0.0.7", "***@10.0.0.7"),
+            ("s3://bucket/a@b", "s3://bucket/a@b"),
+            ("http://127.0.0.1:7700", "http://127.0.0.1:7700"),
+            ("", ""),
+        ] {
+            assert_eq!(masked_url(url), shown);
+        }
     }
 
     #[test]

@@ -1,21 +1,44 @@
-//! What is wrong with a campaign file, in words for the person who wrote it: serde's are for programmers.
+//! Errors in campaign files, in words for their authors. Serde's messages are for programmers.
 
 use crate::{
     Text,
     near::nearest,
     spec_sections::{quoted_names, sections},
+    training::{Recipe, Settings},
+    v1,
 };
-use serde::de::DeserializeOwned;
+use serde::{Deserialize, de::DeserializeOwned};
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// Why a text is not the TOML of a campaign: where, what is wrong there, and what is allowed.
+/// An error in a campaign file: where it is, what is wrong, and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct TomlError(Text);
 
-/// Reads a campaign file: a mark of the byte order before it, and the ends of its lines, do not matter.
-pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
+/// The tables that the message of a campaign holds as texts, without their places in the file.
+#[derive(Deserialize)]
+struct TextTables {
+    #[serde(rename = "training")]
+    _training: Option<Settings>,
+    #[serde(rename = "feedback")]
+    _feedback: Option<RecipeTable>,
+}
+
+#[derive(Deserialize)]
+struct RecipeTable {
+    #[serde(rename = "recipe")]
+    _recipe: Option<Recipe>,
+}
+
+/// Reads a campaign file. A byte order mark and the kind of line ends make no difference.
+pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
+    let message = read(text)?;
+    read::<TextTables>(text)?;
+    Ok(message)
+}
+
+fn read<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
     let text = text
         .strip_prefix('\u{feff}')
         .unwrap_or(text)
@@ -29,7 +52,7 @@ pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
     })
 }
 
-/// What is wrong within `section`, which was read from a table: without the place in the file.
+/// The error in `section`, which was read from a table and so has no position in the file.
 pub(crate) fn within(section: &str, error: &toml::de::Error) -> String {
     let shown = error.to_string();
     let inner = shown
@@ -44,16 +67,16 @@ pub(crate) fn within(section: &str, error: &toml::de::Error) -> String {
     what_is_wrong(error.message(), &field)
 }
 
-/// The field that an error is about.
+/// The field of an error.
 #[derive(Debug, Default)]
 struct Field {
-    /// The names of the tables that it is in, and its own; of an error without a place, of the tables alone.
+    /// The names of its tables and its own name; without a position in the file, only those of the tables.
     path: Vec<String>,
-    /// What is in it, if it is a table.
+    /// The fields in it, if it is a table.
     inner: Vec<String>,
 }
 
-/// What serde's `message` about a field means.
+/// Translates serde's `message` about a field.
 fn what_is_wrong(message: &str, field: &Field) -> String {
     let path = &field.path[..];
     let Some((what, expected)) = message.rsplit_once(", expected ") else {
@@ -81,7 +104,7 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
         let meant = meant.map_or(String::new(), |meant| format!("did you mean `{meant}`? "));
         return format!("unknown value `{name}`: {meant}It may be {}", list(&known, "or"));
     }
-    // With a place the path ends with the field itself.
+    // With a position, the path ends with the field itself.
     let section = match path.split_last() {
         Some((last, outer)) if last == name => outer.join("."),
         _ => path.join("."),
@@ -89,10 +112,11 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
     unknown_field(name, &field.inner, &section, &known)
 }
 
-/// A field that its section does not have, what a person may have meant by it (and by what is in it), and what there is.
+/// The message about an unknown field: which field may have been meant, judging by its name and contents, and which fields
+/// exist.
 fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
     let sections = sections();
-    // A recipe is named in the path of its fields, but not in that of an error about them.
+    // The path of a recipe's field contains the recipe's name, but the path of an error about it does not.
     let same = sections
         .iter()
         .find(|(name, fields)| name.starts_with(section) && fields.iter().eq(known));
@@ -106,7 +130,7 @@ fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) ->
     format!("unknown field `{name}`{within}{meant} {here} has {fields}")
 }
 
-/// Where a field belongs that is unknown where it was written, or which one may have been meant.
+/// The section where a misplaced field belongs, or the field that may have been meant.
 fn meant(name: &str, inner: &[String], known: &[&str], sections: &[(&str, Vec<String>)]) -> Option<String> {
     let homes = |name: &str| {
         let has = |fields: &[String]| fields.iter().any(|field| field == name);
@@ -131,7 +155,7 @@ fn meant(name: &str, inner: &[String], known: &[&str], sections: &[(&str, Vec<St
     Some(format!("did you mean `{meant}`, which belongs {homes}?"))
 }
 
-/// Where in a campaign file the fields of a section are.
+/// The place of a section's fields in a campaign file.
 fn place(section: &str) -> String {
     match section {
         "" => "at the top of the file, before every [section]".to_owned(),
@@ -139,7 +163,7 @@ fn place(section: &str) -> String {
     }
 }
 
-/// What serde calls a type, as what a person may write.
+/// The allowed values for a type that serde names.
 fn allowed(expected: &str) -> String {
     match expected {
         "u8" => format!("a whole number from 0 to {}", u8::MAX),
@@ -170,7 +194,7 @@ fn list(names: &[&str], before_last: &str) -> String {
     }
 }
 
-/// The field whose name or value stands at `span`.
+/// The field whose name or value is at `span`.
 fn field_at(text: &str, span: &Range<usize>) -> Option<Field> {
     find(DeTable::parse(text).ok()?.get_ref(), span)
 }
@@ -210,7 +234,7 @@ mod tests {
             !error.contains("expected u") && !error.ends_with('\n'),
             "{error:?}"
         );
-        // Neither what some editors put before a text nor how they end lines changes a word.
+        // The byte order mark and the line ends of some editors must not change the message.
         let edited = format!("\u{feff}{}", text.replace('\n', "\r\n"));
         assert_eq!(CampaignSpec::from_toml(&edited).unwrap_err().to_string(), error);
     }
@@ -249,11 +273,15 @@ mod tests {
         );
         check(
             "[training]\nheld_out = true",
-            "training.held_out must be a number, not true",
+            "line 4, column 12\n  |\n4 | held_out = true\n  |            ^^^^\ntraining.held_out must be a number, not true",
         );
         check(
             "[training.recipe.in-batch]\nepochs = -3",
-            "must be a whole number from 0 to",
+            "4 | epochs = -3\n  |          ^^\ntraining.recipe.in-batch.epochs must be a whole number from 0 to",
+        );
+        check(
+            "[feedback.recipe.labelled]\nepochs = -3",
+            "4 | epochs = -3\n  |          ^^\nfeedback.recipe.labelled.epochs must be a whole number from 0 to",
         );
         check("[training.recipe.in-batch]\ncrop = [1.0]", "must be a list of 2");
     }

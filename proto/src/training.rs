@@ -1,5 +1,5 @@
-//! How an embedder is to be trained, as campaign files and checkpoints say it: the network's layers, the recipe and
-//! every number of it. Data alone; the `trainer` does what it says.
+//! How an embedder is trained, as written in campaign files and checkpoints: the network's layers, the recipe and all its
+//! numbers. Only data; the `trainer` executes it.
 
 mod architecture;
 mod configuration;

@@ -1,9 +1,9 @@
-//! The arena and the bodies in it.
+//! The arena and the agents in it.
 
 use crate::{Invalid, invalid, record::record, v1};
 
 record! {
-    /// Where a swarm lives, and for how long (paper, "Simulation and Data").
+    /// The arena of a swarm, and the length of a simulation (paper, "Simulation and Data").
     ///
     /// Lengths are in world units; the defaults are the paper's.
     #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ record! {
         width: f64,
         /// Height, 1 to 10,000.
         height: f64,
-        /// Distance that the walls are set in from the edges, 0 or more.
+        /// Distance of the walls from the edges, 0 or more.
         padding: f64,
         /// Number of agents, 1 to 10,000.
         agents: u32,
@@ -20,7 +20,7 @@ record! {
         radius: f64,
         /// Radius of a wheel, over 0.
         wheel_radius: f64,
-        /// Time of one step, over 0.
+        /// Duration of one step, over 0.
         dt: f64,
         /// Number of steps, 1 to 10,000,000.
         horizon: u32,
@@ -32,7 +32,7 @@ record! {
 impl World {
     /// Longest side of a world, in units.
     pub const MAX_SIDE: f64 = 10_000.0;
-    /// Most agents in a world.
+    /// Maximum number of agents in a world.
     pub const MAX_AGENTS: u32 = 10_000;
 
     /// Half the world's diagonal: the R of the paper's Table 1.

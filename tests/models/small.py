@@ -1,4 +1,4 @@
-"""Makes small.onnx and prints what ONNX Runtime's own Python package makes of three images with it.
+"""Makes small.onnx, and prints the embeddings of three images by ONNX Runtime's own Python package.
 
 pip install numpy onnx==1.23.2 onnxruntime==1.31.1; python small.py
 """

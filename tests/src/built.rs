@@ -1,4 +1,4 @@
-//! Where the binaries are, built if need be.
+//! Finds the binaries, and builds them if needed.
 
 use std::{
     path::{Path, PathBuf},
@@ -6,7 +6,7 @@ use std::{
     sync::OnceLock,
 };
 
-/// Path of a binary of the workspace, built in the profile of the tests that ask.
+/// Path of a binary of the workspace, built in the profile of the calling tests.
 pub fn binary(name: &str) -> PathBuf {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     let folder = FOLDER.get_or_init(|| {

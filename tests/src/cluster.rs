@@ -1,6 +1,6 @@
 //! A coordinator with in-process workers over a temporary data directory.
 
-use murmuration_access::ListenConfig;
+use murmuration_access::{ListenConfig, Requirements};
 use murmuration_coordinator::{
     local::{InProcess, LocalCluster},
     server::Options,
@@ -20,7 +20,7 @@ use tonic::{service::interceptor::InterceptedService, transport::Channel};
 #[derive(Debug)]
 pub struct Cluster {
     local: LocalCluster,
-    /// A client connected to it.
+    /// A connected client.
     pub client: CampaignServiceClient<Coordinator>,
 }
 
@@ -34,7 +34,7 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// The file, in `folder`, of a campaign of some seconds, so that there is something to interrupt: 60 generations of 20
+/// Writes the file of a campaign that takes some seconds, so that it can be interrupted, to `folder`: 60 generations of 20
 /// controllers, 600 steps each.
 #[must_use]
 pub fn longer_spec(folder: &Path) -> String {
@@ -69,14 +69,14 @@ pub fn quick_dispatch() -> dispatch::Options {
 }
 
 impl Cluster {
-    /// Starts a coordinator over `data` with `workers` workers and a trainer; running campaigns of the directory go on.
+    /// Starts a coordinator over `data` with `workers` workers and a trainer. Running campaigns of the directory continue.
     pub async fn start(data: &Path, workers: usize) -> Self {
         Self::start_as(data, workers, ListenConfig::loopback(0), quick_dispatch()).await
     }
 
-    /// The same at another entrance; its own client gets in as a process of this machine.
-    pub async fn start_at(data: &Path, workers: usize, entrance: ListenConfig) -> Self {
-        Self::start_as(data, workers, entrance, quick_dispatch()).await
+    /// The same, with another listener. Its own client connects as a process of this machine.
+    pub async fn start_at(data: &Path, workers: usize, listen: ListenConfig) -> Self {
+        Self::start_as(data, workers, listen, quick_dispatch()).await
     }
 
     /// The same, with other options for workers.
@@ -93,21 +93,21 @@ impl Cluster {
     async fn start_as(
         data: &Path,
         workers: usize,
-        entrance: ListenConfig,
+        listen: ListenConfig,
         dispatch: dispatch::Options,
     ) -> Self {
-        Self::start_crew(data, InProcess { workers, trainers: 1 }, entrance, dispatch).await
+        Self::start_crew(data, InProcess { workers, trainers: 1 }, listen, dispatch).await
     }
 
     async fn start_crew(
         data: &Path,
         crew: InProcess,
-        entrance: ListenConfig,
+        listen: ListenConfig,
         dispatch: dispatch::Options,
     ) -> Self {
         let options = Options {
             data: DataDirectory::hold(data).unwrap(),
-            entrance,
+            listen,
             resume: true,
             checkpoints: None,
             tries_checkpoints: true,
@@ -126,6 +126,12 @@ impl Cluster {
         Self { local, client }
     }
 
+    /// What each page and gRPC method of its coordinator requires.
+    #[must_use]
+    pub const fn requirements(&self) -> &Requirements {
+        self.local.coordinator().requirements()
+    }
+
     /// URL of its coordinator.
     #[must_use]
     pub fn url(&self) -> String {
@@ -137,7 +143,7 @@ impl Cluster {
         Channel::from_shared(self.url()).unwrap().connect().await.unwrap()
     }
 
-    /// Starts a campaign; its id.
+    /// Starts a campaign and returns its id.
     pub async fn create(&mut self, spec: &CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
@@ -151,12 +157,12 @@ impl Cluster {
             .id
     }
 
-    /// Watches a campaign until it stops; its last status.
+    /// Watches a campaign until it stops, and returns its last status.
     pub async fn finish(&mut self, campaign: &str) -> v1::Campaign {
         self.watch_until(campaign, |_| false).await
     }
 
-    /// Watches a campaign until it is as wanted, or stops; its status then.
+    /// Watches a campaign until it satisfies a condition or stops, and returns its status.
     pub async fn watch_until(
         &mut self,
         campaign: &str,
@@ -185,7 +191,7 @@ impl Cluster {
         self.client.get_digest(request).await.unwrap().into_inner().digest
     }
 
-    /// A campaign as it stands.
+    /// The current status of a campaign.
     pub async fn status(&mut self, campaign: &str) -> v1::Campaign {
         let request = v1::GetCampaignRequest {
             campaign: campaign.to_owned(),
@@ -199,7 +205,7 @@ impl Cluster {
         whole(listed.unwrap().into_inner()).await.unwrap().campaigns
     }
 
-    /// Runs a campaign to its end, which must be completion; its digest.
+    /// Runs a campaign until it is completed, and returns its digest.
     pub async fn run(&mut self, spec: &CampaignSpec) -> String {
         let campaign = self.create(spec).await;
         let last = self.finish(&campaign).await;

@@ -1,4 +1,4 @@
-//! A worker that does not keep to the rules.
+//! A worker that breaks the rules of the protocol.
 
 use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::{
@@ -25,7 +25,7 @@ pub struct FakeWorker {
 }
 
 impl FakeWorker {
-    /// Connects from a machine of its own and says `hello`, whatever that is.
+    /// Connects from its own machine and sends `hello`, whatever it contains.
     ///
     /// # Errors
     /// What the coordinator answers, if it refuses.
@@ -36,7 +36,7 @@ impl FakeWorker {
     }
 
     async fn say_hello_from(url: &str, address: Ipv4Addr, hello: Message) -> Result<Self, Status> {
-        // Linux takes every address of 127.0.0.0/8 for this machine's, and the coordinator each for another machine.
+        // For Linux, every address of 127.0.0.0/8 is this machine's; for the coordinator, each is another machine.
         let endpoint = Endpoint::from_shared(url.to_owned()).unwrap();
         let channel = endpoint
             .local_address(Some(address.into()))
@@ -62,7 +62,7 @@ impl FakeWorker {
         }
     }
 
-    /// Connects like an honest worker on a machine of its own.
+    /// Connects like an honest worker on its own machine.
     pub async fn connect(url: &str) -> Self {
         Self::say_hello(url, Self::hello(SIMULATOR_VERSION))
             .await
@@ -77,7 +77,7 @@ impl FakeWorker {
         Self::say_hello_from(url, Ipv4Addr::new(127, 0, 0, machine), hello_as(instance)).await
     }
 
-    /// The same over a connection that may show something.
+    /// The same, over a connection that may have credentials.
     ///
     /// # Errors
     /// What the coordinator answers, if it refuses.
@@ -94,7 +94,7 @@ impl FakeWorker {
             capacity: 1,
             trainer_version: String::new(),
             instance: 0,
-            // It claims that it could.
+            // It claims that it can embed.
             embedding_kind: 1,
         })
     }
@@ -104,7 +104,7 @@ impl FakeWorker {
         let message = v1::WorkerMessage {
             message: Some(message),
         };
-        // The coordinator may have ended the stream: then it says why to whoever receives.
+        // The coordinator may have ended the stream; the receiver then gets the reason.
         let _ = self.outbox.send(message).await;
     }
 
@@ -116,7 +116,7 @@ impl FakeWorker {
         Ok(self.inbox.message().await?.and_then(|message| message.message))
     }
 
-    /// Is heard, and does nothing that it is asked, until the coordinator ends the stream; what it says then.
+    /// Sends heartbeats and does no work until the coordinator ends the stream; returns the reason.
     pub async fn dismissed(mut self) -> Status {
         let mut beat = tokio::time::interval(Duration::from_millis(50));
         loop {
@@ -144,7 +144,8 @@ impl FakeWorker {
         }
     }
 
-    /// Answers every lease with `evaluation` for as long as it is listened to; how many evaluations, and the last word.
+    /// Answers every lease with `evaluation` until the coordinator ends the stream. Returns the number of evaluations and the
+    /// reason.
     pub async fn answer_all(mut self, evaluation: &v1::Evaluation) -> (usize, Status) {
         let credits = |evaluations| Message::Credits(v1::Credits { evaluations });
         let mut answered = 0;
@@ -167,7 +168,7 @@ impl FakeWorker {
         }
     }
 
-    /// Says of a lease that it was not done.
+    /// Reports that a lease was not done.
     pub async fn fail(&self, lease: v1::LeaseId, class: v1::FailureClass, message: &str) {
         let failure = v1::Failure {
             class: class.into(),

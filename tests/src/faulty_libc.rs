@@ -1,6 +1,6 @@
-//! A C library that fails on demand, for real processes: syncs and writes that do not arrive, clocks that jump.
+//! A C library that fails on demand, for real processes: failing syncs and writes, and clocks that jump.
 //!
-//! Limits: Linux with a C compiler, and what a process asks of its C library; see `faulty_libc/faulty_libc.c`.
+//! Limits: Linux with a C compiler, and only calls of the C library; see `faulty_libc/faulty_libc.c`.
 
 use std::{
     cell::Cell,
@@ -11,11 +11,11 @@ use std::{
     sync::OnceLock,
 };
 
-/// What `errno` says of a disk that fails, and of one that can only be read.
+/// The `errno` of a failing disk, and of a read-only one.
 const EIO: u32 = 5;
 const EROFS: u32 = 30;
 
-/// Faults of the processes that are started under it; none until they are asked for.
+/// Faults of the processes that are started with it; none until requested.
 #[derive(Debug)]
 pub struct FaultyLibc {
     control: PathBuf,
@@ -25,7 +25,7 @@ pub struct FaultyLibc {
 }
 
 impl FaultyLibc {
-    /// Faults that are controlled by a file in `folder`.
+    /// Faults controlled by a file in `folder`.
     #[must_use]
     pub fn new(folder: &Path) -> Self {
         let faults = Self {
@@ -38,25 +38,25 @@ impl FaultyLibc {
         faults
     }
 
-    /// Has every `fsync` and `fdatasync` fail with EIO from now on, or no longer.
+    /// Makes every `fsync` and `fdatasync` fail with EIO from now on, or no longer.
     pub fn fail_syncs(&self, fail: bool) {
         self.sync.set(fail);
         self.apply();
     }
 
-    /// Has the disk be read-only from now on, as far as databases write to it, or no longer.
+    /// Makes the disk read-only for databases from now on, or no longer.
     pub fn read_only(&self, read_only: bool) {
         self.read_only.set(read_only);
         self.apply();
     }
 
-    /// Has the time of day be this many seconds ahead (or behind) from now on. Monotonic clocks stay as they are.
+    /// Shifts the time of day by this many seconds from now on. Monotonic clocks are unchanged.
     pub fn shift_clock(&self, seconds: i64) {
         self.clock.set(seconds);
         self.apply();
     }
 
-    /// What a process needs in its environment to be subject to the faults.
+    /// The environment variables that inject the faults into a process.
     #[must_use]
     pub fn environment(&self) -> [(&'static str, OsString); 2] {
         [
@@ -65,7 +65,7 @@ impl FaultyLibc {
         ]
     }
 
-    /// Replaces the file, so that no process reads half of it.
+    /// Replaces the file in one step, so that no process reads half of it.
     fn apply(&self) {
         let errno = |fails: &Cell<bool>, errno| if fails.get() { errno } else { 0 };
         let (sync, write) = (errno(&self.sync, EIO), errno(&self.read_only, EROFS));
@@ -79,7 +79,7 @@ impl FaultyLibc {
     }
 }
 
-/// The library, compiled beside the binaries.
+/// The library, compiled into the folder of the binaries.
 fn library() -> &'static Path {
     static LIBRARY: OnceLock<PathBuf> = OnceLock::new();
     LIBRARY.get_or_init(|| {

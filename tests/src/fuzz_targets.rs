@@ -1,25 +1,26 @@
-//! Every parser at the edge, as a function of bytes that must not panic: what fuzzers and a short test of every build call.
+//! Every parser of outside input, as a function of bytes that must not panic. Fuzzers call them, and so does a short test in
+//! every build.
 //!
-//! Limits: a parser may refuse what it likes; what it takes must come out the same when it is written and read again.
+//! Limits: a parser may refuse any input. An accepted input must be the same after it is written and read again.
 
 use murmuration_model::labels::{Labelled, Table, to_csv};
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Purpose, Replay,
-    Search, Stream, World, onnx::EmbedderModel, training::Configuration, v1,
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Purpose,
+    RandomStream, Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
 };
 use murmuration_worker::case::Case;
 use prost::Message;
 use serde_json::Value;
 use std::{fmt::Debug, fs, path::Path, str::from_utf8};
 
-/// A parser, with what it is called.
+/// A parser and its name.
 #[derive(Debug, Clone, Copy)]
 pub struct Edge {
     /// Name of its fuzz target.
     pub name: &'static str,
-    /// Parses, and panics where there is a bug.
+    /// Parses, and panics if there is a bug.
     pub parse: fn(&[u8]),
-    /// Inputs that it takes, to begin with.
+    /// Valid inputs to begin with.
     pub seeds: fn() -> Vec<Vec<u8>>,
 }
 
@@ -52,7 +53,7 @@ pub const EDGES: [Edge; 5] = [
     },
 ];
 
-/// A campaign file; and the configuration of a training, which checkpoints bring along.
+/// A campaign file, and the configuration of a training, which checkpoints contain.
 pub fn campaign_toml(bytes: &[u8]) {
     let Ok(text) = from_utf8(bytes) else { return };
     if let Ok(spec) = CampaignSpec::from_toml(text) {
@@ -69,7 +70,7 @@ pub fn campaign_toml(bytes: &[u8]) {
     }
 }
 
-/// Messages: the first byte says which, the rest is its encoding.
+/// Messages: the first byte selects the message, the rest is its encoding.
 pub fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
@@ -97,7 +98,7 @@ pub fn messages(bytes: &[u8]) {
     }
 }
 
-/// What the bytes of a message come to, if they are taken, comes to the same when it is written and read again.
+/// Checks that a message, if accepted, is the same after it is written and read again.
 fn read_back<M, T>(bytes: &[u8], write: impl Fn(&T) -> M)
 where
     M: Message + Default,
@@ -122,7 +123,7 @@ pub fn case_json(bytes: &[u8]) {
     }
 }
 
-/// A checkpoint that is published or imported.
+/// A published or imported checkpoint.
 pub fn checkpoint(bytes: &[u8]) {
     if let Ok(model) = EmbedderModel::read(bytes) {
         let again = EmbedderModel::read(model.encoded()).unwrap();
@@ -131,7 +132,7 @@ pub fn checkpoint(bytes: &[u8]) {
     }
 }
 
-/// A file of labels.
+/// A label file.
 pub fn labels_csv(bytes: &[u8]) {
     let parse = |bytes| Table::parse(Path::new("labels.csv"), bytes, None).map(Table::into_answers);
     if let Ok(answers) = parse(bytes.to_vec()) {
@@ -150,9 +151,9 @@ pub fn labels_csv(bytes: &[u8]) {
     }
 }
 
-/// A change of an input, of the kinds that parsers stumble over; the same for the same stream.
+/// A mutation of an input, of the kinds that break parsers; the same for the same stream.
 #[must_use]
-pub fn mutated(seed: &[u8], dice: &mut Stream) -> Vec<u8> {
+pub fn mutated(seed: &[u8], dice: &mut RandomStream) -> Vec<u8> {
     const TELLING: [&[u8]; 12] = [
         b"\"",
         b"\n",
@@ -189,10 +190,10 @@ pub fn mutated(seed: &[u8], dice: &mut Stream) -> Vec<u8> {
     bytes
 }
 
-/// The dice for the mutations of one edge.
+/// The random numbers for the mutations of one target.
 #[must_use]
-pub fn dice(number: u64) -> Stream {
-    Stream::derive(5, Purpose::Jitter, number)
+pub fn dice(number: u64) -> RandomStream {
+    RandomStream::derive(5, Purpose::Jitter, number)
 }
 
 fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
@@ -206,7 +207,7 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// The examples, as they are and with every field.
+/// The examples, as written and with every field.
 fn campaign_files() -> Vec<Vec<u8>> {
     let short = files("../examples", "toml");
     let whole = specs().into_iter().map(|spec| spec.to_toml().into_bytes());
@@ -260,7 +261,7 @@ fn encoded() -> Vec<Vec<u8>> {
 
 fn tables() -> Vec<Vec<u8>> {
     let texts = [
-        "id,class,annotator,time\n3,ring,ana,1700000000000\n3,\"clump, loose\",ben,1700000000001\n\n4,not sure,ana,\n",
+        "id,class,annotator,time\n3,ring,ana,2023-11-14T22:13:20Z\n3,\"clump, loose\",ben,2023-11-14T22:13:20.001Z\n\n4,not sure,ana,\n",
         "x,class,id,annotator\r\n1,ring,7,ana\r\n2,,8,\r\n",
     ];
     texts.map(|text| text.as_bytes().to_vec()).into()

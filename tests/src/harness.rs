@@ -15,20 +15,23 @@ pub struct Test {
     needs: Vec<Requirement>,
 }
 
-/// A test by the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` of one that awaits.
+/// A test by the path of its function: `test!(labelling::two_at_once)`, or `test!(async ...)` of one that awaits. Its name is
+/// the path from the target's root, as Rust's own harness writes it.
 #[macro_export]
 macro_rules! test {
     (async $path:path) => {
-        $crate::Test::new(stringify!($path), || $crate::block_on($path()))
+        $crate::Test::of_function(concat!(module_path!(), "::", stringify!($path)), || {
+            $crate::block_on($path())
+        })
     };
     ($path:path) => {
-        $crate::Test::new(stringify!($path), $path)
+        $crate::Test::of_function(concat!(module_path!(), "::", stringify!($path)), $path)
     };
 }
 
-/// Runs a test that awaits, on several threads.
-pub fn block_on(test: impl Future<Output = ()>) {
-    tokio::runtime::Runtime::new().unwrap().block_on(test);
+/// Runs what awaits, on several threads.
+pub fn block_on<T>(future: impl Future<Output = T>) -> T {
+    tokio::runtime::Runtime::new().unwrap().block_on(future)
 }
 
 /// What becomes of a test on this machine.
@@ -60,6 +63,12 @@ impl Test {
             body: Box::new(body),
             needs: Vec::new(),
         }
+    }
+
+    /// The same, named by the path of its function, the target's name first.
+    #[must_use]
+    pub fn of_function(path: &str, body: impl FnOnce() + Send + 'static) -> Self {
+        Self::new(path.split_once("::").map_or(path, |(_target, name)| name), body)
     }
 
     /// The same, for machines that have this too.
@@ -131,19 +140,18 @@ mod tests {
         assert_eq!(Fate::of(missing(false), true), Fate::Ignored(reason()));
     }
 
-    /// Rust files of a folder, or the one file.
-    fn sources(path: &Path) -> Vec<(String, String)> {
-        let files = match path.is_dir() {
-            true => fs::read_dir(path)
-                .unwrap()
-                .map(|entry| entry.unwrap().path())
-                .collect(),
-            false => vec![path.to_owned()],
-        };
-        let is_rust = |path: &Path| path.extension().is_some_and(|extension| extension == "rs");
-        let rust = files.into_iter().filter(|path| is_rust(path));
-        rust.map(|path| (path.display().to_string(), fs::read_to_string(&path).unwrap()))
-            .collect()
+    /// The Rust files of a folder and the folders in it.
+    fn sources(folder: &Path) -> Vec<(String, String)> {
+        let mut files = Vec::new();
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                files.extend(sources(&path));
+            } else if path.extension().is_some_and(|extension| extension == "rs") {
+                files.push((path.display().to_string(), fs::read_to_string(&path).unwrap()));
+            }
+        }
+        files
     }
 
     /// In a target without Rust's harness such a test would be compiled away, and never run.
@@ -158,16 +166,15 @@ mod tests {
         for target in manifest["test"].as_array().unwrap() {
             assert_eq!(target["harness"].as_bool(), Some(false), "{target}");
             let path = root.join(target["path"].as_str().unwrap());
-            let path = match path.ends_with("main.rs") {
-                true => path.parent().unwrap(),
-                false => &path,
-            };
-            for (name, text) in sources(path) {
+            for (name, text) in sources(path.parent().unwrap()) {
                 let test = text
                     .lines()
                     .map(str::trim)
                     .find(|line| line.ends_with("test]") || line.contains("::test("));
-                assert_eq!(test, None, "{name}: list it in main.rs with test!() instead");
+                assert_eq!(
+                    test, None,
+                    "{name}: list it where the target lists its tests, with test!(), instead"
+                );
                 seen += 1;
             }
         }

@@ -1,4 +1,4 @@
-//! What a test may need of a machine besides this repository, and whether it is there.
+//! Requirements of tests besides this repository, and whether a machine meets them.
 
 use crate::SmallDisk;
 use std::{
@@ -7,36 +7,36 @@ use std::{
     sync::Mutex,
 };
 
-/// Something that a test needs.
+/// A requirement of a test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Requirement {
-    /// Chromium, and chromedriver to drive it.
+    /// Chromium and chromedriver.
     Chromium,
-    /// A Docker engine, and the images that `tests/containers/base-images` makes.
+    /// A Docker engine, and the images made by `tests/containers/base-images`.
     Containers,
-    /// `docker compose` or `docker-compose`; no engine.
+    /// `docker compose` or `docker-compose`, without an engine.
     Compose,
     /// A `python3` with these modules, separated by commas.
     Python(&'static str),
-    /// The right to mount a file system in memory.
+    /// Permission to mount a file system in memory.
     Mount,
-    /// The right to make a network namespace, and `ip` and `iptables` to have it lose packets.
+    /// Permission to make a network namespace, and `ip` and `iptables` to drop its packets.
     NetworkNamespace,
-    /// So many open files a process.
+    /// This number of open files per process.
     OpenFiles(u64),
 }
 
-/// Something that is not there.
+/// A missing requirement.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
-    /// What, and how it could be had.
+    /// What is missing, and how to get it.
     pub reason: String,
-    /// Whether somebody could install it here. Otherwise it is the machine that does not allow it.
+    /// Whether it could be installed here. Otherwise the machine does not allow it.
     pub can_be_had: bool,
 }
 
 impl Requirement {
-    /// What of it is missing here; looked up once a process.
+    /// What is missing of the requirement here; checked once per process.
     #[must_use]
     pub fn missing(self) -> Option<Missing> {
         static KNOWN: Mutex<Vec<(Requirement, Option<Missing>)>> = Mutex::new(Vec::new());
@@ -107,7 +107,7 @@ fn found(is_there: bool, reason: &str, can_be_had: bool) -> Result<(), Missing> 
     is_there.then_some(()).ok_or(Missing { reason, can_be_had })
 }
 
-/// Chromium and its driver, where both are installed.
+/// Chromium and its driver, if both are installed.
 #[must_use]
 pub fn chromium() -> Option<(String, String)> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
@@ -125,7 +125,7 @@ pub fn base_images() -> Option<(String, String)> {
     Some((build.to_owned(), runtime.trim().to_owned()))
 }
 
-/// `docker compose`, or docker-compose where there is only that.
+/// `docker compose`, or else docker-compose.
 #[must_use]
 pub fn compose() -> Option<Command> {
     if succeeds("docker", &["compose", "version"]) {
@@ -144,7 +144,7 @@ fn on_path(name: &str) -> Option<String> {
         .map(|path| path.display().to_string())
 }
 
-/// Whether a namespace can be made whose packets are dropped by chance.
+/// Whether a namespace with random packet loss can be made.
 fn loses_packets() -> bool {
     let name = format!("murmuration-try-{}", std::process::id());
     if !succeeds("ip", &["netns", "add", &name]) {

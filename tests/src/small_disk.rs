@@ -1,4 +1,4 @@
-//! A small file system of its own, where mounting is allowed ([`crate::Requirement::Mount`]).
+//! A small separate file system, if mounting is allowed ([`crate::Requirement::Mount`]).
 
 use std::{
     fs, io,
@@ -11,13 +11,13 @@ use std::{
 pub struct SmallDisk(PathBuf);
 
 impl SmallDisk {
-    /// A file system of this `size`, such as `8m`, at a folder that is made. Panics where mounting is not allowed.
+    /// A file system of this `size`, such as `8m`, in a new folder. Panics if mounting is not allowed.
     #[must_use]
     pub fn new(at: &Path, size: &str) -> Self {
         Self::mount(at, size).expect("the harness asks first whether mounting is allowed")
     }
 
-    /// The same; `None` where it is not allowed.
+    /// The same; `None` if mounting is not allowed.
     pub(crate) fn mount(at: &Path, size: &str) -> Option<Self> {
         fs::create_dir_all(at).unwrap();
         let mounted = Command::new("mount")
@@ -30,7 +30,7 @@ impl SmallDisk {
             .then(|| Self(at.to_owned()))
     }
 
-    /// Allows no more writing.
+    /// Makes it read-only.
     pub fn make_read_only(&self) {
         let remount = Command::new("mount")
             .args(["-o", "remount,ro"])
@@ -39,7 +39,7 @@ impl SmallDisk {
         assert!(remount.unwrap().success());
     }
 
-    /// Takes what room there is, until the file that is returned is removed.
+    /// Fills the disk until the returned file is removed.
     #[must_use]
     pub fn fill(&self) -> PathBuf {
         let path = self.0.join("filler");

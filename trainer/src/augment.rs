@@ -1,26 +1,26 @@
-//! Another picture of the same behaviour: cropped, resized, turned and reflected.
+//! Augmentation: another picture of the same behaviour, cropped, resized, turned and reflected.
 
 use crate::{network::scaled, real::Real};
 use murmuration_proto::{
-    Stream,
+    RandomStream,
     training::{PaperLabelled, RandomTriplets, Recipe},
 };
 
-/// How far pictures are changed.
+/// The parameters of augmentation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Augmentation {
-    /// Least and greatest share of width and of height that a crop keeps, each drawn for itself. Over 1 the
-    /// picture shrinks, on black.
+    /// Smallest and largest share of width and height that a crop keeps, drawn separately for each. Over 1 the picture
+    /// shrinks, on black.
     pub(crate) crop: [f64; 2],
     pub(crate) symmetries: Symmetries,
 }
 
-/// Which of the square's eight symmetries are applied, each as likely as the others.
+/// Which of the square's eight symmetries are applied, with equal probabilities.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Symmetries {
-    /// A quarter, a half or three quarters of a turn (the paper's; never none).
+    /// A quarter, a half or three quarters of a turn, as in the paper, which always turns.
     Turns,
-    /// All eight: turns and reflections, and none.
+    /// All eight: turns and reflections, including the identity.
     All,
 }
 
@@ -36,20 +36,26 @@ impl From<&Recipe> for Augmentation {
                 crop: recipe.crop,
                 symmetries: Symmetries::All,
             },
-            // Of unlabelled pictures; those that are labelled have a crop of their own.
+            // For unlabelled pictures; labelled pictures have their own crop.
             Recipe::Labelled(recipe) => Self {
                 crop: recipe.unlabelled_crop,
                 symmetries: Symmetries::All,
             },
-            // For the measure of its quality alone.
+            // Only for measuring quality.
             Recipe::Untrained => Self::from(&Recipe::default()),
         }
     }
 }
 
 impl Augmentation {
-    /// Writes a changed copy of the `picture` of `side` x `side` to `output`, scaled to 0 to 1.
-    pub(crate) fn apply<T: Real>(&self, picture: &[u8], side: usize, stream: &mut Stream, output: &mut [T]) {
+    /// Writes an augmented copy of the `picture` of `side` x `side` to `output`, scaled to 0 to 1.
+    pub(crate) fn apply<T: Real>(
+        &self,
+        picture: &[u8],
+        side: usize,
+        stream: &mut RandomStream,
+        output: &mut [T],
+    ) {
         let rows = self.window(side, stream).places::<T>();
         let columns = self.window(side, stream).places::<T>();
         let symmetry = match self.symmetries {
@@ -69,7 +75,7 @@ impl Augmentation {
         }
     }
 
-    fn window(&self, side: usize, stream: &mut Stream) -> Window {
+    fn window(&self, side: usize, stream: &mut RandomStream) -> Window {
         let share = stream.between(self.crop[0], self.crop[1]);
         let start = stream.unit() * (1.0 - share) * side as f64;
         Window { start, share, side }
@@ -79,8 +85,8 @@ impl Augmentation {
 /// Quarter, half and three-quarter turn, among the symmetries 0 to 7.
 const TURNS: [u64; 3] = [5, 3, 6];
 
-/// Where the pixels of a picture go under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2
-/// exchanges the two.
+/// The places of a picture's pixels under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2 exchanges
+/// the two.
 struct Target {
     first: usize,
     row_step: isize,
@@ -121,22 +127,22 @@ impl Target {
     }
 }
 
-/// A part of an axis, stretched or shrunk to the whole of it.
+/// A part of an axis, stretched or shrunk to the whole axis.
 #[derive(Debug, Clone, Copy)]
 struct Window {
-    /// Where it begins, pixels; under 0 if it is longer than the axis.
+    /// Its begin, pixels; negative if it is longer than the axis.
     start: f64,
     /// Its length, as a share of the axis.
     share: f64,
     side: usize,
 }
 
-/// What one pixel of a stretched axis is made of.
+/// The sources of one pixel of a stretched axis.
 #[derive(Debug, Clone, Copy)]
 struct Place<T> {
     low: usize,
     high: usize,
-    /// How much `high` counts.
+    /// The weight of `high`.
     part: T,
     /// 1 inside the picture, 0 outside.
     light: T,
@@ -149,8 +155,8 @@ impl<T: Real> Place<T> {
 }
 
 impl Window {
-    /// One place for each pixel. Beyond the centres of the window's (or the picture's) first and last pixels there is
-    /// nothing to go between.
+    /// One place for each pixel. Beyond the centres of the first and last pixels of the window (or the picture) there is
+    /// nothing to interpolate.
     fn places<T: Real>(self) -> Vec<Place<T>> {
         let first = self.start.max(0.0);
         let last = (self.start + self.share * self.side as f64).min(self.side as f64) - 1.0;
@@ -188,7 +194,7 @@ mod tests {
 
     fn changed(augmentation: Augmentation, index: u64) -> Vec<u8> {
         let mut output = vec![0.0; SIDE * SIDE];
-        let mut stream = Stream::derive(1, Purpose::Augment, index);
+        let mut stream = RandomStream::derive(1, Purpose::Augment, index);
         augmentation.apply(&picture(), SIDE, &mut stream, &mut output);
         output
             .into_iter()
@@ -264,7 +270,7 @@ mod tests {
         fn what_is_even_stays_even(low in 0.01..1.0f64, part in 0.0..1.0f64, index: u64) {
             let augmentation = Augmentation { crop: [low, low + (1.0 - low) * part], ..PLAIN };
             let mut output = vec![f64::NAN; 49];
-            let mut stream = Stream::derive(2, Purpose::Augment, index);
+            let mut stream = RandomStream::derive(2, Purpose::Augment, index);
             augmentation.apply(&[200; 49], 7, &mut stream, &mut output);
             prop_assert!(output.iter().all(|value| (value - 200.0 / 255.0).abs() < 1e-12));
         }

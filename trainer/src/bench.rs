@@ -1,41 +1,41 @@
-//! How fast trainings are on this machine: for `murmuration bench train`.
+//! Measures the speed of trainings on this machine, for `murmuration bench train`.
 
 use crate::{
     pictures::{Pictures, PicturesError},
     training::{Training, TrainingError},
 };
 use murmuration_proto::{
-    Invalid, Purpose, Stream,
+    Invalid, Purpose, RandomStream,
     training::{Configuration, NetworkSettings, Recipe, Settings},
 };
 use std::sync::Arc;
 
-/// Figures of one network and recipe.
+/// The figures of one network and recipe.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figures {
     /// `compact` or `paper`.
     pub network: &'static str,
     /// `in-batch` or `paper`.
     pub recipe: &'static str,
-    /// Weights of the network.
+    /// Number of weights of the network.
     pub weights: usize,
-    /// Triplets a step learns from.
+    /// Triplets per step.
     pub triplets_per_step: u64,
     /// Mean time of a step, seconds.
     pub step_seconds: f64,
     /// Time of an epoch's steps, seconds.
     pub epoch_seconds: f64,
-    /// Most memory that the process has held so far, bytes; `None` where the system does not tell.
+    /// Peak memory of the process so far, bytes; `None` if the system does not report it.
     pub peak_memory: Option<u64>,
 }
 
-/// Why there are no figures.
+/// Why the benchmark failed.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
-    /// A number that is not allowed.
+    /// A number is not allowed.
     #[error("{0}")]
     Value(#[from] Invalid),
-    /// Too few behaviours.
+    /// There are too few behaviours.
     #[error("{0}")]
     Pictures(#[from] PicturesError),
     /// The network cannot be trained.
@@ -43,12 +43,12 @@ pub enum BenchError {
     Training(#[from] TrainingError),
 }
 
-/// Trains each network with each recipe for one epoch on pictures of `behaviours` made-up behaviours (the default
-/// of a campaign is 10,000, which takes some 20 s on two cores), 50 x 50 pixels; hands the figures over as they come.
-/// The smallest in memory runs first, because the peak of a process never falls.
+/// Trains each network with each recipe for one epoch on pictures of `behaviours` synthetic behaviours of 50 x 50 pixels, and
+/// yields the figures one after the other. A campaign's default of 10,000 takes some 20 s on two cores. The training with the
+/// least memory runs first, because the peak of a process never falls.
 ///
 /// # Errors
-/// Where there are fewer than four behaviours.
+/// If there are fewer than four behaviours.
 pub fn train(behaviours: usize, mut report: impl FnMut(Figures)) -> Result<(), BenchError> {
     let pictures = Arc::new(made_up(behaviours)?);
     for (network, recipe) in [
@@ -97,10 +97,10 @@ fn one_epoch(
     })
 }
 
-/// Pictures as dark as trajectories are: a few short lines on black.
+/// Pictures as dark as those of trajectories: a few short lines on black.
 fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
     const SIDE: usize = 50;
-    let mut stream = Stream::derive(0, Purpose::Train, 0);
+    let mut stream = RandomStream::derive(0, Purpose::Train, 0);
     let mut bytes = vec![0; behaviours * SIDE * SIDE];
     for picture in bytes.chunks_exact_mut(SIDE * SIDE) {
         for _ in 0..24 {
@@ -111,7 +111,7 @@ fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
     Pictures::new(SIDE, 1, bytes)
 }
 
-/// The high-water mark of this process's memory, as Linux tells it.
+/// The peak memory of this process, as reported by Linux.
 fn peak_memory() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;

@@ -1,7 +1,7 @@
-//! The trainer's network face: leases a training at a time, reports after each epoch, publishes what it comes to.
+//! The network side of a trainer: leases one training at a time, reports after each epoch, and publishes the checkpoint.
 //!
-//! Whatever it holds can be lost: the coordinator has the last snapshot, and whoever leases the training next goes on
-//! from there to the same checkpoint.
+//! A trainer is stateless: the coordinator has the last snapshot, and the next trainer continues from it to the same
+//! checkpoint.
 
 mod dataset;
 mod event;
@@ -22,27 +22,26 @@ use tokio::sync::{Mutex, watch};
 
 pub use murmuration_link::LinkError as TrainerError;
 
-/// What a trainer needs to know.
+/// The settings of a trainer.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
     pub coordinator: String,
-    /// What to show to it, and whom to take for it.
+    /// Credentials for the coordinator, and the authority to trust.
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// Told whether it is connected.
+    /// Is told whether the trainer is connected.
     pub health: Health,
 }
 
-/// Trains, in rayon's global pool, until `stop` becomes true: then it ends the epoch, hands the training back as a
-/// snapshot, and leaves.
+/// Trains, in rayon's global pool, until `stop` becomes true. Then it finishes the epoch, returns the training as a snapshot,
+/// and leaves.
 ///
 /// # Errors
-/// Where the URL is none, or the coordinator does not take this trainer. Anything that may pass is tried again for
-/// ever.
+/// If the URL is not valid, or the coordinator refuses this trainer. Temporary errors are retried for ever.
 pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
     let address = Address::new(
         &options.coordinator,
@@ -60,7 +59,7 @@ pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), Tr
 
 struct Trainer {
     coordinator: Coordinator,
-    /// Held by the training that computes: one that was given up does until its epoch is over, and the next waits.
+    /// Locked by the training that computes. An abandoned training computes until its epoch is over, and the next one waits.
     turn: Arc<Mutex<()>>,
 }
 
@@ -119,7 +118,7 @@ impl Peer for Trainer {
 }
 
 impl Trainer {
-    /// Begins a training; says so if it is none that can begin.
+    /// Begins a training, or reports that it cannot begin.
     async fn take(
         &self,
         lease: v1::Lease,
@@ -142,7 +141,7 @@ impl Trainer {
     }
 }
 
-/// What the training has to say next; waits for ever where there is none.
+/// The next event of the training; waits for ever if there is no training.
 async fn next(running: &mut Option<Running>) -> Event {
     match running {
         Some(running) => running.next().await,

@@ -1,24 +1,24 @@
-//! What people have said of behaviours: grey pictures, each with the class that it was given.
+//! Labelled pictures: grey pictures of behaviours, each with its class.
 
 use murmuration_proto::SeenPictures;
 use std::ops::Range;
 
-/// Grey pictures, all of one side, each of a class. Classes are numbered from 1 in the order of the caller's choice, and
-/// [`LabelledPictures::RANDOM`] is 0; what else they are called makes no difference to a training.
+/// Grey pictures of one side, each with a class. The caller numbers the classes from 1 in any order;
+/// [`LabelledPictures::RANDOM`] is 0. Their names do not matter to a training.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelledPictures {
     side: usize,
     bytes: Vec<u8>,
-    /// One of each picture.
+    /// One per picture.
     classes: Vec<u32>,
     /// All pictures, class after class.
     by_class: Vec<usize>,
-    /// Where in that list each class is that has a picture.
+    /// The range of each class in that list, if it has a picture.
     ranges: Vec<Range<usize>>,
     labels: usize,
 }
 
-/// Why pictures and classes are nothing to learn from.
+/// Why pictures and classes cannot be learned from.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelledPicturesError {
     /// Pictures without pixels, or too large.
@@ -34,19 +34,19 @@ pub enum LabelledPicturesError {
         /// Bytes of a picture.
         each: usize,
     },
-    /// All are of one class, so that there is nothing to tell apart.
+    /// All pictures have one class.
     #[error("the labels name {0} classes: at least two are needed")]
     TooFewClasses(usize),
 }
 
 impl LabelledPictures {
-    /// The number of the class `random`: whatever is of no other class, so that two of it need not be alike.
+    /// The number of the class `random`, for behaviours of no other class. Two of them need not be alike.
     pub const RANDOM: u32 = 0;
 
     /// Pictures of `side` x `side` bytes, one after the other, and the class of each.
     ///
     /// # Errors
-    /// Where the numbers do not fit, or there are fewer than two classes.
+    /// If the numbers do not fit, or there are fewer than two classes.
     pub fn new(side: usize, bytes: Vec<u8>, classes: Vec<u32>) -> Result<Self, LabelledPicturesError> {
         if !(1..=1000).contains(&side) {
             return Err(LabelledPicturesError::Side(side));
@@ -76,13 +76,13 @@ impl LabelledPictures {
         })
     }
 
-    /// The same, come from so many labels: fewer than pictures, where one is of several of them.
+    /// Sets the number of labels, which is less than that of pictures if several pictures share a label.
     #[must_use]
     pub fn of_labels(self, labels: usize) -> Self {
         Self { labels, ..self }
     }
 
-    /// Number of labels that they come from.
+    /// Number of labels of these pictures.
     #[must_use]
     pub const fn labels(&self) -> usize {
         self.labels
@@ -106,26 +106,26 @@ impl LabelledPictures {
         &self.by_class
     }
 
-    /// Where in [`LabelledPictures::by_class`] the pictures of each class are: two ranges or more, none empty.
+    /// The range of each class in [`LabelledPictures::by_class`]: two ranges or more, none empty.
     #[must_use]
     pub(crate) fn ranges(&self) -> &[Range<usize>] {
         &self.ranges
     }
 
-    /// The class of a picture, counted from 0 and within what there is.
+    /// The class of a picture. The index counts from 0 and must be in range.
     #[must_use]
     pub(crate) fn class(&self, index: usize) -> u32 {
         self.classes[index]
     }
 
-    /// A picture, counted from 0 and within what there is.
+    /// A picture. The index counts from 0 and must be in range.
     #[must_use]
     pub(crate) fn picture(&self, index: usize) -> &[u8] {
         let pixels = self.side * self.side;
         &self.bytes[index * pixels..][..pixels]
     }
 
-    /// What an embedder that learns from them has seen.
+    /// The pictures that an embedder sees if it learns from these.
     #[must_use]
     pub fn seen(&self) -> SeenPictures {
         SeenPictures::of(self.bytes.chunks_exact(self.side * self.side))

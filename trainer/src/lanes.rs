@@ -1,8 +1,8 @@
-//! The gradient of a batch, a chunk of images at a time on every core.
+//! The gradient of a batch, computed on all cores, one chunk of images at a time.
 //!
-//! Chunks are dealt out to a fixed number of lanes. A lane takes its chunks in order and adds up their gradients;
-//! the lanes' sums are then added in order. So the result depends on the number of lanes and on the size of the
-//! chunks, which are constants, and not on the number of threads.
+//! Chunks are distributed over a fixed number of lanes. A lane takes its chunks in order and adds up their gradients. Then
+//! the lanes' sums are added in order. So the result depends on the number of lanes and the size of chunks, which are
+//! constants, but not on the number of threads.
 
 use crate::{
     network::{Network, Room, Tape},
@@ -11,29 +11,29 @@ use crate::{
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// Number of lanes, and so of threads that can be busy.
+/// Number of lanes, which is the maximum number of busy threads.
 const LANES: usize = 16;
-/// Weights whose sums over the lanes are one piece of work.
+/// Number of weights that one task sums over the lanes.
 const SUMMED_AT_ONCE: usize = 1 << 14;
 
-/// Buffers for one batch after the other.
+/// Buffers, reused from batch to batch.
 #[derive(Debug)]
 pub(crate) struct Lanes<T> {
     lanes: Vec<Lane<T>>,
-    /// As many as threads have been busy at once: which one a lane takes makes no difference.
+    /// As many as threads have been busy at the same time. Lanes may take any of them.
     workbenches: Mutex<Vec<Workbench<T>>>,
 }
 
-/// What is the lane's own.
+/// The state of a lane.
 #[derive(Debug, Clone)]
 struct Lane<T> {
     gradient: Vec<T>,
     loss: f64,
-    /// One for each chunk between whose ways forward and back the others' embeddings are waited for.
+    /// One for each chunk that waits for the others' embeddings between its forward and backward pass.
     tapes: Vec<Tape<T>>,
 }
 
-/// What a thread works with.
+/// The buffers of a thread.
 #[derive(Debug)]
 struct Workbench<T> {
     tape: Tape<T>,
@@ -66,11 +66,10 @@ impl<T: Real> Lanes<T> {
         }
     }
 
-    /// The gradient of a loss that each chunk has for itself: a chunk stays in a core's cache from image to gradient.
+    /// The gradient of a loss that is computed per chunk, so that a chunk stays in a core's cache from image to gradient.
     /// Writes the gradient by the weights to `sum`, and returns the sum of the losses.
     ///
-    /// `images` makes the images of a chunk (it is given an empty list); `loss` is given their embeddings and makes
-    /// the gradient by them.
+    /// `images` fills an empty list with the images of a chunk. `loss` computes the gradient by their embeddings.
     pub(crate) fn gradient_by_chunk(
         &mut self,
         network: &Network<T>,
@@ -102,10 +101,10 @@ impl<T: Real> Lanes<T> {
         self.lanes.iter().map(|lane| lane.loss).sum()
     }
 
-    /// The gradient of a loss that needs the embeddings of all `images` (`chunk` of them are taken at once): the
-    /// chunks wait between their ways forward and back. Writes the gradient by the weights to `sum`.
+    /// The gradient of a loss that needs the embeddings of all `images`, in chunks of `chunk` images that wait between their
+    /// forward and backward passes. Writes the gradient by the weights to `sum`.
     ///
-    /// `loss` is given the embeddings and makes the gradient by them.
+    /// `loss` computes the gradient by the embeddings.
     pub(crate) fn gradient_at_once<L>(
         &mut self,
         network: &Network<T>,
@@ -149,7 +148,7 @@ impl<T: Real> Lanes<T> {
         loss
     }
 
-    /// Has every lane work, with its number and a workbench.
+    /// Runs every lane, with its number and a thread's buffers.
     fn for_each_lane(&mut self, work: impl Fn(usize, &mut Lane<T>, &mut Workbench<T>) + Sync) {
         let workbenches = &self.workbenches;
         let free = || workbenches.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,11 +1,11 @@
-//! The trainer: learns embedders from trajectory images, first without labels, then from what people say of them, and
-//! writes them as ONNX checkpoints.
+//! The trainer: trains embedders on trajectory images, first without labels, then on labels, and writes them as ONNX
+//! checkpoints.
 //!
-//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration) in and is stepped an
-//! epoch at a time; [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to be trained
-//! further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). They work in the rayon pool that they
-//! are called in. [`client`] is the network face: it leases trainings from a coordinator and publishes what they come
-//! to.
+//! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration)
+//! and runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to
+//! train it further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). All of them use the rayon pool of
+//! their caller. [`client`] is the network side: it leases trainings from a coordinator and publishes the resulting
+//! checkpoints.
 #![deny(missing_docs)]
 
 mod augment;

@@ -1,23 +1,23 @@
 //! The trainer's binary: connects to a coordinator and trains embedders until it is told to stop.
 
 use clap::Parser;
-use murmuration_link::{PartyArguments, Post, errln, parse_arguments, run_party};
+use murmuration_link::{PeerArguments, Post, errln, parse_arguments, run_peer};
 use murmuration_trainer::client::{self, Options};
 use std::{num::NonZeroUsize, process::ExitCode};
 
 /// Trains embedders for a Murmuration coordinator.
 ///
-/// Stateless: the coordinator keeps what is trained, epoch by epoch. On SIGTERM or Ctrl-C it ends the epoch, hands the
-/// training back, and leaves.
+/// A trainer keeps no state: the coordinator stores the training after every epoch. On SIGTERM or Ctrl-C the trainer
+/// finishes the epoch, returns the training, and exits.
 #[derive(Debug, Parser)]
 #[command(name = "murmuration-trainer", version)]
 struct Arguments {
     #[command(flatten)]
-    party: PartyArguments,
-    /// Name shown to people
+    peer: PeerArguments,
+    /// Name that people see
     #[arg(long, env = "MURMURATION_TRAINER_NAME", default_value = "trainer")]
     name: String,
-    /// Threads that compute; they change no bit of what is trained [default: number of cores]
+    /// Number of threads, which does not change the result [default: number of cores]
     #[arg(long, env = "MURMURATION_THREADS")]
     threads: Option<NonZeroUsize>,
 }
@@ -28,7 +28,7 @@ async fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(code) => return code,
     };
-    // To rayon 0 is the number of cores.
+    // For rayon, 0 means the number of cores.
     let threads = arguments.threads.map_or(0, NonZeroUsize::get);
     if let Err(error) = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
@@ -38,10 +38,10 @@ async fn main() -> ExitCode {
         return ExitCode::FAILURE;
     }
     let leaving = "leaving after this epoch";
-    run_party(
+    run_peer(
         "murmuration-trainer",
         leaving,
-        arguments.party,
+        arguments.peer,
         async |post: Post| {
             let options = Options {
                 coordinator: post.coordinator,

@@ -5,7 +5,7 @@ use crate::{
     real::Real,
 };
 use murmuration_proto::{
-    Purpose, Stream,
+    Purpose, RandomStream,
     training::{Architecture, Layer, Shape, parameters},
 };
 use rayon::prelude::*;
@@ -19,13 +19,13 @@ pub struct Network<T = f32> {
     parameters: Vec<T>,
 }
 
-/// A layer that computes, and the activation that may follow it.
+/// A layer with its own output, and the activation that may follow it.
 #[derive(Debug, Clone)]
 pub(crate) struct Stage {
     pub(crate) operation: Operation,
     pub(crate) activation: Option<Layer>,
     pub(crate) output: Shape,
-    /// Where its weights are among the network's.
+    /// The range of its weights among the network's.
     pub(crate) parameters: Range<usize>,
 }
 
@@ -37,18 +37,18 @@ impl Stage {
     }
 }
 
-/// Images that are embedded at once when a network is only used.
+/// Number of images per chunk outside of training.
 const EMBEDDED_AT_ONCE: usize = 32;
 
 impl<T: Real> Network<T> {
-    /// A network with its first weights: uniform in plus or minus 1 / sqrt(values that meet in one), biases too,
-    /// as PyTorch does it; scales 1 and shifts 0.
+    /// A network with its initial weights: weights and biases are uniform in plus or minus 1 / sqrt(inputs of a unit), as in
+    /// PyTorch; scales are 1 and shifts 0.
     #[must_use]
     pub fn initialise(architecture: Architecture, seed: u64) -> Self {
         let stages = stages(&architecture);
         let mut parameters = Vec::new();
         for (index, stage) in stages.iter().enumerate() {
-            let mut stream = Stream::derive(seed, Purpose::Initialise, index as u64);
+            let mut stream = RandomStream::derive(seed, Purpose::Initialise, index as u64);
             let count = stage.parameters.len();
             match stage.operation.fan_in() {
                 0 => {
@@ -88,13 +88,13 @@ impl<T: Real> Network<T> {
         &self.stages
     }
 
-    /// How many values its stages make of one image.
+    /// Number of values of its stages for one image.
     pub(crate) fn values_per_image(&self) -> usize {
         self.stages.iter().map(|stage| stage.output.len()).sum()
     }
 
-    /// Embeds grey pictures, given one after the other as bytes: `dimensions` numbers each, one after the other.
-    /// A remainder shorter than a picture is left out. The bits do not depend on the number of threads.
+    /// Embeds grey pictures, given as consecutive bytes. Returns `dimensions` numbers for each. A remainder shorter than a
+    /// picture is ignored. The bits do not depend on the number of threads.
     #[must_use]
     pub fn embed(&self, pictures: &[u8]) -> Vec<T> {
         self.embed_by_chunk(pictures, |greys| greys.iter().map(|&grey| scaled(grey)).collect())
@@ -153,7 +153,7 @@ impl<T: Real> Network<T> {
             gradients: [d_output, d_input],
             scratch,
         } = room;
-        // They only grow: a buffer that fitted each stage anew would be filled each time.
+        // They only grow: resizing a buffer for each stage would fill it each time.
         let largest = outputs.iter().map(Vec::len).max().unwrap_or(0);
         for gradient in [&mut *d_output, &mut *d_input] {
             gradient.resize(largest.max(gradient.len()), T::zero());
@@ -194,15 +194,15 @@ impl Network<f32> {
     }
 }
 
-/// A grey value as networks take it: 0 to 1.
+/// A grey value scaled to 0 to 1, the input range of networks.
 pub(crate) fn scaled<T: Real>(grey: u8) -> T {
     T::of(f64::from(grey)) / T::of(255.0)
 }
 
-/// What a chunk of images left behind on its way forward. Its buffers are used again for the next chunk.
+/// The values of a chunk's forward pass. The next chunk reuses the buffers.
 #[derive(Debug, Clone)]
 pub(crate) struct Tape<T> {
-    /// What came out of each stage.
+    /// The output of each stage.
     outputs: Vec<Vec<T>>,
     notes: Vec<Vec<T>>,
 }
@@ -216,7 +216,7 @@ impl<T> Default for Tape<T> {
     }
 }
 
-/// Buffers that hold nothing between two passes.
+/// Scratch buffers of a pass.
 #[derive(Debug, Clone)]
 pub(crate) struct Room<T> {
     gradients: [Vec<T>; 2],
@@ -233,7 +233,7 @@ impl<T> Default for Room<T> {
 }
 
 impl<T> Tape<T> {
-    /// What came out last.
+    /// The last output.
     pub(crate) fn embeddings(&self) -> &[T] {
         self.outputs.last().map_or(&[], Vec::as_slice)
     }

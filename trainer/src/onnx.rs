@@ -1,12 +1,11 @@
 //! A network as an ONNX model, which any ONNX Runtime can run.
 //!
-//! In: `images`, 32-bit floats, batch x 1 x side x side, grey values 0 to 255 as they are; the scaling to 0 to 1 is
-//! part of the graph. Out: `embeddings`, batch x dimensions. Written for opset [`OPSET`], whose operators every
-//! ONNX Runtime of the last years has.
+//! The input is `images`: 32-bit floats, batch x 1 x side x side, grey values from 0 to 255; the graph scales them to 0 to 1.
+//! The output is `embeddings`: batch x dimensions. The model uses opset [`OPSET`], which every recent ONNX Runtime supports.
 //!
-//! Group normalisation is spelled out. The operator of that name came with opset 18, and right only with 21; and
-//! ONNX Runtime's kernels for it and for `InstanceNormalization` add up thousands of values that are mostly the same
-//! in one go, which costs a digit. Means of rows, then of those, agree with ours to 2e-6.
+//! Group normalisation is made of simpler operators. The operator of that name came with opset 18 and is correct only since
+//! 21. Also, ONNX Runtime's kernels for it and for `InstanceNormalization` sum thousands of mostly equal values at once,
+//! which costs a digit. Means of rows, and then the mean of these, agree with ours to 2e-6.
 
 mod import;
 #[cfg(test)]
@@ -29,7 +28,7 @@ use prost::Message as _;
 
 /// Version of the standard operators that models are written for.
 pub const OPSET: i64 = 17;
-/// Version of the file format that came with it.
+/// Version of the file format of that opset.
 const IR_VERSION: i64 = 8;
 
 /// The bytes of the network's ONNX model: equal networks have equal bytes.
@@ -75,16 +74,16 @@ pub fn export(network: &Network) -> Vec<u8> {
     model.encode_to_vec()
 }
 
-/// A graph that grows at its end.
+/// A graph that is built from input to output.
 struct Graph {
-    /// Name of the value made last.
+    /// Name of the last output.
     last: String,
     nodes: Vec<NodeProto>,
     constants: Vec<TensorProto>,
 }
 
 impl Graph {
-    /// Appends a node that takes the value made last and `others`, and makes `output`.
+    /// Appends a node with the last output and `others` as inputs, and `output` as output.
     fn node(&mut self, operator: &str, output: &str, others: &[&str], attributes: Vec<AttributeProto>) {
         let made = std::mem::replace(&mut self.last, output.to_owned());
         let others = others.iter().map(|&name| name.to_owned());
@@ -148,7 +147,7 @@ impl Graph {
     fn group_normalisation(&mut self, name: &str, layer: GroupNormalisation, weights: &[f32]) {
         let Shape { channels, side } = layer.shape;
         let named = |what: &str| format!("{name}.{what}");
-        // 0 is "as it was": the batch.
+        // 0 keeps the size: the batch's.
         let by_group = [0, layer.groups, channels / layer.groups * side, side];
         let by_channel = [0, channels, side, side];
         let (by_channel, spread) = match self.is_flat(layer.shape) {
@@ -214,14 +213,14 @@ impl Graph {
         self.node("Gemm", name, &[&weights_name, &biases_name], transposed);
     }
 
-    /// Whether a value of this shape comes out of a dense layer, and so has no height and width in the graph.
+    /// Whether a value of this shape is the output of a dense layer, which has no height and width in the graph.
     fn is_flat(&self, shape: Shape) -> bool {
         let dense = |node: &NodeProto| node.op_type == "Gemm";
         shape.side == 1 && self.nodes.iter().any(dense)
     }
 }
 
-/// What a stage's node is called, and its constants after it.
+/// The name of a stage's node, and the prefix of its constants.
 fn stage_name(index: usize, operation: &Operation) -> String {
     let kind = match operation {
         Operation::Convolution(_) => "convolution",

@@ -7,7 +7,7 @@ const DECAYS: [f64; 2] = [0.9, 0.999];
 /// Added to the root of the mean squared gradient.
 const EPSILON: f64 = 1e-8;
 
-/// Adam's state: what it remembers of the gradients so far.
+/// The state of Adam.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Adam<T> {
     /// Mean gradient of each weight.
@@ -19,7 +19,7 @@ pub(crate) struct Adam<T> {
 }
 
 impl<T: Real> Adam<T> {
-    /// The state before the first of all steps, for so many weights.
+    /// The state before the first step, for this number of weights.
     pub(crate) fn new(weights: usize) -> Self {
         Self {
             means: vec![T::zero(); weights],

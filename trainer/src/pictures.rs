@@ -1,7 +1,7 @@
-//! What is trained on: grey pictures, one or more of each behaviour.
+//! The pictures to train on: grey, one or more per behaviour.
 
-/// Grey pictures, all of one side. Several pictures of one behaviour (its views) belong together without anybody
-/// having labelled them: the same controller from other starts, say.
+/// Grey pictures of one side. Several pictures of one behaviour (its views, such as the same controller from other starts)
+/// belong together without labels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pictures {
     side: usize,
@@ -23,21 +23,21 @@ pub enum PicturesError {
     /// Bytes that do not fill the last behaviour's pictures.
     #[error("{bytes} bytes are not a whole number of behaviours with {each} bytes of pictures each")]
     Remainder {
-        /// How many there were.
+        /// The number of bytes.
         bytes: usize,
-        /// How many a behaviour has.
+        /// The number of bytes of one behaviour.
         each: usize,
     },
-    /// Too few to tell apart.
+    /// There are too few behaviours.
     #[error("{0} behaviours: at least 4 are needed, two to train on and two to hold out")]
     TooFew(usize),
 }
 
 impl Pictures {
-    /// Pictures of `side` x `side` bytes, one after the other, the `views` of a behaviour together.
+    /// Consecutive pictures of `side` x `side` bytes, with the `views` of a behaviour adjacent.
     ///
     /// # Errors
-    /// Where the numbers do not fit, or there are fewer than four behaviours.
+    /// If the numbers do not fit, or there are fewer than four behaviours.
     pub fn new(side: usize, views: usize, bytes: Vec<u8>) -> Result<Self, PicturesError> {
         let sizes = 1..=1000;
         if !sizes.contains(&side) || !sizes.contains(&views) {
@@ -72,7 +72,7 @@ impl Pictures {
         self.bytes.len() / (self.side * self.side * self.views)
     }
 
-    /// One view of a behaviour, both counted from 0 and within what there is.
+    /// One view of a behaviour. Both indices count from 0 and must be in range.
     #[must_use]
     pub fn picture(&self, behaviour: usize, view: usize) -> &[u8] {
         let pixels = self.side * self.side;

@@ -1,11 +1,11 @@
-//! What a finished training comes to: a checkpoint that was tried on ONNX Runtime before anybody else has it.
+//! Publishing a finished training: its checkpoint is tried on ONNX Runtime before anyone else gets it.
 
 use crate::{
     network::Network,
     onnx,
     pictures::Pictures,
     quality::Quality,
-    training::{Lesson, Training},
+    training::{FineTuned, Training},
 };
 use murmuration_embed::{EmbedError, Embedder, Runtime};
 use murmuration_proto::{
@@ -16,15 +16,15 @@ use murmuration_proto::{
 };
 use std::collections::BTreeMap;
 
-/// Pictures that both embed, the network and ONNX Runtime.
+/// Number of pictures that both the network and ONNX Runtime embed.
 const COMPARED: usize = 256;
-/// By how much a number of the two embeddings, which have spread 1, may differ: rounding. In proportion to what the last
-/// layer adds up where that is larger than the embeddings: those of a network that is not trained, or was trained with
-/// the paper's learning rate, can lie close together and far from 0, and are then all rounding in their last digits.
+/// How much a number of the two embeddings, whose spread is 1, may differ because of rounding. The limit is proportional to
+/// the sums in the last layer if these are larger than the embeddings. Embeddings of a network that is not trained, or was
+/// trained with the paper's learning rate, can lie close together and far from 0; then their last digits are all rounding.
 const MOST_DIFFERENCE: f32 = 1e-5;
-/// However large that is.
+/// The limit however large the sums are.
 const MOST_SCALED_DIFFERENCE: f32 = 1e-2;
-/// Spread of a collapsed embedding: to scale it to 1 would make rounding errors large.
+/// Spread below which an embedding counts as collapsed: scaling it to 1 would make rounding errors large.
 const LEAST_SPREAD: f64 = 1e-6;
 
 /// A checkpoint ready to be published.
@@ -34,7 +34,7 @@ pub(crate) struct Publication {
     lineage: Lineage,
 }
 
-/// Why a training comes to nothing that may be published.
+/// Why the result of a training cannot be published.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Unpublishable {
     #[error(
@@ -74,7 +74,7 @@ impl Publication {
         let mut embedder = Embedder::open(runtime, EmbedderModel::read(&bytes)?)?;
         let difference = difference(&network, &mut embedder, pictures)?;
         let allowed = allowed_difference(&network);
-        // Not `>`: a difference that is no number is one.
+        // Not `>`, so that NaN counts as a difference.
         if !matches!(difference, 0.0..) || difference > allowed {
             return Err(Unpublishable::Differs {
                 difference,
@@ -103,7 +103,7 @@ impl Publication {
             configuration: configuration.to_toml(),
             ..Lineage::default()
         };
-        if let Some(Lesson { labelled, parent }) = training.lesson() {
+        if let Some(FineTuned { labelled, parent }) = training.fine_tuned() {
             lineage.parent = Some(*parent);
             lineage.label_digest = labelled.digest();
             lineage.labelled = labelled.seen();
@@ -121,14 +121,14 @@ impl Publication {
         CheckpointDigest::of(&self.bytes)
     }
 
-    /// The messages that publish it.
+    /// The messages that publish the checkpoint.
     pub(crate) fn requests(&self) -> Vec<v1::PublishCheckpointRequest> {
         self.lineage.publish_requests(&self.bytes)
     }
 }
 
-/// In proportion to the biases of the last layer, which come last: what it adds up is as large, where it is larger
-/// than the embeddings.
+/// Proportional to the biases of the last layer, which come last: its sums are as large as these if they are larger than the
+/// embeddings.
 fn allowed_difference(network: &Network) -> f32 {
     let biases = network.parameters().len() - network.architecture().dimensions();
     let largest = network.parameters()[biases..]
@@ -137,7 +137,7 @@ fn allowed_difference(network: &Network) -> f32 {
     (MOST_DIFFERENCE * largest).min(MOST_SCALED_DIFFERENCE)
 }
 
-/// The largest difference between the two's embeddings, over pictures from first to last.
+/// The largest difference between the embeddings of the two, over pictures from first to last.
 fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -> Result<f32, Unpublishable> {
     let count = pictures.behaviours().min(COMPARED);
     let compared = (0..count).map(|i| i * pictures.behaviours() / count);
@@ -147,7 +147,7 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
     let ours = network.embed(&images.concat());
     let theirs = embedder.embed(&images)?.concat();
     let differences = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs());
-    // Not f32::max, which passes over what is no number.
+    // Not f32::max, which ignores NaN.
     let larger = |most: f32, difference: f32| match difference > most || difference.is_nan() {
         true => difference,
         false => most,

@@ -1,4 +1,4 @@
-//! Whole networks against PyTorch, in f64: `tests/fixtures/pytorch.py` made the numbers and says how.
+//! Compares whole networks with PyTorch, in f64: `tests/fixtures/pytorch.py` computed the numbers and says how.
 
 use crate::{
     lanes::Lanes,
@@ -10,7 +10,7 @@ use crate::{
 use murmuration_proto::training::{Architecture, Layer, Shape};
 use serde::Deserialize;
 
-/// What PyTorch made of one step.
+/// PyTorch's results for one step.
 #[derive(Deserialize)]
 struct Step {
     embeddings: Vec<f64>,
@@ -48,7 +48,7 @@ fn pictures(side: usize) -> Vec<f64> {
     pictures.map(|grey| grey as f64 / 255.0).collect()
 }
 
-/// For each layer with weights: what goes in, rows of weights, pixels and channels of a row.
+/// For each layer with weights: its input, rows of weights, pixels and channels of a row.
 fn rows(architecture: &Architecture) -> Vec<(Layer, usize, usize, usize)> {
     let rows = |(layer, input, _): (Layer, Shape, Shape)| match layer {
         Layer::Convolution { channels, kernel, .. } => {

@@ -1,7 +1,7 @@
-//! How good an embedding is, as far as that can be told without labels: a network can bring its loss down by
-//! embedding everything on a line, or at a point.
+//! The quality of an embedding, measured without labels. A network can lower its loss by embedding everything on a line, or
+//! at a point.
 
-/// What held-out behaviours say about an embedding.
+/// The quality of an embedding, measured on held-out behaviours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
     /// Share of triplets (anchor, positive of the same behaviour, positive of another) with the anchor strictly nearer
@@ -9,14 +9,14 @@ pub struct Quality {
     pub triplet_accuracy: f64,
     /// Root mean square distance of embeddings from their mean.
     pub spread: f64,
-    /// How many dimensions the embeddings fill: (sum of variances)^2 / sum of squared variances, over the principal
+    /// Effective number of dimensions of the embeddings: (sum of variances)^2 / sum of squared variances, over the principal
     /// axes. 1 on a line, at most the number of dimensions; 0 at a point.
     pub rank: f64,
 }
 
 impl Quality {
-    /// Measures embeddings of `dimensions` numbers each: of anchors, of their positives in the same order, and of
-    /// pictures as they are.
+    /// Measures embeddings of `dimensions` numbers each: of anchors, of their positives in the same order, and of pictures
+    /// without augmentation.
     pub(crate) fn of(anchors: &[f32], positives: &[f32], plain: &[f32], dimensions: usize) -> Self {
         let moments = Moments::of(plain, dimensions);
         let total = moments.variance();

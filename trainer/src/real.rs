@@ -1,4 +1,4 @@
-//! The two kinds of real number that networks compute with: f32 in use, f64 where gradients are tested.
+//! The two kinds of real numbers of networks: f32 for use, f64 for tests of gradients.
 
 use ndarray::{ArrayView2, ArrayViewMut2, LinalgScalar, linalg::general_mat_mul};
 use std::{
@@ -56,7 +56,7 @@ pub(crate) fn matrix<T>(rows: usize, columns: usize, data: &[T]) -> ArrayView2<'
     ArrayView2::from_shape((rows, columns), data).expect("rows x columns values")
 }
 
-/// `into = a b`, or `into += a b`. The bits depend on the shapes and the CPU's kind alone.
+/// `into = a b`, or `into += a b`. The bits depend only on the shapes and the kind of CPU.
 #[expect(
     clippy::expect_used,
     reason = "the layers' shapes are checked when a network is made"

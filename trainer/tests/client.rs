@@ -1,5 +1,4 @@
-//! A trainer and its coordinator: what is published, and what becomes of a training that is disturbed.
-//! Needs ONNX Runtime (`make runtime`).
+//! A trainer and its coordinator: publishing, and trainings that are disturbed. Needs ONNX Runtime (`make runtime`).
 #![allow(clippy::unwrap_used, clippy::panic, reason = "a test fails by panicking")]
 
 mod coordinator;
@@ -21,7 +20,7 @@ const SHORT: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 6\n";
 /// Longer than any test.
 const LONG: &str = "[recipe.in-batch]\nbatch = 12\nepochs = 100000\npatience = 100000\n";
 
-/// Bars of one width and brightness a behaviour, at two places.
+/// Bars, each behaviour with one width and brightness, at two places.
 fn bars() -> Vec<u8> {
     let bar = |behaviour: usize, view: usize| {
         let columns = 3 * view..3 * view + 1 + behaviour % 5;
@@ -51,7 +50,7 @@ fn task(configuration: &str) -> v1::TrainingTask {
     }
 }
 
-/// What the training comes to without a network or an interruption.
+/// The result of the training without a network or an interruption.
 fn expected(configuration: &str) -> CheckpointDigest {
     let configuration = Configuration::from_toml(configuration).unwrap();
     let mut training = Training::new(&configuration, pictures()).unwrap();
@@ -106,7 +105,7 @@ async fn a_training_is_reported_and_published() {
     assert_eq!(configuration, Configuration::from_toml(SHORT).unwrap());
     assert_eq!(lineage.metrics["epochs"], 6.0);
     assert!(lineage.metrics["spread"] > 0.0 && lineage.metrics["onnx_difference"] <= 1e-5);
-    // It is ready for the next.
+    // The trainer is ready for the next training.
     session.lease(2, task(SHORT)).await;
     assert_eq!(session.result(2).await.0, checkpoint(expected(SHORT)));
 }
@@ -165,7 +164,7 @@ async fn a_training_that_is_withdrawn_stops_and_makes_room() {
     session.withdraw(7).await;
     session.withdraw(1).await;
     while !matches!(session.hear().await, Message::Credits(_)) {}
-    // Whatever came of the first lease would not be of the second.
+    // An outcome of the first lease would not be one of the second.
     session.lease_for_credit(2, task(SHORT)).await;
     assert_eq!(session.report(2).await.epoch, 0);
     assert_eq!(session.result(2).await.0, checkpoint(expected(SHORT)));

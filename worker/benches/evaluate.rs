@@ -1,4 +1,4 @@
-//! Evaluations of the paper's world a second: scalar and dispatched, simulation alone and all of it.
+//! Evaluations of the paper's world per second: scalar and dispatched, simulation alone and whole evaluations.
 #![allow(missing_docs)]
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 

@@ -1,6 +1,6 @@
-//! The worker's network face: takes leases from a coordinator, has threads evaluate and embed, sends results.
+//! The network side of a worker: receives leases from a coordinator, lets threads evaluate and embed, and sends results.
 //!
-//! Stateless: whatever it holds can be lost, the coordinator gives it to another.
+//! A worker is stateless: if it is lost, the coordinator gives its leases to another worker.
 
 mod checkpoints;
 mod executor;
@@ -21,26 +21,26 @@ use pool::Pool;
 use std::{net::IpAddr, num::NonZeroUsize, path::PathBuf};
 use tokio::sync::watch;
 
-/// What a worker needs to know.
+/// The settings of a worker.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// URL of the coordinator, `http://HOST:PORT` or `https://HOST:PORT`.
     pub coordinator: String,
-    /// What to show to it, and whom to take for it.
+    /// Credentials for the coordinator, and the authority to trust.
     pub credentials: Credentials,
     /// Its name, for people.
     pub name: String,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// Told whether it is connected.
+    /// Is told whether the worker is connected.
     pub health: Health,
-    /// Evaluations at once, one a thread; at most 4,096.
+    /// Number of evaluations at once, one per thread; at most 4,096.
     pub threads: NonZeroUsize,
-    /// Folder for checkpoints, up to 1 GiB of them, made when it is first needed. Workers may share one.
+    /// Folder for up to 1 GiB of checkpoints, created at its first use. Workers may share one.
     pub cache: PathBuf,
 }
 
-/// Why a worker gave up. Anything that may pass is tried again for ever.
+/// Why a worker gave up. It retries temporary errors for ever.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// It cannot work for this coordinator.
@@ -51,7 +51,7 @@ pub enum WorkerError {
     Thread(#[from] std::io::Error),
 }
 
-/// Works until `stop` becomes true: then it gives back what it has not begun, finishes the rest, and leaves.
+/// Works until `stop` becomes true. Then it returns leases that it has not begun, finishes the rest, and leaves.
 ///
 /// # Errors
 /// See [`WorkerError`].
@@ -112,7 +112,7 @@ impl Peer for Worker {
 }
 
 impl Worker {
-    /// Hands a lease to the threads; how many credits it used.
+    /// Hands a lease to the threads and returns the number of credits that it used.
     async fn take(&mut self, message: v1::Lease, link: &Link) -> Result<usize, Broken> {
         let id = message.id.unwrap_or_default();
         let credits = match &message.work {
@@ -128,14 +128,14 @@ impl Worker {
         Ok(credits)
     }
 
-    /// Gives back what has not begun, finishes what has, and ends the stream.
+    /// Returns leases that have not begun, finishes the others, and ends the stream.
     async fn drain(&mut self, mut link: Link) -> Result<(), Broken> {
         link.send(worker_message::Message::Drain(v1::Drain {})).await?;
         self.pool.begin_nothing_more();
         while self.pool.outstanding() > 0 {
             tokio::select! {
                 Some((id, outcome)) = self.pool.finished() => link.send(outcome.message(id)).await?,
-                // What was leased meanwhile goes to another once the stream has ended.
+                // Leases granted meanwhile go to another worker once the stream has ended.
                 message = link.receive() => drop(message?),
             }
         }

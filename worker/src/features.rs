@@ -4,8 +4,12 @@ mod bounds;
 
 pub use bounds::{FeatureBounds, check_positions};
 
-use crate::simulate::{Agent, Swarm};
+use crate::{
+    lanes::{Planar, dot, lanes, minus, plus, splat},
+    simulate::{Agents, Swarm},
+};
 use murmuration_proto::{Features, World};
+use pulp::{Scalar, Simd};
 
 /// Steps that a feature is averaged over (fewer where the simulation is shorter).
 pub const FEATURE_STEPS: u32 = 100;
@@ -15,82 +19,122 @@ const RADIAL_VARIANCE_SCALE: f64 = 20.0;
 
 /// The mean of the features over the steps observed.
 #[derive(Debug, Clone)]
-pub struct FeatureMeans {
-    half_diagonal: f64,
-    sums: Features,
-    steps: u32,
-}
+pub struct FeatureMeans(LaneMeans<Scalar>);
 
 impl FeatureMeans {
     /// No step observed yet, for swarms in `world`.
     #[must_use]
     pub fn new(world: &World) -> Self {
-        Self {
-            half_diagonal: world.half_diagonal(),
-            sums: [0.0; 5],
-            steps: 0,
-        }
+        Self(LaneMeans::new(Scalar::new(), world))
     }
 
     /// Adds the swarm as it is now, displacements taken as velocities.
     pub fn observe(&mut self, swarm: &Swarm) {
-        let step = features(swarm.agents(), self.half_diagonal);
-        for (sum, value) in self.sums.iter_mut().zip(step) {
-            *sum += value;
-        }
-        self.steps += 1;
+        let agents = swarm.agents().map(|agent| Agents {
+            position: agent.position,
+            heading: agent.heading,
+            displacement: agent.displacement,
+        });
+        self.0.observe(Scalar::new(), agents);
     }
 
     /// The means, in the order of [`murmuration_proto::FEATURE_NAMES`]; NaN before the first step.
     #[must_use]
     pub fn means(&self) -> Features {
-        self.sums.map(|sum| sum / f64::from(self.steps))
+        self.0.means(0)
+    }
+}
+
+/// As [`FeatureMeans`], of several swarms at once.
+#[derive(Debug, Clone)]
+pub(crate) struct LaneMeans<S: Simd> {
+    half_diagonal: f64,
+    sums: [S::f64s; 5],
+    steps: u32,
+}
+
+impl<S: Simd> LaneMeans<S> {
+    pub(crate) fn new(simd: S, world: &World) -> Self {
+        Self {
+            half_diagonal: world.half_diagonal(),
+            sums: [simd.splat_f64s(0.0); 5],
+            steps: 0,
+        }
+    }
+
+    /// Adds the swarms as they are now.
+    #[inline(always)]
+    pub(crate) fn observe(&mut self, simd: S, agents: impl ExactSizeIterator<Item = Agents<S>> + Clone) {
+        let step = features(simd, agents, self.half_diagonal);
+        for (sum, value) in self.sums.iter_mut().zip(step) {
+            *sum = simd.add_f64s(*sum, value);
+        }
+        self.steps += 1;
+    }
+
+    /// The means of the swarm in one lane.
+    pub(crate) fn means(&self, lane: usize) -> Features {
+        self.sums
+            .map(|sum| lanes::<S>(&sum)[lane] / f64::from(self.steps))
     }
 }
 
 /// The features of one step.
-fn features(agents: impl ExactSizeIterator<Item = Agent> + Clone, half_diagonal: f64) -> Features {
+#[inline(always)]
+fn features<S: Simd>(
+    simd: S,
+    agents: impl ExactSizeIterator<Item = Agents<S>> + Clone,
+    half_diagonal: f64,
+) -> [S::f64s; 5] {
+    let zero = simd.splat_f64s(0.0);
     let count = agents.len() as f64;
-    let mut centroid = [0.0; 2];
+    let counts = simd.splat_f64s(count);
+    let mut centroid = splat(simd, [0.0; 2]);
     for agent in agents.clone() {
-        centroid[0] += agent.position[0];
-        centroid[1] += agent.position[1];
+        centroid = plus(simd, centroid, agent.position);
     }
-    let centroid = centroid.map(|sum| sum / count);
+    let centroid = [
+        simd.div_f64s(centroid[0], counts),
+        simd.div_f64s(centroid[1], counts),
+    ];
 
-    let (mut speed, mut momentum, mut rotation) = (0.0, 0.0, 0.0);
-    let (mut distances, mut squares) = (0.0, 0.0);
+    let (mut speed, mut momentum, mut rotation) = (zero, zero, zero);
+    let (mut distances, mut squares) = (zero, zero);
     for agent in agents.clone() {
-        let [x, y] = offset(&agent, centroid);
-        let [vx, vy] = agent.displacement;
-        let distance = (x * x + y * y).sqrt();
-        let cross = vx * y - vy * x;
-        speed += (vx * vx + vy * vy).sqrt();
-        momentum += cross;
+        let offset = minus(simd, agent.position, centroid);
+        let velocity = agent.displacement;
+        let distance = simd.sqrt_f64s(dot(simd, offset, offset));
+        let cross = cross(simd, velocity, offset);
+        speed = simd.add_f64s(speed, simd.sqrt_f64s(dot(simd, velocity, velocity)));
+        momentum = simd.add_f64s(momentum, cross);
         // An agent in the very centre turns about nothing.
-        rotation += if distance > 0.0 { cross / distance } else { 0.0 };
-        distances += distance;
-        squares += distance * distance;
+        let apart = simd.greater_than_f64s(distance, zero);
+        let turning = simd.select_f64s(apart, simd.div_f64s(cross, distance), zero);
+        rotation = simd.add_f64s(rotation, turning);
+        distances = simd.add_f64s(distances, distance);
+        squares = simd.add_f64s(squares, simd.mul_f64s(distance, distance));
     }
-    let mean_distance = distances / count;
-    let mut deviations = 0.0;
+    let mean_distance = simd.div_f64s(distances, counts);
+    let mut deviations = zero;
     for agent in agents {
-        let [x, y] = offset(&agent, centroid);
-        let deviation = (x * x + y * y).sqrt() - mean_distance;
-        deviations += deviation * deviation;
+        let offset = minus(simd, agent.position, centroid);
+        let deviation = simd.sub_f64s(simd.sqrt_f64s(dot(simd, offset, offset)), mean_distance);
+        deviations = simd.add_f64s(deviations, simd.mul_f64s(deviation, deviation));
     }
-    let area = half_diagonal * half_diagonal * count;
+    let area = simd.splat_f64s(half_diagonal * half_diagonal * count);
+    let scale = simd.splat_f64s(RADIAL_VARIANCE_SCALE);
     [
-        speed / count,
-        momentum / (half_diagonal * count),
-        RADIAL_VARIANCE_SCALE * deviations / area,
-        squares / area,
-        rotation / count,
+        simd.div_f64s(speed, counts),
+        simd.div_f64s(momentum, simd.splat_f64s(half_diagonal * count)),
+        simd.div_f64s(simd.mul_f64s(scale, deviations), area),
+        simd.div_f64s(squares, area),
+        simd.div_f64s(rotation, counts),
     ]
 }
 
-fn offset(agent: &Agent, from: [f64; 2]) -> [f64; 2] {
-    [agent.position[0] - from[0], agent.position[1] - from[1]]
+#[inline(always)]
+fn cross<S: Simd>(simd: S, a: Planar<S>, b: Planar<S>) -> S::f64s {
+    simd.sub_f64s(simd.mul_f64s(a[0], b[1]), simd.mul_f64s(a[1], b[0]))
 }
 
 #[cfg(test)]
@@ -98,14 +142,12 @@ mod tests {
     use super::*;
 
     fn check(agents: &[([f64; 2], [f64; 2])], expected: Features) {
-        let agents = agents.iter().map(|&(position, displacement)| Agent {
+        let agents = agents.iter().map(|&(position, displacement)| Agents {
             position,
             displacement,
             heading: [1.0, 0.0],
-            theta: 0.0,
-            sensed: 0,
         });
-        let computed = features(agents, 10.0);
+        let computed = features(Scalar::new(), agents, 10.0);
         for (value, expected) in computed.into_iter().zip(expected) {
             assert!((value - expected).abs() < 1e-15, "{computed:?}");
         }

@@ -2,26 +2,26 @@
 
 use clap::Parser;
 use murmuration_embed::checkpoint_folder;
-use murmuration_link::{PartyArguments, Post, parse_arguments, run_party};
+use murmuration_link::{PeerArguments, Post, parse_arguments, run_peer};
 use murmuration_worker::client::{self, Options};
 use std::{num::NonZeroUsize, path::PathBuf, process::ExitCode, thread};
 
-/// Evaluates controllers for a Murmuration coordinator, and embeds their pictures.
+/// Simulates controllers for a Murmuration coordinator, and embeds their pictures.
 ///
-/// Stateless: start and stop as many as you like, wherever you like. On SIGTERM or Ctrl-C it gives back what it
-/// has not begun, finishes the rest, and leaves.
+/// A worker keeps no state: start and stop as many as you like, on any machine. On SIGTERM or Ctrl-C it returns the work
+/// that it has not started, finishes the rest, and exits.
 #[derive(Debug, Parser)]
 #[command(name = "murmuration-worker", version)]
 struct Arguments {
     #[command(flatten)]
-    party: PartyArguments,
-    /// Evaluations at once [default: number of cores]
+    peer: PeerArguments,
+    /// Number of simultaneous evaluations [default: number of cores]
     #[arg(long, env = "MURMURATION_THREADS", value_parser = threads)]
     threads: Option<NonZeroUsize>,
-    /// Name shown to people
+    /// Name that people see
     #[arg(long, env = "MURMURATION_WORKER_NAME", default_value = "worker")]
     name: String,
-    /// Folder for checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
+    /// Folder for cached checkpoints, up to 1 GiB [default: murmuration/checkpoints in the user's cache folder]
     #[arg(long, env = "MURMURATION_CACHE", value_name = "DIR")]
     cache: Option<PathBuf>,
 }
@@ -32,7 +32,7 @@ fn threads(text: &str) -> Result<NonZeroUsize, String> {
         .parse()
         .ok()
         .filter(|number: &NonZeroUsize| number.get() <= 4096);
-    number.ok_or_else(|| "it must be a whole number from 1 to 4096".to_owned())
+    number.ok_or_else(|| "must be a whole number from 1 to 4,096".to_owned())
 }
 
 #[tokio::main(flavor = "current_thread")]
@@ -42,10 +42,10 @@ async fn main() -> ExitCode {
         Err(code) => return code,
     };
     let cores = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
-    run_party(
+    run_peer(
         "murmuration-worker",
         "leaving",
-        arguments.party,
+        arguments.peer,
         async |post: Post| {
             let options = Options {
                 coordinator: post.coordinator,

@@ -1,17 +1,16 @@
-//! The motion of a swarm, recorded to be watched.
+//! Records the motion of a swarm.
 
 use crate::simulate::{Start, Swarm};
 use murmuration_proto::{Controller, Frames, Invalid, Replay, World};
 use std::num::NonZeroU32;
 
-/// Most poses in a replay (240 MB): more is refused rather than held in memory.
+/// Maximum number of poses in a replay (240 MB). A longer replay is refused.
 pub const MAX_POSES: u64 = 20_000_000;
 
-/// Simulates `controller` from `start` over the world's horizon, with a frame of the start, one every `stride`
-/// steps, and one of the end.
+/// Simulates `controller` from `start` over the world's horizon. Records the start, every `stride`-th step, and the end.
 ///
 /// # Errors
-/// Where `start` does not fit the world, the replay would hold more than [`MAX_POSES`], or a pose is not finite.
+/// If `start` does not fit the world, the replay would hold more than [`MAX_POSES`], or a pose is not finite.
 pub fn replay(
     controller: &Controller,
     world: &World,
@@ -29,10 +28,10 @@ pub fn replay(
     record(Swarm::new(controller, world, start)?, steps, poses)
 }
 
-/// Simulates `controller` from `start` over the world's horizon, with the frames that are wanted.
+/// Simulates `controller` from `start` over the world's horizon, and records the given frames.
 ///
 /// # Errors
-/// Where `start` does not fit the world, or a pose is not finite.
+/// If `start` does not fit the world, or a pose is not finite.
 pub fn replay_frames(
     controller: &Controller,
     world: &World,
@@ -43,7 +42,7 @@ pub fn replay_frames(
     record(swarm, frames.steps(world), frames.poses(world))
 }
 
-/// The motion of a swarm at these steps, ascending from 0; so many poses.
+/// The motion of a swarm at these steps, ascending from 0, with this number of poses.
 fn record(mut swarm: Swarm, wanted: impl Iterator<Item = u32>, count: u64) -> Result<Replay, Invalid> {
     let agents = swarm.agents().count();
     let mut steps = Vec::new();

@@ -1,11 +1,12 @@
-//! What every request meets first: whether its connection may ask as often, whether it may come from a page, and whether
-//! it may ask for that.
+//! The checks that every request passes first: the rate of its connection, the size of its headers, the page that it comes
+//! from, and the credentials that its route requires.
 
 use super::{
-    Access, PresentedCredentials, Refusal, Session, Sessions,
+    Access, PresentedCredentials, Refusal, Sessions,
     machine::Certificate,
-    needs::{self, Requirement},
     origin::{self, Asked, Hosts},
+    requirement::{Requirement, Requirements},
+    sessions::Session,
 };
 use crate::{
     connections::Visit,
@@ -34,49 +35,70 @@ use tonic::{Status, transport::server::TlsConnectInfo};
 /// Bytes that a header counts for besides its name and value, as HTTP/2 has it.
 const HEADER_OVERHEAD: usize = 32;
 
-/// One of a coordinator's ways in.
+/// A listener of a coordinator, and who may pass it.
 #[derive(Debug)]
 pub struct Door {
-    /// Whom it lets in.
+    /// Who may pass.
     pub access: Access,
     /// The browsers that have logged in.
     pub sessions: Sessions,
-    /// Under which names it answers.
+    /// The host names that it answers to.
     pub hosts: Hosts,
-    /// Whether what passes is encrypted.
+    /// Whether its connections are encrypted.
     pub is_encrypted: bool,
-    /// How it looks to a person that a request is refused.
+    /// Renders a refusal.
     pub show_refusal: ShowRefusal,
 }
 
-/// A refusal, shown to whoever asked for a path with these headers.
-pub type ShowRefusal = fn(Refusal, &Uri, &HeaderMap) -> Response;
+/// Renders a refusal for the client that sent a request for this URI with these headers.
+pub(crate) type ShowRefusal = fn(Refusal, &Uri, &HeaderMap) -> Response;
 
-/// Turns away what may not come in, in the words of who asked: a status, a page, or a line of text.
-pub async fn admit(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
-    let asked = Asked::of(&request);
-    let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
-    // A cookie counts for pages alone: a browser sends it whoever asks.
-    let session = match (asked, bearer(request.headers())) {
-        (Asked::Page, None) => door.sessions.of(request.headers(), SystemTime::now()),
-        _ => None,
-    };
-    match door.allows(asked, session.as_ref(), &request) {
-        Ok(()) => while_it_lasts(session, next.run(request).await),
-        Err(refusal) => {
-            tracing::debug!(path = request.uri().path(), %refusal, "turned away");
-            match speaks_grpc {
-                true => Status::from(refusal).into_http(),
-                false => (door.show_refusal)(refusal, request.uri(), request.headers()),
+/// A door, and what the routes behind it require.
+#[derive(Debug, Clone)]
+pub(super) struct Gate {
+    pub(super) door: Arc<Door>,
+    pub(super) requirements: Arc<Requirements>,
+}
+
+/// Refuses what may not come in, in the form that the client reads: a gRPC status, a page, or a line of text.
+///
+/// Handlers behind it find the [`Door`] among the extensions of the request; layers in front of it find the
+/// [`Requirement`] among those of the response.
+pub(super) async fn admit(State(gate): State<Gate>, mut request: Request, next: Next) -> Response {
+    let requirement = gate.requirements.of(&request);
+    request.extensions_mut().insert(gate.door.clone());
+    let mut response = gate.answer(requirement, request, next).await;
+    response.extensions_mut().insert(requirement);
+    response
+}
+
+impl Gate {
+    async fn answer(&self, requirement: Requirement, request: Request, next: Next) -> Response {
+        let Self { door, requirements } = self;
+        let asked = Asked::of(&request, requirements);
+        let speaks_grpc = asked != Asked::Page && origin::is_grpc(request.headers());
+        // Only pages accept a cookie: a browser sends it with a request of any site.
+        let session = match (asked, bearer(request.headers())) {
+            (Asked::Page, None) => door.sessions.of(request.headers(), SystemTime::now()),
+            _ => None,
+        };
+        match door.allows(asked, requirement, session.as_ref(), &request) {
+            Ok(()) => while_it_lasts(session, next.run(request).await),
+            Err(refusal) => {
+                tracing::debug!(path = request.uri().path(), %refusal, "request refused");
+                match speaks_grpc {
+                    true => Status::from(refusal).into_http(),
+                    false => (door.show_refusal)(refusal, request.uri(), request.headers()),
+                }
             }
         }
     }
 }
 
 impl Asked {
-    fn of(request: &Request) -> Self {
+    fn of(request: &Request, requirements: &Requirements) -> Self {
         let is_somewhere = request.extensions().get::<MatchedPath>().is_some();
-        if needs::of_method(request.uri().path()).is_some() {
+        if requirements.of_method(request.uri().path()).is_some() {
             Self::Method
         } else if !is_somewhere && origin::is_grpc(request.headers()) {
             Self::NoService
@@ -87,7 +109,13 @@ impl Asked {
 }
 
 impl Door {
-    fn allows(&self, asked: Asked, session: Option<&Session>, request: &Request) -> Result<(), Refusal> {
+    fn allows(
+        &self,
+        asked: Asked,
+        requirement: Requirement,
+        session: Option<&Session>,
+        request: &Request,
+    ) -> Result<(), Refusal> {
         let visit = request.extensions().get::<Visit>();
         if visit.is_some_and(|visit| !visit.may_ask()) {
             return Err(Refusal::Rate);
@@ -98,36 +126,23 @@ impl Door {
         origin::check(self.hosts, self.is_encrypted, asked, request)?;
         let connection = request.extensions().get::<TlsConnectInfo<Visit>>();
         let chain = connection.and_then(TlsConnectInfo::peer_certs);
-        let shown = PresentedCredentials {
+        let presented = PresentedCredentials {
             token: bearer(request.headers())
                 .map(TokenDigest::of)
                 .or(session.map(|session| session.token)),
             certificate: chain.and_then(|chain| chain.first().map(Certificate::read)),
         };
-        self.access.admits(need(request), &shown)
+        self.access.admits(requirement, &presented)
     }
 
-    /// The token that this browser has logged in with.
+    /// The token of the session of a browser.
     pub fn logged_in(&self, headers: &HeaderMap) -> Option<TokenDigest> {
         let session = self.sessions.of(headers, SystemTime::now());
         session.map(|session| session.token)
     }
 }
 
-/// What a request must show.
-fn need(request: &Request) -> Requirement {
-    needs::of_method(request.uri().path()).unwrap_or_else(|| {
-        let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
-        needs::of_page(request.method(), route)
-    })
-}
-
-/// Whether anybody may have what is asked for, token or not.
-pub fn is_for_anybody(request: &Request) -> bool {
-    need(request) == Requirement::Nothing
-}
-
-/// Whether its headers are within the limits, which are the same whichever HTTP it came by.
+/// Whether the headers of a request are within the limits, which are the same for every version of HTTP.
 fn has_room_for_headers(request: &Request) -> bool {
     let (uri, headers) = (request.uri(), request.headers());
     // HTTP/2 has the host in the address.
@@ -143,7 +158,7 @@ fn has_room_for_headers(request: &Request) -> bool {
     count <= MAX_HEADERS && bytes + path <= MAX_HEADER_BYTES as usize
 }
 
-/// What a page goes on to be sent ends with the session that it was let in by.
+/// Ends an event stream when the session of its request ends.
 fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
     let kind = response.headers().get(CONTENT_TYPE).map(HeaderValue::as_bytes);
     match session {
@@ -159,7 +174,7 @@ fn while_it_lasts(session: Option<Session>, response: Response) -> Response {
     }
 }
 
-/// A body that breaks off at its end or when something else has ended.
+/// A body that ends when it is complete or when a future has.
 struct Until<F> {
     end: Pin<Box<F>>,
     body: BodyDataStream,

@@ -1,7 +1,7 @@
-//! The connections of a listener: as many as there is room for, none that says nothing, each at its own pace.
+//! The connections of a listener: limits on their number, on their silence, and on the rate of their requests.
 //!
-//! What is over a limit is closed at once, so that nobody waits for an answer that will not come. Knows nothing of what
-//! is said on a connection.
+//! A connection over a limit is closed at once, so that no client waits for a response. This module knows nothing of what is
+//! sent on a connection.
 
 use crate::limits::{
     HANDSHAKE_LIMIT, IDLE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, REQUEST_BURST,
@@ -28,25 +28,25 @@ use tonic::transport::server::Connected;
 
 /// Connections that may wait to be served.
 const WAITING: usize = 64;
-/// Pause after the system could not take a connection: it has no files left, say.
+/// Pause after the system could not accept a connection, for example because no file descriptor is left.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Room for connections, shared by a coordinator's listeners; cheap to clone.
+/// The permits for connections, which the listeners of a coordinator share; cheap to clone.
 #[derive(Debug, Clone)]
-pub struct Places {
+pub struct ConnectionPermits {
     most: usize,
     most_per_peer: usize,
     taken: Arc<Mutex<HashMap<IpAddr, usize>>>,
 }
 
-/// Room for one connection, until it is dropped.
+/// The permit of one connection, returned when it is dropped.
 #[derive(Debug)]
-struct Place {
-    places: Places,
+struct ConnectionPermit {
+    permits: ConnectionPermits,
     peer: IpAddr,
 }
 
-impl Places {
+impl ConnectionPermits {
     /// As many as the system lets this process have, and [`MAX_CONNECTIONS`] at most.
     pub fn of_this_process() -> Self {
         let wanted = MAX_CONNECTIONS as u64 + RESERVED_FILES;
@@ -66,23 +66,23 @@ impl Places {
         }
     }
 
-    fn take(&self, peer: IpAddr) -> Option<Place> {
+    fn take(&self, peer: IpAddr) -> Option<ConnectionPermit> {
         let mut taken = self.taken.lock().unwrap_or_else(PoisonError::into_inner);
         let of_peer = taken.get(&peer).copied().unwrap_or_default();
         if taken.values().sum::<usize>() >= self.most || of_peer >= self.most_per_peer {
             return None;
         }
         taken.insert(peer, of_peer + 1);
-        Some(Place {
-            places: self.clone(),
+        Some(ConnectionPermit {
+            permits: self.clone(),
             peer,
         })
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionPermit {
     fn drop(&mut self) {
-        let mut taken = self.places.taken.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut taken = self.permits.taken.lock().unwrap_or_else(PoisonError::into_inner);
         match taken.get_mut(&self.peer) {
             Some(count) if *count > 1 => *count -= 1,
             _ => drop(taken.remove(&self.peer)),
@@ -90,8 +90,11 @@ impl Drop for Place {
     }
 }
 
-/// The connections that come to `listener`, until nobody takes them any more: then it is closed.
-pub fn connections(listener: TcpListener, places: Places) -> ReceiverStream<io::Result<Connection>> {
+/// The connections of `listener`; dropping the stream closes the listener.
+pub fn connections(
+    listener: TcpListener,
+    permits: ConnectionPermits,
+) -> ReceiverStream<io::Result<Connection>> {
     let (waiting, stream) = mpsc::channel(WAITING);
     tokio::spawn(async move {
         loop {
@@ -102,17 +105,17 @@ pub fn connections(listener: TcpListener, places: Places) -> ReceiverStream<io::
             let (stream, peer) = match accepted {
                 Ok(accepted) => accepted,
                 Err(error) => {
-                    tracing::warn!(%error, "cannot take a connection");
+                    tracing::warn!(%error, "cannot accept a connection");
                     tokio::time::sleep(PAUSE).await;
                     continue;
                 }
             };
-            let Some(place) = places.take(peer.ip().to_canonical()) else {
+            let Some(permit) = permits.take(peer.ip().to_canonical()) else {
                 tracing::debug!(%peer, "too many connections");
                 continue;
             };
             if waiting
-                .send(Ok(Connection::new(stream, peer, place)))
+                .send(Ok(Connection::new(stream, peer, permit)))
                 .await
                 .is_err()
             {
@@ -123,19 +126,19 @@ pub fn connections(listener: TcpListener, places: Places) -> ReceiverStream<io::
     ReceiverStream::new(stream)
 }
 
-/// One connection; it fails once nothing has passed on it for too long.
+/// A connection that fails once no byte has passed on it for too long.
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
     visit: Visit,
-    /// When something passed last, and how long the silence after it may be.
+    /// When a byte passed last, and how long the silence after it may be.
     active: Instant,
-    patience: Duration,
+    silence_limit: Duration,
     alarm: Pin<Box<Sleep>>,
-    _place: Place,
+    _permit: ConnectionPermit,
 }
 
-/// What requests know of their connection; an extension of each.
+/// What a request knows of its connection; an extension of the request.
 #[derive(Debug, Clone)]
 pub struct Visit {
     peer: IpAddr,
@@ -152,18 +155,18 @@ impl Visit {
     }
 
     /// Address of the other end; of IPv4 where it is one, however it was written.
-    pub const fn peer(&self) -> IpAddr {
+    pub(crate) const fn peer(&self) -> IpAddr {
         self.peer
     }
 
     /// Whether a further request may come now; counts it if so.
-    pub fn may_ask(&self) -> bool {
+    pub(crate) fn may_ask(&self) -> bool {
         self.pace.check().is_ok()
     }
 }
 
 impl Connection {
-    fn new(stream: TcpStream, peer: SocketAddr, place: Place) -> Self {
+    fn new(stream: TcpStream, peer: SocketAddr, permit: ConnectionPermit) -> Self {
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%peer, %error, "answers may be delayed");
         }
@@ -171,22 +174,22 @@ impl Connection {
             stream,
             visit: Visit::new(peer.ip().to_canonical()),
             active: Instant::now(),
-            patience: HANDSHAKE_LIMIT,
+            silence_limit: HANDSHAKE_LIMIT,
             alarm: Box::pin(tokio::time::sleep(HANDSHAKE_LIMIT)),
-            _place: place,
+            _permit: permit,
         }
     }
 
     fn passed(&mut self) {
         self.active = Instant::now();
-        self.patience = IDLE_LIMIT;
+        self.silence_limit = IDLE_LIMIT;
     }
 
     /// Ready once it has been silent for too long. The alarm is set anew only when it rings, not for every byte.
     fn is_silent(&mut self, context: &mut Context<'_>) -> Poll<()> {
         loop {
             ready!(self.alarm.as_mut().poll(context));
-            let end = self.active + self.patience;
+            let end = self.active + self.silence_limit;
             if end <= Instant::now() {
                 return Poll::Ready(());
             }

@@ -1,10 +1,12 @@
-//! Who may do what: the doors of a coordinator, what a request shows at one, and what it needs.
+//! Who may do what: the doors of a coordinator, what a request shows at one, and what its route requires.
 //!
-//! `needs` is the one table of what every method and page needs; `admit` asks it before anything else happens with a
-//! request, and `origin` whether another site's page may have sent it. Machines show certificates, people tokens, browsers
-//! a cookie that a token was given for. Services and pages know nothing of any of this.
+//! A page or service is registered with a `GuardedRouter`, which takes the `Requirement` with the route. `admit` reads the
+//! requirement before anything reads the request's body, and `origin` checks whether another site's page may have sent the
+//! request. Machines show certificates, people tokens, and browsers a cookie that was given for a token. The handlers of
+//! services and pages check nothing of this themselves.
 //!
-//! Beside it stand the `connections` of a listener, every limit on what comes over the network, and the id of a request.
+//! The crate also holds the `connections` of a listener, every limit on what comes over the network, and the ids of
+//! requests.
 
 mod admit;
 pub mod connections;
@@ -12,110 +14,113 @@ pub mod limits;
 mod listen_config;
 mod local;
 mod machine;
-mod needs;
 mod origin;
 pub mod requests;
+mod requirement;
+mod router;
 mod sessions;
 mod tokens;
 
-pub use admit::{Door, admit, is_for_anybody};
+pub use admit::Door;
 pub use listen_config::{ListenConfig, ListenConfigError, Tls};
-pub use local::{Local, local_token};
-pub use machine::{Machine, origin};
-pub use needs::Role;
+pub use local::{LocalToken, local_token};
+pub use machine::{MachineKind, origin};
 pub use origin::Hosts;
-pub use sessions::{Session, Sessions};
-pub use tokens::{HolderName, entry};
-pub use tokens::{Tokens, TokensError};
+pub use requirement::{MethodRequirements, Requirement, Requirements, Role};
+pub use router::GuardedRouter;
+pub use sessions::Sessions;
+pub use tokens::{HolderName, Tokens, TokensError, file_entry};
 
 use machine::Certificate;
 use murmuration_link::TokenDigest;
-use needs::Requirement;
+use murmuration_proto::grouped;
 use std::sync::Arc;
 
-/// Whom a door lets in.
+/// Who may pass a door.
 #[derive(Debug, Clone, Default)]
 pub struct Access {
-    /// Whose tokens are good; without any, everybody is an operator.
+    /// The tokens that are accepted; without any, everybody is an operator.
     pub tokens: Option<Arc<Tokens>>,
     /// Whether machines must show a certificate.
     pub certificates: bool,
 }
 
-/// What a request shows for itself.
+/// The credentials of a request.
 #[derive(Debug, Clone, Default)]
-pub struct PresentedCredentials {
+pub(crate) struct PresentedCredentials {
     /// The digest of a token, in a header or behind a cookie.
     token: Option<TokenDigest>,
     /// The certificate of its connection, which the TLS library has checked.
     certificate: Option<Certificate>,
 }
 
-/// Why a request is not let in.
+/// Why a request is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
-    /// It shows nothing.
+    /// It has no token.
     #[error(
-        "this coordinator asks for a token: put yours into MURMURATION_TOKEN, or its file's name into \
-         MURMURATION_TOKEN_FILE (in a browser, log in)"
+        "this coordinator requires a token: set MURMURATION_TOKEN to your token, or MURMURATION_TOKEN_FILE to the file \
+         that holds it (in a browser, log in)"
     )]
     NoToken,
-    /// It shows a token of nobody's.
+    /// Its token is unknown.
     #[error("this coordinator does not know that token")]
     UnknownToken,
-    /// It shows no certificate.
+    /// It has no certificate.
     #[error(
-        "workers and trainers need a certificate that the coordinator's client CA signed: name it with --certificate \
-         and --key"
+        "workers and trainers need a certificate that the coordinator's client CA signed: give its files with \
+         --certificate and --key"
     )]
     NoCertificate,
-    /// It shows a certificate for other machines.
+    /// Its certificate is for another kind of machine.
     #[error("this certificate is not for a {0}: it names another kind of machine")]
-    WrongCertificate(Machine),
-    /// Its token is not good for this.
+    WrongCertificate(MachineKind),
+    /// The role of its token does not suffice.
     #[error("this needs the role {needs}; the token of \"{name}\" has the role {has}")]
     Role {
         /// Whose token it is.
         name: HolderName,
-        /// What the token is good for.
+        /// The role of the token.
         has: Role,
-        /// What would be needed.
+        /// The role that is required.
         needs: Role,
     },
-    /// It is one of too many.
+    /// Its connection has sent too many requests.
     #[error("too many requests on one connection: try again in a second")]
     Rate,
-    /// It has more headers than there may be, or longer ones.
+    /// It has too many headers, or too long ones.
     #[error(
-        "a request may have {} headers, and {} bytes of them and its address together",
+        "a request may have at most {} headers, and its headers and address together at most {} bytes",
         crate::limits::MAX_HEADERS,
-        crate::limits::MAX_HEADER_BYTES
+        grouped(crate::limits::MAX_HEADER_BYTES.into())
     )]
     Headers,
-    /// It names a host that may be somebody else's.
+    /// It names a host that may belong to another web site.
     #[error(
-        "this coordinator asks nobody for a token, so it answers under its address and as localhost alone: under \
-         another name it could be a part of somebody's web site (`serve --tokens FILE`, or TLS, allows any name)"
+        "this coordinator requires no token, so it answers only requests for its IP address or localhost: under another \
+         name it could be made a part of another web site (`serve --tokens FILE`, or TLS, allows any name)"
     )]
     Host,
-    /// It comes from another site's page, or does not say that it comes from one of ours.
-    #[error("only pages of this coordinator may ask for that: the header Origin must be theirs")]
+    /// A page of another site sent it, or it does not say which page did.
+    #[error(
+        "only pages of this coordinator may send this request: the header Origin must name this coordinator"
+    )]
     Origin,
-    /// It is not what gRPC clients send.
-    #[error("gRPC methods take requests of the content type application/grpc alone")]
+    /// Its content type is not one of gRPC.
+    #[error("gRPC methods accept only requests of the content type application/grpc")]
     ContentType,
 }
 
 impl Access {
-    /// Whether everybody gets in, as an operator.
+    /// Whether everybody may pass, as an operator.
     pub const fn is_open(&self) -> bool {
         self.tokens.is_none() && !self.certificates
     }
 
-    fn admits(&self, need: Requirement, shown: &PresentedCredentials) -> Result<(), Refusal> {
-        let certificate = shown.certificate.as_ref().filter(|_| self.certificates);
+    fn admits(&self, requirement: Requirement, presented: &PresentedCredentials) -> Result<(), Refusal> {
+        let certificate = presented.certificate.as_ref().filter(|_| self.certificates);
         let is_for = |machine| certificate.is_some_and(|certificate| certificate.is_for(machine));
-        let needs = match need {
+        let required = match requirement {
             Requirement::Nothing => return Ok(()),
             Requirement::Machine(machine) if is_for(machine) => return Ok(()),
             Requirement::Machine(machine) if certificate.is_some() => {
@@ -123,7 +128,7 @@ impl Access {
             }
             Requirement::Machine(_) if self.certificates => return Err(Refusal::NoCertificate),
             Requirement::MachineOr(machine, _) if is_for(machine) => return Ok(()),
-            Requirement::AnyMachineOr(_) if is_for(Machine::Worker) || is_for(Machine::Trainer) => {
+            Requirement::AnyMachineOr(_) if is_for(MachineKind::Worker) || is_for(MachineKind::Trainer) => {
                 return Ok(());
             }
             Requirement::Machine(_) => Role::Operator,
@@ -134,19 +139,19 @@ impl Access {
         let Some(tokens) = &self.tokens else {
             return Ok(());
         };
-        let digest = shown.token.ok_or(Refusal::NoToken)?;
+        let digest = presented.token.ok_or(Refusal::NoToken)?;
         let holder = tokens.holder(digest).ok_or(Refusal::UnknownToken)?;
-        match holder.role >= needs {
+        match holder.role >= required {
             true => Ok(()),
             false => Err(Refusal::Role {
                 name: holder.name.clone(),
                 has: holder.role,
-                needs,
+                needs: required,
             }),
         }
     }
 
-    /// Whose token this is: name and role, if it is somebody's.
+    /// The holder of a token: name and role.
     pub fn whose(&self, token: TokenDigest) -> Option<(&HolderName, Role)> {
         let holder = self.tokens.as_ref()?.holder(token)?;
         Some((&holder.name, holder.role))
@@ -158,7 +163,7 @@ mod tests {
     use super::*;
     use murmuration_link::Token;
 
-    fn shown(token: Option<&Token>, certificate: &[Machine]) -> PresentedCredentials {
+    fn presented(token: Option<&Token>, certificate: &[MachineKind]) -> PresentedCredentials {
         PresentedCredentials {
             token: token.map(Token::digest),
             certificate: (!certificate.is_empty()).then(|| Certificate::for_these(certificate)),
@@ -183,13 +188,13 @@ mod tests {
         let access = access(&pairs, false);
         for (place, token) in tokens.iter().enumerate() {
             for (needs, role) in roles.into_iter().enumerate() {
-                let admitted = access.admits(Requirement::Person(role), &shown(Some(token), &[]));
+                let admitted = access.admits(Requirement::Person(role), &presented(Some(token), &[]));
                 assert_eq!(admitted.is_ok(), place >= needs, "{place} for {role}");
             }
             // Without a client CA machines are let in as operators.
             let machine = access.admits(
-                Requirement::Machine(Machine::Worker),
-                &shown(Some(token), &[Machine::Worker]),
+                Requirement::Machine(MachineKind::Worker),
+                &presented(Some(token), &[MachineKind::Worker]),
             );
             assert_eq!(machine.is_ok(), place == 2);
         }
@@ -205,7 +210,10 @@ mod tests {
             Err(Refusal::NoToken)
         );
         let stranger = Token::generate().unwrap();
-        let refused = access.admits(Requirement::Person(Role::Viewer), &shown(Some(&stranger), &[]));
+        let refused = access.admits(
+            Requirement::Person(Role::Viewer),
+            &presented(Some(&stranger), &[]),
+        );
         assert_eq!(refused, Err(Refusal::UnknownToken));
     }
 
@@ -213,38 +221,38 @@ mod tests {
     fn with_a_client_ca_machines_show_certificates_and_nothing_else() {
         let operator = Token::generate().unwrap();
         let access = access(&[(Role::Operator, &operator)], true);
-        let (worker, trainer) = (Machine::Worker, Machine::Trainer);
-        let person = shown(Some(&operator), &[]);
+        let (worker, trainer) = (MachineKind::Worker, MachineKind::Trainer);
+        let person = presented(Some(&operator), &[]);
         let refused = access.admits(Requirement::Machine(worker), &person);
         assert_eq!(refused, Err(Refusal::NoCertificate));
-        let machine = shown(None, &[worker]);
+        let machine = presented(None, &[worker]);
         assert_eq!(access.admits(Requirement::Machine(worker), &machine), Ok(()));
         let refused = access.admits(Requirement::Machine(trainer), &machine);
         assert_eq!(refused, Err(Refusal::WrongCertificate(trainer)));
-        for need in [
+        for requirement in [
             Requirement::AnyMachineOr(Role::Operator),
             Requirement::MachineOr(worker, Role::Operator),
         ] {
-            assert_eq!(access.admits(need, &machine), Ok(()));
-            assert_eq!(access.admits(need, &person), Ok(()));
+            assert_eq!(access.admits(requirement, &machine), Ok(()));
+            assert_eq!(access.admits(requirement, &person), Ok(()));
         }
-        for need in [
+        for requirement in [
             Requirement::MachineOr(trainer, Role::Operator),
             Requirement::Person(Role::Viewer),
         ] {
-            assert_eq!(access.admits(need, &machine), Err(Refusal::NoToken));
+            assert_eq!(access.admits(requirement, &machine), Err(Refusal::NoToken));
         }
     }
 
     #[test]
     fn without_tokens_everybody_is_an_operator() {
         let open = Access::default();
-        for need in [
-            Requirement::Machine(Machine::Worker),
+        for requirement in [
+            Requirement::Machine(MachineKind::Worker),
             Requirement::Person(Role::Operator),
-            Requirement::MachineOr(Machine::Trainer, Role::Operator),
+            Requirement::MachineOr(MachineKind::Trainer, Role::Operator),
         ] {
-            assert_eq!(open.admits(need, &PresentedCredentials::default()), Ok(()));
+            assert_eq!(open.admits(requirement, &PresentedCredentials::default()), Ok(()));
         }
     }
 }

@@ -13,7 +13,7 @@ pub const MAX_CONNECTIONS: usize = 4096;
 /// Connections at once from one address; never more than half of all.
 pub const MAX_CONNECTIONS_PER_PEER: usize = 1024;
 /// Files that are kept free of connections: the store's, logs, the library of the operating system.
-pub const RESERVED_FILES: u64 = 256;
+pub(crate) const RESERVED_FILES: u64 = 256;
 /// Time that a connection has for its TLS handshake, and to say its first byte.
 pub const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 /// Time after which a connection on which nothing passes, either way, is closed. HTTP/2 connections and pages that follow
@@ -33,9 +33,9 @@ pub const MAX_HEADERS: usize = 100;
 pub const MAX_READ_HEADER_BYTES: u32 = 4 * MAX_HEADER_BYTES;
 /// Requests a second on one connection, in the long run. What is said within a request, such as a worker's stream, does not
 /// count: credits limit that.
-pub const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
+pub(crate) const REQUESTS_PER_SECOND: NonZeroU32 = NonZeroU32::MIN.saturating_add(499);
 /// Requests that may come at once after a pause: a page with a picture of every behaviour.
-pub const REQUEST_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(4_999);
+pub(crate) const REQUEST_BURST: NonZeroU32 = NonZeroU32::MIN.saturating_add(4_999);
 /// Bytes of a message, unless it is one of those below.
 pub const MAX_MESSAGE: usize = 4 << 20;
 /// Bytes of a message from a worker: a batch of the largest pictures, or the longest motion (48 MB).
@@ -45,7 +45,7 @@ pub const MAX_LABEL_MESSAGE: usize = 32 << 20;
 /// Bytes that a page may post.
 pub const MAX_POST: usize = 2 << 20;
 /// Browsers that are logged in with one token, at once: one more ends the oldest session.
-pub const MAX_SESSIONS_PER_TOKEN: usize = 32;
+pub(crate) const MAX_SESSIONS_PER_TOKEN: usize = 32;
 /// Clients and pages that watch something, at once.
 pub const MAX_WATCHES: usize = 1024;
 /// Replays that are simulated or wait to be, at once.

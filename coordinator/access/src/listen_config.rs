@@ -1,5 +1,4 @@
-//! Where a coordinator listens, how what is said there is protected, and whom it lets in: only in combinations that
-//! somebody may want.
+//! The address at which a coordinator listens, its encryption, and its access rules; unsafe combinations are refused.
 
 use super::{Access, Hosts, Tokens};
 use crate::limits::HANDSHAKE_LIMIT;
@@ -19,33 +18,33 @@ pub struct ListenConfig {
     tokens: Option<Arc<Tokens>>,
 }
 
-/// The coordinator's certificate, and the authority that signs machines'.
+/// The certificate of the coordinator, and the authority that signs those of machines.
 #[derive(Debug)]
 pub struct Tls {
     config: ServerTlsConfig,
-    /// Whether there is such an authority.
+    /// Whether machines must have a certificate of an authority.
     client_ca: bool,
 }
 
-/// Why one cannot listen like that.
+/// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ListenConfigError {
-    /// Others could read what is said.
+    /// Others on the network could read the traffic.
     #[error(
-        "{0} is not this machine's alone, and nothing said there would be encrypted: give --certificate and --key \
-         (`murmuration certs DIR` makes some to begin with), or --insecure-listen on a network that you trust"
+        "other machines can reach {0}, and the traffic would not be encrypted: give --certificate and --key \
+         (`murmuration certs DIR` makes a first pair), or --insecure-listen on a network that you trust"
     )]
     Plain(SocketAddr),
-    /// Others could do anything.
+    /// Others on the network could do anything.
     #[error(
-        "{0} is not this machine's alone, and whoever reaches it could do anything: give --tokens FILE (`murmuration \
-         token NAME --role ROLE` makes its lines), or --insecure-listen on a network that you trust"
+        "other machines can reach {0}, and every person who does could do anything: give --tokens FILE (`murmuration token \
+         NAME --role ROLE` makes its lines), or --insecure-listen on a network that you trust"
     )]
     Open(SocketAddr),
     /// A file cannot be used.
     #[error(transparent)]
     File(#[from] CredentialsError),
-    /// Certificate, key and authority do not go together.
+    /// The certificate, its key and the authority do not fit together.
     #[error("the certificate in {} cannot be used: {reason}", path.display())]
     Unusable {
         /// The certificate's file.
@@ -85,7 +84,7 @@ impl Tls {
 }
 
 impl ListenConfig {
-    /// For one person's machine: in the clear, open to every process of this machine. Port 0 is any free one.
+    /// A loopback address without encryption or tokens, for a machine of one person. Port 0 is any free port.
     #[must_use]
     pub fn loopback(port: u16) -> Self {
         Self {
@@ -95,8 +94,8 @@ impl ListenConfig {
         }
     }
 
-    /// At `address`, encrypted with `tls`, for the bearers of `tokens`. Without those it must be an address of this machine
-    /// alone, unless everybody who can reach it is `trusted`.
+    /// `address`, encrypted with `tls`, for the bearers of `tokens`. Without these it must be a loopback address, unless
+    /// everybody who can reach it is `trusted`.
     ///
     /// # Errors
     /// [`ListenConfigError::Plain`] and [`ListenConfigError::Open`], which say what is missing.
@@ -124,17 +123,17 @@ impl ListenConfig {
         self.address
     }
 
-    /// How to encrypt, if at all.
+    /// The TLS configuration, if connections are encrypted.
     pub fn tls(&self) -> Option<ServerTlsConfig> {
         self.tls.as_ref().map(|tls| tls.config.clone())
     }
 
-    /// Under which names to answer.
+    /// The host names to answer to.
     pub fn hosts(&self) -> Hosts {
         Hosts::of(self.address, &self.access(), self.tls.is_some())
     }
 
-    /// Whom to let in.
+    /// Who may pass.
     pub fn access(&self) -> Access {
         Access {
             tokens: self.tokens.clone(),

@@ -1,5 +1,4 @@
-//! The way in for processes of the coordinator's own machine and user: a token that only the owner of the data
-//! directory can read.
+//! Access for processes of the same machine and user: a token that only the owner of the data directory can read.
 
 use super::{Access, HolderName, Role, Tokens};
 use murmuration_link::{CredentialsError, Token, read_token};
@@ -16,7 +15,7 @@ const FILE: &str = "local-token";
 
 /// The token of a data directory.
 #[derive(Debug)]
-pub struct Local {
+pub struct LocalToken {
     token: Token,
 }
 
@@ -32,8 +31,8 @@ pub fn local_token(data: &Path) -> Result<Option<Token>, CredentialsError> {
     }
 }
 
-impl Local {
-    /// That of a data directory; makes one where there is none, or one that was never written to its end.
+impl LocalToken {
+    /// Reads the token of a data directory; makes one if there is none, or if it was not completely written.
     pub fn of(data: &Path) -> Result<Self, StoreError> {
         let path = data.join(FILE);
         let unread = |source| StoreError::File {
@@ -58,12 +57,12 @@ impl Local {
         })
     }
 
-    /// The token that they show.
+    /// The token itself.
     pub const fn token(&self) -> &Token {
         &self.token
     }
 
-    /// Lets its bearer in as an operator, and nobody else.
+    /// Accepts this token alone, as an operator's.
     pub fn access(&self) -> Access {
         let holder = (HolderName::this_machine(), Role::Operator, self.token.digest());
         Access {
@@ -73,7 +72,7 @@ impl Local {
     }
 }
 
-/// Writes a file that its owner alone can read.
+/// Writes a file that only its owner can read.
 fn write(path: &PathBuf, token: &Token) -> io::Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
@@ -94,8 +93,8 @@ mod tests {
     fn it_stays_the_same_and_its_owner_alone_reads_it() {
         let folder = tempfile::tempdir().unwrap();
         assert!(local_token(folder.path()).unwrap().is_none());
-        let made = Local::of(folder.path()).unwrap();
-        let again = Local::of(folder.path()).unwrap();
+        let made = LocalToken::of(folder.path()).unwrap();
+        let again = LocalToken::of(folder.path()).unwrap();
         assert_eq!(made.token().digest(), again.token().digest());
         let path = folder.path().join(FILE);
         #[cfg(unix)]
@@ -107,13 +106,13 @@ mod tests {
         let kept = folder.path().join("kept");
         fs::rename(&path, &kept).unwrap();
         fs::create_dir(&path).unwrap();
-        assert!(Local::of(folder.path()).is_err());
+        assert!(LocalToken::of(folder.path()).is_err());
         fs::remove_dir(&path).unwrap();
         std::os::unix::fs::symlink(folder.path().join("unmounted"), &path).unwrap();
-        assert!(Local::of(folder.path()).is_err());
+        assert!(LocalToken::of(folder.path()).is_err());
         fs::rename(&kept, &path).unwrap();
         fs::write(&path, "torn").unwrap();
-        let other = Local::of(folder.path()).unwrap();
+        let other = LocalToken::of(folder.path()).unwrap();
         assert_ne!(other.token().digest(), made.token().digest());
         assert_eq!(
             local_token(folder.path()).unwrap().unwrap().digest(),

@@ -1,4 +1,4 @@
-//! Machines: what a certificate says that its holder is, and which machine is at the other end of a connection.
+//! Machines: which kind of machine a certificate is for, and which machine is at the other end of a connection.
 
 use crate::connections::Visit;
 use murmuration_model::{MachineId, Origin};
@@ -7,16 +7,16 @@ use std::{fmt, net::IpAddr};
 use tonic::{Extensions, transport::server::TlsConnectInfo};
 use webpki::EndEntityCert;
 
-/// What a machine of a cluster does.
+/// A kind of machine in a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Machine {
-    /// It simulates and embeds.
+pub enum MachineKind {
+    /// Simulates and embeds.
     Worker,
-    /// It trains embedders.
+    /// Trains embedders.
     Trainer,
 }
 
-impl Machine {
+impl MachineKind {
     /// Every kind.
     pub const ALL: [Self; 2] = [Self::Worker, Self::Trainer];
 
@@ -30,7 +30,7 @@ impl Machine {
     }
 }
 
-impl fmt::Display for Machine {
+impl fmt::Display for MachineKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Worker => "worker",
@@ -41,23 +41,23 @@ impl fmt::Display for Machine {
 
 /// A certificate that the TLS library has checked.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Certificate {
-    good_for: Vec<Machine>,
+pub(crate) struct Certificate {
+    good_for: Vec<MachineKind>,
 }
 
 impl Certificate {
-    /// Reads what it is good for: the machines that it names; all of them if it names none.
-    pub fn read(der: &CertificateDer<'_>) -> Self {
+    /// Reads which kinds of machine it is for: those that it names, or all of them if it names none.
+    pub(crate) fn read(der: &CertificateDer<'_>) -> Self {
         let names_in = |certificate: &EndEntityCert<'_>| {
             let names: Vec<&str> = certificate.valid_dns_names().collect();
-            let named = |machine: &Machine| names.contains(&machine.dns_name());
-            Machine::ALL.into_iter().filter(named).collect::<Vec<_>>()
+            let named = |machine: &MachineKind| names.contains(&machine.dns_name());
+            MachineKind::ALL.into_iter().filter(named).collect::<Vec<_>>()
         };
         let good_for = match EndEntityCert::try_from(der).map(|certificate| names_in(&certificate)) {
-            Ok(named) if named.is_empty() => Machine::ALL.to_vec(),
+            Ok(named) if named.is_empty() => MachineKind::ALL.to_vec(),
             Ok(named) => named,
             Err(error) => {
-                tracing::warn!(%error, "a certificate that cannot be read is good for nothing");
+                tracing::warn!(%error, "a certificate cannot be read and is not accepted for any machine");
                 Vec::new()
             }
         };
@@ -65,17 +65,17 @@ impl Certificate {
     }
 
     #[cfg(test)]
-    pub(super) fn for_these(machines: &[Machine]) -> Self {
+    pub(super) fn for_these(machines: &[MachineKind]) -> Self {
         let good_for = machines.to_vec();
         Self { good_for }
     }
 
-    pub(super) fn is_for(&self, machine: Machine) -> bool {
+    pub(crate) fn is_for(&self, machine: MachineKind) -> bool {
         self.good_for.contains(&machine)
     }
 }
 
-/// Where a request comes from, by its connection alone; `None` if it came by none.
+/// The machine and address that a request comes from, by its connection; `None` without a connection.
 pub fn origin(request: &Extensions) -> Option<Origin> {
     let address = request.get::<Visit>()?.peer();
     let chain = request
@@ -88,7 +88,7 @@ pub fn origin(request: &Extensions) -> Option<Origin> {
     })
 }
 
-/// The machine that shows this certificate, which the TLS library has checked, or else has this address.
+/// The machine with this certificate, which the TLS library has checked, or without one the machine at this address.
 fn machine_of(certificate: Option<&CertificateDer<'_>>, address: IpAddr) -> MachineId {
     let key = certificate.map(|certificate| match EndEntityCert::try_from(certificate) {
         // A certificate that is renewed for the same key is the same machine's.
@@ -106,7 +106,7 @@ fn digest(kind: &str, bytes: &[u8]) -> MachineId {
     let mut hasher = blake3::Hasher::new_derive_key(&format!("murmuration machine by its {kind}"));
     let hash = hasher.update(bytes).finalize();
     let first = hash.as_bytes().first_chunk().copied().unwrap_or_default();
-    // 0 is nobody's.
+    // 0 means no machine.
     MachineId(u64::from_le_bytes(first) | 1)
 }
 
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use rcgen::{CertificateParams, KeyPair};
 
-    fn good_for(names: &[&str]) -> Vec<Machine> {
+    fn good_for(names: &[&str]) -> Vec<MachineKind> {
         let names: Vec<_> = names.iter().map(|&name| name.to_owned()).collect();
         let params = CertificateParams::new(names).unwrap();
         let made = params.self_signed(&KeyPair::generate().unwrap()).unwrap();
@@ -124,12 +124,12 @@ mod tests {
 
     #[test]
     fn a_certificate_is_good_for_what_it_names_and_for_all_if_it_names_nothing() {
-        let (worker, trainer) = (Machine::Worker.dns_name(), Machine::Trainer.dns_name());
-        assert_eq!(good_for(&[worker]), [Machine::Worker]);
-        assert_eq!(good_for(&["swarm.example", trainer]), [Machine::Trainer]);
-        assert_eq!(good_for(&[trainer, worker]), Machine::ALL);
-        assert_eq!(good_for(&["swarm.example"]), Machine::ALL);
-        assert_eq!(good_for(&[]), Machine::ALL);
+        let (worker, trainer) = (MachineKind::Worker.dns_name(), MachineKind::Trainer.dns_name());
+        assert_eq!(good_for(&[worker]), [MachineKind::Worker]);
+        assert_eq!(good_for(&["swarm.example", trainer]), [MachineKind::Trainer]);
+        assert_eq!(good_for(&[trainer, worker]), MachineKind::ALL);
+        assert_eq!(good_for(&["swarm.example"]), MachineKind::ALL);
+        assert_eq!(good_for(&[]), MachineKind::ALL);
         let garbage = CertificateDer::from(vec![0x30, 0x03, 1, 2, 3]);
         assert!(Certificate::read(&garbage).good_for.is_empty());
     }

@@ -1,8 +1,8 @@
-//! What keeps other sites' pages from using a coordinator through somebody's browser: the host that a request names, the
+//! Keeps pages of other sites from using a coordinator through a person's browser: checks the host that a request names, the
 //! page that it comes from, and, for gRPC, its content type.
 //!
-//! Browsers say truly which host they mean and which page asks, and send a content type such as gRPC's to another site only
-//! after that site has agreed. Programs may say what they like: nothing here lets anybody in.
+//! Browsers state truthfully the host and the page of a request, and send gRPC's content type to another site only after that
+//! site has agreed. Other programs can state anything, so passing these checks grants nothing.
 
 use super::{Access, Refusal};
 use axum::{
@@ -15,7 +15,7 @@ use axum::{
 };
 use std::net::{IpAddr, SocketAddr};
 
-/// What is asked for.
+/// What a request asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Asked {
     /// A gRPC method that the coordinator has.
@@ -26,15 +26,16 @@ pub(super) enum Asked {
     Page,
 }
 
-/// The hosts under whose names a door answers. A name of somebody else's may be made to point here (DNS rebinding), and a
-/// browser then takes this coordinator for a part of their site.
+/// The host names that a door answers to. An attacker can make a name of another site point here (DNS rebinding), so that a
+/// browser takes this coordinator for a part of that site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hosts {
-    /// All: a certificate vouches for the name, or a token, which no browser has for another site, is asked for.
+    /// Any: a certificate proves the name, or a token is required, which no browser sends for another site.
     Any,
     /// Addresses and `localhost`.
     ThisMachine,
-    /// Those, and names without a dot, which no site of the Internet has; gRPC, which no page can speak, under any.
+    /// Addresses, `localhost`, and names without a dot, which no site of the Internet has; any name for gRPC, which no page can
+    /// send.
     TrustedNetwork,
 }
 
@@ -63,8 +64,8 @@ impl Hosts {
     }
 }
 
-/// Turns away what another site's page may have sent. What changes something must come from a page of the same host; what
-/// speaks gRPC, from no page at all.
+/// Refuses what a page of another site may have sent. A request that changes something must come from a page of the same
+/// host, and a gRPC request from no page.
 pub(super) fn check(
     hosts: Hosts,
     is_encrypted: bool,

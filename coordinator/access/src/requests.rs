@@ -1,4 +1,4 @@
-//! The id of a request, of gRPC or a page: taken from whoever asks, or made; in every line of the log about it; echoed.
+//! The id of a gRPC or page request: taken from its header or made here, in every log line about it, and in its response.
 
 use axum::{
     extract::Request,
@@ -20,7 +20,7 @@ use tracing::Instrument as _;
 /// Most bytes of an id that is taken from outside.
 const MAX_BYTES: usize = 64;
 
-/// Names the request in the log and in its answer.
+/// Gives a request its id, in the log and in the response.
 pub async fn named(request: Request, next: Next) -> Response {
     let id = given(request.headers()).unwrap_or_else(made);
     let (method, path) = (request.method().clone(), request.uri().path().to_owned());
@@ -41,7 +41,7 @@ pub async fn named(request: Request, next: Next) -> Response {
     .await
 }
 
-/// The id that came with the request, if it is one that can be logged as it is.
+/// The id in the header of the request, if it can be logged as it is.
 fn given(headers: &HeaderMap) -> Option<HeaderValue> {
     let plain = |&byte: &u8| byte.is_ascii_alphanumeric() || b"-_.".contains(&byte);
     let id = headers.get(REQUEST_ID)?;
@@ -49,7 +49,7 @@ fn given(headers: &HeaderMap) -> Option<HeaderValue> {
     ((1..=MAX_BYTES).contains(&bytes.len()) && bytes.iter().all(plain)).then(|| id.clone())
 }
 
-/// One that no other request has, of this process or of an earlier one: the process's start and a number.
+/// An id that no other request of this process or an earlier one has: the start of the process and a number.
 fn made() -> HeaderValue {
     static START: LazyLock<u64> = LazyLock::new(|| {
         let age = SystemTime::now().duration_since(UNIX_EPOCH);

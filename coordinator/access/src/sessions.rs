@@ -1,9 +1,8 @@
-//! Browsers that have logged in. A session is an entry here and, in the browser, a cookie with the entry's random id,
-//! signed.
+//! The sessions of browsers. A session is an entry here, and in the browser a signed cookie with the random id of the entry.
 //!
-//! A session ends by a log-out, with its time, and when its token is no longer in the tokens file. Its entry is gone then,
-//! also from the file in the data directory that keeps the entries through restarts: a cookie without an entry is worth
-//! nothing.
+//! A session ends with a log-out, when it expires, and when its token is no longer in the tokens file. Its entry is then
+//! removed, also from the file in the data directory that keeps the entries through restarts; a cookie without an entry is
+//! not accepted.
 
 use crate::limits::MAX_SESSIONS_PER_TOKEN;
 use axum::http::HeaderMap;
@@ -38,14 +37,14 @@ const ID_BYTES: usize = 16;
 pub struct Sessions(Arc<Shared>);
 
 struct Shared {
-    /// What cookies are signed with.
+    /// Signs the cookies.
     key: Key,
     path: PathBuf,
     /// By id. Never locked while the file is written, so that no request waits for the disk.
     open: RwLock<Open>,
-    /// Held by whoever changes the sessions until the file is written: files follow each other as changes do.
+    /// Held from a change of the sessions until the file is written, so that the file is written in the order of changes.
     changing: Mutex<()>,
-    /// Whether the file says something else than memory does. Set and read under `changing`.
+    /// Whether the file differs from memory. Set and read under `changing`.
     unwritten: AtomicBool,
 }
 
@@ -54,7 +53,7 @@ type Open = BTreeMap<String, Entry>;
 #[derive(Clone)]
 struct Entry {
     token: TokenDigest,
-    /// Higher than those of the sessions that were opened before it, whatever the time of day was.
+    /// Higher than the number of every session that was opened before, whatever the clock said.
     number: u64,
     /// When it ends, seconds since 1970-01-01 UTC.
     until_s: u64,
@@ -70,18 +69,18 @@ struct Row {
     until_s: u64,
 }
 
-/// The session that a request came with.
+/// The session of a request.
 #[derive(Debug)]
-pub struct Session {
+pub(crate) struct Session {
     /// The token that it was opened with.
-    pub token: TokenDigest,
+    pub(crate) token: TokenDigest,
     left: Duration,
     end: watch::Receiver<()>,
 }
 
 impl Session {
     /// Waits until it has ended.
-    pub(super) async fn ended(mut self) {
+    pub(crate) async fn ended(mut self) {
         // Nothing is ever sent: the sender is dropped, or the time is over.
         let _ = tokio::time::timeout(self.left, self.end.changed()).await;
     }
@@ -94,11 +93,11 @@ impl std::fmt::Debug for Sessions {
 }
 
 impl Sessions {
-    /// Those that the data directory `data` has kept, of tokens that `are_good`; cookies are signed with what `secret`
-    /// comes to. Where the file cannot be understood, everybody logs in again.
+    /// Reads the sessions in the data directory `data` whose tokens `are_good`; a key derived from `secret` signs the cookies.
+    /// If the file cannot be parsed, everybody must log in again.
     ///
     /// # Errors
-    /// If the file is there and cannot be read, or those of other tokens cannot be removed from it.
+    /// If the file exists and cannot be read, or sessions of other tokens cannot be removed from it.
     pub fn kept(
         data: &Path,
         secret: &Token,
@@ -138,7 +137,7 @@ impl Sessions {
     }
 
     /// The session that a request came with, if it has not ended.
-    pub fn of(&self, headers: &HeaderMap, now: SystemTime) -> Option<Session> {
+    pub(crate) fn of(&self, headers: &HeaderMap, now: SystemTime) -> Option<Session> {
         let id = self.id(headers)?;
         let open = self.0.open.read().unwrap_or_else(PoisonError::into_inner);
         let entry = open.get(&id).filter(|entry| entry.lasts(now))?;
@@ -149,10 +148,10 @@ impl Sessions {
         })
     }
 
-    /// Opens one for the bearer of a token, in place of that which the request came with; the cookie for it.
+    /// Opens a session for the bearer of a token, in place of the session of the request, and returns its cookie.
     ///
     /// # Errors
-    /// If it cannot be written: then there is none.
+    /// If it cannot be written; it is not opened then.
     pub fn log_in(
         &self,
         headers: &HeaderMap,
@@ -185,15 +184,15 @@ impl Sessions {
         Ok(self.jar(headers).add(cookie))
     }
 
-    /// Ends the session that a request came with, if there is one: at once, and once this returns for good.
+    /// Ends the session of a request, if it has one: at once in memory, and for good once this returns.
     ///
     /// # Errors
-    /// If that cannot be written: it would be back after a restart.
+    /// If the change cannot be written: the session would come back with a restart.
     pub fn log_out(&self, headers: &HeaderMap) -> Result<(), StoreError> {
         let _changing = self.0.changing.lock().unwrap_or_else(PoisonError::into_inner);
         let mut open = self.0.open();
         let has_ended = self.id(headers).and_then(|id| open.remove(&id)).is_some();
-        // Whoever asks again, since it could not be written, asks for that.
+        // A second request, after the first could not be written, writes the file.
         if has_ended || self.0.unwritten.load(Ordering::Relaxed) {
             self.0.set(open.clone());
             self.0.write(&open)?;
@@ -201,12 +200,12 @@ impl Sessions {
         Ok(())
     }
 
-    /// What has a browser forget its cookie.
+    /// The cookie that makes a browser forget its session.
     pub fn forget(&self, headers: &HeaderMap) -> SignedCookieJar {
         self.jar(headers).remove(Cookie::build(COOKIE).path("/"))
     }
 
-    /// The id in the cookie that a request came with, if we signed it.
+    /// The id in the cookie of a request, if its signature is valid.
     fn id(&self, headers: &HeaderMap) -> Option<String> {
         Some(self.jar(headers).get(COOKIE)?.value().to_owned())
     }
@@ -216,7 +215,7 @@ impl Sessions {
     }
 }
 
-/// Ends the oldest sessions of a token that has as many as it may.
+/// Ends the oldest sessions of a token that has reached its limit.
 fn make_room(open: &mut Open, token: TokenDigest) {
     let of_token = open.iter().filter(|(_, entry)| entry.token == token);
     let mut by_age: Vec<(u64, String)> = of_token.map(|(id, entry)| (entry.number, id.clone())).collect();
@@ -252,7 +251,7 @@ impl Shared {
         *self.open.write().unwrap_or_else(PoisonError::into_inner) = open;
     }
 
-    /// Writes the file, which its owner alone can read, whole or not at all.
+    /// Replaces the file, which only its owner can read; a failure leaves it as it was.
     fn write(&self, open: &Open) -> Result<(), StoreError> {
         self.unwritten.store(true, Ordering::Relaxed);
         let mut entries: Vec<_> = open.iter().collect();

@@ -1,8 +1,8 @@
-//! The tokens file: who may come in, as what, and the digests of their tokens; never a token itself.
+//! The tokens file: the holders of tokens, their roles, and the digests of the tokens, never the tokens themselves.
 
 use super::Role;
 use murmuration_link::{InputKind, TokenDigest, read_text};
-use murmuration_proto::{Invalid, text};
+use murmuration_proto::{Invalid, grouped, text};
 use serde::{Deserialize, Serialize};
 use std::{
     fmt, io,
@@ -15,22 +15,22 @@ const MAX_HOLDERS: usize = 1000;
 /// Most characters of a name.
 const MAX_NAME: usize = 64;
 
-/// Whom a token is for: 1 to 64 characters of any script that can be seen, no space at either end.
+/// The name of the holder of a token: 1 to 64 visible characters of any script, without a space at either end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct HolderName(String);
 
-/// Everybody who may come in with a token.
+/// The tokens that are accepted, with their holders.
 #[derive(Debug, Default)]
 pub struct Tokens {
-    holders: Vec<Holder>,
+    holders: Vec<TokenHolder>,
 }
 
-/// Whom a token lets in, as what.
+/// The holder of a token, and their role.
 #[derive(Debug)]
-pub struct Holder {
+pub(crate) struct TokenHolder {
     /// For people who read the file, and for refusals.
-    pub name: HolderName,
-    pub role: Role,
+    pub(crate) name: HolderName,
+    pub(crate) role: Role,
     digest: TokenDigest,
 }
 
@@ -45,7 +45,7 @@ pub enum TokensError {
         /// What the system said.
         source: io::Error,
     },
-    /// It is no TOML, or not of this form.
+    /// It is not TOML of this form.
     #[error("the tokens file {}: {reason}", path.display())]
     Syntax {
         /// Which file.
@@ -86,18 +86,18 @@ impl Tokens {
         })
     }
 
-    /// These alone: name, role, digest.
-    pub fn of(holders: impl IntoIterator<Item = (HolderName, Role, TokenDigest)>) -> Self {
+    /// The tokens of these holders: name, role, digest.
+    pub(crate) fn of(holders: impl IntoIterator<Item = (HolderName, Role, TokenDigest)>) -> Self {
         let holders = holders.into_iter();
         Self {
             holders: holders
-                .map(|(name, role, digest)| Holder { name, role, digest })
+                .map(|(name, role, digest)| TokenHolder { name, role, digest })
                 .collect(),
         }
     }
 
-    /// Whose token it is. Looks at all of them, whichever it is, so that the time it takes says nothing.
-    pub fn holder(&self, digest: TokenDigest) -> Option<&Holder> {
+    /// The holder of a token. Compares it with every token, so that the time it takes reveals nothing.
+    pub(crate) fn holder(&self, digest: TokenDigest) -> Option<&TokenHolder> {
         let holders = self.holders.iter();
         holders.fold(None, |found, holder| {
             if holder.digest == digest {
@@ -134,7 +134,7 @@ impl fmt::Display for HolderName {
 ///
 /// # Errors
 /// Where it cannot be written as TOML.
-pub fn entry(name: &HolderName, role: Role, digest: TokenDigest) -> Result<String, toml::ser::Error> {
+pub fn file_entry(name: &HolderName, role: Role, digest: TokenDigest) -> Result<String, toml::ser::Error> {
     let entry = Entry {
         name: name.to_string(),
         role,
@@ -147,8 +147,9 @@ fn parse(text: &str) -> Result<Tokens, String> {
     let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
     if file.token.len() > MAX_HOLDERS {
         return Err(format!(
-            "{} entries: there may be {MAX_HOLDERS}",
-            file.token.len()
+            "{} entries: at most {} are allowed",
+            grouped(file.token.len() as u64),
+            grouped(MAX_HOLDERS as u64)
         ));
     }
     let holders = file.token.into_iter().map(|Entry { name, role, digest }| {
@@ -198,7 +199,7 @@ mod tests {
     }
 
     fn written(name: &str, role: Role, token: &Token) -> String {
-        entry(&name.parse().unwrap(), role, token.digest()).unwrap()
+        file_entry(&name.parse().unwrap(), role, token.digest()).unwrap()
     }
 
     #[test]

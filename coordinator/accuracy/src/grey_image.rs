@@ -1,9 +1,9 @@
-//! Grey images as an embedder takes them, from PNG files.
+//! Reads grey images for embedders from PNG files.
 
 use murmuration_link::{InputKind, read_bytes};
 use std::{io::Cursor, path::Path};
 
-/// The pixels of a PNG of `height` rows of `width` pixels, 8 bits each; or else what is wrong with the file.
+/// The pixels of a PNG of `height` rows of `width` pixels, 8 bits each; or what is wrong with the file.
 pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8>, String> {
     let file = read_bytes(image, InputKind::Picture).map_err(|error| error.to_string())?;
     let mut reader = png::Decoder::new(Cursor::new(file))

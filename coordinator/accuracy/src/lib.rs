@@ -1,13 +1,13 @@
-//! How well distances between behaviours agree with classes that people gave them.
+//! Measures how well distances between behaviours agree with the classes that people gave them.
 //!
-//! [`Accuracy`] is the paper's measure, on any vectors, and [`Summary`] what several of them come to; [`Labels`] reads a labelled set. What makes vectors of images
-//! is elsewhere.
+//! [`Accuracy`] is the paper's measure, for any vectors. [`Summary`] has mean and spread of several figures. [`LabelledSet`] reads
+//! a labelled set. Embedding images is done elsewhere.
 
 mod grey_image;
-mod labels;
+mod labelled_set;
 mod summary;
 mod triplets;
 
-pub use labels::{Labels, Swarm};
+pub use labelled_set::{LabelledSet, Swarm};
 pub use summary::Summary;
 pub use triplets::{Accuracy, RANDOM, Tally};

@@ -1,16 +1,16 @@
-//! What the figures of several trials come to.
+//! Mean and spread of the figures of several trials.
 
 /// Mean and spread of at least one figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
     /// The mean, in the unit of the figures.
     pub mean: f64,
-    /// The sample standard deviation (over n - 1), in their unit; `None` of a single figure.
+    /// The sample standard deviation (over n - 1), in the same unit; `None` for a single figure.
     pub deviation: Option<f64>,
 }
 
 impl Summary {
-    /// Sums up finite figures; `None` if there are none.
+    /// Summarises finite figures; `None` if there are none.
     #[must_use]
     pub fn of(figures: &[f64]) -> Option<Self> {
         let count = figures.len() as f64;

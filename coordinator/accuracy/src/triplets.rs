@@ -2,22 +2,22 @@
 
 use std::collections::BTreeMap;
 
-/// The class of behaviours that fit no other.
+/// The class of behaviours that fit no other class.
 pub const RANDOM: &str = "random";
 
 /// Triplets counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Those whose anchor is nearer to the positive than to the negative.
+    /// Triplets whose anchor is nearer to the positive than to the negative.
     pub correct: u64,
-    /// All of them.
+    /// All triplets.
     pub triplets: u64,
 }
 
 /// The triplets of a labelled set, by class of their anchor.
 ///
-/// A triplet (a, p, n) is admissible if a and p are of one class, n is of another, and a is not p. It is correct if
-/// the Euclidean distance from a to p is less than that from a to n: a tie is not.
+/// A triplet (a, p, n) is admissible if a and p are of one class, n is of another, and a is not p. It is correct if the
+/// Euclidean distance from a to p is less than that from a to n; ties are not correct.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Accuracy {
     classes: BTreeMap<String, Tally>,
@@ -39,7 +39,7 @@ impl Tally {
 }
 
 impl Accuracy {
-    /// Counts all admissible triplets of `behaviours`, each a class and a vector; vectors are of one length, finite.
+    /// Counts all admissible triplets of `behaviours`, each a class and a vector. Vectors must be finite and of one length.
     #[must_use]
     pub fn measure(behaviours: &[(&str, Vec<f64>)]) -> Self {
         let mut classes: BTreeMap<String, Tally> = BTreeMap::new();
@@ -50,18 +50,18 @@ impl Accuracy {
         Self { classes }
     }
 
-    /// Each class that is there, by name, with the triplets whose anchor is of it.
+    /// Each class that occurs, by name, with the triplets whose anchor has this class.
     pub fn classes(&self) -> impl Iterator<Item = (&str, Tally)> {
         self.classes.iter().map(|(class, tally)| (class.as_str(), *tally))
     }
 
-    /// Triplets with anchors of every class: the paper's text.
+    /// Triplets with anchors of every class, as in the paper's text.
     #[must_use]
     pub fn every_anchor(&self) -> Tally {
         self.sum(|_| true)
     }
 
-    /// Triplets whose anchor is not [`RANDOM`]: the authors' code. Such behaviours still serve as negatives.
+    /// Triplets whose anchor is not [`RANDOM`], as in the authors' code. Random behaviours still serve as negatives.
     #[must_use]
     pub fn anchor_not_random(&self) -> Tally {
         self.sum(|class| class != RANDOM)
@@ -93,7 +93,7 @@ fn with_anchor(behaviours: &[(&str, Vec<f64>)], anchor: usize) -> Tally {
     }
 }
 
-/// Compared in place of distances: a square root could make ties.
+/// Compared instead of distances, because a square root could make ties.
 fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
 }

@@ -1,7 +1,7 @@
 //! What campaigns hand to the dispatcher, and what they are told of it.
 
 use murmuration_model::{
-    CampaignId, CampaignRecord, Embedder, Maker, SavedTraining, TrainingPictures, Weight,
+    CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, World,
@@ -23,14 +23,14 @@ pub struct EvaluationJob {
     /// The pictures wanted.
     pub image: ImageFormat,
     /// What embeds the pictures, if anything.
-    pub embedder: Option<Embedder>,
+    pub embedder: Option<EmbedderRef>,
     /// Controllers with the seeds of their starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
 }
 
 impl EvaluationJob {
     /// Controllers, with the seeds of their starts, to evaluate as this campaign wants it.
-    pub fn of(record: &CampaignRecord, embedder: Option<Embedder>, tasks: Vec<(Controller, u64)>) -> Self {
+    pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
             campaign: record.id.clone(),
             weight: record.weight,
@@ -51,7 +51,7 @@ pub struct EmbeddingJob {
     /// The campaign's share of the workers.
     pub weight: Weight,
     /// What embeds them.
-    pub embedder: Embedder,
+    pub embedder: EmbedderRef,
     /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
     pub images: Vec<Vec<u8>>,
 }
@@ -70,7 +70,7 @@ pub struct TrainingJob {
     /// The pictures without labels.
     pub pictures: TrainingPictures,
     /// What it goes on from, if it learns from labels.
-    pub lesson: Option<Lesson>,
+    pub fine_tuning: Option<FineTuningParams>,
     /// Told how far the training has come.
     pub progress: watch::Sender<Option<v1::TrainingProgress>>,
     /// Told of each training put aside; whoever keeps them looks at the newest.
@@ -87,7 +87,7 @@ impl TrainingJob {
 
 /// What a training on labels begins with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Lesson {
+pub struct FineTuningParams {
     /// The checkpoint to go on from.
     pub parent: CheckpointDigest,
     /// Number of labelled pictures.
@@ -122,13 +122,13 @@ pub enum Evaluated {
         maker: Maker,
     },
     /// It was given up.
-    SetAside(SetAside),
+    Poisoned(PoisonedTask),
 }
 
 /// Work that took its workers with it, and is not tried again.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{} workers were lost with it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
-pub struct SetAside {
+#[error("{} workers were lost during it, the last two while they did nothing else: {}", .workers.len(), .workers.join(", "))]
+pub struct PoisonedTask {
     /// Names of the workers.
     pub workers: Vec<String>,
 }
@@ -141,8 +141,8 @@ pub enum JobError {
     Fatal(String),
     /// Machines computed different results for the same task.
     #[error(
-        "workers disagree about task {task} of a job ({}), and there is no other machine that could say which is right: \
-         one of them is broken; start a worker on another machine, and resume", .workers.join(" and ")
+        "workers disagree about task {task} ({}), and no third machine can decide which of them is right: start a worker \
+         on another machine, and resume the campaign", .workers.join(" and ")
     )]
     Disagreement {
         /// Place of the task in the job.
@@ -151,8 +151,8 @@ pub enum JobError {
         workers: Vec<String>,
     },
     /// It is of a kind that nothing could take the place of.
-    #[error("it cannot be done: {0}")]
-    SetAside(#[from] SetAside),
+    #[error("the work cannot be done: {0}")]
+    Poisoned(#[from] PoisonedTask),
     /// Somebody waits for it, and nobody is there to do it.
     #[error("{}", super::NO_WORKER)]
     NoWorker,

@@ -35,7 +35,7 @@ impl JobProgress {
     }
 
     /// So many are done.
-    pub fn set_done(&self, count: u32) {
+    pub(crate) fn set_done(&self, count: u32) {
         self.done.store(count, Ordering::Relaxed);
     }
 

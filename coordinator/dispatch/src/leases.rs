@@ -7,13 +7,14 @@
 //! - a task is settled once: one result, or two machines that agree where it is audited or was disputed;
 //! - a machine has one vote, however many workers it runs, and one that contradicts itself has none;
 //! - results of a machine that was found wrong do not count, and what they had settled is done again;
-//! - a task that takes its workers with it is set aside after the third, once workers of two machines were lost, or where
+//! - a task that takes its workers with it is poisoned after the third, once workers of two machines were lost, or where
 //!   there is no other machine to try it;
 //! - a job ends as impossible once two machines say so of one of its tasks, or where there is no other machine to ask;
 //! - there is one code path for a lease that comes back undone, whatever the reason.
 //!
 //! [`LeaseTable::take_events`] tells what became of jobs; [`LeaseTable::grant`] says whom to send what.
 
+mod held;
 mod ids;
 mod job;
 mod params;
@@ -38,10 +39,10 @@ use workers::Worker;
 
 /// Most tasks in one batch.
 pub const MAX_BATCH: usize = 64;
-/// Workers that a task may take with it before it is set aside.
+/// Workers that a task may take with it before it is poisoned.
 pub const MOST_LOST: usize = 3;
 /// Shortest and longest time after which a lease is also given to an idle worker.
-const PATIENCE: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
+const SPECULATION_DELAY: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
 /// A lease is late after so many times the usual time of one.
 const LATE: u32 = 4;
 
@@ -77,7 +78,7 @@ pub enum Settled<R> {
         audited: bool,
     },
     /// It took these workers with it, and is not tried again.
-    SetAside {
+    Poisoned {
         /// Who was lost while they held it, the last two while they held nothing else.
         lost: Vec<WorkerProcessId>,
     },
@@ -132,7 +133,7 @@ pub enum Event<R> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
     /// The lease was never given, was answered, or its job is over. Harmless: late results look like this.
-    #[error("there is no such lease (its job may be over)")]
+    #[error("the lease does not exist; its job may be over")]
     UnknownLease,
     /// The lease was another worker's.
     #[error("the lease was given to another worker")]
@@ -164,10 +165,10 @@ pub struct LeaseTable<R> {
     leases: BTreeMap<LeaseNumber, Lease>,
     quarantined: BTreeSet<MachineId>,
     events: Vec<Event<R>>,
-    /// Effort that the job served last has had: where new ones begin, so that they owe nothing.
+    /// What the leased tasks of the job served last have cost: where new jobs begin, so that they owe nothing.
     served: u64,
     /// How long a dispute, and a task that one machine alone finds impossible, wait for another machine.
-    dispute_patience: Duration,
+    dispute_timeout: Duration,
     /// Usual time between a lease and its result.
     turnaround: Option<Duration>,
     next: u64,
@@ -186,9 +187,9 @@ struct Lease {
 impl<R: Agree> LeaseTable<R> {
     /// An empty table; a dispute waits for so long for a machine that could decide it.
     #[must_use]
-    pub const fn new(dispute_patience: Duration) -> Self {
+    pub const fn new(dispute_timeout: Duration) -> Self {
         Self {
-            dispute_patience,
+            dispute_timeout,
             jobs: BTreeMap::new(),
             workers: BTreeMap::new(),
             leases: BTreeMap::new(),
@@ -206,7 +207,7 @@ impl<R: Agree> LeaseTable<R> {
         let tasks = (0..params.tasks).map(|place| Task::new(params.audited.contains(&place)));
         let job = Job {
             tasks: tasks.collect(),
-            // The second voices are asked for early, so that the end of a job does not wait for them.
+            // Second votes are asked for early, so that the end of a job does not wait for them.
             queues: Queues::new(
                 params
                     .audited
@@ -217,7 +218,7 @@ impl<R: Agree> LeaseTable<R> {
             ),
             settled: 0,
             served: self.served,
-            effort: params.effort.max(1),
+            cost: params.cost.max(1),
             speculative: params.speculative,
             embeds: params.embeds,
         };
@@ -236,19 +237,6 @@ impl<R: Agree> LeaseTable<R> {
         for worker in self.workers.values_mut() {
             worker.rests.remove(&job);
         }
-    }
-
-    /// The leases of a job that are with a worker.
-    pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
-        self.of_job(job)
-            .filter_map(|(&number, lease)| Some((lease.holder?, number)))
-    }
-
-    /// The job of a lease that was given to this worker, if it is not over.
-    #[must_use]
-    pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
-        let lease = self.leases.get(&lease)?;
-        (lease.process == self.workers.get(&worker)?.process).then_some(lease.job)
     }
 
     /// Tasks that wait for a worker.
@@ -302,7 +290,7 @@ impl<R: Agree> LeaseTable<R> {
         let mut wrong = BTreeSet::new();
         for (place, result) in tasks.into_iter().zip(results) {
             if let Some(job) = self.jobs.get_mut(&id) {
-                wrong.extend(job.hear(place, process, result, held));
+                wrong.extend(job.record_vote(place, process, result, held));
             }
         }
         self.quarantine_all(wrong);
@@ -421,10 +409,6 @@ impl<R: Agree> LeaseTable<R> {
     fn learn_turnaround(&mut self, took: Duration) {
         let learned = |usual: Duration| (usual * 7 + took.min(usual * LATE)) / 8;
         self.turnaround = Some(self.turnaround.map_or(took, learned));
-    }
-
-    fn of_job(&self, job: JobId) -> impl Iterator<Item = (&LeaseNumber, &Lease)> {
-        self.leases.iter().filter(move |(_, lease)| lease.job == job)
     }
 
     fn fresh_number(&mut self) -> u64 {

@@ -5,25 +5,29 @@
 
 mod job;
 mod job_progress;
-pub mod leases;
+mod leases;
 mod metrics;
 mod service;
+mod submitted;
 mod trainers;
 mod work;
 
-pub use job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, Lesson, ReplayJob, SetAside, TrainingJob};
+pub use job::{
+    EmbeddingJob, Evaluated, EvaluationJob, FineTuningParams, JobError, PoisonedTask, ReplayJob, TrainingJob,
+};
 pub use job_progress::JobProgress;
+pub use leases::{LeaseNumber, WorkerId};
 pub use metrics::{DispatchMetrics, Families, PeerKind, WorkKind};
 pub use trainers::Trainers;
 
-use crate::leases::{LeaseNumber, WorkerId};
-use murmuration_model::{MachineId, Maker, Origin, Quarantined, SavedTraining};
+use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, SavedTraining};
 use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
 use service::Service;
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
+use submitted::{AnyJob, Submitted};
 use tokio::sync::{mpsc, oneshot, watch};
 use tonic::Status;
-use work::{Output, Work};
+use work::Work;
 
 /// How the dispatcher treats its workers.
 #[derive(Debug, Clone, Copy)]
@@ -68,7 +72,7 @@ impl FromStr for Share {
         let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
         share
             .map(Self)
-            .ok_or_else(|| Invalid::new("share", text, "from 0 to 1"))
+            .ok_or_else(|| Invalid::new("share", text, "a number from 0 to 1"))
     }
 }
 
@@ -86,7 +90,7 @@ impl Default for Options {
 pub const NO_WORKER: &str = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
 
 /// How long what somebody waits for may wait for a first worker: whoever is starting, or was restarted, is there by then.
-const ABSENCE: Duration = Duration::from_secs(10);
+const FIRST_WORKER_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Messages to a worker that may wait to be sent; one that reads none of so many is taken for lost.
 pub const OUTBOX: usize = 1024;
@@ -127,8 +131,8 @@ pub enum JoinError {
     ShuttingDown,
     /// Its machine was found wrong.
     #[error(
-        "results of this machine were found wrong: it is quarantined; once it is sound, lift that with `murmuration \
-         quarantine --lift {0}` where the coordinator's data directory is"
+        "this machine returned wrong results and is quarantined: repair it, then run `murmuration quarantine --lift {0}` \
+         over the coordinator's data directory"
     )]
     Quarantined(MachineId),
 }
@@ -193,9 +197,8 @@ enum Command {
 #[derive(Debug)]
 enum Request {
     Submit {
-        work: Work,
+        job: Box<dyn AnyJob>,
         job_progress: Arc<JobProgress>,
-        reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
     },
     Join {
         join_request: JoinRequest,
@@ -210,6 +213,12 @@ enum Request {
         epoch: u64,
         lease: LeaseNumber,
         reply: oneshot::Sender<Room>,
+    },
+    LeasedTraining {
+        machine: MachineId,
+        epoch: u64,
+        lease: LeaseNumber,
+        reply: oneshot::Sender<Option<CampaignId>>,
     },
 }
 
@@ -238,8 +247,7 @@ impl Dispatch {
         job: EvaluationJob,
         job_progress: Arc<JobProgress>,
     ) -> Result<Vec<Evaluated>, JobError> {
-        let outputs = self.submit(Work::Evaluations(job), job_progress).await?;
-        Ok(outputs.into_iter().filter_map(Output::into_evaluated).collect())
+        self.submit(job, job_progress).await
     }
 
     /// Has the workers embed stored pictures; `job_progress` says how far that is. Embeddings are in the order of the pictures,
@@ -252,8 +260,7 @@ impl Dispatch {
         job: EmbeddingJob,
         job_progress: Arc<JobProgress>,
     ) -> Result<Vec<(Vec<f32>, Maker)>, JobError> {
-        let outputs = self.submit(Work::Embeddings(job), job_progress).await?;
-        Ok(outputs.into_iter().filter_map(Output::into_embedded).collect())
+        self.submit(job, job_progress).await
     }
 
     /// Has a worker simulate one individual again, to be watched.
@@ -261,11 +268,7 @@ impl Dispatch {
     /// # Errors
     /// See [`JobError`].
     pub async fn replay(&self, job: ReplayJob) -> Result<Replay, JobError> {
-        let outputs = self.submit(Work::Replay(job), Arc::default()).await?;
-        outputs
-            .into_iter()
-            .find_map(Output::into_replay)
-            .ok_or(JobError::ShuttingDown)
+        self.submit_one(job, Arc::default()).await
     }
 
     /// What `work` comes to, which somebody waits for: an error once no worker has been there for a while to do it.
@@ -286,7 +289,10 @@ impl Dispatch {
         // Where the dispatcher has ended, its jobs have too, and say so.
         while workers.wait_for(|&count| count == 0).await.is_ok() {
             let somebody = workers.wait_for(|&count| count > 0);
-            if tokio::time::timeout(ABSENCE, somebody).await.is_err() {
+            if tokio::time::timeout(FIRST_WORKER_TIMEOUT, somebody)
+                .await
+                .is_err()
+            {
                 return;
             }
         }
@@ -356,17 +362,47 @@ impl Dispatch {
         }
     }
 
-    async fn submit(&self, work: Work, job_progress: Arc<JobProgress>) -> Result<Vec<Output>, JobError> {
+    /// The campaign whose training a trainer of this machine holds a lease of, given in this epoch of the coordinator's.
+    pub async fn leased_training(
+        &self,
+        machine: MachineId,
+        epoch: u64,
+        lease: LeaseNumber,
+    ) -> Option<CampaignId> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::Work(Request::Submit {
-            work,
-            job_progress,
+        let request = Request::LeasedTraining {
+            machine,
+            epoch,
+            lease,
             reply,
+        };
+        // Nobody holds leases of a dispatcher that has ended.
+        self.commands.send(Command::Work(request)).await.ok()?;
+        answer.await.ok()?
+    }
+
+    async fn submit<W: Work>(
+        &self,
+        work: W,
+        job_progress: Arc<JobProgress>,
+    ) -> Result<Vec<W::Outcome>, JobError> {
+        let (job, answer) = Submitted::new(work);
+        let command = Command::Work(Request::Submit {
+            job: Box::new(job),
+            job_progress,
         });
-        self.commands
-            .send(command)
-            .await
-            .map_err(|_| JobError::ShuttingDown)?;
+        let sent = self.commands.send(command).await;
+        sent.map_err(|_| JobError::ShuttingDown)?;
         answer.await.map_err(|_| JobError::ShuttingDown)?
+    }
+
+    /// The outcome of work of one task.
+    async fn submit_one<W: Work>(
+        &self,
+        work: W,
+        job_progress: Arc<JobProgress>,
+    ) -> Result<W::Outcome, JobError> {
+        let outcome = self.submit(work, job_progress).await?.pop();
+        outcome.ok_or(JobError::ShuttingDown)
     }
 }

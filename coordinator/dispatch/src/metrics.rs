@@ -56,11 +56,11 @@ impl WorkKind {
         }
     }
 
-    const fn labels(self) -> Labels {
+    const fn labels(self) -> MetricLabels {
         [("work", self.name())]
     }
 
-    const fn party(self) -> PeerKind {
+    const fn peer(self) -> PeerKind {
         match self {
             Self::Evaluation | Self::Embedding | Self::Replay => PeerKind::Worker,
             Self::Training => PeerKind::Trainer,
@@ -68,22 +68,22 @@ impl WorkKind {
     }
 }
 
-type Labels = [(&'static str, &'static str); 1];
+type MetricLabels = [(&'static str, &'static str); 1];
 
 /// What all dispatchers of a coordinator count, told apart by labels; cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Families {
-    connected: Family<Labels, Gauge>,
-    pending: Family<Labels, Gauge>,
-    leased: Family<Labels, Gauge>,
-    returned: Family<Labels, Counter>,
-    dropped: Family<Labels, Counter>,
+    connected: Family<MetricLabels, Gauge>,
+    pending: Family<MetricLabels, Gauge>,
+    leased: Family<MetricLabels, Gauge>,
+    returned: Family<MetricLabels, Counter>,
+    dropped: Family<MetricLabels, Counter>,
     quarantined: Counter,
     audited: Counter,
     disagreements: Counter,
     poisoned: Counter,
-    done: Family<Labels, Counter>,
-    turnaround: Family<Labels, Histogram>,
+    done: Family<MetricLabels, Counter>,
+    turnaround: Family<MetricLabels, Histogram>,
 }
 
 /// Where one dispatcher counts; cheap to clone.
@@ -157,7 +157,7 @@ impl Families {
             disagreements,
         );
         registry.register(
-            "tasks_set_aside",
+            "tasks_poisoned",
             "Tasks that were given up because they end their workers",
             poisoned,
         );
@@ -173,10 +173,10 @@ impl Families {
 
     /// Where the dispatcher of workers or trainers counts.
     #[must_use]
-    pub fn of(&self, party: PeerKind) -> DispatchMetrics {
-        let labels = [("party", party.name())];
+    pub fn of(&self, peer: PeerKind) -> DispatchMetrics {
+        let labels = [("peer", peer.name())];
         // What has not happened yet is nought, not absent: a rate over it is one from the first scrape on.
-        for kind in WorkKind::ALL.into_iter().filter(|kind| kind.party() == party) {
+        for kind in WorkKind::ALL.into_iter().filter(|kind| kind.peer() == peer) {
             drop(self.done.get_or_create(&kind.labels()));
             drop(self.turnaround.get_or_create(&kind.labels()));
         }
@@ -193,14 +193,14 @@ impl Families {
 
 impl DispatchMetrics {
     /// How things stand: who is there, how many tasks nobody has, how many leases somebody has.
-    pub fn stand(&self, connected: usize, pending: usize, leased: usize) {
+    pub(crate) fn stand(&self, connected: usize, pending: usize, leased: usize) {
         self.connected.set(connected as i64);
         self.pending.set(pending as i64);
         self.leased.set(leased as i64);
     }
 
     /// A lease was answered with so many results, as long after it was given as that.
-    pub fn answered(&self, kind: WorkKind, results: usize, after: Duration) {
+    pub(crate) fn answered(&self, kind: WorkKind, results: usize, after: Duration) {
         let labels = kind.labels();
         self.families.done.get_or_create(&labels).inc_by(results as u64);
         let turnaround = self.families.turnaround.get_or_create(&labels);
@@ -208,32 +208,32 @@ impl DispatchMetrics {
     }
 
     /// So many leases came back undone.
-    pub fn returned(&self, leases: usize) {
+    pub(crate) fn returned(&self, leases: usize) {
         self.returned.inc_by(leases as u64);
     }
 
     /// A worker or trainer was sent away: it fell silent, or said what cannot be.
-    pub fn dropped(&self) {
+    pub(crate) fn dropped(&self) {
         self.dropped.inc();
     }
 
     /// An evaluation is repeated on another worker.
-    pub fn audited(&self) {
+    pub(crate) fn audited(&self) {
         self.families.audited.inc();
     }
 
     /// Two workers differ about one evaluation.
-    pub fn disagreed(&self) {
+    pub(crate) fn disagreed(&self) {
         self.families.disagreements.inc();
     }
 
     /// A worker is not trusted any more.
-    pub fn quarantined(&self) {
+    pub(crate) fn quarantined(&self) {
         self.families.quarantined.inc();
     }
 
     /// So many tasks were given up, because whoever has them dies of them.
-    pub fn set_aside(&self, tasks: usize) {
+    pub(crate) fn poisoned(&self, tasks: usize) {
         self.families.poisoned.inc_by(tasks as u64);
     }
 }

@@ -3,16 +3,16 @@
 mod results;
 
 use super::{
-    Command, JobError, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, Room, WorkerReport,
-    work::{Output, Work},
+    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, Room, TrainingJob, WorkerReport,
+    submitted::{AnyJob, Vote},
 };
 use crate::{
     DispatchMetrics,
     leases::{Abilities, Grant, JobId, LeaseNumber, LeaseTable, WorkerId, WorkerProcessId},
 };
 use murmuration_link::trace_parent;
-use murmuration_model::Quarantined;
-use murmuration_proto::{EmbeddingKind, Purpose, Stream, v1};
+use murmuration_model::{CampaignId, MachineId, Quarantined};
+use murmuration_proto::{EmbeddingKind, Purpose, RandomStream, v1};
 use std::{
     collections::{BTreeMap, BTreeSet},
     sync::Arc,
@@ -34,13 +34,13 @@ const MOST_NAMES: usize = 4096;
 pub(super) struct Service {
     options: Options,
     epoch: u64,
-    table: LeaseTable<Output>,
+    table: LeaseTable<Vote>,
     jobs: BTreeMap<JobId, Job>,
     workers: BTreeMap<WorkerId, Worker>,
     /// Names and addresses of processes, also of those that are gone.
     names: BTreeMap<WorkerProcessId, String>,
     /// Which tasks are audited, and what tells processes apart that do not say.
-    chance: Stream,
+    chance: RandomStream,
     count: watch::Sender<usize>,
     wrong: watch::Sender<Vec<Quarantined>>,
     metrics: DispatchMetrics,
@@ -57,11 +57,10 @@ struct Given {
 }
 
 struct Job {
-    work: Work,
+    submitted: Box<dyn AnyJob>,
     job_progress: Arc<JobProgress>,
     /// Why somebody says that nobody can do it.
     refusal: Option<String>,
-    reply: oneshot::Sender<Result<Vec<Output>, JobError>>,
 }
 
 struct Worker {
@@ -70,6 +69,12 @@ struct Worker {
     outbox: Outbox,
     /// The trainings that it was given, by their leases.
     trainings: BTreeSet<LeaseNumber>,
+}
+
+impl Job {
+    fn training(&self) -> Option<&TrainingJob> {
+        self.submitted.training()
+    }
 }
 
 impl Service {
@@ -95,7 +100,7 @@ impl Service {
             jobs: BTreeMap::new(),
             workers: BTreeMap::new(),
             names: BTreeMap::new(),
-            chance: Stream::derive(epoch, Purpose::Audit, 0),
+            chance: RandomStream::derive(epoch, Purpose::Audit, 0),
             count,
             wrong,
             metrics,
@@ -135,18 +140,13 @@ impl Service {
 
     fn take(&mut self, request: Request) {
         match request {
-            Request::Submit {
-                work,
-                job_progress,
-                reply,
-            } => {
+            Request::Submit { job, job_progress } => {
                 let (chance, share) = (&mut self.chance, self.options.audited.get());
-                let id = self.table.submit(work.params(|| chance.chance(share)));
+                let id = self.table.submit(job.params(&mut || chance.chance(share)));
                 let job = Job {
-                    work,
+                    submitted: job,
                     job_progress,
                     refusal: None,
-                    reply,
                 };
                 self.jobs.insert(id, job);
             }
@@ -160,8 +160,17 @@ impl Service {
                 // Whoever asked may be gone.
                 let _ = reply.send(self.room(worker, epoch, lease));
             }
+            Request::LeasedTraining {
+                machine,
+                epoch,
+                lease,
+                reply,
+            } => {
+                // Whoever asked may be gone.
+                let _ = reply.send(self.leased_training(machine, epoch, lease));
+            }
             Request::Report { worker, report } => {
-                self.table.hear(worker, Instant::now());
+                self.table.keep_alive(worker, Instant::now());
                 match report {
                     WorkerReport::Credits(count) => self.table.add_credits(worker, count),
                     WorkerReport::Heartbeat => {}
@@ -258,7 +267,7 @@ impl Service {
     /// Tells jobs that embed whether those who are there could do them.
     fn tell_lacks(&self) {
         let lacks = self.table.lacks_embedders();
-        for job in self.jobs.values().filter(|job| job.work.embeds()) {
+        for job in self.jobs.values().filter(|job| job.submitted.embeds()) {
             job.job_progress.set_lacks_embedder(lacks);
         }
     }
@@ -267,7 +276,7 @@ impl Service {
         let withdrawn: Vec<_> = self
             .jobs
             .iter()
-            .filter(|(_, job)| job.reply.is_closed())
+            .filter(|(_, job)| job.submitted.is_withdrawn())
             .map(|(&id, _)| id)
             .collect();
         for id in withdrawn {
@@ -276,7 +285,7 @@ impl Service {
             self.given.retain(|_, given| given.job != id);
             let job = self.jobs.remove(&id);
             // Evaluations are done before a word of theirs would be; a training may have minutes to go.
-            if job.is_some_and(|job| matches!(job.work, Work::Training(_))) {
+            if job.is_some_and(|job| job.training().is_some()) {
                 for (worker, lease) in held {
                     let lease = Some(self.lease_id(lease));
                     let withdrawal = v1::coordinator_message::Message::Withdrawal(v1::Withdrawal { lease });
@@ -289,7 +298,7 @@ impl Service {
     fn lose_silent_workers(&mut self) {
         for id in self.table.silent(Instant::now(), self.options.silence_limit) {
             let said = format!(
-                "nothing heard for {:?}: leases given to others",
+                "no message for {:?}: the leases went to other workers",
                 self.options.silence_limit
             );
             self.lose(id, Some(Status::deadline_exceeded(said)));
@@ -330,8 +339,8 @@ impl Service {
             let Some(content) = self.jobs.get(&job) else {
                 continue;
             };
-            let (id, campaign) = (self.lease_id(lease), content.work.campaign().to_string());
-            let is_training = matches!(content.work, Work::Training(_));
+            let (id, campaign) = (self.lease_id(lease), content.submitted.campaign().to_string());
+            let is_training = content.training().is_some();
             if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
                 holder.trainings.insert(lease);
             }
@@ -342,7 +351,7 @@ impl Service {
                 id: Some(id),
                 campaign,
                 trace_parent: trace_parent(&span),
-                work: Some(content.work.batch(&tasks)),
+                work: Some(content.submitted.batch(&tasks)),
             });
             let at = Instant::now();
             self.given.insert(lease, Given { job, at, span });
@@ -357,14 +366,22 @@ impl Service {
             .get(&worker)
             .is_some_and(|worker| epoch == self.epoch && worker.trainings.contains(&lease));
         let job = self.table.leased(worker, lease).filter(|_| given);
-        match job.and_then(|id| self.jobs.get(&id)) {
-            Some(Job {
-                work: Work::Training(job),
-                ..
-            }) => Room::Bytes(job.saved_bytes()),
-            _ if given => Room::Over,
-            _ => Room::Never,
+        let job = job.and_then(|id| self.jobs.get(&id));
+        match job.and_then(Job::training) {
+            Some(training) => Room::Bytes(training.saved_bytes()),
+            None if given => Room::Over,
+            None => Room::Never,
         }
+    }
+
+    /// The campaign whose training a trainer of this machine holds a lease of.
+    fn leased_training(&self, machine: MachineId, epoch: u64, lease: LeaseNumber) -> Option<CampaignId> {
+        let job = self
+            .table
+            .held_by(machine, lease)
+            .filter(|_| epoch == self.epoch)?;
+        let training = self.jobs.get(&job)?.training()?;
+        Some(training.campaign.clone())
     }
 
     fn lease_id(&self, lease: LeaseNumber) -> v1::LeaseId {

@@ -1,9 +1,6 @@
 //! A dispatcher of its own for trainers: what they lease takes minutes and belongs to one of them at a time.
 
-use super::{
-    Dispatch, JobError, JobProgress, Options, TrainingJob,
-    work::{Output, Work},
-};
+use super::{Dispatch, JobError, JobProgress, Options, TrainingJob};
 use crate::DispatchMetrics;
 use murmuration_model::Quarantined;
 use murmuration_proto::CheckpointDigest;
@@ -31,11 +28,7 @@ impl Trainers {
         job: TrainingJob,
         job_progress: Arc<JobProgress>,
     ) -> Result<CheckpointDigest, JobError> {
-        let outputs = self.0.submit(Work::Training(Box::new(job)), job_progress).await?;
-        outputs
-            .into_iter()
-            .find_map(Output::into_checkpoint)
-            .ok_or(JobError::ShuttingDown)
+        self.0.submit_one(job, job_progress).await
     }
 
     /// Number of trainers that take work, now and whenever it changes.

@@ -2,7 +2,7 @@
 
 /// A bug: the work panicked. The log says where.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("work broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)")]
+#[error("a task stopped because of a bug, which the log describes; committed data is safe")]
 pub struct Broken;
 
 /// Runs `work` on a thread that may block.

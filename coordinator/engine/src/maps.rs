@@ -4,6 +4,7 @@
 //! Maps are kept for as long as they are true (until the archive grows or another archive version of it begins) and there is room
 //! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
 
+mod landmarks;
 mod neighbours;
 
 use crate::space::{Space, SpaceError, Spaces};
@@ -115,7 +116,7 @@ impl Maps {
         let (maps, id) = (self.clone(), record.id.clone());
         // It is not forgotten while the thread has it.
         std::thread::spawn(move || {
-            let Ok(points) = neighbours::embed(&space.behaviours, &axes.points, &interrupt) else {
+            let Ok(points) = landmarks::embed(&space.behaviours, &axes.points, &interrupt) else {
                 return;
             };
             let mut known = lock(&kept);

@@ -33,12 +33,12 @@ impl From<CampaignStatus> for v1::Campaign {
             stage: v1::CampaignStage::from(status.stage) as i32,
             dataset_done: dataset_done + u64::from(arrived(Stage::Dataset)),
             training: status.training,
-            checkpoint: digest(record.checkpoint),
-            next_checkpoint: digest(record.next_checkpoint),
-            embedded: record.embedded + u64::from(arrived(Stage::Embed)),
+            checkpoint: digest(record.embedder.checkpoint()),
+            next_checkpoint: digest(record.embedder.next()),
+            embedded: record.embedder.embedded() + u64::from(arrived(Stage::Embed)),
             trainers: status.trainers as u32,
             generations,
-            rounds_done: record.rounds_done,
+            rounds_done: record.rounds.done,
             labelled: arrived(Stage::Label),
             notices: status
                 .notices

@@ -5,14 +5,6 @@ use murmuration_store::ArchivedIndividual;
 
 /// A swarm that never moved.
 pub fn still(index: u64, generation: u32) -> ArchivedIndividual {
-    ArchivedIndividual {
-        index,
-        generation,
-        controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
-        seed: 0,
-        features: [0.0; 5],
-        embedding: Vec::new(),
-        novelty: 0.0,
-        image: None,
-    }
+    let controller = Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap();
+    ArchivedIndividual::unmeasured(index, generation, controller)
 }

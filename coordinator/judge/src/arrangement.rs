@@ -1,4 +1,4 @@
-//! How a swarm is spread out: neighbours and clusters.
+//! The arrangement of a swarm: neighbours and clusters.
 
 use super::{
     geometry::{length, minus},
@@ -7,11 +7,12 @@ use super::{
     window::{Point, Window},
 };
 
-/// Agents whose nearest mate is nearer than this are crowded; in spacings. Of agents strewn at random nearly half are.
+/// Agents whose nearest neighbour is nearer than this are crowded; in spacings. Of randomly placed agents, nearly half are
+/// crowded.
 const CROWDED: f64 = 0.43;
 /// Bodies whose centres are nearer than this are in contact; in radii (bodies touch at 2).
 const CONTACT: f64 = 3.0;
-/// Agents nearer than this to one of a cluster belong to it; in radii: room for two bodies between.
+/// Agents nearer than this to an agent of a cluster belong to it; in radii. Two bodies fit in between.
 const CLUSTER_LINK: f64 = 6.0;
 
 /// Measures of where the agents are.
@@ -19,14 +20,14 @@ const CLUSTER_LINK: f64 = 6.0;
 pub struct Arrangement {
     /// Median distance from the median position at the end; in packed radii, so about 0.7 for a tight disc.
     pub spread: f64,
-    /// Median distance to the third nearest mate at the end; in body radii, so 2 in a tight disc.
+    /// Median distance to the third nearest neighbour at the end; in body radii, so 2 in a tight disc.
     pub packing: f64,
-    /// Share of agents whose nearest mate is closer than 0.43 spacings at the end.
+    /// Share of agents whose nearest neighbour is closer than 0.43 spacings at the end.
     pub crowded: f64,
-    /// Mean distance from the centre of an agent's path to the nearest other such centre; in spacings, so about 0.5 if
-    /// they are strewn at random and 1 on a square grid.
+    /// Mean distance from the centre of an agent's path to the nearest other such centre; in spacings, so about 0.5 for
+    /// random places and 1 on a square grid.
     pub homes: f64,
-    /// Share of all times and agents with a mate's centre within three radii.
+    /// Share of all times and agents with another agent's centre within three radii.
     pub contact: f64,
     /// Sizes of the clusters at the end, largest first: agents are linked over up to six radii.
     pub clusters: Vec<usize>,
@@ -64,7 +65,7 @@ impl Arrangement {
     }
 }
 
-/// Distance from each point to its `rank`-th nearest other; infinite where there are not as many.
+/// Distance from each point to its `rank`-th nearest other point; infinite if there are fewer points.
 fn neighbours(points: &[Point], rank: usize) -> Vec<f64> {
     let nearest = |(i, &point): (usize, &Point)| {
         let others = points.iter().enumerate().filter(|&(j, _)| j != i);
@@ -80,7 +81,7 @@ pub(super) fn clusters(points: &[Point], link: f64) -> Vec<Vec<usize>> {
     linked(points.len(), |i, j| length(minus(points[i], points[j])) <= link)
 }
 
-/// Groups of the numbers under `count` that a symmetric relation connects, largest first, then by least member.
+/// Groups of the numbers under `count` that a symmetric relation connects: largest first, then by smallest member.
 pub(super) fn linked(count: usize, link: impl Fn(usize, usize) -> bool) -> Vec<Vec<usize>> {
     let mut free: Vec<usize> = (0..count).collect();
     let mut groups = Vec::new();

@@ -1,4 +1,4 @@
-//! The swarm as one body: its outline, its hollow, and what goes round in it.
+//! The swarm as one body: its outline, its hollow, and the rotation in it.
 
 use super::{
     arrangement::linked,
@@ -9,14 +9,14 @@ use super::{
 };
 use std::f64::consts::TAU;
 
-/// Share of agents that must belong to a connected body for the others to be left out as strays.
+/// Share of agents that a connected body must have for the others to count as strays.
 const MAIN_BODY: f64 = 0.6;
 /// Without a connected body, agents further from the median position than this many median distances are strays.
 const STRAY: f64 = 2.5;
-/// Depth in the outline of all paths from which an agent is inside, not on the rim.
+/// Depth in the outline of all paths from which on an agent is inside, not on the rim.
 const INSIDE: f64 = 0.2;
 
-/// Measures of the main body: the agents whose paths touch, if they are most of the swarm, and who is among them.
+/// Measures of the main body, which is the agents whose paths touch, if they are most of the swarm.
 ///
 /// Depths are distances from the convex outline over the radius of a circle of the same area: 0 on a convex ring, up to
 /// 1 in its middle.
@@ -26,17 +26,17 @@ pub struct Body {
     pub depth: f64,
     /// Share of agents whose mean depth is over 0.2.
     pub inside: f64,
-    /// Greatest depth of an agent in the outline of the swarm as it is at the end.
+    /// Greatest depth of an agent in the outline of the swarm at the end.
     pub deepest: f64,
     /// Fifth percentile of distances from the centre over the outline's radius: how hollow it is.
     pub hollow: f64,
     /// Widest angle at the centre without an agent at the end, radians.
     pub gap: f64,
-    /// Mean angle that an agent goes round the centre, radians, without its sign.
+    /// Mean absolute angle that an agent goes round the centre, radians.
     pub round: f64,
-    /// Angle that three agents in four go round the centre at least, radians, the way that the swarm does.
+    /// Angle that at least three agents in four go round the centre, radians, in the direction of the swarm.
     pub round_by_most: f64,
-    /// 1 if every agent goes round the same way, 0 if as many go the other.
+    /// 1 if every agent goes round the same way, 0 if half of them go the other way.
     pub one_way: f64,
     /// Share of motion that is around the centre rather than to or from it.
     pub tangential: f64,
@@ -76,7 +76,7 @@ impl Body {
         }
     }
 
-    /// Of a swarm whose paths lie on one line, or that has stood still on one.
+    /// For a swarm whose paths lie on one line, or that stands still on one.
     const fn flat() -> Self {
         Self {
             depth: 1.0,

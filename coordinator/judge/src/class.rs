@@ -1,4 +1,4 @@
-//! The paper's classes, and patterns among what belongs to none.
+//! The paper's classes, and patterns among random behaviours.
 
 use std::fmt;
 
@@ -11,19 +11,19 @@ pub enum Class {
     Milling,
     /// One tight clump, or two.
     Aggregation,
-    /// An even spread in which each agent keeps to its own place.
+    /// An even spread in which each agent stays in its own place.
     Dispersal,
-    /// A trace of the border, or a ring pressed on walls.
+    /// A stream along the border, or a ring pressed on walls.
     WallFollowing,
     /// A ring with agents that circle inside it.
     NestedCycle,
     /// One closed loop in single file that is not convex.
     ConcavePath,
-    /// Whatever is none of these.
+    /// None of these.
     Random,
 }
 
-/// A pattern that the paper does not name, seen among what it calls random.
+/// A pattern that the paper does not name, seen among behaviours that it calls random.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Pattern {
     /// Three or more tight groups.

@@ -1,4 +1,4 @@
-//! Convex outlines, and how deep points lie within them.
+//! Convex outlines, and the depth of points within them.
 
 use super::window::Point;
 
@@ -22,12 +22,12 @@ impl Outline {
         (corners.len() > 2 && area > 0.0).then_some(Self { corners, area })
     }
 
-    /// Radius of the circle of its area.
+    /// Radius of the circle with the same area.
     pub(super) fn radius(&self) -> f64 {
         (self.area / std::f64::consts::PI).sqrt()
     }
 
-    /// Centre of its area.
+    /// Its centroid.
     pub(super) fn centre(&self) -> Point {
         [0, 1].map(|axis| {
             let moment: f64 = edges(&self.corners)
@@ -37,7 +37,7 @@ impl Outline {
         })
     }
 
-    /// Whether `point` is within it.
+    /// Whether `point` is inside.
     pub(super) fn contains(&self, point: Point) -> bool {
         edges(&self.corners).all(|(a, b)| cross(minus(b, a), minus(point, a)) >= 0.0)
     }
@@ -81,7 +81,7 @@ pub(super) fn distance_to_segment(point: Point, a: Point, b: Point) -> f64 {
     length(minus(point, [a[0] + part * along[0], a[1] + part * along[1]]))
 }
 
-/// Whether two segments cross each other, their ends apart.
+/// Whether two segments cross each other; touching ends do not count.
 pub(super) fn segments_cross([a, b]: [Point; 2], [c, d]: [Point; 2]) -> bool {
     let side = |from, to, point| cross(minus(to, from), minus(point, from));
     side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0

@@ -1,8 +1,8 @@
-//! The synthetic annotator: names the class of a behaviour from its motion, by rules that people can read.
+//! The judge: names the class of a behaviour from its motion, by rules that people can read.
 //!
-//! It looks at what people are shown, the paths of the last 160 steps and where they end, and neither at embeddings nor
-//! at features. [`Measures`] are geometry and kinematics in units of the bodies and the arena; [`Class::of`] is the list
-//! of rules. How well it agrees with people is measured by `murmuration judge` and in `tests/tests/judge.rs`.
+//! It sees what people are shown, the paths of the last 160 steps and where they end, and no embeddings or features.
+//! [`Measures`] are geometry and kinematics in units of the bodies and the arena. [`Class::of`] is the list of rules.
+//! `murmuration judge` and `tests/tests/single_node/judge.rs` measure its agreement with people.
 
 mod arrangement;
 mod body;
@@ -26,24 +26,24 @@ pub use walls::Walls;
 
 use murmuration_proto::{Frames, Replay, World};
 
-/// What the judge says of a motion.
+/// The judge's verdict on a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verdict {
     /// Its class.
     pub class: Class,
-    /// What it looks like, if its class is [`Class::Random`] and it looks like something.
+    /// Its pattern, if its class is [`Class::Random`] and it has one.
     pub pattern: Option<Pattern>,
-    /// What was measured.
+    /// The measures.
     pub measures: Measures,
 }
 
-/// The frames of a motion in `world` that a verdict rests on: every fourth of its last 160 steps, however long it is.
+/// The frames of a motion in `world` that the judge needs: every fourth of its last 160 steps.
 #[must_use]
 pub fn frames(world: &World) -> Frames {
     Frames::of_end(window::WINDOW_STEPS, window::STRIDE, world)
 }
 
-/// Judges the end of a motion in `world`: its last 160 steps, of which every fourth is enough.
+/// Judges the end of a motion in `world`: its last 160 steps. Every fourth step is enough.
 ///
 /// Pure. The cost grows with the square of the number of agents: 24 take some milliseconds.
 #[must_use]
@@ -62,7 +62,7 @@ mod tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    /// 24 agents of the paper's world over 160 steps, each on a path of its own.
+    /// 24 agents of the paper's world over 160 steps, each on its own path.
     fn motion(path: impl Fn(f64, f64) -> [f64; 2]) -> Replay {
         let at = |step: u32, agent: u32| {
             let [x, y] = path(f64::from(agent), f64::from(step));

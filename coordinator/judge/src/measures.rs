@@ -1,4 +1,4 @@
-//! Everything that is measured of a motion before it is judged.
+//! The measures of a motion.
 
 use super::{
     arrangement::Arrangement, body::Body, motion::Motion, scale::Scale, walls::Walls, window::Window,
@@ -8,13 +8,13 @@ use murmuration_proto::{Replay, World};
 /// Measures of the last 160 steps of a swarm. All are 0 or more; lengths are in the units of [`Scale`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
-    /// Where the agents are.
+    /// The arrangement of the agents.
     pub arrangement: Arrangement,
-    /// How they move.
+    /// Their motion.
     pub motion: Motion,
     /// The swarm as one body.
     pub body: Body,
-    /// What it does at the walls.
+    /// Its motion at the walls.
     pub walls: Walls,
 }
 

@@ -1,4 +1,4 @@
-//! How agents move, and how their paths lie to each other.
+//! The motion of agents, and the relation of their paths.
 
 use super::{
     geometry::{angle_between, cross, distance_to_segment, dot, length, minus, segments_cross},
@@ -7,39 +7,39 @@ use super::{
     window::{Point, Window, mean},
 };
 
-/// A mate's path within this distance is followed if it goes the same way; in radii.
+/// An agent follows another agent's path within this distance if it goes the same way; in radii.
 const FOLLOWED: f64 = 1.5;
-/// Paths that come within this distance belong together; in radii: bodies on them would touch.
+/// Paths that come within this distance touch; in radii.
 const SHARED: f64 = 2.0;
-/// Cosine from which two directions are the same.
+/// Cosine from which on two directions count as the same.
 const SAME_WAY: f64 = 0.85;
-/// Sine from which two paths cross rather than merge.
+/// Sine from which on two paths cross rather than merge.
 const ACROSS: f64 = 0.35;
 /// Movement in a fortieth of the window below which an agent has no direction; in radii.
 const STANDS: f64 = 0.08;
-/// The same for a twentieth, where turning is measured.
+/// The same for a twentieth of the window, for measuring turns.
 const TURNS_ON_THE_SPOT: f64 = 0.2;
 
 /// Measures of the agents' paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// Mean distance between where an agent was first and last; in spacings.
+    /// Mean distance between an agent's first and last position; in spacings.
     pub net: f64,
-    /// Median of how far an agent gets from the centre of its own path; in spacings.
+    /// Median of an agent's largest distance from the centre of its own path; in spacings.
     pub reach: f64,
     /// Upper quartile of the same.
     pub far_reach: f64,
     /// Median angle that an agent's direction of motion turns through, radians.
     pub turning: f64,
-    /// 1 if all turning is one way round, 0 if as much is clockwise as not.
+    /// 1 if all turning goes one way round, 0 if half of it goes the other way.
     pub one_sense: f64,
-    /// Share of path points where a mate's path passes in the same direction within 1.5 radii.
+    /// Share of path points where another agent's path passes in the same direction within 1.5 radii.
     pub following: f64,
-    /// Mean number of mates whose paths an agent's path crosses.
+    /// Mean number of agents whose paths an agent's path crosses.
     pub crossed: f64,
 }
 
-/// Which paths come within touch of each other.
+/// Which paths touch each other.
 #[derive(Debug, Clone)]
 pub(super) struct SharedPaths {
     agents: usize,
@@ -83,7 +83,7 @@ fn reach(path: &[Point]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Angle that the direction of motion turns through, and the same with every turn counted as positive.
+/// Angle that the direction of motion turns through, signed, and with every turn counted as positive.
 fn turned(path: &[Point], scale: &Scale) -> [f64; 2] {
     let coarse: Vec<Point> = path.iter().copied().step_by(2).collect();
     let moves: Vec<Point> = coarse.windows(2).map(|pair| minus(pair[1], pair[0])).collect();
@@ -99,7 +99,7 @@ fn segments(path: &[Point]) -> impl Iterator<Item = [Point; 2]> {
     path.windows(2).map(|pair| [pair[0], pair[1]])
 }
 
-/// Share of path points on a mate's path in its direction; and which paths touch.
+/// Share of path points on another agent's path in its direction; and which paths touch.
 fn following(paths: &[Vec<Point>], scale: &Scale) -> (f64, SharedPaths) {
     let agents = paths.len();
     let mut shared = vec![false; agents * agents];
@@ -127,7 +127,7 @@ fn following(paths: &[Vec<Point>], scale: &Scale) -> (f64, SharedPaths) {
     (share(followed.into_iter()), SharedPaths { agents, shared })
 }
 
-/// Mean number of mates whose paths cross an agent's.
+/// Mean number of agents whose paths cross an agent's path.
 fn crossed(paths: &[Vec<Point>], scale: &Scale) -> f64 {
     let moves = |[a, b]: [Point; 2]| length(minus(b, a)) > STANDS * scale.radius;
     let across = |[a, b]: [Point; 2], [c, d]: [Point; 2]| {

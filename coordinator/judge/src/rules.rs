@@ -1,14 +1,14 @@
-//! From measures to a class: a list of rules, of which the first that holds decides.
+//! The rules that lead from measures to a class: the first rule that holds decides.
 //!
-//! Thresholds were chosen on the training parts of the labelled sets, on the motions that the annotators saw and on those
-//! that this simulator makes of the same starts: where a swarm is chaotic the two differ. Lengths are in the units that
-//! [`Scale`](super::Scale) gives; `docs/judge.md` says how far the rules are to be trusted.
+//! Thresholds were chosen on the training parts of the labelled sets: on the motions that the annotators saw, and on this
+//! simulator's motions from the same starts, which differ if a swarm is chaotic. Lengths are in the units of
+//! [`Scale`](super::Scale). `docs/judge.md` says how far to trust the rules.
 
 use super::{Arrangement, Body, Class, Measures, Motion, Pattern, Walls};
 
 /// A clump's median distance from its middle, in packed radii (a tight disc has 0.7).
 const CLUMP_SPREAD: f64 = 1.78;
-/// A cluster has at least so many agents: two may meet by chance.
+/// Minimum number of agents of a cluster: two may meet by chance.
 const CLUSTER: usize = 3;
 
 impl Class {
@@ -47,7 +47,7 @@ impl Class {
 }
 
 impl Pattern {
-    /// The pattern of a motion with these measures, of the class random.
+    /// The pattern of a motion of the class `random` with these measures.
     #[must_use]
     pub fn of(measures: &Measures) -> Option<Self> {
         let Measures {
@@ -60,7 +60,7 @@ impl Pattern {
         let agents: usize = arrangement.clusters.iter().sum();
         let clustered = clusters.clone().sum::<usize>() as f64 / agents.max(1) as f64;
         let clusters = clusters.count();
-        // Single file keeps its distance, which clumps that creep along do not.
+        // Agents in single file keep their distance; clumps that creep along do not.
         let in_file = motion.following >= 0.25 && arrangement.contact <= 0.8 && arrangement.packing <= 12.5;
         if in_file && body.round >= 0.1 && arrangement.spread <= 7.5 && walls.near <= 0.32 {
             return Some(Self::Chain);
@@ -71,15 +71,15 @@ impl Pattern {
         }
         let close = arrangement.crowded >= 0.85 && arrangement.spread <= 8.75;
         let apart = clusters >= 3 && clustered >= 0.5 && close;
-        // Agents that turn about each other are a group, also where there are but two of them.
+        // Agents that turn about each other are a group, even if there are only two.
         let turning = arrangement.homes <= 0.22 && motion.turning >= 2.0;
         (apart || turning).then_some(Self::SmallClusters)
     }
 }
 
-/// A ring that leans on walls, or a stream along them all: agents inside do not matter to the second.
+/// A ring pressed on walls, or a stream along all walls, for which agents inside do not matter.
 fn follows_walls(body: &Body, walls: &Walls) -> bool {
-    // A quarter of the time at a wall is more than where a ring off the walls grazes one.
+    // A ring off the walls that grazes one is there for less than a quarter of the time.
     let pressed = walls.near >= 0.27 && body.one_way >= 0.95 && body.tangential >= 0.78;
     pressed || walls.along >= 0.69 && walls.circulation >= 0.6 && walls.way >= 0.4
 }
@@ -89,7 +89,7 @@ fn goes_round(body: &Body) -> bool {
     body.one_way >= 0.8 && body.tangential >= 0.92 && body.depth <= 0.09
 }
 
-/// One agent inside is enough: the annotators were divided on it.
+/// One agent inside is enough; the annotators were divided on it.
 fn is_nested(body: &Body) -> bool {
     body.deepest >= 0.22
 }
@@ -106,13 +106,13 @@ fn is_loop(motion: &Motion, body: &Body) -> bool {
     body.round >= 2.75 && motion.following >= 0.55 && body.deepest <= 0.48
 }
 
-/// A loop so small that it is as tight as a clump, but for its empty middle: its agents have fewer mates at their sides.
+/// A loop as small and tight as a clump, except for its empty middle: its agents have fewer neighbours at their sides.
 fn is_small_loop(arrangement: &Arrangement, motion: &Motion, body: &Body) -> bool {
     let loose = arrangement.packing >= 2.8 && body.hollow >= 0.25;
     arrangement.spread <= CLUMP_SPREAD && loose && motion.following >= 0.5
 }
 
-/// Single file without a gap around an empty middle, however slowly and however round.
+/// Single file without a gap around an empty middle, at any speed and of any shape.
 fn is_closed_file(motion: &Motion, body: &Body) -> bool {
     motion.following >= 0.9 && body.gap <= 1.0 && body.hollow >= 0.4
 }
@@ -121,12 +121,12 @@ fn is_clump(arrangement: &Arrangement) -> bool {
     arrangement.spread <= CLUMP_SPREAD
 }
 
-/// Two tight clumps that stay where they are; a tenth may be strays.
+/// Two tight clumps that do not move; a tenth of the agents may be strays.
 fn are_two_clumps(arrangement: &Arrangement, motion: &Motion) -> bool {
     arrangement.in_two_clusters() >= 0.9 && arrangement.packing <= 4.4 && motion.net <= 0.45
 }
 
-/// A disc or band that turns as a whole, its agents on curves of their own. What runs along walls is wider than that.
+/// A disc or band that turns as a whole, with each agent on its own curve. Motion along walls is wider than that.
 fn swirls(arrangement: &Arrangement, motion: &Motion, body: &Body, walls: &Walls) -> bool {
     let turns = body.round >= 0.42 && motion.turning >= 1.08;
     turns && arrangement.crowded >= 0.33 && walls.along <= 0.4
@@ -137,17 +137,17 @@ fn swirls_to_the_middle(body: &Body) -> bool {
     body.one_way >= 0.9 && body.round_by_most >= 0.5 && body.deepest >= 0.4
 }
 
-/// Agents on curves of one sense that overlap, about several centres.
+/// Agents on overlapping curves of one sense, about several centres.
 fn swirl_apart(motion: &Motion) -> bool {
     motion.crossed >= 1.66 && motion.one_sense >= 0.7 && motion.reach >= 0.24
 }
 
-/// Hardly any two agents are close, none goes far, and no side is empty.
+/// Hardly any two agents are close, no agent goes far, and no side is empty.
 fn is_even(arrangement: &Arrangement, motion: &Motion, body: &Body) -> bool {
     arrangement.crowded <= 0.23 && motion.net <= 0.46 && body.gap <= 1.23
 }
 
-/// Agents on small circles of their own, whose centres are further apart than chance would have them.
+/// Each agent on its own small circle, with centres further apart than by chance.
 fn keep_circling(arrangement: &Arrangement, motion: &Motion) -> bool {
     arrangement.homes >= 0.55 && motion.far_reach <= 0.55 && motion.turning >= 3.3
 }

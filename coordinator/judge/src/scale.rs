@@ -1,15 +1,15 @@
-//! The lengths that measures are in.
+//! The units of length of measures.
 
 use murmuration_proto::World;
 
-/// The lengths that others are measured by, world units.
+/// The units of length, in world units.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
     /// Radius of a body.
     pub radius: f64,
-    /// Radius of a disc in which the bodies would just fit if they could be cut up: body radius times the root of their number.
+    /// Radius of a disc with the total area of the bodies: body radius times the square root of their number.
     pub packed: f64,
-    /// Distance between neighbours if the agents stood on a square grid over all of the arena.
+    /// Distance between neighbours if the agents stood on a square grid over the whole arena.
     pub spacing: f64,
 }
 
@@ -22,7 +22,7 @@ impl Scale {
         Self {
             radius: world.radius(),
             packed: world.radius() * agents.sqrt(),
-            // Where the walls leave no room to move there is still that of a body.
+            // If the walls leave no room to move, there is still the room of a body.
             spacing: (sides.map(|side| side.max(world.radius())).iter().product::<f64>() / agents).sqrt(),
         }
     }

@@ -1,6 +1,6 @@
 //! Quantiles, shares and ratios.
 
-/// The value that `part` (0 to 1) of at least one value are under.
+/// The `part` quantile (0 to 1) of at least one value.
 pub(super) fn quantile(values: impl Iterator<Item = f64>, part: f64) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
@@ -8,7 +8,7 @@ pub(super) fn quantile(values: impl Iterator<Item = f64>, part: f64) -> f64 {
     sorted.get(place).copied().unwrap_or(0.0)
 }
 
-/// Share of the true ones; 0 of none.
+/// Share of true values; 0 if there are none.
 pub(super) fn share(values: impl Iterator<Item = bool>) -> f64 {
     let (mut held, mut all) = (0.0, 0.0);
     for value in values {
@@ -18,7 +18,7 @@ pub(super) fn share(values: impl Iterator<Item = bool>) -> f64 {
     ratio(held, all)
 }
 
-/// `part / whole`; 0 of nothing.
+/// `part / whole`; 0 if `whole` is 0.
 pub(super) fn ratio(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
 }

@@ -1,4 +1,4 @@
-//! What a swarm does at the walls.
+//! The motion of a swarm at the walls.
 
 use super::{
     geometry::{cross, length, minus},
@@ -10,7 +10,7 @@ use murmuration_proto::World;
 
 /// An agent is near a wall when it could move this far to it; in radii.
 const NEAR: f64 = 4.0;
-/// It moves along a wall when its way is closer than this; in radii.
+/// It moves along a wall if its path is closer than this; in radii.
 const ALONG: f64 = 3.0;
 
 /// Measures of motion at the walls.
@@ -20,9 +20,9 @@ pub struct Walls {
     pub near: f64,
     /// Share of all motion that is within three radii of touching one.
     pub along: f64,
-    /// How much of that goes one way around the arena: 1 all of it, 0 as much either way, or straight at the walls.
+    /// How much of that goes one way around the arena: 1 if all of it, 0 if half goes either way, or straight at the walls.
     pub circulation: f64,
-    /// Mean length of an agent's way along walls; in spacings.
+    /// Mean length of an agent's path along walls; in spacings.
     pub way: f64,
 }
 
@@ -51,7 +51,7 @@ impl Walls {
     }
 }
 
-/// How far an agent's centre is from where its body touches the nearest wall.
+/// Distance of an agent's centre from where its body would touch the nearest wall.
 fn room([x, y]: Point, world: &World) -> f64 {
     let room = |value: f64, side: f64| value.min(side - value) - world.margin();
     room(x, world.width()).min(room(y, world.height()))

@@ -3,17 +3,17 @@
 use murmuration_proto::{Pose, Replay};
 use std::num::NonZeroU32;
 
-/// Steps that are looked at, as many as the pictures show that people judge; fewer where the motion is shorter.
+/// Number of steps in the window, as in the pictures that people judge; fewer if the motion is shorter.
 pub(super) const WINDOW_STEPS: u32 = 160;
-/// Steps between two times of the window, where the motion is long enough.
+/// Steps between two times of the window, if the motion is long enough.
 pub(super) const STRIDE: NonZeroU32 = NonZeroU32::MIN.saturating_add(3);
-/// Stretches that the window is cut into: one for every four of its steps.
+/// Number of intervals of the window: one for every four steps.
 const STRETCHES: u32 = WINDOW_STEPS / STRIDE.get();
 
 /// A point or a vector, world units; y points down the screen.
 pub(super) type Point = [f64; 2];
 
-/// Where each agent was at 41 evenly spaced times of the window.
+/// The position of each agent at 41 evenly spaced times of the window.
 #[derive(Debug, Clone)]
 pub(super) struct Window {
     paths: Vec<Vec<Point>>,
@@ -49,7 +49,7 @@ impl Window {
         Self { paths }
     }
 
-    /// One path an agent, in index order, each of 41 points.
+    /// One path per agent, in index order, each of 41 points.
     pub(super) fn paths(&self) -> &[Vec<Point>] {
         &self.paths
     }
@@ -59,12 +59,12 @@ impl Window {
         self.paths.first().map_or(0, Vec::len)
     }
 
-    /// Where the agents are at one of the times.
+    /// Positions of the agents at one of the times.
     pub(super) fn at(&self, time: usize) -> impl Iterator<Item = Point> + Clone {
         self.paths.iter().map(move |path| path[time])
     }
 
-    /// Where the agents are at the end.
+    /// Positions of the agents at the end.
     pub(super) fn end(&self) -> Vec<Point> {
         self.at(self.times() - 1).collect()
     }

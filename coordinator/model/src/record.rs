@@ -1,6 +1,6 @@
 //! A campaign as it is stored, and what its archive is of.
 
-use super::{CampaignId, CampaignState, Weight};
+use super::{ArchiveEmbedder, CampaignId, CampaignState, Rounds, Weight};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
 use std::fmt;
 
@@ -19,8 +19,8 @@ pub struct CampaignRecord {
     pub error: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
-    /// How many times something of it was taken back.
-    pub taken_back: u64,
+    /// How many times something of it was rolled back.
+    pub rollbacks: u64,
     /// How many decisions have been made about it since it was created.
     pub decisions: u64,
     /// Version of the simulator that its evaluations come from.
@@ -29,20 +29,12 @@ pub struct CampaignRecord {
     pub generations_done: u32,
     /// Best and mean novelty of the last complete generation.
     pub last_novelty: Option<(f64, f64)>,
-    /// The checkpoint whose embeddings its archive holds.
-    pub checkpoint: Option<CheckpointDigest>,
-    /// The checkpoint that it is moving to.
-    pub next_checkpoint: Option<CheckpointDigest>,
+    /// What embeds its archive.
+    pub embedder: ArchiveEmbedder,
     /// Pictures of its dataset on disk, those of the further starts of labelled controllers behind them.
     pub pictures_done: u64,
-    /// Individuals, from index 0, that are embedded with the next checkpoint, on disk.
-    pub embedded: u64,
-    /// Rounds of feedback whose fine-tuned checkpoint it has moved, or is moving, to.
-    pub rounds_done: u32,
-    /// While a round is fine-tuned: the number of entries, from the first, of the label log that it learns from.
-    pub lesson: Option<u64>,
-    /// How many entries the last round that is done learned from.
-    pub learned: Option<u64>,
+    /// Its rounds of feedback.
+    pub rounds: Rounds,
 }
 
 /// What an archive's individuals and behaviours are of: whatever is made of as many of them, of one archive version, is the same.
@@ -52,17 +44,17 @@ pub struct ArchiveVersion {
     /// When the campaign was created, milliseconds since 1970-01-01 UTC: it tells apart campaigns of one id in different data
     /// directories.
     pub created_ms: u64,
-    /// How many times something of it was taken back: counted, for a clock may be set back.
-    pub taken_back: u64,
+    /// How many times something of it was rolled back: counted, for a clock may be set back.
+    pub rollbacks: u64,
     /// The checkpoint whose embeddings it holds.
     pub checkpoint: Option<CheckpointDigest>,
 }
 
 impl ArchiveVersion {
-    /// What tells its individuals from those of any other campaign of this id, and from those that were taken back.
+    /// What tells its individuals from those of any other campaign of this id, and from those that were rolled back.
     #[must_use]
     pub fn origin(&self) -> String {
-        match self.taken_back {
+        match self.rollbacks {
             0 => self.created_ms.to_string(),
             count => format!("{}.{count}", self.created_ms),
         }
@@ -85,8 +77,8 @@ impl CampaignRecord {
     pub fn archive_version(&self) -> ArchiveVersion {
         ArchiveVersion {
             created_ms: self.created_ms,
-            taken_back: self.taken_back,
-            checkpoint: self.checkpoint,
+            rollbacks: self.rollbacks,
+            checkpoint: self.embedder.checkpoint(),
         }
     }
 
@@ -103,7 +95,7 @@ impl CampaignRecord {
     #[must_use]
     pub fn generations(&self) -> u32 {
         let further = self.spec.feedback().map_or(0, Feedback::generations);
-        let further = further.saturating_mul(self.rounds_done);
+        let further = further.saturating_mul(self.rounds.done);
         self.spec.search().generations().saturating_add(further)
     }
 

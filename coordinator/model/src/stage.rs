@@ -1,6 +1,6 @@
 //! What a campaign does next, as a function of what is on disk.
 
-use crate::CampaignRecord;
+use crate::{CampaignRecord, NextTraining};
 use murmuration_proto::{EmbedderSource, Feedback, v1};
 
 /// What a running campaign does, or one that does not run would do next.
@@ -26,25 +26,26 @@ impl Stage {
     /// The stage that a campaign has come to.
     #[must_use]
     pub fn of(record: &CampaignRecord) -> Self {
-        if record.next_checkpoint.is_some() {
+        if record.embedder.next().is_some() {
             return Self::Embed;
         }
-        let (lacks_pictures, lacks_embedder) = match record.spec.embedder() {
-            Some(EmbedderSource::Trained { dataset, .. }) => (
-                record.pictures_done < dataset.pictures(),
-                record.checkpoint.is_none(),
-            ),
-            Some(EmbedderSource::Published(_)) | None => (false, false),
-        };
-        match record.lesson {
+        match NextTraining::of(record) {
             // Also of a campaign that adopted an embedder before it had its pictures.
-            lesson if lacks_pictures && (lacks_embedder || lesson.is_some()) => Self::Dataset,
-            _ if lacks_embedder => Self::Pretrain,
-            Some(_) => Self::FineTune,
+            Some(_) if lacks_pictures(record) => Self::Dataset,
+            Some(NextTraining::Pretraining) => Self::Pretrain,
+            Some(NextTraining::FineTuning { .. }) => Self::FineTune,
             None if record.generations_done < record.generations() => Self::Evolve,
-            None if record.spec.feedback().map_or(0, Feedback::rounds) > record.rounds_done => Self::Label,
+            None if record.spec.feedback().map_or(0, Feedback::rounds) > record.rounds.done => Self::Label,
             None => Self::Taxonomy,
         }
+    }
+}
+
+/// Whether pictures of its dataset are still to be made.
+fn lacks_pictures(record: &CampaignRecord) -> bool {
+    match record.spec.embedder() {
+        Some(EmbedderSource::Trained { dataset, .. }) => record.pictures_done < dataset.pictures(),
+        Some(EmbedderSource::Published(_)) | None => false,
     }
 }
 
@@ -65,7 +66,7 @@ impl From<Stage> for v1::CampaignStage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CampaignState, Weight};
+    use crate::{ArchiveEmbedder, CampaignState, Rounds, Weight};
     use murmuration_proto::{CampaignSpec, CheckpointDigest};
 
     /// A campaign with its embedder and all pictures.
@@ -77,18 +78,21 @@ mod tests {
             state: CampaignState::Running,
             error: String::new(),
             created_ms: 7,
-            taken_back: 0,
+            rollbacks: 0,
             decisions: 0,
             simulator_version: String::new(),
             generations_done: 0,
             last_novelty: None,
-            checkpoint: Some(CheckpointDigest::of(b"own")),
-            next_checkpoint: None,
+            embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"own")),
             pictures_done: 20_000,
-            embedded: 0,
-            rounds_done: 0,
-            lesson: None,
-            learned: None,
+            rounds: Rounds::default(),
+        }
+    }
+
+    fn learning() -> Rounds {
+        Rounds {
+            current_cutoff: Some(9),
+            ..Rounds::default()
         }
     }
 
@@ -97,20 +101,27 @@ mod tests {
         let searching = record();
         assert_eq!(Stage::of(&searching), Stage::Evolve);
         let learning = CampaignRecord {
-            lesson: Some(9),
+            rounds: learning(),
             ..searching
         };
         assert_eq!(Stage::of(&learning), Stage::FineTune);
+        let taught = CheckpointDigest::of(b"taught");
         let moving = CampaignRecord {
-            lesson: None,
-            rounds_done: 1,
-            next_checkpoint: Some(CheckpointDigest::of(b"taught")),
+            rounds: Rounds {
+                done: 1,
+                last_cutoff: 9,
+                current_cutoff: None,
+            },
+            embedder: ArchiveEmbedder::Switching {
+                from: learning.embedder.checkpoint(),
+                to: taught,
+                embedded: 0,
+            },
             ..learning
         };
         assert_eq!(Stage::of(&moving), Stage::Embed);
         let moved = CampaignRecord {
-            checkpoint: moving.next_checkpoint,
-            next_checkpoint: None,
+            embedder: ArchiveEmbedder::Checkpoint(taught),
             ..moving
         };
         assert_eq!(Stage::of(&moved), Stage::Evolve);
@@ -124,7 +135,7 @@ mod tests {
         };
         assert_eq!(Stage::of(&searching), Stage::Evolve);
         let taught = CampaignRecord {
-            lesson: Some(9),
+            rounds: learning(),
             ..searching
         };
         assert_eq!(Stage::of(&taught), Stage::Dataset);

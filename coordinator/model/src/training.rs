@@ -1,7 +1,7 @@
 //! What an embedder is trained on, and a training that was put aside.
 
 use super::CampaignRecord;
-use murmuration_proto::EmbedderSource;
+use murmuration_proto::{CheckpointDigest, EmbedderSource};
 
 /// Most individuals of an archive that a training without a dataset looks at.
 const MOST_FROM_ARCHIVE: u64 = 10_000;
@@ -13,6 +13,35 @@ pub struct SavedTraining {
     pub epoch: u64,
     /// What the trainer takes it up from.
     pub bytes: Vec<u8>,
+}
+
+/// The training that a campaign needs before it goes on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NextTraining {
+    /// That of its first embedder, without labels.
+    Pretraining,
+    /// That of a round of feedback.
+    FineTuning {
+        /// The checkpoint to go on from.
+        parent: CheckpointDigest,
+        /// The round's label cutoff.
+        cutoff: u64,
+    },
+}
+
+impl NextTraining {
+    /// That of a campaign; `None` if it needs none.
+    #[must_use]
+    pub fn of(record: &CampaignRecord) -> Option<Self> {
+        match (record.embedder.checkpoint(), record.spec.embedder()) {
+            (None, Some(EmbedderSource::Trained { .. })) => Some(Self::Pretraining),
+            (None, _) => None,
+            (Some(parent), _) => {
+                let cutoff = record.rounds.current_cutoff?;
+                Some(Self::FineTuning { parent, cutoff })
+            }
+        }
+    }
 }
 
 /// Where the pictures without labels come from that embedders of a campaign are trained on.

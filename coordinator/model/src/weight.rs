@@ -18,9 +18,9 @@ impl Weight {
         self.0
     }
 
-    /// What work of this effort costs a campaign of this weight when turns are compared; at least the effort.
-    pub const fn charge(self, effort: u64) -> u64 {
-        effort.saturating_mul(Self::MOST as u64) / self.0 as u64
+    /// What is charged to a campaign of this weight for work of this cost, when turns are compared; at least the cost.
+    pub const fn charge(self, cost: u64) -> u64 {
+        cost.saturating_mul(Self::MOST as u64) / self.0 as u64
     }
 }
 
@@ -43,7 +43,7 @@ impl TryFrom<u32> for Weight {
     fn try_from(weight: u32) -> Result<Self, Invalid> {
         match weight {
             1..=Self::MOST => Ok(Self(weight)),
-            _ => Err(Invalid::new("weight", weight, "from 1 to 10,000")),
+            _ => Err(Invalid::new("weight", weight, "a whole number from 1 to 10,000")),
         }
     }
 }
@@ -54,7 +54,7 @@ impl FromStr for Weight {
     fn from_str(text: &str) -> Result<Self, Invalid> {
         let number: u32 = text
             .parse()
-            .map_err(|_| Invalid::new("weight", text, "from 1 to 10,000"))?;
+            .map_err(|_| Invalid::new("weight", text, "a whole number from 1 to 10,000"))?;
         number.try_into()
     }
 }

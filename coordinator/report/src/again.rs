@@ -1,10 +1,10 @@
-//! What it takes to get the archive of a report again: for its page, and atop its `spec.toml`.
+//! What is needed to reproduce the archive of a report: for its page, and at the top of its `spec.toml`.
 
 use super::Report;
 use murmuration_proto::{EmbedderSource, counted};
 use std::fmt::Write as _;
 
-/// The text of `spec.toml`: what the specification alone does not give, as comments, then the specification.
+/// The text of `spec.toml`: what is needed besides the specification, as comments, then the specification.
 pub(super) fn specification(report: &Report) -> String {
     let mut text = String::new();
     for line in also_needed(report) {
@@ -14,32 +14,32 @@ pub(super) fn specification(report: &Report) -> String {
     text + &report.spec.to_toml()
 }
 
-/// What it takes besides the specification, one sentence or two an entry; nothing where it takes nothing else.
+/// What is needed besides the specification, in entries of one or two sentences; nothing if the specification suffices.
 pub(super) fn also_needed(report: &Report) -> Vec<String> {
     let (campaign, repetition) = (&report.campaign, &report.repetition);
     let mut needed = Vec::new();
     if !repetition.is_by_specification() {
         needed.push(format!(
-            "This specification alone does not give the archive of campaign {campaign} again."
+            "This specification alone does not reproduce the archive of campaign {campaign}."
         ));
     }
     if let Some(EmbedderSource::Published(digest)) = report.spec.embedder() {
         needed.push(format!(
-            "It takes checkpoint {digest}: `murmuration checkpoints export` writes it to a file, `murmuration checkpoints \
-             import` reads it."
+            "Checkpoint {digest} is needed: `murmuration checkpoints export` writes it to a file, and `murmuration \
+             checkpoints import` reads the file."
         ));
     }
     if repetition.attended {
         needed.push(format!(
-            "It takes the labels that campaign {campaign} learned from, as they stood when each round began; `murmuration \
-             labels {campaign} --csv labels.csv` writes those that stand today."
+            "The labels that campaign {campaign} learned from are needed, as they were when each round began; `murmuration \
+             labels {campaign} --csv labels.csv` writes the labels as they are now."
         ));
     }
     if !repetition.is_by_specification() {
         for (round, number) in repetition.rounds.iter().zip(1..) {
             needed.push(format!(
-                "Round {number} fine-tuned checkpoint {} on the classes of {}, which made checkpoint {} (digest of the \
-                 labelled pictures: {}).",
+                "Round {number} fine-tuned checkpoint {} on the classes of {} into checkpoint {} (digest of the labelled \
+                 pictures: {}).",
                 round.parent,
                 counted(round.labels, "individual"),
                 round.checkpoint,
@@ -49,15 +49,14 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     }
     if repetition.adopted {
         needed.push(format!(
-            "It takes checkpoint {}, to which somebody moved the campaign with `murmuration adopt`; when that was is not \
-             kept.",
+            "Checkpoint {} is needed, which the campaign adopted with `murmuration adopt`; when it did is not recorded.",
             report.checkpoint
         ));
     }
     needed
 }
 
-/// Whether commands lead to the archive again: one round of people's answers, which a file can hold.
+/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them.
 pub(super) fn is_by_commands(report: &Report) -> bool {
     let repetition = &report.repetition;
     let is_one_round = repetition.attended && !repetition.adopted && repetition.rounds.len() == 1;

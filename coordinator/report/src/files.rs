@@ -4,6 +4,7 @@ use super::ReportError;
 use std::{
     fs,
     io::{self, BufWriter, Write},
+    os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
 
@@ -24,7 +25,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// What was written so far.
+    /// The files that were written so far.
     pub(super) fn written(&self) -> &[PathBuf] {
         &self.written
     }
@@ -51,11 +52,7 @@ impl Folder {
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<PathBuf, ReportError> {
         let path = self.path.join(name);
-        let partial = self.path.join(format!("{name}.partial"));
-        let done = fill_file(&partial, fill).and_then(|()| fs::rename(&partial, &path));
-        if let Err(source) = done {
-            // Best effort: the error that matters is the one above.
-            let _ = fs::remove_file(&partial);
+        if let Err(source) = write_whole(&path, fill) {
             return Err(ReportError::Write { path, source });
         }
         self.written.push(path.clone());
@@ -70,12 +67,17 @@ impl Folder {
     }
 }
 
-fn fill_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let mut file = BufWriter::new(fs::File::create(path)?);
+fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    // Like any file that a person writes, not for its owner's eyes alone as temporary files are.
+    let file = tempfile::Builder::new()
+        .permissions(fs::Permissions::from_mode(0o666))
+        .tempfile_in(path.parent().unwrap_or(Path::new(".")))?;
+    let mut file = BufWriter::new(file);
     fill(&mut file)?;
-    file.into_inner()
-        .map_err(io::IntoInnerError::into_error)?
-        .sync_all()
+    let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
+    file.as_file().sync_all()?;
+    file.persist(path)?;
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The report of a campaign: one self-contained page with the taxonomy, and the files that papers are made from.
 //!
 //! A report is plain data in ([`Report`]) and a folder of files out ([`write()`]). It does not simulate, project or
-//! cluster; whoever calls it has done so.
+//! cluster; its caller has done so.
 
 mod again;
 mod commands;
@@ -11,6 +11,7 @@ mod numbers;
 mod page;
 pub mod picture;
 mod plots;
+pub mod scripts;
 mod tables;
 
 #[cfg(test)]
@@ -33,9 +34,9 @@ use std::{
 pub struct Report {
     /// Id of the campaign.
     pub campaign: String,
-    /// What it was asked to do.
+    /// Its specification.
     pub spec: CampaignSpec,
-    /// Digest of its archive, to compare a repetition with.
+    /// Digest of its archive, to compare with that of a repeated campaign.
     pub digest: String,
     /// Digest of the checkpoint whose embeddings the archive holds; empty if none.
     pub checkpoint: String,
@@ -43,21 +44,21 @@ pub struct Report {
     pub created_ms: u64,
     /// Version of the simulator that evaluated it.
     pub simulator_version: String,
-    /// What each generation did, in order.
+    /// Its generations, in order.
     pub generations: Vec<GenerationSummary>,
     /// The archive, by index.
     pub individuals: Vec<Entry>,
     /// The taxonomy, largest cluster first; at least one.
     pub medoids: Vec<MedoidEntry>,
-    /// For each individual the place in `medoids` of the one nearest to it.
+    /// For each individual, the place in `medoids` of its nearest medoid.
     pub clusters: Vec<u32>,
     /// The behaviour space in two dimensions.
     pub map: Map,
     /// Sum over the archive of the distance to the nearest medoid, units of the behaviour space.
     pub loss: f64,
-    /// What the behaviours were called, and by whom.
+    /// The names of behaviours, and who gave them.
     pub names: Names,
-    /// What led to the archive, besides the specification.
+    /// What the archive depends on besides the specification.
     pub repetition: Repetition,
 }
 
@@ -68,7 +69,7 @@ impl Report {
     }
 }
 
-/// What one generation did.
+/// A generation in figures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GenerationSummary {
     /// Its number, from 0.
@@ -77,7 +78,7 @@ pub struct GenerationSummary {
     pub best_novelty: f64,
     /// Their mean novelty.
     pub mean_novelty: f64,
-    /// Proposals that the heuristic filter turned away while it was made.
+    /// Proposals that the heuristic filter rejected.
     pub filtered: u64,
 }
 
@@ -106,7 +107,7 @@ pub struct MedoidEntry {
     pub index: u64,
     /// Its grey image, index `x * resolution + y`, in the specification's format.
     pub image: Vec<u8>,
-    /// Individuals in the cluster, itself included.
+    /// Individuals in the cluster, the medoid included.
     pub cluster_size: u64,
     /// Mean distance of the cluster's members to it, units of the behaviour space.
     pub mean_distance: f64,
@@ -121,11 +122,11 @@ pub struct MedoidEntry {
 pub struct Map {
     /// One point an individual, by index.
     pub points: Vec<[f64; 2]>,
-    /// What the axes mean: across, then up.
+    /// The titles of the axes: across, then up.
     pub axis_titles: [String; 2],
 }
 
-/// What was written.
+/// The files that were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReportFiles {
     /// The page to open.
@@ -203,10 +204,10 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     Ok(ReportFiles { page, others })
 }
 
-/// The page of a report alone. It differs from the page of [`write()`] where that speaks of the files beside it.
+/// The page of a report alone. The page of [`write()`] differs where it names the files beside it.
 ///
 /// # Errors
-/// As [`write()`], but for files.
+/// As [`write()`], except [`ReportError::Write`].
 pub fn page(report: &Report) -> Result<String, ReportError> {
     check(report)?;
     page::render(report, &draw_medoids(report)?, Files::Absent)
@@ -215,9 +216,9 @@ pub fn page(report: &Report) -> Result<String, ReportError> {
 /// Whether the other files of a report are written with its page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Files {
-    /// They are, in the same folder.
+    /// They are in the same folder.
     Beside,
-    /// The page is all there is.
+    /// There is only the page.
     Absent,
 }
 

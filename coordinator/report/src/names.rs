@@ -1,23 +1,23 @@
-//! What the behaviours of a report were called, and by whom.
+//! The names of the behaviours of a report, and who gave them.
 
 use murmuration_model::labels::{Class, GivenClass};
 use std::collections::BTreeMap;
 
-/// The classes of a campaign, and which individuals are of them.
+/// The classes of a campaign, and the individuals of each.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
-    /// The classes that a standing answer names, in the order in which they were first named.
+    /// The classes of the answers that stand, in the order in which they were first named.
     pub classes: Vec<Class>,
-    /// The class of each individual that has one, by index: where annotators differ, what was said last.
+    /// The class of each individual that has one, by index: where annotators differ, the last answer.
     pub by_individual: BTreeMap<u64, GivenClass>,
 }
 
-/// Individuals that have a class, by who gave it.
+/// Numbers of individuals that have a class, by who gave it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Named {
-    /// A person gave it.
+    /// Named by a person.
     pub(super) people: u64,
-    /// The rule-based judge alone did.
+    /// Named only by the rule-based judge.
     pub(super) machine: u64,
 }
 
@@ -44,7 +44,7 @@ impl Names {
         classes.find(|(_, class)| class.name == given.class)
     }
 
-    /// Whether nobody but the rule-based judge gave an individual its class.
+    /// Whether only the rule-based judge gave an individual its class.
     pub(super) fn is_by_machine(&self, index: u64) -> bool {
         self.by_individual
             .get(&index)

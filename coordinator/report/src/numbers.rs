@@ -1,4 +1,4 @@
-//! Numbers and dates as people read them.
+//! Numbers as people read them.
 
 pub(super) use murmuration_proto::{counted, grouped};
 
@@ -24,30 +24,6 @@ pub(super) fn percent(part: u64, whole: u64) -> String {
     }
 }
 
-/// `2026-11-21`: the day of a time in milliseconds since 1970-01-01 UTC, in the Gregorian calendar.
-pub(super) fn day(ms: u64) -> String {
-    const DAYS_IN_400_YEARS: u64 = 146_097;
-    let is_leap =
-        |year: u64| year.is_multiple_of(4) && (!year.is_multiple_of(100) || year.is_multiple_of(400));
-    let days = ms / 86_400_000;
-    let mut year = 1970 + days / DAYS_IN_400_YEARS * 400;
-    let mut left = days % DAYS_IN_400_YEARS;
-    while left >= 365 + u64::from(is_leap(year)) {
-        left -= 365 + u64::from(is_leap(year));
-        year += 1;
-    }
-    let february = 28 + u64::from(is_leap(year));
-    let mut month = 1;
-    for length in [31, february, 31, 30, 31, 30, 31, 31, 30, 31, 30] {
-        if left < length {
-            break;
-        }
-        left -= length;
-        month += 1;
-    }
-    format!("{year}-{month:02}-{:02}", left + 1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,17 +45,5 @@ mod tests {
             ]
         );
         assert_eq!([percent(1, 8), percent(0, 0)], ["12.5 %", "0 %"]);
-    }
-
-    #[test]
-    fn days_are_those_of_the_calendar() {
-        let check = |seconds: u64, expected: &str| assert_eq!(day(seconds * 1000 + 999), expected);
-        check(0, "1970-01-01");
-        check(86_399, "1970-01-01");
-        check(951_782_400, "2000-02-29");
-        check(951_868_800, "2000-03-01");
-        check(1_735_603_200, "2024-12-31");
-        check(4_107_542_400, "2100-03-01");
-        check(1_795_219_200, "2026-11-21");
     }
 }

@@ -22,7 +22,7 @@ const GRID: RGBColor = RGBColor(0xe4, 0xe1, 0xd8);
 const BEST: RGBColor = RGBColor(0x1f, 0x5f, 0x8b);
 const MEAN: RGBColor = RGBColor(0xb0, 0x62, 0x1c);
 
-/// Size in pixels of the map, and what of it is around the points.
+/// Size in pixels of the map, and of the margins around the points.
 const MAP: (u32, u32) = (1080, 720);
 const MAP_MARGIN: u32 = 16;
 const MAP_LABELS: (u32, u32) = (64, 44);
@@ -51,7 +51,7 @@ pub(super) fn novelty(generations: &[GenerationSummary], size: (u32, u32)) -> Re
     })
 }
 
-/// Proposals turned away over generations.
+/// Proposals that the filter rejected, over generations.
 pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> Result<String, ReportError> {
     let steps = condensed(generations);
     let filtered = steps
@@ -60,7 +60,7 @@ pub(super) fn filtered(generations: &[GenerationSummary], size: (u32, u32)) -> R
         .collect();
     let lines = [("", BEST, filtered)];
     draw("the filter's plot", size, |area| {
-        over_generations(area, &lines, "turned away")
+        over_generations(area, &lines, "rejected")
     })
 }
 
@@ -342,7 +342,7 @@ mod tests {
         ] {
             for size in [WIDE, NARROW] {
                 assert!(novelty(generations, size).unwrap().trim_end().ends_with("</svg>"));
-                assert!(filtered(generations, size).unwrap().contains("turned away"));
+                assert!(filtered(generations, size).unwrap().contains("rejected"));
             }
         }
     }

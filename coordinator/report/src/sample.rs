@@ -7,7 +7,7 @@ use murmuration_model::{
     Repetition,
     labels::{Class, GivenClass},
 };
-use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, Replay, Stream, World};
+use murmuration_proto::{CampaignSpec, Controller, Pose, Purpose, RandomStream, Replay, World};
 
 /// What the sample should look like; the fields are those of a campaign.
 pub(super) struct Sample {
@@ -42,7 +42,7 @@ const KNOWN: [[f64; 4]; 12] = [
 /// The report of a [`Sample`].
 pub(super) fn report(sample: &Sample) -> Report {
     let spec = CampaignSpec::from_toml(sample.spec).unwrap();
-    let mut stream = Stream::derive(spec.seed(), Purpose::Propose, 0);
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, 0);
     let count = spec.medoids() as usize;
     let population = sample.individuals.div_ceil(20);
     // Cluster c is chosen more rarely than c - 1, and its medoid is individual c.
@@ -145,7 +145,7 @@ fn names() -> Names {
     }
 }
 
-fn generation_of(generation: u32, stream: &mut Stream) -> GenerationSummary {
+fn generation_of(generation: u32, stream: &mut RandomStream) -> GenerationSummary {
     let level = 0.02 + 0.3 / f64::from(generation + 2);
     GenerationSummary {
         generation,
@@ -157,7 +157,7 @@ fn generation_of(generation: u32, stream: &mut Stream) -> GenerationSummary {
 
 /// Robots that drive, see and push each other apart.
 fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
-    let mut stream = Stream::derive(entry.seed, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(entry.seed, Purpose::Start, 0);
     let margin = world.margin();
     let (right, bottom) = (world.width() - margin, world.height() - margin);
     let mut agents: Vec<[f64; 3]> = (0..world.agents())

@@ -92,7 +92,7 @@ fn a_page_speaks_of_the_files_beside_it_where_there_are_any() {
     let alone = super::page(&report).unwrap();
     assert!(!alone.contains("beside this page"));
     assert!(alone.contains("<code>murmuration report sample-1</code> writes"));
-    assert!(alone.contains("Saved as spec.toml, the text below"));
+    assert!(alone.contains("The text below, saved as spec.toml,"));
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn the_page_bears_the_names_that_people_gave_and_their_colours() {
     assert!(named.contains("wall · 0") && named.contains("Behaviour 2") && !named.contains(">Behaviour 1<"));
     report.names = Names::default();
     let nameless = page(&report);
-    assert!(nameless.contains("Behaviour 1") && !nameless.contains("What they were called"));
+    assert!(nameless.contains("Behaviour 1") && !nameless.contains("id=\"names\""));
 }
 
 #[test]
@@ -141,8 +141,8 @@ fn what_people_named_and_what_the_machine_named_are_told_apart() {
     const MARK: &str = "Named by the rule-based judge, not by a person.";
     let mut report = sample::report(&SMALL);
     let named = page(&report);
-    assert!(named.contains("people have named 2, and the rule-based judge, a machine, another 1."));
-    assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them by the rule-based judge alone"));
+    assert!(named.contains("people have named 2 and the rule-based judge, a program, has named another 1."));
+    assert!(named.contains("ring, or &quot;mill&quot; · 3, 1 of them only by the rule-based judge"));
     assert!(!named.contains(MARK), "a person named the first behaviour");
     report.names.by_individual.get_mut(&0).unwrap().by_machine = true;
     let named = page(&report);
@@ -176,7 +176,7 @@ fn taught() -> Report {
 
 #[test]
 fn a_specification_promises_its_archive_only_where_it_leads_there() {
-    const PROMISE: &str = "gives the same archive again";
+    const PROMISE: &str = "reproduces the archive, bit for bit";
     for sample in [SMALL, LATENT] {
         let alone = sample::report(&sample);
         assert!(page(&alone).contains(PROMISE));
@@ -190,10 +190,10 @@ fn a_specification_promises_its_archive_only_where_it_leads_there() {
     let round = &taught.repetition.rounds[0];
     let (parent, checkpoint) = (round.parent, round.checkpoint);
     for said in [
-        "This specification alone does not give the archive of campaign sample-1 again.".to_owned(),
-        "It takes the labels that campaign sample-1 learned from".to_owned(),
+        "This specification alone does not reproduce the archive of campaign sample-1.".to_owned(),
+        "The labels that campaign sample-1 learned from are needed".to_owned(),
         format!("Round 1 fine-tuned checkpoint {parent} on the classes of 206 individuals"),
-        format!("made checkpoint {checkpoint}"),
+        format!("into checkpoint {checkpoint}"),
     ] {
         assert!(page.contains(&said) && spec.contains(&said), "{said}");
     }
@@ -203,28 +203,28 @@ fn a_specification_promises_its_archive_only_where_it_leads_there() {
     let mut adopted = taught;
     adopted.repetition.adopted = true;
     let page = super::page(&adopted).unwrap();
-    assert!(page.contains("to which somebody moved the campaign"));
+    assert!(page.contains("which the campaign adopted"));
     let digest = CheckpointDigest::of(b"elsewhere");
     let mut published = sample::report(&LATENT);
     let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{digest}\"");
     published.spec = CampaignSpec::from_toml(&text).unwrap();
-    assert!(again::specification(&published).contains(&format!("# It takes checkpoint {digest}")));
+    assert!(again::specification(&published).contains(&format!("# Checkpoint {digest} is needed")));
 }
 
 #[test]
 fn a_space_that_changed_is_said_to_have() {
     let alone = page(&sample::report(&LATENT));
-    assert!(alone.contains("Each generation was bred by that of the generation before it."));
-    assert!(!alone.contains("The embedding changed") && alone.contains("Nobody said beforehand"));
+    assert!(alone.contains("Each generation was bred by the values of the generation before it."));
+    assert!(!alone.contains("The embedding changed") && alone.contains("was defined beforehand"));
     let taught = page(&taught());
     assert!(taught.contains("during this campaign: it was fine-tuned on labels in 1 round."));
-    assert!(!taught.contains("Each generation was bred by") && !taught.contains("Nobody said beforehand"));
+    assert!(!taught.contains("Each generation was bred by") && !taught.contains("was defined beforehand"));
     assert!(taught.contains("20 (15 of the search, 5 for 1 round of feedback)"));
     let drawn = page(&sample::report(&Sample {
         spec: "model = \"single-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 6\nhorizon = 200",
         ..SMALL
     }));
-    assert!(drawn.contains("Nothing was bred by it"));
+    assert!(drawn.contains("every controller was drawn at random"));
 }
 
 #[test]
@@ -232,9 +232,9 @@ fn a_page_names_what_behaviours_are_compared_by() {
     let features = page(&sample::report(&SMALL));
     for said in [
         "(Table 1 of Mattson and Brown), each its mean over the last 100 steps: average speed, angular momentum, radial variance \
-         (times 20, as in the authors' simulator), scatter, group rotation. The distance of two behaviours is the Euclidean one.",
-        "The space has 5 dimensions",
-        "Here nothing is measured on it.",
+         (times 20, as in the authors' simulator), scatter, group rotation. The distance between two behaviours is Euclidean.",
+        "The behaviour space has 5 dimensions",
+        "This campaign measures nothing on it.",
     ] {
         assert!(
             features.contains(&said.replace('\'', "&#39;")) || features.contains(said),
@@ -244,10 +244,10 @@ fn a_page_names_what_behaviours_are_compared_by() {
     let report = sample::report(&LATENT);
     let embedding = page(&report);
     let compared = format!(
-        "Behaviours are compared by the 5 numbers that checkpoint <code>{}</code> makes of a grey image.",
+        "Behaviours are compared by the 5 numbers that checkpoint <code>{}</code> computes from a grey image.",
         report.checkpoint
     );
-    assert!(embedding.contains(&compared) && embedding.contains("The space has 5 dimensions"));
+    assert!(embedding.contains(&compared) && embedding.contains("The behaviour space has 5 dimensions"));
     assert!(!embedding.contains("average speed"));
 }
 
@@ -353,7 +353,7 @@ fn commands_repeat_what_the_card_shows() {
             entry.controller
         );
     }
-    assert!(page(&report).contains("the heuristic filter was off"));
+    assert!(page(&report).contains("The heuristic filter was off"));
     assert!(page(&sample::report(&SMALL)).contains("proposals"));
 }
 

@@ -6,6 +6,7 @@
 pub mod breeding;
 pub mod filter;
 pub mod interrupt;
+mod lanes;
 pub mod medoids;
 pub mod novelty;
 pub mod projection;

@@ -227,7 +227,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
     ) -> Answer<Self::GetTaxonomyStream> {
         let record = self.record(&request.get_ref().campaign).await?;
         let said = format!(
-            "campaign {} has no taxonomy yet: it is {}",
+            "campaign {} has no taxonomy yet: it is {}, and only completed campaigns have one",
             record.id,
             record.state.name()
         );

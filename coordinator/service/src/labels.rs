@@ -140,7 +140,7 @@ impl v1::label_service_server::LabelService for LabelApi {
             request_id,
             annotator,
         } = request.into_inner();
-        // Whoever may answer may also take back what the synthetic annotator answered last.
+        // Whoever may answer may also undo what the synthetic annotator answered last.
         let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
         let undone = self
             .with(move |store| -> std::result::Result<_, LabelError> {
@@ -252,11 +252,9 @@ impl v1::label_service_server::LabelService for LabelApi {
 fn unknown(annotator: &Annotator, labels: &Labels) -> Status {
     let known: Vec<&str> = labels.annotators().map(Annotator::as_str).collect();
     Status::not_found(match known.as_slice() {
-        [] => format!(
-            "no annotator \"{annotator}\" has labelled anything in this campaign, and nobody else has"
-        ),
+        [] => format!("annotator \"{annotator}\" has given no labels in this campaign, and nobody else has"),
         known => format!(
-            "no annotator \"{annotator}\" has labelled anything in this campaign; those who have: {}",
+            "annotator \"{annotator}\" has given no labels in this campaign; annotators who have: {}",
             known.join(", ")
         ),
     })

@@ -1,6 +1,6 @@
 //! A lease as workers name it.
 
-use murmuration_dispatch::leases::LeaseNumber;
+use murmuration_dispatch::LeaseNumber;
 use murmuration_proto::{Invalid, v1};
 
 /// The coordinator's epoch that the lease of `field` was given in, and its number.

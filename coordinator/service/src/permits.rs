@@ -33,7 +33,7 @@ impl Permits {
     pub fn watch(&self) -> Result<Permit, Status> {
         take(
             &self.watches,
-            "too many watch this coordinator: close a window, or try again later",
+            "too many clients watch this coordinator: close one, or try again later",
         )
     }
 

@@ -31,7 +31,7 @@ pub enum ReportDataError {
     #[error("{}", .0.message())]
     Service(#[from] Status),
     /// The service says what cannot be.
-    #[error("the coordinator's answer makes no sense: {0}")]
+    #[error("the coordinator's answer is invalid: {0}")]
     Answer(#[from] Invalid),
     /// The archive holds vectors that cannot be compared.
     #[error("the archive holds vectors that cannot be compared: {0}")]

@@ -2,10 +2,7 @@
 //! kept.
 
 use super::lease_id::lease_id;
-use murmuration_dispatch::{
-    Dispatch, Room, WorkerReport,
-    leases::{LeaseNumber, WorkerId},
-};
+use murmuration_dispatch::{Dispatch, LeaseNumber, Room, WorkerId, WorkerReport};
 use murmuration_model::SavedTraining;
 use murmuration_proto::{Invalid, PART_BYTES, v1};
 

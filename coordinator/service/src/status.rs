@@ -60,7 +60,7 @@ impl IntoStatus for JobError {
     fn into_status(self) -> Status {
         let said = self.to_string();
         match self {
-            JobError::Fatal(_) | JobError::SetAside(_) => Status::failed_precondition(said),
+            JobError::Fatal(_) | JobError::Poisoned(_) => Status::failed_precondition(said),
             JobError::Disagreement { .. } => Status::data_loss(said),
             JobError::NoWorker | JobError::ShuttingDown => Status::unavailable(said),
         }

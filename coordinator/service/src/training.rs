@@ -2,12 +2,13 @@
 
 use super::{
     Streamed,
-    work::{Peer, serve},
+    lease_id::lease_id,
+    work::{Peer, machine_of, serve},
 };
 use crate::status::{IntoStatus as _, OrStatus as _};
 use murmuration_dispatch::Trainers;
 use murmuration_engine::blocking::blocking;
-use murmuration_model::{CampaignRecord, Stage, TrainingPictures};
+use murmuration_model::{CampaignRecord, NextTraining, TrainingPictures};
 use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
 use murmuration_store::{Store, StoreError};
 use tokio::sync::mpsc;
@@ -41,8 +42,14 @@ impl v1::trainer_service_server::TrainerService for TrainerApi {
         &self,
         request: Request<v1::FetchTrainingRequest>,
     ) -> Result<Response<Self::FetchTrainingStream>, Status> {
-        let (store, id) = (self.store.clone(), request.into_inner().campaign);
-        let record = blocking(move || store.campaign(&id))
+        let machine = machine_of(&request)?.machine;
+        let (epoch, lease) = lease_id(request.into_inner().lease, "lease")?;
+        let leased = self.trainers.dispatch().leased_training(machine, epoch, lease);
+        let id = leased
+            .await
+            .ok_or_else(|| Status::permission_denied("this trainer holds no such lease of a training"))?;
+        let store = self.store.clone();
+        let record = blocking(move || store.campaign(id.as_str()))
             .await
             .or_status()?
             .or_status()?;
@@ -97,17 +104,15 @@ fn send(
             return Ok(());
         }
     }
-    let lesson = match record.lesson {
-        Some(entries) if Stage::of(record) == Stage::FineTune => {
-            store.lesson_pictures(record, entries)?.pictures
-        }
-        _ => Vec::new(),
+    let labelled = match NextTraining::of(record) {
+        Some(NextTraining::FineTuning { cutoff, .. }) => store.round_pictures(record, cutoff)?.pictures,
+        Some(NextTraining::Pretraining) | None => Vec::new(),
     };
-    for part in lesson.chunks(each) {
+    for part in labelled.chunks(each) {
         let mut message = v1::LabelledPart::default();
         for &(picture, class) in part {
             message.classes.push(class);
-            message.pictures.extend(store.lesson_image(record, picture)?);
+            message.pictures.extend(store.round_image(record, picture)?);
         }
         if !send(Part::Labelled(message)) {
             return Ok(());

@@ -3,8 +3,9 @@
 use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
-use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, WorkerReport, leases::WorkerId};
+use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, WorkerId, WorkerReport};
 use murmuration_engine::blocking::blocking;
+use murmuration_model::Origin;
 use murmuration_proto::{CheckpointDigest, Invalid, SIMULATOR_VERSION, Text, text, v1};
 use murmuration_store::{Store, StoreError};
 use std::time::Duration;
@@ -55,8 +56,7 @@ pub(super) async fn serve(
     request: Request<Streaming<v1::WorkerMessage>>,
     (peer, check): (Peer, CheckVersion),
 ) -> Result<Response<ReceiverStream<Result<v1::CoordinatorMessage, Status>>>, Status> {
-    let from = origin(request.extensions());
-    let from = from.ok_or_else(|| Status::internal("this connection has no address"))?;
+    let from = machine_of(&request)?;
     let mut inbox = request.into_inner();
     let hello = hello(&mut inbox, check).await?;
     let (outbox, stream) = mpsc::channel(OUTBOX);
@@ -80,6 +80,11 @@ pub(super) async fn serve(
     };
     tokio::spawn(stream_ends.in_current_span());
     Ok(Response::new(ReceiverStream::new(stream)))
+}
+
+/// The machine that a request comes from.
+pub(super) fn machine_of<T>(request: &Request<T>) -> Result<Origin, Status> {
+    origin(request.extensions()).ok_or_else(|| Status::internal("this connection has no address"))
 }
 
 async fn hello(inbox: &mut Streaming<v1::WorkerMessage>, check: CheckVersion) -> Result<v1::Hello, Status> {
@@ -126,7 +131,7 @@ async fn pass_on(
     while let Some(message) = inbox.next().await {
         let report = match (message.map_err(blamed)?.message, &peer) {
             (Some(Message::Snapshot(_) | Message::Training(_)), Peer::Worker) => {
-                let allowed = "one of a worker's: only trainers put trainings aside and report on them";
+                let allowed = "a message of a worker: only trainers save and report trainings";
                 return Err(Invalid::new("message", "about a training", allowed).into());
             }
             (Some(Message::Snapshot(part)), Peer::Trainer(_)) => snapshots.add(part).await?,

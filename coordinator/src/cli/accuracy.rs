@@ -3,18 +3,19 @@
 use super::{
     CliError, Global, checkpoints,
     connection::{self, Connection},
-    files::{is_there, read, synthetic, tell_counted},
+    files::{behaviours, is_there, read, synthetic, tell_counted},
     json,
+    table::{Table, left, right},
 };
 use crate::local::InProcess;
-use murmuration_accuracy::{Accuracy, Labels, Summary, Tally};
+use murmuration_accuracy::{Accuracy, LabelledSet, Summary, Tally};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
-use murmuration_link::{InputKind, OutputError, outln};
+use murmuration_link::{InputKind, OutputError};
 use murmuration_proto::{
-    CheckpointDigest, ImageFormat, SeenPictures, counted, onnx::EmbedderModel, training::Architecture, v1,
+    CheckpointDigest, ImageFormat, SeenPictures, counted, grouped, onnx::EmbedderModel,
+    training::Architecture, v1,
 };
 use murmuration_trainer::network::Network;
-use serde_json::{Map, Value, json};
 use std::{num::NonZeroU32, path::Path, path::PathBuf};
 
 /// Length of an untrained network's embeddings, as many as there are features.
@@ -25,12 +26,12 @@ const DIMENSIONS: usize = 5;
 #[command(
     group = clap::ArgGroup::new("embedding").required(true),
     after_help = "\
-Of all triplets of behaviours (a, p, n) with a and p of one class and n of another: how often is a nearer to p than to n? \
-Counted with anchors a of every class, and with anchors of every class but `random`.
+Accuracy is the share of correct triplets. A triplet (a, p, n) has an anchor a and a positive p of one class, and a negative \
+n of another class; it is correct if a is nearer to p than to n. Triplets are counted with anchors of every class, and with \
+anchors of every class except `random`.
 
-A file has columns id and class; with --features the five features too; to have pictures simulated again seed, v1, ... as \
-well. Rows without a class, `not sure` and `skip` are passed over (docs/labels.md). What the synthetic annotator answered \
-is left out: it is no person.
+The file needs the columns id and class. --features also needs the five features; simulating the pictures also needs seed, \
+v1, ... (docs/labels.md). Rows without a class, `not sure`, `skip` and the answers of the synthetic annotator are skipped.
 
 Examples:
   murmuration labels latest --csv labels.csv && murmuration accuracy --labels labels.csv --features
@@ -39,22 +40,22 @@ Examples:
   murmuration accuracy --labels two_sensor/validation.csv --untrained 30 --network paper"
 )]
 pub(super) struct AccuracyCommand {
-    /// Labelled behaviours, such as `murmuration labels --csv` writes; repeat it to join sets
+    /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Folder of the images ID.png, one for each --labels [default: `images` beside the CSV, or simulated again]
+    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
-    /// Compare embeddings by this ONNX file, or by the checkpoint of this digest (or enough of its beginning)
+    /// Measure the embeddings of this ONNX file or checkpoint (the first digits of its digest suffice)
     #[arg(long, value_name = "FILE|DIGEST", group = "embedding")]
     checkpoint: Option<String>,
-    /// Compare absolute values of the five hand-crafted features, which are columns of the CSV
+    /// Measure the absolute values of the five hand-crafted features, which are columns of the CSV
     #[arg(long, group = "embedding")]
     features: bool,
-    /// Compare embeddings by this many networks as they are initialised, with seeds from 1: mean and deviation
+    /// Measure the embeddings of N untrained networks with seeds from 1: mean and deviation
     #[arg(long, value_name = "N", group = "embedding")]
     untrained: Option<NonZeroU32>,
-    /// The network that is not trained
+    /// Network of --untrained
     #[arg(long, value_parser = ["compact", "paper"], default_value = "compact", requires = "untrained")]
     network: String,
 }
@@ -64,7 +65,7 @@ impl AccuracyCommand {
         let sets = self
             .labels
             .iter()
-            .map(Labels::read)
+            .map(LabelledSet::read)
             .collect::<Result<Vec<_>, _>>()?;
         if let Some(networks) = self.untrained {
             return self.untrained(&sets, networks, global.json);
@@ -82,18 +83,16 @@ impl AccuracyCommand {
         };
         let accuracy = measure(&sets, vectors);
         if global.json {
-            let mut value = self.to_json(&embedding, &sets);
-            value.insert(
-                "anchor_not_random".to_owned(),
-                tally_json(accuracy.anchor_not_random()),
-            );
-            value.insert("every_anchor".to_owned(), tally_json(accuracy.every_anchor()));
             let classes = accuracy.classes();
-            let classes: Map<String, Value> = classes
-                .map(|(class, tally)| (class.to_owned(), tally_json(tally)))
-                .collect();
-            value.insert("by_class_of_anchor".to_owned(), classes.into());
-            json::print(&value.into())?;
+            json::print(json::Accuracy {
+                set: self.set(&sets),
+                embedding,
+                anchor_not_random: accuracy.anchor_not_random().into(),
+                every_anchor: accuracy.every_anchor().into(),
+                by_class_of_anchor: classes
+                    .map(|(class, tally)| (class.to_owned(), tally.into()))
+                    .collect(),
+            })?;
         } else {
             print_table(&accuracy)?;
             tell_counted(&sets);
@@ -102,7 +101,7 @@ impl AccuracyCommand {
     }
 
     /// What networks that nobody trained make of the sets.
-    fn untrained(&self, sets: &[Labels], networks: NonZeroU32, as_json: bool) -> Result<(), CliError> {
+    fn untrained(&self, sets: &[LabelledSet], networks: NonZeroU32, as_json: bool) -> Result<(), CliError> {
         let side = ImageFormat::default().resolution() as usize;
         let architecture = Architecture::named(&self.network, side, DIMENSIONS)
             .map_err(|error| CliError::Input(error.to_string()))?;
@@ -121,27 +120,16 @@ impl AccuracyCommand {
         };
         let [not_random, every] = [over(Accuracy::anchor_not_random), over(Accuracy::every_anchor)];
         if as_json {
-            let mut value = self.to_json("untrained", sets);
-            value.insert("network".to_owned(), self.network.clone().into());
-            value.insert("networks".to_owned(), networks.get().into());
-            value.insert("anchor_not_random".to_owned(), summary_json(not_random));
-            value.insert("every_anchor".to_owned(), summary_json(every));
-            json::print(&value.into())?;
+            json::print(json::UntrainedAccuracy {
+                set: self.set(sets),
+                embedding: "untrained".to_owned(),
+                network: self.network.clone(),
+                networks: networks.get(),
+                anchor_not_random: not_random.into(),
+                every_anchor: every.into(),
+            })?;
         } else {
-            outln!(
-                "{:<24}{:>14}{:>14}{:>12}",
-                "ANCHORS",
-                "NETWORKS",
-                "ACCURACY",
-                "DEVIATION"
-            )?;
-            for (anchors, summary) in [("all but random", not_random), ("all", every)] {
-                let percent =
-                    |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2} %"));
-                let mean = percent(summary.map(|summary| summary.mean));
-                let deviation = percent(summary.and_then(|summary| summary.deviation));
-                outln!("{anchors:<24}{networks:>14}{mean:>14}{deviation:>12}")?;
-            }
+            print_spread(networks, [("all but random", not_random), ("all", every)])?;
             tell_counted(sets);
         }
         Ok(())
@@ -149,7 +137,7 @@ impl AccuracyCommand {
 
     fn embeddings(
         &self,
-        sets: &[Labels],
+        sets: &[LabelledSet],
         mut embedder: Embedder,
         seen: &SeenPictures,
     ) -> Result<Vec<Vec<f64>>, CliError> {
@@ -158,7 +146,8 @@ impl AccuracyCommand {
         let known = images.iter().filter(|image| seen.has(image)).count();
         if known > 0 {
             return Err(CliError::Input(format!(
-                "the checkpoint, or one that it goes on from, was told the classes of {known} of the {}: judge it by others",
+                "the checkpoint, or a checkpoint that it was trained from, learned the classes of {known} of the {}: measure it by \
+                 other behaviours",
                 counted(images.len() as u64, "picture")
             )));
         }
@@ -167,7 +156,7 @@ impl AccuracyCommand {
     }
 
     /// The grey pixels of every labelled behaviour.
-    fn images(&self, sets: &[Labels], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
+    fn images(&self, sets: &[LabelledSet], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
             let simulates = self.images.is_empty() && set.can_be_simulated() && !is_there(&folder)?;
@@ -190,7 +179,7 @@ impl AccuracyCommand {
         }
         if self.images.len() != self.labels.len() {
             return Err(CliError::Input(format!(
-                "{} --images for {} --labels: give one for each, in the same order",
+                "{} --images for {} --labels: give one --images for each --labels, in the same order",
                 self.images.len(),
                 self.labels.len()
             )));
@@ -198,25 +187,19 @@ impl AccuracyCommand {
         Ok(self.images.clone())
     }
 
-    /// What every answer says.
-    fn to_json(&self, embedding: &str, sets: &[Labels]) -> Map<String, Value> {
+    /// What was measured by.
+    fn set(&self, sets: &[LabelledSet]) -> json::Set {
         let labels = self.labels.iter().map(|labels| labels.display().to_string());
-        Map::from_iter([
-            ("schema".to_owned(), json::SCHEMA.into()),
-            ("labels".to_owned(), labels.collect::<Vec<_>>().into()),
-            ("embedding".to_owned(), embedding.into()),
-            ("behaviours".to_owned(), behaviours(sets).into()),
-            ("synthetic_left_out".to_owned(), synthetic(sets).into()),
-        ])
+        json::Set {
+            labels: labels.collect(),
+            behaviours: behaviours(sets),
+            synthetic_left_out: synthetic(sets),
+        }
     }
 }
 
-fn behaviours(sets: &[Labels]) -> usize {
-    sets.iter().map(|set| set.classes().count()).sum()
-}
-
-fn measure(sets: &[Labels], vectors: Vec<Vec<f64>>) -> Accuracy {
-    let classes = sets.iter().flat_map(Labels::classes);
+fn measure(sets: &[LabelledSet], vectors: Vec<Vec<f64>>) -> Accuracy {
+    let classes = sets.iter().flat_map(LabelledSet::classes);
     Accuracy::measure(&classes.zip(vectors).collect::<Vec<_>>())
 }
 
@@ -224,7 +207,7 @@ fn exactly(embedding: &[f32]) -> Vec<f64> {
     embedding.iter().map(|&value| f64::from(value)).collect()
 }
 
-fn features(sets: &[Labels]) -> Result<Vec<Vec<f64>>, CliError> {
+fn features(sets: &[LabelledSet]) -> Result<Vec<Vec<f64>>, CliError> {
     let mut vectors = Vec::new();
     for set in sets {
         vectors.extend(
@@ -274,35 +257,49 @@ async fn fetch(connection: &mut Connection, named: &str) -> Result<(Vec<u8>, See
     Ok((file, SeenPictures::from_bytes(&described.labelled)?))
 }
 
-fn tally_json(tally: Tally) -> Value {
-    json!({ "correct": tally.correct, "triplets": tally.triplets, "percent": tally.percent() })
-}
-
-fn summary_json(summary: Option<Summary>) -> Value {
-    json!({
-        "mean_percent": summary.map(|summary| summary.mean),
-        "deviation_percent": summary.and_then(|summary| summary.deviation),
-    })
-}
-
 fn print_table(accuracy: &Accuracy) -> Result<(), OutputError> {
-    outln!(
-        "{:<24}{:>14}{:>14}{:>12}",
-        "ANCHORS",
-        "TRIPLETS",
-        "CORRECT",
-        "ACCURACY"
-    )?;
+    let mut table = Table::new([
+        left("ANCHORS"),
+        right("TRIPLETS"),
+        right("CORRECT"),
+        right("ACCURACY"),
+    ]);
     let totals = [
         ("all but random", accuracy.anchor_not_random()),
         ("all", accuracy.every_anchor()),
     ];
-    for (anchors, Tally { correct, triplets }) in totals.into_iter().chain(accuracy.classes()) {
-        let percent = Tally { correct, triplets }.percent();
-        let percent = percent.map_or("-".to_owned(), |percent| format!("{percent:.2} %"));
-        outln!("{anchors:<24}{triplets:>14}{correct:>14}{percent:>12}")?;
+    for (anchors, tally) in totals.into_iter().chain(accuracy.classes()) {
+        table.row([
+            anchors.to_owned(),
+            grouped(tally.triplets),
+            grouped(tally.correct),
+            percent(tally.percent()),
+        ]);
     }
-    Ok(())
+    table.print()
+}
+
+/// Means and deviations over several networks.
+fn print_spread(networks: NonZeroU32, rows: [(&str, Option<Summary>); 2]) -> Result<(), OutputError> {
+    let mut table = Table::new([
+        left("ANCHORS"),
+        right("NETWORKS"),
+        right("ACCURACY"),
+        right("DEVIATION"),
+    ]);
+    for (anchors, summary) in rows {
+        table.row([
+            anchors.to_owned(),
+            grouped(networks.get().into()),
+            percent(summary.map(|summary| summary.mean)),
+            percent(summary.and_then(|summary| summary.deviation)),
+        ]);
+    }
+    table.print()
+}
+
+fn percent(percent: Option<f64>) -> String {
+    percent.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.2} %"))
 }
 
 impl From<RuntimeError> for CliError {

@@ -2,10 +2,13 @@
 
 mod labels;
 
-use super::{CliError, json};
-use murmuration_link::{OutputError, outln};
+use super::{
+    CliError, json,
+    table::{Table, left, right},
+};
+use murmuration_link::errln;
 use murmuration_proto::{
-    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, Stream, World, v1,
+    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, grouped, v1,
 };
 use murmuration_trainer::bench as train;
 use murmuration_worker::{
@@ -20,19 +23,19 @@ use std::{
 /// A benchmark.
 #[derive(Debug, clap::Subcommand)]
 pub(super) enum Bench {
-    /// Evaluations a second on one core, both models, beside the same without SIMD
+    /// Measure evaluations a second on one core, with and without SIMD
     Simulate {
-        /// Seconds for each figure
+        /// Seconds that each measurement takes
         #[arg(long, default_value_t = 2.0)]
         seconds: f64,
     },
-    /// Seconds a step and an epoch of training take on all cores, and peak memory: both networks, both recipes
+    /// Measure the time of a training step and epoch on all cores, and peak memory
     Train {
-        /// Behaviours to train on, as many as in a campaign's data set
+        /// Number of behaviours to train on; a campaign trains on 10,000
         #[arg(long, default_value_t = 10_000)]
         behaviours: usize,
     },
-    /// Accuracy of the embedding against the number of labels, strategy by strategy
+    /// Measure the accuracy of an embedding against the number of labels, by query strategy
     Labels(labels::LabelsBench),
 }
 
@@ -47,70 +50,74 @@ impl Bench {
 }
 
 fn trainings(behaviours: usize, as_json: bool) -> Result<(), CliError> {
-    if !as_json {
-        outln!(
-            "{:<10} {:<10} {:>9} {:>14} {:>9} {:>9} {:>14}",
-            "NETWORK",
-            "RECIPE",
-            "WEIGHTS",
-            "TRIPLETS/STEP",
-            "S/STEP",
-            "S/EPOCH",
-            "PEAK MEMORY"
-        )?;
-    }
-    let print = |figures: &train::Figures| -> Result<(), OutputError> {
-        if as_json {
-            return json::print(&json::bench_train(figures));
+    let mut table = Table::new([
+        left("NETWORK"),
+        left("RECIPE"),
+        right("WEIGHTS"),
+        right("TRIPLETS/STEP"),
+        right("S/STEP"),
+        right("S/EPOCH"),
+        right("PEAK MEMORY"),
+    ]);
+    let mut printed = Ok(());
+    let report = |figures: train::Figures| {
+        if as_json && printed.is_ok() {
+            printed = json::print(json::BenchTrain::from(&figures));
         }
         let memory = figures
             .peak_memory
-            .map_or("-".to_owned(), |bytes| format!("{} MiB", bytes >> 20));
-        outln!(
-            "{:<10} {:<10} {:>9} {:>14} {:>9.3} {:>9.2} {memory:>14}",
-            figures.network,
-            figures.recipe,
-            figures.weights,
-            figures.triplets_per_step,
-            figures.step_seconds,
-            figures.epoch_seconds,
-        )
-    };
-    let mut printed = Ok(());
-    let report = |figures: train::Figures| {
-        if printed.is_ok() {
-            printed = print(&figures);
-        }
+            .map_or("-".to_owned(), |bytes| format!("{} MiB", grouped(bytes >> 20)));
+        errln!("measured: network {}, recipe {}", figures.network, figures.recipe);
+        table.row([
+            figures.network.to_owned(),
+            figures.recipe.to_owned(),
+            grouped(figures.weights as u64),
+            grouped(figures.triplets_per_step),
+            format!("{:.3}", figures.step_seconds),
+            format!("{:.2}", figures.epoch_seconds),
+            memory,
+        ]);
     };
     train::train(behaviours, report).map_err(|error| CliError::Input(error.to_string()))?;
-    Ok(printed?)
+    printed?;
+    if !as_json {
+        table.print()?;
+    }
+    Ok(())
 }
 
 fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
     let span = Duration::try_from_secs_f64(seconds)
-        .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a number of seconds")))?;
-    if !as_json {
-        outln!(
-            "{:<14} {:<34} {:>16} {:>10}",
-            "MODEL",
-            "WHAT",
-            "EVALUATIONS/S",
-            "x SCALAR"
-        )?;
-    }
+        .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))?;
+    let mut table = Table::new([
+        left("MODEL"),
+        left("WHAT"),
+        right("EVALUATIONS/S"),
+        right("x SCALAR"),
+    ]);
     for model in CapabilityModel::ALL {
         for (what, full) in [("simulation", false), ("simulation + features + image", true)] {
             let [scalar, fast] = alternately(model, full, span)?;
+            let ratio = fast / scalar;
+            errln!("measured: {what}, {model}");
             if as_json {
-                json::print(&json::bench_simulate(model, what, fast, fast / scalar))?;
-            } else {
-                outln!(
-                    "{:<14} {what:<34} {fast:>16.0} {:>10.2}",
-                    model.name(),
-                    fast / scalar
-                )?;
+                json::print(json::BenchSimulate {
+                    model: model.name(),
+                    what,
+                    evaluations_per_second_per_core: fast,
+                    ratio_to_scalar: ratio,
+                })?;
             }
+            table.row([
+                model.name().to_owned(),
+                what.to_owned(),
+                grouped(fast.round() as u64),
+                format!("{ratio:.2}"),
+            ]);
         }
+    }
+    if !as_json {
+        table.print()?;
     }
     Ok(())
 }
@@ -119,7 +126,7 @@ fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
 /// controllers in turns, so that whatever else the machine does disturbs both alike.
 fn alternately(model: CapabilityModel, full: bool, span: Duration) -> Result<[f64; 2], CliError> {
     let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model)?;
-    let mut stream = Stream::derive(1, Purpose::Propose, 0);
+    let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
     let arches = [Arch::Scalar, Arch::new()];
     let mut evaluators = [evaluator(arches[0])?, evaluator(arches[1])?];
     let mut took = [Duration::ZERO; 2];

@@ -8,11 +8,12 @@ use super::{
     json,
     next_step::{changed, failed, state, what_next},
     run::{InProcessArgs, go_on, read_spec},
+    table::{Table, left, right},
 };
 use crate::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
-use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, parts::whole, v1};
+use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, parts::whole, v1};
 use std::path::PathBuf;
 
 /// A campaign's name on the command line.
@@ -27,10 +28,10 @@ pub(super) struct Name {
 pub(super) struct Submit {
     /// Campaign file (see examples/)
     spec: PathBuf,
-    /// Seed instead of the file's, of its training too
+    /// Seed of the search and the training, used instead of the file's seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Its share of the workers while other campaigns run as well, in proportion to theirs: 1 to 10,000
+    /// Share of the workers relative to other running campaigns, 1 to 10,000
     #[arg(long, value_name = "N", default_value_t)]
     weight: Weight,
 }
@@ -40,15 +41,15 @@ pub(super) struct Submit {
 pub(super) struct Adopt {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Digest of a stored checkpoint, or enough of its beginning
+    /// Digest of a stored checkpoint, or its first digits
     checkpoint: String,
 }
 
 /// Arguments of `refine`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-The embedder is fine-tuned on the classes that people (or `label --synthetic`) gave, the archive moves to it, and the \
-search goes on for as many generations as the campaign's `feedback.generations` says. Repeat it as often as you like.
+The command fine-tunes the embedder on the campaign's labels, embeds the archive with it, and continues the search for \
+`feedback.generations` generations. Repeat it as often as you like.
 
 Example:
   murmuration label latest --csv my.csv --annotator ana && murmuration refine latest")]
@@ -62,7 +63,7 @@ pub(super) struct Refine {
 pub(super) struct Show {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Show this individual of its archive instead
+    /// Show this individual of the archive instead of the campaign
     #[arg(long, value_name = "I")]
     index: Option<u64>,
 }
@@ -72,7 +73,7 @@ impl Submit {
         let spec = read_spec(&self.spec, self.seed)?;
         let submit = async |connection: &mut Connection| {
             if connection.is_own() {
-                let said = "no coordinator is running: start `murmuration serve`, or use `murmuration run`";
+                let said = "no coordinator runs over this data directory: start `murmuration serve`, or use `murmuration run`";
                 return Err(CliError::Failed(said.to_owned()));
             }
             let request = v1::CreateCampaignRequest {
@@ -101,7 +102,7 @@ impl Adopt {
         go_on(
             global,
             InProcessArgs::default().count(),
-            "moves to that checkpoint",
+            "moves to the checkpoint",
             adopt,
         )
         .await
@@ -162,36 +163,32 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
     };
     let campaigns = connection::with(global, InProcess::NONE, list).await?;
     if global.json {
-        campaigns
-            .iter()
-            .map(json::campaign)
-            .try_for_each(|campaign| json::print(&campaign))?;
-        return Ok(());
+        return Ok(json::print_all(campaigns.iter().map(json::Campaign::from))?);
     }
-    outln!(
-        "{:<28} {:<12} {:<9} {:>13} {:<13} {:<13}",
-        "CAMPAIGN",
-        "STATE",
-        "STAGE",
-        "GENERATIONS",
-        "MODEL",
-        "METHOD"
-    )?;
+    let mut table = Table::new([
+        left("CAMPAIGN"),
+        left("STATE"),
+        left("STAGE"),
+        right("GENERATIONS"),
+        left("MODEL"),
+        left("METHOD"),
+    ]);
     for campaign in campaigns {
         let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
             continue;
         };
-        let progress = format!("{}/{}", campaign.generations_done, campaign.generations);
-        outln!(
-            "{:<28} {:<12} {:<9} {progress:>13} {:<13} {:<13}",
-            campaign.id,
+        let [done, all] =
+            [campaign.generations_done, campaign.generations].map(|count| grouped(count.into()));
+        table.row([
+            campaign.id.clone(),
             state(&campaign),
-            stage(&campaign),
-            spec.model().name(),
-            spec.method().name(),
-        )?;
+            stage(&campaign).to_owned(),
+            format!("{done}/{all}"),
+            spec.model().name().to_owned(),
+            spec.method().name().to_owned(),
+        ]);
     }
-    Ok(())
+    Ok(table.print()?)
 }
 
 /// The stage in a word, of a campaign that has not ended.
@@ -228,7 +225,7 @@ impl Show {
 
 fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliError> {
     if global.json {
-        json::print(&json::campaign(campaign))?;
+        json::print(json::Campaign::from(campaign))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
@@ -246,7 +243,7 @@ fn show_campaign(global: &Global, campaign: &v1::Campaign) -> Result<(), CliErro
     let why = generations_in_words(&spec, campaign.generations, campaign.rounds_done);
     outln!(
         "# {} of {} complete{}",
-        campaign.generations_done,
+        grouped(campaign.generations_done.into()),
         counted(campaign.generations.into(), "generation"),
         why.map_or_else(String::new, |why| format!(": {why}"))
     )?;
@@ -262,7 +259,7 @@ fn show_individual(
     individual: &v1::Individual,
 ) -> Result<(), CliError> {
     if global.json {
-        json::print(&json::individual(individual))?;
+        json::print(json::Individual::from(individual))?;
         return Ok(());
     }
     let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
@@ -313,7 +310,11 @@ pub(super) async fn digest(global: &Global, campaign: &str) -> Result<(), CliErr
         async |connection: &mut Connection| Ok(id_and_digest(&mut connection.client, campaign).await?);
     let (id, digest) = connection::with(global, InProcess::NONE, answer).await?;
     if global.json {
-        json::print(&json::digest(&id, &digest))?;
+        json::print(json::Digest {
+            campaign: id,
+            digest: digest.digest,
+            evaluations: digest.evaluations,
+        })?;
     } else {
         outln!("{}", digest.digest)?;
     }

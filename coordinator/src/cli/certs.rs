@@ -5,7 +5,7 @@ use super::{
     files::{is_there, read, read_words},
     json,
 };
-use murmuration_access::Machine;
+use murmuration_access::MachineKind;
 use murmuration_link::{InputKind, errln};
 use murmuration_proto::Invalid;
 use rcgen::{
@@ -13,7 +13,6 @@ use rcgen::{
     KeyUsagePurpose,
 };
 use rustls_pki_types::{CertificateDer, ServerName, pem::PemObject as _};
-use serde_json::json;
 use std::{
     collections::BTreeSet,
     fs,
@@ -39,22 +38,23 @@ const EXAMPLES: &str = "\
 Examples:
   murmuration certs certs --host swarm.example --host 192.168.0.7
   murmuration certs certs --host swarm.example --worker alpha --worker beta
-  murmuration certs certs --worker gamma   one more, of the CA that is there
+  murmuration certs certs --worker gamma   add a certificate by the CA of an earlier call
 
-Makes ca.pem, and server.pem, worker.pem and trainer.pem with their keys beside them; with --worker, in place of worker.pem \
-one for each name. A certificate is a machine: those that share one count as one, and do not audit each other. Whoever has \
-ca-key.pem can make more: keep it away from the cluster.";
+The command writes the certificates ca.pem, server.pem, worker.pem and trainer.pem, and their keys. With --worker, it writes \
+one certificate for each name instead of worker.pem. A certificate stands for a machine: workers that share a certificate \
+count as one machine and do not audit each other. Everyone who has ca-key.pem can create certificates: keep it away from the \
+cluster.";
 
 /// Arguments of `certs`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct Certs {
-    /// Folder for them, made if need be
+    /// Folder for the certificates, created if it does not exist
     dir: PathBuf,
-    /// Name or address by which others reach the coordinator; may be given again
+    /// Host name or address of the coordinator; repeat the option for several
     #[arg(long, value_name = "NAME")]
     host: Vec<Host>,
-    /// Name of a machine that is to have a worker's certificate of its own; may be given again
+    /// Name of a worker's machine, which gets its own certificate; repeat the option for several
     #[arg(long, value_name = "NAME")]
     worker: Vec<MachineName>,
 }
@@ -101,15 +101,15 @@ enum HostError {
     )]
     NoHost,
     /// What a certificate says that is for a kind of machine.
-    #[error("must be another name: this one makes a certificate one for a {0}")]
-    Reserved(Machine),
+    #[error("must be another name: this one marks the certificate of a {0}")]
+    Reserved(MachineKind),
 }
 
 impl FromStr for Host {
     type Err = HostError;
 
     fn from_str(text: &str) -> Result<Self, HostError> {
-        let machine = Machine::ALL.into_iter();
+        let machine = MachineKind::ALL.into_iter();
         if let Some(machine) = machine
             .into_iter()
             .find(|machine| machine.dns_name().eq_ignore_ascii_case(text))
@@ -160,7 +160,7 @@ impl Certs {
         for path in files.iter().flat_map(|(certificate, key)| [certificate, key]) {
             if is_there(path)? {
                 let said = format!(
-                    "{} is there already: name another folder, or remove it",
+                    "{} exists already: name another folder, or remove the file",
                     path.display()
                 );
                 return Err(CliError::Input(said));
@@ -172,13 +172,16 @@ impl Certs {
             write(certificate, &pair.certificate, 0o644)?;
         }
         if as_json {
-            let names = pairs.iter().zip(&files);
-            let names = names.map(|(pair, (certificate, key))| {
-                json!({ "name": pair.name, "certificate": certificate, "key": key })
+            let certificates = pairs.iter().zip(&files);
+            let certificates = certificates.map(|(pair, (certificate, key))| json::Certificate {
+                name: pair.name.clone(),
+                certificate: certificate.display().to_string(),
+                key: key.display().to_string(),
             });
-            json::print(
-                &json!({ "schema": json::SCHEMA, "days": DAYS, "certificates": names.collect::<Vec<_>>() }),
-            )?;
+            json::print(json::Certificates {
+                days: DAYS,
+                certificates: certificates.collect(),
+            })?;
         } else if adds {
             self.say_what_was_added();
         } else {
@@ -191,13 +194,13 @@ impl Certs {
     fn add(&self, ca: &Path, ca_key: &Path) -> Result<Vec<Pair>, CliError> {
         if !self.host.is_empty() {
             return Err(CliError::Input(format!(
-                "{} is there already: --worker adds to it, and takes no --host; or name another folder",
+                "{} exists already, and --worker adds to it: leave out --host, or name another folder",
                 ca.display()
             )));
         }
         let other = || {
             CliError::Input(format!(
-                "{} and its key are not of `murmuration certs`: have your own CA sign a certificate for each worker",
+                "{} and its key were not created by `murmuration certs`: let your own CA sign a certificate for each worker",
                 ca.display()
             ))
         };
@@ -222,7 +225,9 @@ impl Certs {
     /// A certificate for each machine that is to have one of its own, or else one for all workers.
     fn workers(&self, issuer: &Issuer<'_, KeyPair>) -> Result<Vec<Pair>, rcgen::Error> {
         let names = self.worker_names().into_iter();
-        names.map(|name| machine(issuer, name, Machine::Worker)).collect()
+        names
+            .map(|name| machine(issuer, name, MachineKind::Worker))
+            .collect()
     }
 
     fn worker_names(&self) -> BTreeSet<&str> {
@@ -253,7 +258,7 @@ impl Certs {
         )?;
         let mut pairs = vec![ca, server];
         pairs.extend(self.workers(&issuer)?);
-        pairs.push(machine(&issuer, "trainer", Machine::Trainer)?);
+        pairs.push(machine(&issuer, "trainer", MachineKind::Trainer)?);
         Ok(pairs)
     }
 
@@ -267,7 +272,7 @@ impl Certs {
     fn say_what_was_added(&self) {
         let dir = self.dir.display();
         for name in self.worker_names() {
-            errln!("made {dir}/{name}.pem and its key, good for {DAYS} days, for a worker on one machine");
+            errln!("wrote {dir}/{name}.pem and its key, valid for {DAYS} days, for a worker on one machine");
         }
     }
 
@@ -280,7 +285,7 @@ impl Certs {
         let there = format!("--coordinator https://{host}:7700 --ca {dir}/ca.pem");
         let workers: Vec<_> = self.worker_names().into_iter().collect();
         errln!(
-            "made {dir}/ca.pem, server.pem, {}.pem, trainer.pem and their keys, good for {DAYS} days; next:",
+            "wrote {dir}/ca.pem, server.pem, {}.pem, trainer.pem and their keys, valid for {DAYS} days; next:",
             workers.join(".pem, ")
         );
         errln!("  murmuration token me --role operator >> tokens.toml");
@@ -299,7 +304,7 @@ impl Certs {
 }
 
 fn cannot(error: &rcgen::Error) -> CliError {
-    CliError::Input(format!("cannot make certificates: {error}"))
+    CliError::Input(format!("certificates cannot be created: {error}"))
 }
 
 fn ca_params() -> Result<CertificateParams, rcgen::Error> {
@@ -309,7 +314,7 @@ fn ca_params() -> Result<CertificateParams, rcgen::Error> {
     Ok(params)
 }
 
-fn machine(issuer: &Issuer<'_, KeyPair>, name: &str, machine: Machine) -> Result<Pair, rcgen::Error> {
+fn machine(issuer: &Issuer<'_, KeyPair>, name: &str, machine: MachineKind) -> Result<Pair, rcgen::Error> {
     let only = vec![machine.dns_name().to_owned()];
     signed(issuer, name, only, ExtendedKeyUsagePurpose::ClientAuth)
 }
@@ -396,7 +401,7 @@ mod tests {
             assert_eq!(host.parse::<Host>(), Err(HostError::NoHost), "{host:?}");
         }
         let reserved = "Worker.murmuration.internal".parse::<Host>();
-        assert_eq!(reserved, Err(HostError::Reserved(Machine::Worker)));
+        assert_eq!(reserved, Err(HostError::Reserved(MachineKind::Worker)));
         let in_url = |host: &str| host.parse::<Host>().unwrap().in_url();
         assert_eq!(
             (in_url("fd00::7"), in_url("a.example")),

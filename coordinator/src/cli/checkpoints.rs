@@ -6,10 +6,13 @@ use super::{
     files::{is_there, read, write},
     heard::{Heard as _, heard},
     json,
+    table::{Table, left, right},
 };
 use crate::local::InProcess;
 use murmuration_link::{InputKind, OutputError, outln, print};
-use murmuration_proto::{CheckpointDigest, Lineage, counted, onnx::MAX_MODEL_BYTES, parts::whole, v1};
+use murmuration_proto::{
+    CheckpointDigest, Lineage, counted, grouped, onnx::MAX_MODEL_BYTES, parts::whole, v1,
+};
 use murmuration_store::DataDirectory;
 use std::path::{Path, PathBuf};
 
@@ -18,14 +21,14 @@ use std::path::{Path, PathBuf};
 pub(super) enum CheckpointsCommand {
     /// List the checkpoints
     List,
-    /// Show where a checkpoint came from, and its figures
+    /// Show the origin and the metrics of a checkpoint
     Show {
-        /// Digest, or enough of its beginning
+        /// Digest of the checkpoint, or its first digits
         digest: String,
     },
     /// Write a checkpoint as an ONNX file
     Export {
-        /// Digest, or enough of its beginning
+        /// Digest of the checkpoint, or its first digits
         digest: String,
         /// File to write
         file: PathBuf,
@@ -66,23 +69,19 @@ impl CheckpointsCommand {
 async fn list(client: &mut CheckpointClient, as_json: bool) -> Result<(), CliError> {
     let checkpoints = all(client).await?;
     if as_json {
-        checkpoints
-            .iter()
-            .map(json::checkpoint)
-            .try_for_each(|checkpoint| json::print(&checkpoint))?;
-        return Ok(());
+        return Ok(json::print_all(checkpoints.iter().map(json::Checkpoint::from))?);
     }
-    outln!("{:<64} {:>9}  PARENT", "CHECKPOINT", "BYTES")?;
+    let mut table = Table::new([left("CHECKPOINT"), right("BYTES"), left("PARENT")]);
     for checkpoint in checkpoints {
-        let parent: String = checkpoint.parent.chars().take(12).collect();
-        outln!("{} {:>9}  {parent}", checkpoint.digest, checkpoint.size)?;
+        let parent = checkpoint.parent.chars().take(12).collect();
+        table.row([checkpoint.digest, grouped(checkpoint.size), parent]);
     }
-    Ok(())
+    Ok(table.print()?)
 }
 
 fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputError> {
     if as_json {
-        return json::print(&json::checkpoint(checkpoint));
+        return json::print(json::Checkpoint::from(checkpoint));
     }
     outln!(
         "# checkpoint {}, {}",
@@ -90,7 +89,7 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputE
         counted(checkpoint.size, "byte")
     )?;
     for (what, digest) in [
-        ("trained on from", &checkpoint.parent),
+        ("parent", &checkpoint.parent),
         ("images", &checkpoint.data_digest),
         ("labels", &checkpoint.label_digest),
     ] {
@@ -101,7 +100,8 @@ fn print_whole(checkpoint: &v1::Checkpoint, as_json: bool) -> Result<(), OutputE
     let mut metrics: Vec<_> = checkpoint.metrics.iter().collect();
     metrics.sort_by_key(|(name, _)| *name);
     for (name, value) in metrics {
-        outln!("# {name}: {value}")?;
+        // With an exponent where there would be hundreds of digits.
+        outln!("# {name}: {value:?}")?;
     }
     print(&checkpoint.configuration)
 }
@@ -128,7 +128,7 @@ pub(super) async fn fetch(client: &mut CheckpointClient, beginning: &str) -> Res
     }
     if CheckpointDigest::of(&bytes).to_string() != digest {
         return Err(CliError::Failed(format!(
-            "the bytes that came are not those of checkpoint {digest}"
+            "the coordinator sent other bytes than those of checkpoint {digest}: the checkpoint is damaged there, or was changed on the way"
         )));
     }
     Ok(bytes)
@@ -140,7 +140,7 @@ async fn import(client: &mut CheckpointClient, file: &Path, as_json: bool) -> Re
     let checkpoint = client.publish_checkpoint(tokio_stream::iter(parts)).await?;
     let checkpoint = heard(checkpoint)?;
     if as_json {
-        json::print(&json::checkpoint(&checkpoint))?;
+        json::print(json::Checkpoint::from(&checkpoint))?;
     } else {
         outln!("{}", checkpoint.digest)?;
     }
@@ -159,12 +159,12 @@ pub(super) async fn find(client: &mut CheckpointClient, beginning: &str) -> Resu
     match (found.pop(), found.len()) {
         (Some(one), 0) => Ok(one),
         (None, _) => Err(CliError::Input(format!(
-            "there is no checkpoint \"{beginning}\": `murmuration checkpoints list` shows those there are"
+            "there is no checkpoint \"{beginning}\": `murmuration checkpoints list` lists the checkpoints"
         ))),
         (Some(_), others) => {
             let found = counted(others as u64 + 1, "checkpoint");
             Err(CliError::Input(format!(
-                "\"{beginning}\" is the beginning of {found}: give more of it"
+                "\"{beginning}\" is the beginning of {found}: give more digits"
             )))
         }
     }

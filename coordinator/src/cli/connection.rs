@@ -52,7 +52,7 @@ impl Connection {
     async fn start(global: &Global, data: DataDirectory, crew: InProcess) -> Result<Self, CliError> {
         let options = Options {
             data,
-            entrance: ListenConfig::loopback(0),
+            listen: ListenConfig::loopback(0),
             resume: false,
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: crew != InProcess::NONE,

@@ -35,8 +35,8 @@ pub(super) fn marked(word: OsString) -> OsString {
 }
 
 const FORM: &str = "4 wheel speeds such as 0.6,1,0.4,0.5 (single-sensor), or 8 and an angle such as \
-                    0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 (two-sensor), with commas between them, and square brackets \
-                    around them all or none";
+                    0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 (two-sensor), separated by commas, with or without square \
+                    brackets around the list";
 
 /// A number, or a multiple of pi such as `pi`, `-pi/3`, `2pi/3`.
 fn number(text: &str) -> Option<f64> {

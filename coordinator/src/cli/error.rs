@@ -4,10 +4,10 @@ use crate::server::ServerError;
 use murmuration_access::{ListenConfigError, TokensError};
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
-use murmuration_proto::{Invalid, SpecFileError, Text};
+use murmuration_proto::{Invalid, SpecFileError, Text, text::masked_url};
 use murmuration_report::{ReportError, picture::PictureError};
 use murmuration_service::report_data::ReportDataError;
-use murmuration_store::{StoreError, backup::BackupError};
+use murmuration_store::{StoreError, TargetError, backup::BackupError};
 use std::{
     error::Error as _,
     fmt, io,
@@ -47,7 +47,8 @@ impl CliError {
     pub(super) fn no_coordinator(url: &str, error: &tonic::transport::Error) -> Self {
         let reason = root_cause(error);
         Self::Failed(format!(
-            "no coordinator answers at {url} ({reason}): is `murmuration serve` running there?"
+            "no coordinator answers at {} ({reason}): check the URL, and that `murmuration serve` runs there",
+            masked_url(url)
         ))
     }
 
@@ -137,9 +138,8 @@ impl From<BackupError> for CliError {
         let said = error.to_string();
         match error {
             BackupError::Store(error) => error.into(),
-            BackupError::NotEmpty(_) | BackupError::Within { .. } | BackupError::NoBackup { .. } => {
-                Self::Input(said)
-            }
+            BackupError::Target(TargetError::NotEmpty(_) | TargetError::Within { .. })
+            | BackupError::NoBackup { .. } => Self::Input(said),
             _ => Self::Failed(said),
         }
     }
@@ -179,7 +179,7 @@ impl From<Status> for CliError {
         let said = match (status.code(), status.source()) {
             (Code::Unavailable, _) => format!("the coordinator cannot be reached: {message}"),
             (_, Some(source)) => format!(
-                "the connection to the coordinator broke ({}); an encrypted coordinator's URL begins with https://",
+                "the connection to the coordinator failed ({}); the URL of an encrypted coordinator begins with https://",
                 root_cause(source)
             ),
             (_, None) => message.into(),

@@ -1,7 +1,7 @@
 //! Files that a command reads and writes where a person says.
 
 use super::CliError;
-use murmuration_accuracy::Labels;
+use murmuration_accuracy::LabelledSet;
 use murmuration_link::{InputKind, errln, read_bytes, read_text};
 use murmuration_proto::counted;
 use murmuration_store::files;
@@ -25,10 +25,11 @@ pub(super) fn is_there(path: &Path) -> Result<bool, CliError> {
 /// Writes a file, with the folders above it where they do not exist, and says so.
 pub(super) fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), CliError> {
     let folder = path.parent().unwrap_or(Path::new(""));
+    let what = if path.is_file() { "replaced" } else { "wrote" };
     fs::create_dir_all(folder)
         .and_then(|()| fs::write(path, bytes))
         .map_err(|error| CliError::unwritable(path, &error))?;
-    errln!("wrote {}", path.display());
+    errln!("{what} {}", path.display());
     Ok(())
 }
 
@@ -50,7 +51,7 @@ impl Written {
         };
         match path.extension() {
             Some(other) if !other.eq_ignore_ascii_case(ending) => Err(CliError::Input(format!(
-                "{option} {}: {what} is written there; name a file that ends in .{ending}",
+                "{option} {} would hold {what}: name a file that ends in .{ending}",
                 path.display()
             ))),
             _ => Ok(()),
@@ -59,21 +60,25 @@ impl Written {
 }
 
 /// Of how many behaviours something was said, and what of the files was left out.
-pub(super) fn tell_counted(sets: &[Labels]) {
-    let behaviours = sets.iter().map(|set| set.classes().count() as u64).sum();
+pub(super) fn tell_counted(sets: &[LabelledSet]) {
     errln!(
-        "{} with a class that a person gave",
-        counted(behaviours, "behaviour")
+        "{} with a class given by a person",
+        counted(behaviours(sets), "behaviour")
     );
     if let rows @ 1.. = synthetic(sets) {
         errln!(
-            "left out: {} by the synthetic annotator, which is no person",
+            "skipped: {} by the synthetic annotator, which is not a person",
             counted(rows, "answer")
         );
     }
 }
 
+/// The behaviours with a class that a person gave.
+pub(super) fn behaviours(sets: &[LabelledSet]) -> u64 {
+    sets.iter().map(|set| set.classes().count() as u64).sum()
+}
+
 /// The answers of the synthetic annotator, which were left out.
-pub(super) fn synthetic(sets: &[Labels]) -> u64 {
-    sets.iter().map(Labels::synthetic).sum()
+pub(super) fn synthetic(sets: &[LabelledSet]) -> u64 {
+    sets.iter().map(LabelledSet::synthetic).sum()
 }

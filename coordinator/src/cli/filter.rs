@@ -1,10 +1,12 @@
 //! `filter`: how the heuristic filter scores controllers.
 
-use super::{CliError, controller, json};
-use murmuration_link::{InputKind, OutputError, errln, outln, read_text, text_of};
+use super::{
+    CliError, controller, json,
+    table::{Table, left, right},
+};
+use murmuration_link::{InputKind, OutputError, errln, read_text, text_of};
 use murmuration_proto::Controller;
 use murmuration_search::filter::{CUTOFF, METRICS, Score};
-use serde_json::{Map, Value, json};
 use std::{
     io,
     path::{Path, PathBuf},
@@ -17,10 +19,10 @@ Examples:
   murmuration filter -0.7,0.3,1,1 0.6,1,0.4,0.5
   murmuration filter --file controllers.txt --json")]
 pub(super) struct Filter {
-    /// Controllers: 4 wheel speeds, or 8 and an angle
+    /// Controllers: 4 wheel speeds each, or 8 wheel speeds and an angle
     #[arg(required_unless_present = "file")]
     controllers: Vec<String>,
-    /// Also read controllers from a file, one a line (- for stdin)
+    /// File of further controllers, one a line; - reads stdin
     #[arg(long, value_name = "FILE")]
     file: Option<PathBuf>,
 }
@@ -36,10 +38,7 @@ impl Filter {
             .map(|text| controller::parse(text))
             .collect::<Result<Vec<_>, _>>()?;
         if as_json {
-            controllers
-                .iter()
-                .map(to_json)
-                .try_for_each(|scored| json::print(&scored))?;
+            json::print_all(controllers.iter().map(document))?;
         } else {
             print_table(&controllers)?;
         }
@@ -63,37 +62,40 @@ fn lines(path: &Path) -> Result<Vec<String>, CliError> {
         .collect())
 }
 
-fn to_json(controller: &Controller) -> Value {
+fn document(controller: &Controller) -> json::FilterScore {
     let score = Score::of(controller);
-    let metrics: Map<String, Value> = METRICS
-        .iter()
-        .zip(score.metrics())
-        .map(|(metric, &value)| (metric.name.replace(' ', "_"), value.into()))
-        .collect();
-    json!({
-        "schema": 1,
-        "controller": controller.genes(),
-        "metrics": metrics,
-        "score": score.total(),
-        "cutoff": CUTOFF,
-        "passes": score.passes(),
-    })
+    let metrics = METRICS.iter().zip(score.metrics());
+    json::FilterScore {
+        controller: controller.genes().to_vec(),
+        metrics: metrics
+            .map(|(metric, &value)| (metric.name.replace(' ', "_"), value))
+            .collect(),
+        score: score.total(),
+        cutoff: CUTOFF,
+        passes: score.passes(),
+    }
 }
 
 /// Each metric, a star where it is under its threshold.
 fn print_table(controllers: &[Controller]) -> Result<(), OutputError> {
-    let names = METRICS.map(|metric| format!("{:>17}", metric.name)).concat();
-    outln!("{names}{:>9}  {:<9}CONTROLLER", "score", "")?;
+    let metrics = METRICS.map(|metric| right(metric.name.to_uppercase()));
+    let others = [right("SCORE"), left("VERDICT"), left("CONTROLLER")];
+    let mut table = Table::new(metrics.into_iter().chain(others));
     for controller in controllers {
         let score = Score::of(controller);
         let metrics = METRICS.iter().zip(score.metrics()).map(|(metric, value)| {
             let star = if *value < metric.threshold { "*" } else { " " };
-            format!("{value:>16.3}{star}")
+            format!("{value:.3}{star}")
         });
-        let metrics: String = metrics.collect();
         let verdict = if score.passes() { "passes" } else { "discarded" };
-        outln!("{metrics}{:>9.3}  {verdict:<9} {controller}", score.total())?;
+        let others = [
+            format!("{:.3}", score.total()),
+            verdict.to_owned(),
+            controller.to_string(),
+        ];
+        table.row(metrics.chain(others));
     }
-    errln!("* under its threshold: counts as -5; a score under {CUTOFF} is discarded");
+    table.print()?;
+    errln!("* below its threshold, counts as -5; controllers with a score below {CUTOFF} are discarded");
     Ok(())
 }

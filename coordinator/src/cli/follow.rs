@@ -43,7 +43,11 @@ pub(super) async fn follow(
         last = Some(status);
     }
     view.end();
-    last.ok_or_else(|| CliError::Failed(format!("the coordinator says nothing about campaign {campaign}")))
+    last.ok_or_else(|| {
+        CliError::Failed(format!(
+            "the coordinator sent no status of campaign {campaign}: try again, and look into its log"
+        ))
+    })
 }
 
 /// What has been shown, and how.
@@ -87,7 +91,7 @@ impl View {
         self.end_stage(status.stage());
         self.notice(&status.notices);
         match &mut self.to {
-            Screen::Json => json::print(&json::campaign(status))?,
+            Screen::Json => json::print(json::Campaign::from(status))?,
             Screen::Bar(bar) => {
                 bar.set_length(line.total);
                 bar.set_position(line.done);

@@ -2,6 +2,7 @@
 
 use super::{CliError, Global, connection};
 use murmuration_link::{Credentials, READY, outln};
+use murmuration_proto::text::masked_url;
 use murmuration_store::{DataDirectory, StoreError};
 use std::time::Duration;
 use tonic_health::pb::{
@@ -14,7 +15,7 @@ const LIMIT: Duration = Duration::from_secs(5);
 /// Arguments of `health`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Health {
-    /// Ask only whether the process lives, not whether it is ready
+    /// Check only that the process answers, not that it is ready
     #[arg(long)]
     alive: bool,
 }
@@ -22,6 +23,7 @@ pub(super) struct Health {
 impl Health {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let (url, credentials) = address(global)?;
+        let shown = masked_url(&url);
         let service = if self.alive { "" } else { READY };
         let mut client = HealthClient::new(connection::connect(&url, &credentials).await?);
         let request = HealthCheckRequest {
@@ -29,9 +31,15 @@ impl Health {
         };
         let answer = tokio::time::timeout(LIMIT, client.check(request))
             .await
-            .map_err(|_| CliError::Failed(format!("{url} does not answer within {LIMIT:?}")))??;
+            .map_err(|_| {
+                CliError::Failed(format!(
+                    "{shown} does not answer within {LIMIT:?}: check that a Murmuration process listens there"
+                ))
+            })??;
         if answer.into_inner().status() != ServingStatus::Serving {
-            return Err(CliError::Failed(format!("{url} is not ready")));
+            return Err(CliError::Failed(format!(
+                "{shown} answers but is not ready: a coordinator is starting, or a worker or trainer has no coordinator"
+            )));
         }
         outln!("{}", if self.alive { "alive" } else { "ready" })?;
         Ok(())

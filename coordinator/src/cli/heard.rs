@@ -27,7 +27,7 @@ fn clean(words: &mut String) {
 
 /// What is not as it should be is the coordinator's fault, not the person's.
 fn nonsense(invalid: &Invalid) -> CliError {
-    CliError::Failed(format!("the coordinator's answer makes no sense: {invalid}"))
+    CliError::Failed(format!("the coordinator's answer is invalid: {invalid}"))
 }
 
 /// The id of a campaign, as one that can be part of a path.
@@ -168,7 +168,7 @@ mod tests {
                 panic!("{bad} is the person's fault");
             };
             assert!(
-                said.starts_with("the coordinator's answer makes no sense: campaign = "),
+                said.starts_with("the coordinator's answer is invalid: campaign = "),
                 "{said}"
             );
             assert!(!said.contains('\u{1b}'), "{said:?}");

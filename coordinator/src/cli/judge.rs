@@ -2,35 +2,36 @@
 
 use super::{
     CliError, Global,
-    files::{is_there, synthetic, tell_counted},
+    files::{behaviours, is_there, synthetic, tell_counted},
     json,
+    table::{Table, left, right},
 };
-use murmuration_accuracy::{Labels, Swarm};
+use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge as judge;
 use murmuration_judge::{Pattern, Verdict};
 use murmuration_link::{OutputError, outln};
 use murmuration_model::labels::ConfusionMatrix;
+use murmuration_proto::grouped;
 use murmuration_worker::replay::replay_frames;
 use rayon::prelude::*;
-use serde_json::{Map, Value, json};
-use std::path::PathBuf;
+use std::{collections::BTreeMap, path::PathBuf};
 
 /// Arguments of `judge`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Simulates the labelled swarms again and lets the rule-based judge name the class of each. A file has columns id, class, \
-v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the world is the paper's where it does not say \
-(docs/labels.md). What the synthetic annotator answered is left out: it is this judge.
+The command simulates the labelled swarms and lets the rule-based judge name the class of each. The file needs the columns \
+id, class, v1 to v4 (or v1 to v8 and theta), and seed unless starts are given; the paper's world is the default \
+(docs/labels.md). The answers of the synthetic annotator are skipped, because the synthetic annotator is this judge.
 
 Examples:
   murmuration labels latest --csv labels.csv && murmuration judge --labels labels.csv
   murmuration judge --labels single_sensor/validation.csv
   murmuration judge --labels two_sensor/validation.csv --labels rare/validation.csv --json")]
 pub(super) struct JudgeCommand {
-    /// Labelled behaviours, such as `murmuration labels --csv` writes; repeat it to join sets
+    /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Where their swarms start, one for each --labels [default: column seed, or else `starts.csv` beside the CSV]
+    /// Starts of the swarms, one file for each --labels [default: the column seed, else `starts.csv` beside the CSV]
     #[arg(long, value_name = "CSV")]
     starts: Vec<PathBuf>,
 }
@@ -38,7 +39,7 @@ pub(super) struct JudgeCommand {
 impl JudgeCommand {
     pub(super) fn execute(&self, global: &Global) -> Result<(), CliError> {
         self.check_starts()?;
-        let sets = self.labels.iter().map(Labels::read);
+        let sets = self.labels.iter().map(LabelledSet::read);
         let sets = sets.collect::<Result<Vec<_>, _>>()?;
         let mut answers = Vec::new();
         let mut patterns = Pattern::ALL.map(PatternCounts::of);
@@ -57,7 +58,7 @@ impl JudgeCommand {
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(&self.to_json(&matrix, &patterns, synthetic(&sets)))?;
+            json::print(self.document(&matrix, &patterns, &sets))?;
         } else {
             print_table(&matrix)?;
             print_patterns(&patterns)?;
@@ -67,7 +68,7 @@ impl JudgeCommand {
     }
 
     /// Where the swarms of a file start, if it does not say so itself.
-    fn starts_of(&self, place: usize, labels: &Labels) -> Result<Option<PathBuf>, CliError> {
+    fn starts_of(&self, place: usize, labels: &LabelledSet) -> Result<Option<PathBuf>, CliError> {
         if let Some(named) = self.starts.get(place) {
             return Ok(Some(named.clone()));
         }
@@ -80,39 +81,43 @@ impl JudgeCommand {
             return Ok(());
         }
         Err(CliError::Input(format!(
-            "{} --starts for {} --labels: give one for each, in the same order",
+            "{} --starts for {} --labels: give one --starts for each --labels, in the same order",
             self.starts.len(),
             self.labels.len()
         )))
     }
 
-    fn to_json(&self, matrix: &ConfusionMatrix<&str>, patterns: &[PatternCounts], synthetic: u64) -> Value {
+    fn document(
+        &self,
+        matrix: &ConfusionMatrix<&str>,
+        patterns: &[PatternCounts],
+        sets: &[LabelledSet],
+    ) -> json::Judge {
         let said = matrix.answers();
-        let row = |class: &str| -> Map<String, Value> {
-            let counts = said.iter().map(|&judge| (judge, matrix.count(class, judge)));
-            let counted = counts.filter(|&(_, count)| count > 0);
-            counted
-                .map(|(judge, count)| (judge.to_owned(), count.into()))
-                .collect()
+        let row = |class: &str| -> BTreeMap<String, u64> {
+            let counts = said
+                .iter()
+                .map(|&judge| (judge.to_owned(), matrix.count(class, judge)));
+            counts.filter(|&(_, count)| count > 0).collect()
         };
-        let by_class: Map<String, Value> = said
-            .iter()
-            .map(|&class| (class.to_owned(), row(class).into()))
-            .collect();
-        let patterns: Map<String, Value> = patterns
-            .iter()
-            .map(|counts| (counts.pattern.name().to_owned(), counts.to_json()))
-            .collect();
-        json!({
-            "schema": json::SCHEMA,
-            "labels": self.labels.iter().map(|labels| labels.display().to_string()).collect::<Vec<_>>(),
-            "behaviours": matrix.total(),
-            "synthetic_left_out": synthetic,
-            "agreed": matrix.same(),
-            "kappa": matrix.kappa(),
-            "judged_by_class": by_class,
-            "patterns": patterns,
-        })
+        json::Judge {
+            set: json::Set {
+                labels: self
+                    .labels
+                    .iter()
+                    .map(|labels| labels.display().to_string())
+                    .collect(),
+                behaviours: behaviours(sets),
+                synthetic_left_out: synthetic(sets),
+            },
+            agreed: matrix.same(),
+            kappa: matrix.kappa(),
+            judged_by_class: said.iter().map(|&class| (class.to_owned(), row(class))).collect(),
+            patterns: patterns
+                .iter()
+                .map(|counts| (counts.pattern.name().to_owned(), counts.document()))
+                .collect(),
+        }
     }
 }
 
@@ -147,8 +152,12 @@ impl PatternCounts {
         self.judged += u64::from(judged);
     }
 
-    fn to_json(&self) -> Value {
-        json!({"given": self.given, "agreed": self.agreed, "judged": self.judged})
+    const fn document(&self) -> json::PatternCounts {
+        json::PatternCounts {
+            given: self.given,
+            agreed: self.agreed,
+            judged: self.judged,
+        }
     }
 }
 
@@ -161,25 +170,16 @@ fn verdict(swarm: &Swarm) -> Result<Verdict, CliError> {
 /// For each class that people gave, what the judge said.
 fn print_table(matrix: &ConfusionMatrix<&str>) -> Result<(), OutputError> {
     let answers = matrix.answers();
-    let row = |cell: &dyn Fn(&str) -> String| answers.iter().map(|judge| cell(judge)).collect::<String>();
-    let judged = row(&|judge| format!("{judge:>16}"));
-    outln!(
-        "{:<16}{:>8}{:>8}{:>10}{judged}",
-        "CLASS",
-        "GIVEN",
-        "AGREED",
-        "SHARE"
-    )?;
-    for class in &answers {
+    let fixed = [left("CLASS"), right("GIVEN"), right("AGREED"), right("SHARE")];
+    let judged = answers.iter().map(|&judge| right(judge));
+    let mut table = Table::new(fixed.into_iter().chain(judged));
+    for &class in &answers {
         let (given, agreed) = (matrix.said(class), matrix.count(class, class));
-        let judged = row(&|judge| format!("{:>16}", matrix.count(class, judge)));
-        outln!(
-            "{class:<16}{given:>8}{agreed:>8}{:>10}{judged}",
-            percent(agreed, given)
-        )?;
+        let judged = answers.iter().map(|judge| grouped(matrix.count(class, judge)));
+        table.row(counts(class, given, agreed).into_iter().chain(judged));
     }
-    let (all, same) = (matrix.total(), matrix.same());
-    outln!("{:<16}{all:>8}{same:>8}{:>10}", "all", percent(same, all))?;
+    table.row(counts("all", matrix.total(), matrix.same()));
+    table.print()?;
     let kappa = matrix
         .kappa()
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
@@ -188,25 +188,33 @@ fn print_table(matrix: &ConfusionMatrix<&str>) -> Result<(), OutputError> {
 
 /// The patterns among what belongs to no class, where people named them.
 fn print_patterns(patterns: &[PatternCounts]) -> Result<(), OutputError> {
-    outln!(
-        "\n{:<16}{:>8}{:>8}{:>10}{:>16}",
-        "PATTERN",
-        "GIVEN",
-        "AGREED",
-        "SHARE",
-        "JUDGED"
-    )?;
-    for PatternCounts {
-        pattern,
-        given,
-        agreed,
-        judged,
-    } in patterns
-    {
-        let share = percent(*agreed, *given);
-        outln!("{pattern:<16}{given:>8}{agreed:>8}{share:>10}{judged:>16}")?;
+    let mut table = Table::new([
+        left("PATTERN"),
+        right("GIVEN"),
+        right("AGREED"),
+        right("SHARE"),
+        right("JUDGED"),
+    ]);
+    for shown in patterns {
+        let judged = grouped(shown.judged);
+        table.row(
+            counts(shown.pattern.name(), shown.given, shown.agreed)
+                .into_iter()
+                .chain([judged]),
+        );
     }
-    Ok(())
+    outln!("")?;
+    table.print()
+}
+
+/// How many of those that people gave a name have it from the judge too.
+fn counts(name: &str, given: u64, agreed: u64) -> [String; 4] {
+    [
+        name.to_owned(),
+        grouped(given),
+        grouped(agreed),
+        percent(agreed, given),
+    ]
 }
 
 fn percent(part: u64, whole: u64) -> String {

@@ -7,11 +7,12 @@ use super::{
     heard::{Heard as _, heard},
     json,
     run::InProcessArgs,
+    table::{Table, left, right},
 };
 use crate::local::InProcess;
 use murmuration_link::{InputKind, OutputError, errln, outln};
-use murmuration_model::labels::{Annotator, Answer, Labelled, Table, to_csv};
-use murmuration_proto::{CampaignSpec, Strategy, Text, counted, parts::whole, v1};
+use murmuration_model::labels::{self, Annotator, Answer, Labelled, to_csv};
+use murmuration_proto::{CampaignSpec, Strategy, Text, counted, grouped, parts::whole, v1};
 use std::{
     collections::BTreeMap,
     path::PathBuf,
@@ -21,15 +22,15 @@ use std::{
 /// Arguments of `label`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-With --csv people's answers are read from a file. It has a line of column names, among them id (the index of an individual) \
-and class (or `not sure`, or `skip`), and perhaps annotator and time (milliseconds since 1970): it is what `murmuration labels \
---csv` writes (docs/labels.md). Rows without a class are passed over. Columns seed, v1, ... must hold the seeds and controllers \
-of the individuals. All rows are stored, or none; a file with rows of the synthetic annotator is refused: take them out.
+The option --csv reads people's answers from a file such as `murmuration labels --csv` writes (docs/labels.md). Its first line names the \
+columns. The columns id (index of the individual) and class (a class, `not sure` or `skip`) are required; annotator and time \
+(RFC 3339) are optional. The columns seed, v1, ..., if present, must match the individuals of the archive. Rows without a class \
+are skipped. Either all rows are stored or none. A file with rows of the synthetic annotator is refused.
 
-With --synthetic the rule-based judge answers instead, from the motion of each individual, as the annotator `synthetic`; no \
-person may be called so. `murmuration judge` says how well it agrees with people.
+The option --synthetic lets the rule-based judge answer instead, from the motion of each individual. Its answers carry the annotator \
+`synthetic`, a name that no person may use. `murmuration judge` measures how well the judge agrees with people.
 
-On the pages of `murmuration serve` people answer with a key or a mouse.
+The pages of `murmuration serve` let people answer in a browser.
 
 Examples:
   murmuration label latest --csv my.csv --annotator ana
@@ -38,16 +39,16 @@ Examples:
 pub(super) struct LabelCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// File of answers to add
+    /// File of the answers to add
     #[arg(long, value_name = "FILE", group = "answers")]
     csv: Option<PathBuf>,
-    /// Annotator of the rows of --csv without one
+    /// Annotator for rows of --csv without one
     #[arg(long, value_name = "NAME", conflicts_with = "synthetic")]
     annotator: Option<Annotator>,
-    /// Have the rule-based judge label N individuals that nobody has labelled
+    /// Let the rule-based judge label N unlabelled individuals
     #[arg(long, value_name = "N", group = "answers")]
     synthetic: Option<u32>,
-    /// How --synthetic chooses the individuals: medoids or random
+    /// Query strategy by which --synthetic chooses individuals: medoids or random
     #[arg(long, default_value_t = Strategy::Medoids, requires = "synthetic")]
     strategy: Strategy,
 }
@@ -57,10 +58,13 @@ pub(super) struct LabelCommand {
 pub(super) struct LabelsCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Write the labels to this file, which `label`, `accuracy` and `judge` read. A cell that a spreadsheet would take for a
-    /// formula (it begins with =, +, -, @ or ') has a ' in front there, which these commands take off again
+    /// Write the labels to this file, which `label`, `accuracy` and `judge` read. A cell that begins with =, +, -, @ or ',
+    /// which a spreadsheet would take for a formula, gets a ' in front; these commands remove it
     #[arg(long, value_name = "OUT")]
     csv: Option<PathBuf>,
+    /// Replace the file of --csv if it exists
+    #[arg(long, requires = "csv")]
+    force: bool,
 }
 
 /// Arguments of `classes`.
@@ -69,19 +73,19 @@ pub(super) struct LabelsCommand {
 pub(super) struct ClassesCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Add a class
+    /// Create a class
     #[arg(long, value_name = "CLASS", group = "change")]
     create: Option<String>,
-    /// Give a class another name
+    /// Rename a class
     #[arg(long, num_args = 2, value_names = ["CLASS", "NAME"], group = "change")]
     rename: Vec<String>,
-    /// Make one class of two: the first becomes part of the second
+    /// Merge the first class into the second
     #[arg(long, num_args = 2, value_names = ["CLASS", "INTO"], group = "change")]
     merge: Vec<String>,
-    /// Give a class another colour, such as '#1d96e6'
+    /// Change the colour of a class, such as to '#1d96e6'
     #[arg(long, num_args = 2, value_names = ["CLASS", "COLOUR"], group = "change")]
     colour: Vec<String>,
-    /// Who makes the change, for the log
+    /// Your name, for the label log
     #[arg(
         long,
         value_name = "NAME",
@@ -108,7 +112,7 @@ impl LabelCommand {
         let table = match &self.csv {
             Some(file) => {
                 let text = read(file, InputKind::Labels)?;
-                Some(Table::parse(file, text, self.annotator.as_ref())?)
+                Some(labels::Table::parse(file, text, self.annotator.as_ref())?)
             }
             None => None,
         };
@@ -134,11 +138,15 @@ impl LabelCommand {
         } = connection::with(global, crew, label).await?;
         warn_of_near_names(&campaign, &classes);
         if global.json {
-            json::print(&json::labelled(&campaign, count, &digest))?;
+            json::print(json::AddedLabels {
+                campaign,
+                added: count,
+                label_digest: digest,
+            })?;
         } else {
             let answers = counted(count as u64, "answer");
             let next = global.next(&format!("classes {campaign}"));
-            errln!("campaign {campaign} has {answers} more; next: {next}");
+            errln!("added {answers} to campaign {campaign}; next: {next}");
         }
         Ok(())
     }
@@ -196,7 +204,7 @@ impl Added {
 async fn add(
     connection: &mut Connection,
     campaign: String,
-    table: Table,
+    table: labels::Table,
 ) -> Result<(String, usize), CliError> {
     let request = v1::GetCampaignRequest { campaign };
     let status = heard(connection.client.get_campaign(request).await?)?;
@@ -247,6 +255,7 @@ fn request_id() -> String {
 
 impl LabelsCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        self.check_file()?;
         let list = async |connection: &mut Connection| self.list(connection).await;
         let (v1::ListLabelsResponse { labels, digest }, text) =
             connection::with(global, InProcess::NONE, list).await?;
@@ -255,20 +264,30 @@ impl LabelsCommand {
             write(file, text)?;
         }
         if global.json {
-            labels
-                .iter()
-                .map(json::label)
-                .try_for_each(|label| json::print(&label))?;
+            json::print_all(labels.iter().map(json::Label::from))?;
         } else if self.csv.is_none() {
-            outln!("{:>8}  {:<24} ANNOTATOR", "INDEX", "CLASS")?;
+            let mut table = Table::new([right("INDEX"), left("CLASS"), left("ANNOTATOR")]);
             for answer in answers() {
-                outln!("{:>8}  {:<24} {}", answer.index, answer.answer, answer.annotator)?;
+                let (class, annotator) = (answer.answer.clone(), answer.annotator.clone());
+                table.row([answer.index.to_string(), class, annotator]);
             }
+            table.print()?;
             let classes = answers().filter(|answer| matches!(answer.answer.parse(), Ok(Answer::Class(_))));
             let (stand, with_class) = (counted(labels.len() as u64, "answer"), classes.count());
-            errln!("{stand} that stand, {with_class} with a class; digest of their classes {digest}");
+            errln!("{stand}, {with_class} with a class; digest of the classes {digest}");
         }
         Ok(())
+    }
+
+    /// A file that is there may hold answers that somebody corrected by hand.
+    fn check_file(&self) -> Result<(), CliError> {
+        match &self.csv {
+            Some(file) if file.is_file() && !self.force => Err(CliError::Input(format!(
+                "{} exists already: name another file, or replace it with --force",
+                file.display()
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// The labels, and the text of the file if one is wanted.
@@ -299,10 +318,10 @@ impl LabelsCommand {
             let individual = individuals.get(&answer.index);
             individual.map(|individual| Labelled { answer, individual })
         });
-        // Between the two questions something of the archive was taken back.
+        // Between the two questions something of the archive was rolled back.
         let moved = || {
             CliError::Failed(format!(
-                "the archive of {} has just changed: try again",
+                "the archive of {} changed while its labels were read: try again",
                 status.id
             ))
         };
@@ -320,18 +339,15 @@ impl ClassesCommand {
         let classes = connection::with(global, InProcess::NONE, ask).await?.classes;
         warn_of_near_names(&campaign, &classes);
         if global.json {
-            classes
-                .iter()
-                .map(json::label_class)
-                .try_for_each(|class| json::print(&class))?;
-            return Ok(());
+            return Ok(json::print_all(classes.iter().map(json::Class::from))?);
         }
-        outln!("{:<24} {:<7} {:>8}", "CLASS", "COLOUR", "ANSWERS")?;
+        let mut table = Table::new([left("CLASS"), left("COLOUR"), right("ANSWERS")]);
         for class in &classes {
-            outln!("{:<24} {:<7} {:>8}", class.name, class.colour, class.labels)?;
+            table.row([class.name.clone(), class.colour.clone(), grouped(class.labels)]);
         }
+        table.print()?;
         let answers = classes.iter().map(|class| class.labels).sum();
-        errln!("{} that stand with a class", counted(answers, "answer"));
+        errln!("{} with a class", counted(answers, "answer"));
         Ok(())
     }
 
@@ -368,8 +384,8 @@ fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
         let later = |name: &&String| classes[place..].iter().any(|other| other.name == **name);
         for other in class.near.iter().filter(later) {
             errln!(
-                "warning: classes {:?} and {other:?} have nearly the same name; to make one of them: murmuration classes \
-                 {campaign} --merge {other:?} {:?}",
+                "warning: classes {:?} and {other:?} have nearly the same name; to merge them: murmuration classes {campaign} \
+                 --merge {other:?} {:?}",
                 class.name,
                 class.name
             );
@@ -380,7 +396,7 @@ fn warn_of_near_names(campaign: &str, classes: &[v1::LabelClass]) {
 impl AgreementCommand {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let [first, second] = <[String; 2]>::try_from(self.annotators)
-            .map_err(|_| CliError::Input("--annotators: name two".to_owned()))?;
+            .map_err(|_| CliError::Input("--annotators: name two annotators".to_owned()))?;
         let ask = async |connection: &mut Connection| {
             let request = v1::GetAgreementRequest {
                 campaign: self.campaign,
@@ -392,7 +408,7 @@ impl AgreementCommand {
         };
         let agreement = connection::with(global, InProcess::NONE, ask).await?;
         if global.json {
-            json::print(&json::agreement(&first, &second, &agreement))?;
+            json::print(json::Agreement::new(&first, &second, agreement))?;
         } else {
             print_agreement(&first, &second, &agreement)?;
         }
@@ -402,36 +418,31 @@ impl AgreementCommand {
 
 fn print_agreement(first: &str, second: &str, agreement: &v1::Agreement) -> Result<(), OutputError> {
     if agreement.both == 0 {
-        return outln!("{first} and {second} have given no individual in common a class");
+        return outln!("{first} and {second} have no individual in common that has a class from both");
     }
     let kappa = agreement
         .kappa
         .map_or("-".to_owned(), |kappa| format!("{kappa:.3}"));
     outln!(
         "{first} and {second} agree on {} of {}; Cohen's kappa {kappa}",
-        agreement.agreed,
-        agreement.both
+        grouped(agreement.agreed),
+        grouped(agreement.both)
     )?;
     if agreement.disagreements.is_empty() {
         return Ok(());
     }
-    outln!("\n{first:<24} {second:<24} {:>11}", "INDIVIDUALS")?;
+    let mut pairs = Table::new([left(first), left(second), right("INDIVIDUALS")]);
     for confusion in &agreement.confusions {
-        outln!(
-            "{:<24} {:<24} {:>11}",
-            confusion.first,
-            confusion.second,
-            confusion.individuals
-        )?;
+        let (first, second) = (confusion.first.clone(), confusion.second.clone());
+        pairs.row([first, second, grouped(confusion.individuals)]);
     }
-    outln!("\n{:>8}  {first:<24} {second}", "INDEX")?;
+    let mut individuals = Table::new([right("INDEX"), left(first), left(second)]);
     for difference in &agreement.disagreements {
-        outln!(
-            "{:>8}  {:<24} {}",
-            difference.index,
-            difference.first,
-            difference.second
-        )?;
+        let (first, second) = (difference.first.clone(), difference.second.clone());
+        individuals.row([difference.index.to_string(), first, second]);
     }
-    Ok(())
+    outln!("")?;
+    pairs.print()?;
+    outln!("")?;
+    individuals.print()
 }

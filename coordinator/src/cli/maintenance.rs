@@ -2,7 +2,7 @@
 
 use super::{CliError, Global, json};
 use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::counted;
+use murmuration_proto::{counted, text::masked_url};
 use murmuration_store::{
     StoreError,
     backup::{self, Manifest},
@@ -12,47 +12,47 @@ use murmuration_store::{
 use std::path::{Path, PathBuf};
 
 /// How a data directory is examined that another process holds.
-const WHILE_IN_USE: &str = "stop that process first; or, while it runs, make a checked copy with `murmuration backup NEW_DIR` and \
-                            examine that with `murmuration doctor --data NEW_DIR`";
+const WHILE_IN_USE: &str = "stop that process first; or back up the data directory while it is in use (`murmuration backup NEW_DIR`) \
+                            and check the backup (`murmuration doctor --data NEW_DIR`)";
 
 /// Arguments of `backup`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Safe while a coordinator runs: the copy is of one instant, checked, and appears under its name once it is on disk. Run it on \
-the machine of the data directory. Reports and caches are left out: they are made anew. The folder must not be in the data \
-directory: what is lost with that would be lost with it.
+A backup is safe while a coordinator runs: it is a consistent copy, is checked, and appears under its name only once it is \
+complete. Run the command on the machine of the data directory. Reports and caches are not copied, since they are written \
+again when needed. The folder must be outside the data directory.
 
 Example:
   murmuration backup /backups/$(date +%F)")]
 pub(super) struct Backup {
-    /// Folder to write, which does not exist yet
+    /// New folder for the backup
     folder: PathBuf,
 }
 
 /// Arguments of `restore`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Puts a backup back as the data directory (--data), which must be empty or not exist. Campaigns that were running go on with \
-the next `murmuration serve`, or `murmuration resume`.
+The command copies a backup to the data directory (--data), which must be empty or absent. `murmuration serve` or \
+`murmuration resume` then continues the campaigns that were running.
 
 Example:
   murmuration restore /backups/2026-11-21 --data murmuration-data")]
 pub(super) struct Restore {
-    /// Folder that `murmuration backup` has written
+    /// Folder of the backup
     folder: PathBuf,
 }
 
 /// Arguments of `doctor`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Looks at everything and changes nothing. Exit code 0: all is well; 1: something is damaged, or cannot be examined. With \
---salvage, 0: what is whole was copied, and what is lost was named; 1: nothing could be saved, and no new folder was made. \
-What is lost of an archive is made anew when its campaign is resumed from what was saved.
+The command checks the database, the checkpoints and the campaigns, and changes nothing. Exit code 0 means that everything \
+is undamaged, 1 that something is damaged or cannot be checked. With --salvage, 0 means that everything undamaged was copied, \
+1 that nothing could be copied. When a salvaged campaign is resumed, it evaluates its lost generations again.
 
 Example:
   murmuration doctor || murmuration doctor --salvage saved-data")]
 pub(super) struct Doctor {
-    /// Copy what is whole into this new data directory
+    /// Copy everything undamaged to this new data directory
     #[arg(long, value_name = "NEW_DIR")]
     salvage: Option<PathBuf>,
 }
@@ -75,7 +75,7 @@ impl Restore {
 
 fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) -> Result<(), OutputError> {
     if global.json {
-        json::print(&json::backup(&folder.display().to_string(), manifest))?;
+        json::print(json::Backup::new(folder.display().to_string(), manifest))?;
     } else {
         outln!("{}", folder.display())?;
         errln!(
@@ -90,7 +90,9 @@ fn tell(global: &Global, manifest: &Manifest, folder: &Path, done: &str) -> Resu
         );
     }
     if let Some(bucket) = &manifest.checkpoint_store {
-        errln!("checkpoints are kept at {bucket}: back that up where it is (--checkpoint-store names it)");
+        errln!(
+            "the checkpoints at {bucket} (--checkpoint-store) are not part of the backup: back them up there"
+        );
     }
     Ok(())
 }
@@ -102,7 +104,7 @@ impl Doctor {
         let held = |error: StoreError| match error {
             StoreError::InUse { .. } => CliError::busy(error, WHILE_IN_USE),
             StoreError::Damaged { path, reason } => CliError::Failed(format!(
-                "nothing of {} can be read ({reason}): `murmuration restore` puts a backup back",
+                "{} cannot be read ({reason}): restore a backup with `murmuration restore`",
                 path.display()
             )),
             error => error.into(),
@@ -128,7 +130,7 @@ impl Doctor {
                     return Ok(());
                 }
                 Err(CliError::Failed(format!(
-                    "{} is damaged: `murmuration doctor --salvage NEW_DIR` copies what is whole into a new data directory",
+                    "{} is damaged: `murmuration doctor --salvage NEW_DIR` copies everything undamaged to a new data directory",
                     global.data.display()
                 )))
             }
@@ -138,7 +140,7 @@ impl Doctor {
 
 fn show(global: &Global, found: &Findings, salvaged: Option<&Salvaged>) -> Result<(), OutputError> {
     if global.json {
-        json::print(&json::findings(found, salvaged))
+        json::print(json::Doctor::new(found, salvaged))
     } else {
         print(found)
     }
@@ -153,21 +155,21 @@ fn tell_saved(salvaged: &Salvaged, data: &Path, target: &Path) -> Result<(), Cli
     if salvaged.is_empty() {
         if found.is_healthy() {
             errln!(
-                "there is nothing to save: {} holds no campaign and no checkpoint",
+                "nothing to salvage: {} has no campaign and no checkpoint",
                 data.display()
             );
             return Ok(());
         }
         let why = found.faults.first().map_or("", String::as_str);
-        let said = format!("nothing of {} could be saved", found.database.display());
-        let remedy = "`murmuration restore` puts a backup back";
+        let said = format!("nothing of {} could be salvaged", found.database.display());
+        let remedy = "restore a backup with `murmuration restore`";
         return Err(CliError::Failed(match why {
             "" => format!("{said}: {remedy}"),
             why => format!("{said} ({why}): {remedy}"),
         }));
     }
     errln!(
-        "saved {} of {} and {} of {}; next: murmuration list --data {}",
+        "salvaged {} of {} and {} of {}; next: murmuration list --data {}",
         salvaged.campaigns.len(),
         counted(found.campaigns.len() as u64, "campaign"),
         salvaged.checkpoints.len(),
@@ -180,7 +182,8 @@ fn tell_saved(salvaged: &Salvaged, data: &Path, target: &Path) -> Result<(), Cli
 pub(super) fn of_this_machine(global: &Global) -> Result<(), CliError> {
     match &global.coordinator {
         Some(url) => Err(CliError::Input(format!(
-            "this reads a data directory, not the coordinator at {url}: run it on that machine, with --data DIR"
+            "this command reads a data directory, not the coordinator at {}: run it on that machine with --data DIR",
+            masked_url(url)
         ))),
         None => Ok(()),
     }
@@ -188,7 +191,7 @@ pub(super) fn of_this_machine(global: &Global) -> Result<(), CliError> {
 
 fn print(found: &Findings) -> Result<(), OutputError> {
     let state = if found.faults.is_empty() {
-        "sound"
+        "undamaged"
     } else {
         "damaged"
     };
@@ -215,16 +218,16 @@ fn print_campaign(campaign: &CampaignFindings) -> Result<(), OutputError> {
     let generations = counted(stored.generations.into(), "generation");
     let entries = format!("{} of the label log", counted(stored.labels, "entry"));
     let amount = format!(
-        "{} of {generations} and {} of {entries} are whole",
+        "{} of {generations} and {} of {entries} are undamaged",
         remains.generations, remains.labels,
     );
     let verdict = match campaign.prospect {
-        Prospect::Whole => format!("whole ({generations}, {entries})"),
-        Prospect::LacksCheckpoint => "whole, but it cannot go on without its checkpoint".to_owned(),
+        Prospect::Whole => format!("undamaged ({generations}, {entries})"),
+        Prospect::LacksCheckpoint => "undamaged, but its checkpoint is missing or damaged".to_owned(),
         Prospect::Partly => {
-            format!("damaged: {amount}, and can be saved; resumed, it makes the other generations anew")
+            format!("damaged: {amount} and can be salvaged; resuming evaluates the other generations again")
         }
-        Prospect::Lost => "lost: nobody knows any more what it was asked to do".to_owned(),
+        Prospect::Lost => "lost: its specification cannot be read".to_owned(),
     };
     outln!("campaign {} ({state}): {verdict}", campaign.id)?;
     for problem in campaign.problems.iter().chain(&campaign.note) {
@@ -236,9 +239,11 @@ fn print_campaign(campaign: &CampaignFindings) -> Result<(), OutputError> {
 /// How a checkpoint is, in a word or two.
 pub(super) fn condition_name(condition: &Condition) -> &str {
     match condition {
-        Condition::Whole => "whole",
-        Condition::Missing => "missing: `murmuration checkpoints import` brings it back from a copy",
-        Condition::Damaged => "damaged: remove the file, and import a copy",
+        Condition::Whole => "undamaged",
+        Condition::Missing => "missing: import a copy with `murmuration checkpoints import`",
+        Condition::Damaged => {
+            "damaged: remove the file, and import a copy with `murmuration checkpoints import`"
+        }
         Condition::Unread(why) => why,
     }
 }

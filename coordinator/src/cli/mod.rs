@@ -26,29 +26,31 @@ mod report;
 mod run;
 mod serve;
 mod simulate;
+mod table;
 mod token;
 
 pub use error::CliError;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use murmuration_link::{
-    Credentials, CredentialsError, IdentityFiles, OutputError, Telemetry, TrustFiles, errln, parse_arguments,
-    print, telemetry,
+    Credentials, CredentialsError, IdentityFiles, OutputError, Telemetry, TrustFiles, errln, outln,
+    parse_arguments, print, telemetry,
 };
+use murmuration_proto::text::masked_url;
 use std::{path::PathBuf, process::ExitCode};
 
 const EXAMPLES: &str = "\
 Examples:
-  murmuration run examples/quick.toml              search, and write a report, in half a minute
-  murmuration run examples/single-sensor.toml      the paper's single-sensor campaign
+  murmuration run examples/quick.toml              search and write a report, in half a minute
+  murmuration run examples/single-sensor.toml      run the paper's single-sensor campaign
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
-  murmuration list                                 what there is
-  murmuration resume latest                        go on after an interruption
-  murmuration serve --workers 0                    a coordinator for workers elsewhere
+  murmuration list                                 list the campaigns
+  murmuration resume latest                        continue after an interruption
+  murmuration serve --workers 0                    run a coordinator for workers on other machines
 
 Exit codes: 0 done, 1 failed, 2 bad usage or input.";
 
-/// Which collective behaviours can a swarm of such robots show? Searches for them and answers with a taxonomy.
+/// Searches for the collective behaviours that a swarm of robots can show, and reports them as a taxonomy.
 #[derive(Debug, Parser)]
 #[command(name = "murmuration", version, after_help = EXAMPLES, arg_required_else_help = true)]
 struct Arguments {
@@ -71,15 +73,15 @@ struct Global {
         value_name = "DIR"
     )]
     data: PathBuf,
-    /// URL of a running coordinator, instead of a data directory of this machine
+    /// URL of a running coordinator, used instead of a data directory
     #[arg(long, global = true, env = "MURMURATION_COORDINATOR", value_name = "URL")]
     coordinator: Option<String>,
     #[command(flatten)]
     trust: TrustFiles,
-    /// Where checkpoints are kept, such as s3://BUCKET/PREFIX or file:///FOLDER [default: a folder in the data directory]
+    /// Location of the checkpoints, such as s3://BUCKET/PREFIX or file:///FOLDER [default: a folder in the data directory]
     #[arg(long, global = true, env = "MURMURATION_CHECKPOINT_STORE", value_name = "URL")]
     checkpoint_store: Option<String>,
-    /// Print JSON on stdout, for programs
+    /// Print JSON for programs, documented by `murmuration schema`
     #[arg(long, global = true)]
     json: bool,
 }
@@ -103,6 +105,7 @@ impl Global {
         if is_default {
             return format!("murmuration {words}");
         }
+        let place = self.coordinator.as_deref().map_or(place, masked_url);
         format!("murmuration {words} --{option} {}", quoted(&place))
     }
 
@@ -124,17 +127,17 @@ impl Global {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a campaign to its report, everything in this process
+    /// Run a campaign to its report, in this process
     Run(run::Run),
-    /// Go on with a campaign that was paused, interrupted or failed
+    /// Continue a campaign that was paused or interrupted, or that failed
     Resume(run::Resume),
-    /// Serve campaigns to clients and leases to workers
+    /// Run a coordinator for workers, trainers and browsers
     Serve(serve::Serve),
-    /// Make a token for somebody, and the lines by which a coordinator knows it
+    /// Create an access token and its entry in the tokens file
     Token(token::TokenCommand),
-    /// Make a development CA, and certificates for a coordinator, workers and trainers
+    /// Create a development CA, and certificates for a coordinator, workers and trainers
     Certs(certs::Certs),
-    /// Hand a campaign to a running coordinator
+    /// Submit a campaign to a running coordinator
     Submit(campaigns::Submit),
     /// Follow a campaign until it stops
     Watch(campaigns::Name),
@@ -142,13 +145,13 @@ enum Command {
     List,
     /// Show a campaign, or one individual of its archive
     Show(campaigns::Show),
-    /// Stop a campaign, to continue later
+    /// Pause a campaign; `resume` continues it
     Pause(campaigns::Name),
-    /// End a campaign for good; its archive stays
+    /// End a campaign permanently, and keep its archive
     Cancel(campaigns::Name),
-    /// Move a campaign to another checkpoint: embed its archive anew, and cluster it
+    /// Move a campaign to another checkpoint: embed and cluster its archive again
     Adopt(campaigns::Adopt),
-    /// Fine-tune a campaign's embedder on its labels, and search on
+    /// Fine-tune a campaign's embedder on its labels, and continue the search
     Refine(campaigns::Refine),
     /// Print the digest of a campaign's archive
     Digest(campaigns::Name),
@@ -158,35 +161,41 @@ enum Command {
     Simulate(simulate::Simulate),
     /// Score controllers with the heuristic filter
     Filter(filter::Filter),
-    /// Published embedders
+    /// List, show, export and import checkpoints (trained embedders)
     #[command(subcommand)]
     Checkpoints(checkpoints::CheckpointsCommand),
-    /// Add labels to a campaign: classes that people gave to individuals of its archive
+    /// Add labels to a campaign
     Label(labels::LabelCommand),
-    /// List the labels of a campaign, or write them to a file
+    /// List the labels of a campaign, or write them to a CSV file
     Labels(labels::LabelsCommand),
-    /// List the classes of a campaign; create, rename, merge or colour one
+    /// List the classes of a campaign; create, rename, merge or recolour a class
     Classes(labels::ClassesCommand),
-    /// Compare the classes that two annotators gave: Cohen's kappa, and where they differ
+    /// Compare the labels of two annotators: Cohen's kappa and disagreements
     Agreement(labels::AgreementCommand),
-    /// Measure how well an embedding agrees with classes that people gave
+    /// Measure how well an embedding agrees with people's labels
     Accuracy(accuracy::AccuracyCommand),
-    /// Measure how well the rule-based judge agrees with classes that people gave
+    /// Measure how well the rule-based judge agrees with people's labels
     Judge(judge::JudgeCommand),
-    /// Ask whether a coordinator, worker or trainer is there and ready, for container engines and scripts
+    /// Check that a coordinator, worker or trainer is ready, for container engines and scripts
     Health(health::Health),
-    /// Copy the data directory, also of a coordinator that runs
+    /// Back up the data directory, also while a coordinator runs
     Backup(maintenance::Backup),
-    /// Put a backup back
+    /// Restore a backup
     Restore(maintenance::Restore),
-    /// Say what is whole in a data directory and what is not; save what can be saved
+    /// Check a data directory for damage, and salvage what is undamaged
     Doctor(maintenance::Doctor),
-    /// List the machines whose results were found wrong; listen to one of them again
+    /// List the machines that returned wrong results, or lift a machine's quarantine
     Quarantine(quarantine::QuarantineCommand),
-    /// Measure this machine
+    /// Measure the speed of this machine, and the accuracy that labels bring
     #[command(subcommand)]
     Bench(bench::Bench),
-    /// Print completions for a shell
+    /// Print the JSON Schema of what --json prints
+    Schema {
+        /// Kind of document
+        #[arg(value_name = "DOCUMENT")]
+        kind: json::Kind,
+    },
+    /// Print a completion script for a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -210,7 +219,7 @@ pub fn main() -> ExitCode {
     let done = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build()
-        .map_err(|error| CliError::Failed(format!("cannot start threads: {error}")))
+        .map_err(|error| CliError::Failed(format!("threads cannot be started: {error}")))
         .and_then(|runtime| {
             runtime.block_on(async {
                 let telemetry = tell(&arguments.command);
@@ -262,6 +271,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Doctor(doctor) => doctor.execute(&global).await,
         Command::Quarantine(quarantine) => quarantine.execute(&global),
         Command::Bench(bench) => bench.execute(global.json),
+        Command::Schema { kind } => Ok(outln!("{:#}", kind.schema().as_value())?),
         Command::Completions { shell } => {
             // To memory first: it panics where it cannot write.
             let mut script = Vec::new();

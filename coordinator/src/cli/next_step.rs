@@ -14,14 +14,14 @@ pub(super) fn changed(
     next: &str,
 ) -> Result<(), OutputError> {
     if global.json {
-        return json::print(&json::campaign(campaign));
+        return json::print(json::Campaign::from(campaign));
     }
     outln!("{}", campaign.id)?;
     if campaign.state() == expected {
         errln!("campaign {} {what}; next: {}", campaign.id, global.next(next));
     } else {
         let next = what_next(global, campaign);
-        errln!("campaign {} is {} by now; {next}", campaign.id, state(campaign));
+        errln!("campaign {} is now {}; {next}", campaign.id, state(campaign));
     }
     Ok(())
 }
@@ -42,7 +42,7 @@ pub(super) fn what_next(global: &Global, campaign: &v1::Campaign) -> String {
     let next = format!("next: {}", global.next(&next));
     if campaign.state() == v1::CampaignState::Completed && is_taught {
         let label = global.next(&format!("label {id} --csv FILE"));
-        return format!("{next}; to teach it what looks alike: {label} (or --synthetic N)");
+        return format!("{next}; to add labels: {label} (or --synthetic N)");
     }
     next
 }

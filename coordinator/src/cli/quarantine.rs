@@ -1,23 +1,26 @@
 //! `quarantine`: machines whose results were found wrong, in a data directory of this machine.
 
-use super::{CliError, Global, json, maintenance::of_this_machine};
-use murmuration_link::{errln, outln};
+use super::{
+    CliError, Global, json,
+    maintenance::of_this_machine,
+    table::{Table, left},
+};
+use murmuration_link::errln;
 use murmuration_model::MachineId;
 use murmuration_store::{DataDirectory, Store, StoreError};
-use serde_json::json;
 
 const EXAMPLES: &str = "\
 Examples:
-  murmuration quarantine                           lists them, also while a coordinator runs
-  murmuration quarantine --lift 5f0c3a9e12d4b687   without its coordinator: start that again afterwards
+  murmuration quarantine                           list the machines, also while a coordinator runs
+  murmuration quarantine --lift 5f0c3a9e12d4b687   stop the coordinator first, and start it again afterwards
 
-What a machine did before it was found wrong is checked all the same.";
+The coordinator still checks the results that the machine returned before its quarantine.";
 
 /// Arguments of `quarantine`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct QuarantineCommand {
-    /// Listen to this machine again: it was repaired, say
+    /// Accept this machine again, for example after a repair
     #[arg(long, value_name = "MACHINE")]
     lift: Option<MachineId>,
 }
@@ -42,19 +45,22 @@ fn list(global: &Global) -> Result<(), CliError> {
     let (store, _) = Store::look(&global.data, alone)?;
     let machines = store.still_quarantined()?;
     if global.json {
-        let machines = machines
-            .iter()
-            .map(|wrong| json!({ "machine": wrong.machine.to_string(), "name": wrong.name }));
-        json::print(&json!({ "schema": json::SCHEMA, "machines": machines.collect::<Vec<_>>() }))?;
+        let machines = machines.iter();
+        let machines = machines.map(|wrong| json::QuarantinedMachine::new(wrong.machine, &wrong.name));
+        json::print(json::Quarantine {
+            machines: machines.collect(),
+        })?;
         return Ok(());
-    }
-    for wrong in &machines {
-        outln!("{}  {}", wrong.machine, wrong.name)?;
     }
     if machines.is_empty() {
         errln!("no machine is quarantined");
+        return Ok(());
     }
-    Ok(())
+    let mut table = Table::new([left("MACHINE"), left("NAME")]);
+    for wrong in &machines {
+        table.row([wrong.machine.to_string(), wrong.name.clone()]);
+    }
+    Ok(table.print()?)
 }
 
 fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
@@ -69,13 +75,15 @@ fn lift(global: &Global, machine: MachineId) -> Result<(), CliError> {
     let store = Store::open(&directory)?;
     if !store.lift_quarantine(machine)? {
         return Err(CliError::Input(format!(
-            "machine {machine} is not quarantined; `murmuration quarantine` lists those that are"
+            "machine {machine} is not quarantined: `murmuration quarantine` lists the machines that are"
         )));
     }
     if global.json {
-        json::print(&json!({ "schema": json::SCHEMA, "lifted": machine.to_string() }))?;
+        json::print(json::LiftedQuarantine {
+            lifted: machine.to_string(),
+        })?;
     } else {
-        errln!("machine {machine} is listened to again; next: murmuration serve");
+        errln!("machine {machine} is accepted again; next: murmuration serve");
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use super::{
     connection::{self, Connection},
     error::report_folder,
     heard::{self, heard},
+    json,
 };
 use crate::local::InProcess;
 use murmuration_link::{errln, outln};
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct ReportCommand {
     /// Campaign id, or `latest`
     campaign: String,
-    /// Folder to write it to [default: reports/CAMPAIGN in the data directory]
+    /// Folder for the report [default: reports/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -33,7 +34,7 @@ impl ReportCommand {
         let write = async |connection: &mut Connection| self.write(connection, global).await;
         let page = connection::with(global, crew, write).await?.display().to_string();
         if global.json {
-            super::json::print(&serde_json::json!({ "schema": 1, "report": page }))?;
+            json::print(json::Report { report: page })?;
         } else {
             outln!("{page}")?;
         }
@@ -48,7 +49,7 @@ impl ReportCommand {
         let is_done = campaign.state() == v1::CampaignState::Completed;
         if is_done && campaign.workers == 0 && !connection.is_own() {
             errln!(
-                "waiting: the coordinator has no worker, which simulates the behaviours of a report again: start one with \
+                "waiting: the report needs a worker to simulate its behaviours, and the coordinator has none: start one with \
                  `murmuration-worker --coordinator URL`"
             );
         }
@@ -74,7 +75,7 @@ pub(super) async fn write_report(
     match written {
         Ok(files) => Ok(files?.page),
         Err(_) => Err(CliError::Failed(
-            "the report broke off unexpectedly (this is a bug)".to_owned(),
+            "the report could not be written because of a bug".to_owned(),
         )),
     }
 }

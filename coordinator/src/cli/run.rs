@@ -12,7 +12,7 @@ use super::{
 use crate::local::InProcess;
 use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, OutputError, errln, outln, termination};
-use murmuration_proto::{CampaignSpec, counted, v1};
+use murmuration_proto::{CampaignSpec, counted, text::masked_url, v1};
 use murmuration_store::{DataDirectory, StoreError};
 use std::{
     num::NonZeroUsize,
@@ -26,7 +26,7 @@ use std::{
 pub(super) struct Run {
     /// Campaign file (see examples/)
     spec: PathBuf,
-    /// Seed instead of the file's, of its training too
+    /// Seed of the search and the training, used instead of the file's seed
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
     #[command(flatten)]
@@ -72,11 +72,11 @@ impl InProcessArgs {
     fn some(&self) -> Result<InProcess, CliError> {
         let crew = self.count();
         if crew.workers == 0 {
-            let said = "--workers 0: without workers nothing would be evaluated";
+            let said = "--workers 0: a campaign needs at least one worker";
             return Err(CliError::Input(said.to_owned()));
         }
         if crew.trainers == 0 {
-            let said = "--trainers 0: without a trainer no embedder would be trained";
+            let said = "--trainers 0: a campaign needs at least one trainer";
             return Err(CliError::Input(said.to_owned()));
         }
         Ok(crew)
@@ -88,8 +88,10 @@ impl Run {
         let spec = read_spec(&self.spec, self.seed)?;
         let crew = self.crew.some()?;
         if let Some(url) = &global.coordinator {
-            let hint =
-                format!("`run` does everything in this process; for the coordinator at {url} use `submit`");
+            let hint = format!(
+                "`run` runs the campaign in this process: for the coordinator at {} use `murmuration submit`",
+                masked_url(url)
+            );
             return Err(CliError::Input(hint));
         }
         let data = DataDirectory::hold(&global.data).map_err(|error| self.held(error, global))?;
@@ -125,13 +127,19 @@ impl Run {
             return error.into();
         };
         if holder.address.is_empty() {
-            return CliError::busy(error, "wait until that has ended, or name another --data DIR");
+            return CliError::busy(
+                error,
+                "wait until that process has ended, or name another --data DIR",
+            );
         }
         let seed = self.seed.map_or(String::new(), |seed| format!(" --seed {seed}"));
         let submit = format!("submit {}{seed}", quoted(&self.spec.display().to_string()));
         // By the data directory `submit` finds the process, and the token that it asks for.
         let submit = global.next(&submit);
-        CliError::busy(error, &format!("to hand the campaign to that process: {submit}"))
+        CliError::busy(
+            error,
+            &format!("to submit the campaign to that process: {submit}"),
+        )
     }
 }
 
@@ -145,7 +153,7 @@ impl Resume {
             let campaign = heard(connection.client.resume_campaign(request).await?)?;
             if connection.is_own() {
                 errln!(
-                    "campaign {} goes on with its stage {} after generation {}",
+                    "campaign {} continues with stage {} after generation {}",
                     campaign.id,
                     stage_name(campaign.stage()),
                     campaign.generations_done
@@ -153,7 +161,7 @@ impl Resume {
             }
             Ok(campaign)
         };
-        go_on(global, crew, "goes on", resume).await
+        go_on(global, crew, "continues", resume).await
     }
 }
 
@@ -212,7 +220,13 @@ impl Reported {
             seconds,
         } = self;
         if global.json {
-            return json::print(&json::outcome(campaign, digest, Some(path), *seconds));
+            return json::print(json::Run {
+                campaign: campaign.clone(),
+                digest: digest.digest.clone(),
+                report: path.clone(),
+                evaluations: digest.evaluations,
+                seconds: *seconds,
+            });
         }
         outln!("campaign  {campaign}")?;
         outln!("digest    {}", digest.digest)?;
@@ -232,7 +246,7 @@ async fn to_report(
     let (digest, report) = tokio::select! {
         last = follow(&mut connection.client, campaign, Show::Person) => finish(connection, global, last?).await?,
         signal = termination() => return Err(CliError::Failed(format!(
-            "{signal}; everything up to the last complete generation is kept; next: {}",
+            "{signal}; complete generations are kept; next: {}",
             global.next(&format!("resume {campaign}"))
         ))),
     };
@@ -254,7 +268,7 @@ async fn finish(
         v1::CampaignState::Failed => return Err(next_step::failed(global, &last)),
         _ => {
             let next = next_step::what_next(global, &last);
-            let said = format!("somebody else stopped campaign {}; {next}", last.id);
+            let said = format!("campaign {} was stopped by another command; {next}", last.id);
             return Err(CliError::Failed(said));
         }
     }

@@ -15,7 +15,7 @@ use std::{
 
 /// What to do where another process holds the data directory.
 const ONE_COORDINATOR: &str =
-    "one coordinator serves a data directory at a time; stop that process first, or name another --data DIR";
+    "only one coordinator can use a data directory: stop that process first, or name another --data DIR";
 
 /// Port on which coordinators listen unless told otherwise.
 const PORT: u16 = 7700;
@@ -23,7 +23,7 @@ const PORT: u16 = 7700;
 /// Arguments of `serve`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Serve {
-    /// Where to listen; this machine alone unless told otherwise
+    /// Address to listen on; the default accepts connections from this machine only
     #[arg(
         long,
         env = "MURMURATION_LISTEN",
@@ -31,13 +31,13 @@ pub(super) struct Serve {
         value_name = "ADDRESS"
     )]
     listen: SocketAddr,
-    /// Encrypt: the coordinator's certificate, those that vouch for it behind it (PEM)
+    /// Certificate of the coordinator, followed by intermediate certificates (PEM); turns encryption on
     #[arg(long, env = "MURMURATION_CERTIFICATE", value_name = "FILE", requires = "key")]
     certificate: Option<PathBuf>,
     /// Private key of the certificate (PEM)
     #[arg(long, env = "MURMURATION_KEY", value_name = "FILE", requires = "certificate")]
     key: Option<PathBuf>,
-    /// Let in only workers and trainers with a certificate that this authority signed (PEM)
+    /// Accept only workers and trainers with a certificate signed by this authority (PEM)
     #[arg(
         long,
         env = "MURMURATION_CLIENT_CA",
@@ -45,17 +45,17 @@ pub(super) struct Serve {
         requires = "certificate"
     )]
     client_ca: Option<PathBuf>,
-    /// Let in only people with a token, by the file that lists them; `murmuration token` makes its lines
+    /// Accept only people with a token listed in this file; `murmuration token` prints its entries
     #[arg(long, env = "MURMURATION_TOKENS", value_name = "FILE")]
     tokens: Option<PathBuf>,
-    /// Listen beyond this machine in the clear, or without tokens: on a network that you trust
+    /// Allow listening beyond this machine without encryption or tokens, for a network that you trust
     #[arg(
         long,
         env = "MURMURATION_INSECURE_LISTEN",
         value_parser = BoolishValueParser::new()
     )]
     insecure_listen: bool,
-    /// Share of the evaluations that a second worker repeats, to find workers that compute wrongly
+    /// Share of the evaluations that a second machine repeats, to find machines that compute wrong results
     #[arg(long, env = "MURMURATION_AUDIT", default_value_t = Share::default(), value_name = "0..1")]
     audit: Share,
     #[command(flatten)]
@@ -64,12 +64,12 @@ pub(super) struct Serve {
 
 impl Serve {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
-        let entrance = self.entrance()?;
+        let listen = self.listen_config()?;
         let data =
             DataDirectory::hold(&global.data).map_err(|error| CliError::busy(error, ONE_COORDINATOR))?;
         let options = Options {
             data,
-            entrance,
+            listen,
             resume: true,
             checkpoints: global.checkpoint_store.clone(),
             tries_checkpoints: true,
@@ -83,12 +83,12 @@ impl Serve {
         errln!("serving {} at {url}", global.data.display());
         self.say_how_to_reach(&url);
         let signal = termination().await;
-        errln!("{signal}; running campaigns go on with the next `murmuration serve`");
+        errln!("{signal}; the next `murmuration serve` continues the running campaigns");
         cluster.shutdown().await?;
         Ok(())
     }
 
-    fn entrance(&self) -> Result<ListenConfig, CliError> {
+    fn listen_config(&self) -> Result<ListenConfig, CliError> {
         let tls = match (&self.certificate, &self.key) {
             (Some(certificate), Some(key)) => Some(Tls::read(certificate, key, self.client_ca.as_deref())?),
             _ => None,
@@ -120,11 +120,11 @@ impl Serve {
         let beyond = !self.listen.ip().to_canonical().is_loopback();
         if beyond && self.certificate.is_none() {
             errln!(
-                "  warning:   nothing is encrypted: whoever is on the network reads along, tokens included"
+                "  warning:   connections are not encrypted: everyone on the network can read them, tokens included"
             );
         }
         if beyond && self.tokens.is_none() {
-            errln!("  warning:   no tokens are asked for: whoever reaches {url} may do anything");
+            errln!("  warning:   no tokens are required: everyone who can reach {url} is an operator");
         }
     }
 }

@@ -23,36 +23,36 @@ const GREY_SCALE: u32 = 10;
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-A controller is its numbers with commas between them, as they are or in square brackets, as commands and reports print it: \
-4 wheel speeds (single-sensor), or 8 and an angle (two-sensor), which may be a multiple of pi.
+A controller is a list of numbers separated by commas, with or without square brackets: 4 wheel speeds (single-sensor), or 8 \
+wheel speeds and an angle (two-sensor). The angle may be a multiple of pi.
 
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration simulate --controller 0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 --seed 3 --png nested-cycle.png
   murmuration simulate --case tests/vectors/milling_s0.json --json")]
 pub(super) struct Simulate {
-    /// Wheel speeds (and angle) of a controller, with commas between them: -0.7,0.3,1,1
+    /// Wheel speeds (and angle) of a controller, separated by commas: -0.7,0.3,1,1
     #[arg(long, required_unless_present = "case", conflicts_with = "case")]
     controller: Option<String>,
-    /// Capability model; known from the controller's length, checked if given
+    /// Capability model, checked against the length of the controller
     #[arg(long, requires = "controller")]
     model: Option<CapabilityModel>,
-    /// Seed of the start
+    /// Seed of the swarm's start
     #[arg(long, default_value_t = 1, conflicts_with = "case")]
     seed: u64,
     /// Campaign file whose world and image format to use [default: the paper's]
     #[arg(long, value_name = "SPEC.toml", conflicts_with = "case")]
     spec: Option<PathBuf>,
-    /// Reference case to simulate: prints the same keys with its own values
+    /// Reference case to simulate; prints the case with the simulated values
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write the whole run to this file, an animated GIF
+    /// Write the whole run to this animated GIF
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     gif: Option<PathBuf>,
-    /// Write the paths of the last steps to this file, a large PNG in colour
+    /// Write the trajectories of the last steps to this PNG, in colour
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     png: Option<PathBuf>,
-    /// Write the grey behaviour image that an embedder sees to this file, an enlarged PNG
+    /// Write the behaviour image, as an embedder sees it, to this enlarged PNG
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     image: Option<PathBuf>,
 }
@@ -63,7 +63,9 @@ impl Simulate {
         match (&self.case, &self.controller) {
             (Some(case), _) => simulate_case(case),
             (None, Some(controller)) => self.simulate_controller(&controller::parse(controller)?, as_json),
-            (None, None) => Err(CliError::Input("give --controller or --case".to_owned())),
+            (None, None) => Err(CliError::Input(
+                "a controller is missing: give --controller or --case".to_owned(),
+            )),
         }
     }
 
@@ -92,7 +94,7 @@ impl Simulate {
         let evaluation = evaluate(controller, &world, &format, &start)?;
         self.write_pictures(controller, &world, &format, &start, evaluation.image())?;
         if as_json {
-            json::print(&json::individual(&v1::Individual {
+            json::print(json::Individual::from(&v1::Individual {
                 controller: controller.genes().to_vec(),
                 seed: self.seed,
                 features: evaluation.features().to_vec(),

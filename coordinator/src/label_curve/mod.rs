@@ -9,12 +9,12 @@ mod sets;
 
 pub use plot::plot;
 pub use pretrained::Pretrained;
-pub use sets::{Behaviours, Overlap, Sets};
+pub use sets::{LabelledBehaviours, Overlap, Sets};
 
 use murmuration_accuracy::Accuracy;
-use murmuration_engine::queries::{by_doubt, by_lot};
+use murmuration_engine::queries::{by_uncertainty, in_random_order};
 use murmuration_proto::{
-    Invalid, Purpose, Strategy, Stream,
+    Invalid, Purpose, RandomStream, Strategy,
     training::{ArchitectureError, Recipe},
 };
 use murmuration_search::{
@@ -140,12 +140,14 @@ impl Curves<'_> {
     fn ranking(&self, strategy: Strategy, embedder: &Network, seed: u64) -> Result<Vec<usize>, CurveError> {
         let train = self.sets.train();
         let queries = match strategy {
-            Strategy::Random => by_lot(train.count(), &mut Stream::derive(seed, Purpose::Query, 0)),
+            Strategy::Random => {
+                in_random_order(train.count(), &mut RandomStream::derive(seed, Purpose::Query, 0))
+            }
             Strategy::Medoids => {
                 let points = points(embedder, train)?;
-                let mut stream = Stream::derive(seed, Purpose::Medoids, 0);
+                let mut stream = RandomStream::derive(seed, Purpose::Medoids, 0);
                 let clustering = medoids::cluster(&points, self.medoids, &mut stream, &Interrupt::default())?;
-                by_doubt(&points, &clustering)
+                by_uncertainty(&points, &clustering)
             }
         };
         Ok(queries.into_iter().map(|query| query.index).collect())
@@ -154,7 +156,7 @@ impl Curves<'_> {
     /// The embedder that has learned the classes of these behaviours; as it was where they are all of one.
     fn fine_tuned(&self, pretrained: &Pretrained, asked: &[usize]) -> Result<Network, CurveError> {
         let train = self.sets.train();
-        let (pictures, classes) = train.lesson(asked);
+        let (pictures, classes) = train.labelled_pictures(asked);
         let labelled = match LabelledPictures::new(train.side(), pictures, classes) {
             Err(LabelledPicturesError::TooFewClasses(_)) => return Ok(pretrained.network.clone()),
             labelled => Arc::new(labelled?.of_labels(asked.len())),
@@ -180,12 +182,12 @@ impl Curves<'_> {
     }
 }
 
-fn embeddings(embedder: &Network, behaviours: &Behaviours) -> Vec<f32> {
+fn embeddings(embedder: &Network, behaviours: &LabelledBehaviours) -> Vec<f32> {
     let all: Vec<usize> = (0..behaviours.count()).collect();
     embedder.embed(&behaviours.pictures(&all))
 }
 
-fn points(embedder: &Network, behaviours: &Behaviours) -> Result<novelty::Behaviours, Misfit> {
+fn points(embedder: &Network, behaviours: &LabelledBehaviours) -> Result<novelty::Behaviours, Misfit> {
     let dimensions = embedder.architecture().dimensions();
     let mut points = novelty::Behaviours::new(dimensions);
     for embedding in embeddings(embedder, behaviours).chunks_exact(dimensions) {

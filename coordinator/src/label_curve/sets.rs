@@ -5,7 +5,7 @@ use murmuration_proto::SeenPictures;
 
 /// Behaviours whose classes are known.
 #[derive(Debug, Clone, Default)]
-pub struct Behaviours {
+pub struct LabelledBehaviours {
     side: usize,
     classes: Vec<String>,
     pictures: Vec<Vec<u8>>,
@@ -21,8 +21,8 @@ pub struct Overlap(pub usize);
 /// A set that is learned from and one that judges, without a picture in common.
 #[derive(Debug, Clone)]
 pub struct Sets {
-    train: Behaviours,
-    validation: Behaviours,
+    train: LabelledBehaviours,
+    validation: LabelledBehaviours,
 }
 
 impl Sets {
@@ -30,7 +30,7 @@ impl Sets {
     ///
     /// # Errors
     /// Where they share pictures.
-    pub fn new(train: Behaviours, validation: Behaviours) -> Result<Self, Overlap> {
+    pub fn new(train: LabelledBehaviours, validation: LabelledBehaviours) -> Result<Self, Overlap> {
         let further = train.further.iter().flatten();
         let seen = SeenPictures::of(train.pictures.iter().chain(further).map(Vec::as_slice));
         match validation
@@ -46,18 +46,18 @@ impl Sets {
 
     /// What is learned from.
     #[must_use]
-    pub const fn train(&self) -> &Behaviours {
+    pub const fn train(&self) -> &LabelledBehaviours {
         &self.train
     }
 
     /// What judges.
     #[must_use]
-    pub const fn validation(&self) -> &Behaviours {
+    pub const fn validation(&self) -> &LabelledBehaviours {
         &self.validation
     }
 }
 
-impl Behaviours {
+impl LabelledBehaviours {
     /// None yet, with pictures of `side` x `side` grey values.
     #[must_use]
     pub const fn new(side: usize) -> Self {
@@ -105,7 +105,7 @@ impl Behaviours {
     }
 
     /// What is learned of some of them: pictures, one after the other, and the [number](class_numbers) of the class of each.
-    pub(super) fn lesson(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
+    pub(super) fn labelled_pictures(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let numbers = class_numbers(self.classes());
         let (mut pictures, mut classes) = (Vec::new(), Vec::new());
         for &index in which {
@@ -123,8 +123,8 @@ impl Behaviours {
 mod tests {
     use super::*;
 
-    fn behaviours(greys: &[u8]) -> Behaviours {
-        let mut behaviours = Behaviours::new(2);
+    fn behaviours(greys: &[u8]) -> LabelledBehaviours {
+        let mut behaviours = LabelledBehaviours::new(2);
         for grey in greys {
             let class = if grey % 2 == 0 { "even" } else { "odd" };
             behaviours.push(class, vec![*grey; 4], vec![vec![grey + 100; 4]]);
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn classes_are_numbered_by_name() {
         let behaviours = behaviours(&[3, 2, 4]);
-        let (pictures, classes) = behaviours.lesson(&[0, 2]);
+        let (pictures, classes) = behaviours.labelled_pictures(&[0, 2]);
         assert_eq!(classes, [2, 2, 1, 1]);
         let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
         assert_eq!(greys, [3, 103, 4, 104]);

@@ -53,8 +53,8 @@ impl Metrics {
 
     /// Where the dispatcher of workers or trainers counts.
     #[must_use]
-    pub fn dispatch(&self, party: PeerKind) -> DispatchMetrics {
-        self.dispatch.of(party)
+    pub fn dispatch(&self, peer: PeerKind) -> DispatchMetrics {
+        self.dispatch.of(peer)
     }
 
     /// Where campaigns count.

@@ -1,25 +1,20 @@
 //! The doors of a coordinator: the one that was asked for, and one for its own machine's processes.
 
 use super::{Options, ServerError};
-use crate::probes::Probes;
 use murmuration_access::{
-    Door, Hosts, Local, Sessions,
-    connections::{Places, connections},
+    Door, GuardedRouter, Hosts, LocalToken, Sessions,
+    connections::{ConnectionPermits, connections},
     limits,
 };
 use murmuration_link::Credentials;
 use murmuration_web as web;
-use murmuration_web::Web;
 use std::{
     net::{Ipv4Addr, SocketAddr},
     sync::Arc,
     time::Duration,
 };
 use tokio::{net::TcpListener, sync::watch, task::JoinHandle};
-use tonic::{
-    service::Routes,
-    transport::{Server, ServerTlsConfig},
-};
+use tonic::transport::{Server, ServerTlsConfig};
 
 /// A listener's task.
 pub(super) type Serving = JoinHandle<Result<(), tonic::transport::Error>>;
@@ -35,40 +30,38 @@ pub struct LocalWay {
 
 /// What is served, whatever the door.
 pub(super) struct Served {
-    pub(super) services: Routes,
-    pub(super) web: Web,
-    pub(super) probes: Probes,
-    pub(super) places: Places,
+    pub(super) routes: GuardedRouter,
+    pub(super) permits: ConnectionPermits,
     /// True once everything is to end.
     pub(super) stopped: watch::Receiver<bool>,
 }
 
 impl Served {
-    /// Serves at the entrance that was asked for; and, where that is guarded, at one of this machine's own.
+    /// Serves at the address that was asked for; and, where access is restricted, at a loopback address for this machine.
     pub(super) async fn open(
         self,
         listener: TcpListener,
         options: &Options,
     ) -> Result<(LocalWay, Vec<Serving>), ServerError> {
-        let (entrance, data) = (&options.entrance, options.data.path());
-        let local = Local::of(data)?;
-        let (tls, access) = (entrance.tls(), entrance.access());
+        let (config, data) = (&options.listen, options.data.path());
+        let local = LocalToken::of(data)?;
+        let (tls, access) = (config.tls(), config.access());
         let is_open = access.is_open() && tls.is_none();
         let address = listener.local_addr().map_err(|source| ServerError::Listen {
-            address: entrance.address(),
+            address: config.address(),
             source,
         })?;
         let own = local.token().digest();
-        // Where nobody is asked for a token, none has been taken back.
+        // Where nobody is asked for a token, none has been revoked.
         let sessions = Sessions::kept(data, local.token(), |token| {
             access.tokens.is_none() || access.whose(token).is_some() || token == own
         })?;
         let door = Door {
             access,
             sessions: sessions.clone(),
-            hosts: entrance.hosts(),
+            hosts: config.hosts(),
             is_encrypted: tls.is_some(),
-            show_refusal: web::turn_away,
+            show_refusal: web::show_refusal,
         };
         let mut servers = vec![self.at(listener, tls, door)?];
         let way = if is_open {
@@ -83,7 +76,7 @@ impl Served {
                 sessions,
                 hosts: Hosts::Any,
                 is_encrypted: false,
-                show_refusal: web::turn_away,
+                show_refusal: web::show_refusal,
             };
             servers.push(self.at(listener, None, door)?);
             LocalWay {
@@ -111,13 +104,8 @@ impl Served {
         if let Some(tls) = tls {
             server = server.tls_config(tls)?;
         }
-        let routes = web::beside(
-            self.services.clone(),
-            self.web.clone(),
-            self.probes.clone().routes(),
-            Arc::new(door),
-        );
-        let connections = connections(listener, self.places.clone());
+        let routes = web::behind(self.routes.clone(), Arc::new(door));
+        let connections = connections(listener, self.permits.clone());
         let mut stopped = self.stopped.clone();
         let serving = server
             .add_routes(routes)

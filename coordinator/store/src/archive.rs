@@ -4,7 +4,7 @@ use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
     numbers::{blob_to_floats, blob_to_numbers, clamped, floats_to_blob, numbers_to_blob},
-    provenance::{Work, add_provenance, suspects},
+    provenance::{ResultKind, add_provenance, suspects},
 };
 use murmuration_model::{CampaignId, CampaignState};
 use murmuration_proto::{CapabilityModel, Controller, Features};
@@ -118,7 +118,7 @@ impl Store {
                 ],
             )?;
             let first = individuals.first().map_or(0, |individual| individual.index);
-            add_provenance(transaction, number, (Work::Evaluation, first), provenance)?;
+            add_provenance(transaction, number, (ResultKind::Evaluation, first), provenance)?;
             let mut individual = transaction.prepare(
                 "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty)
                  VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
@@ -221,7 +221,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be read.
-    pub fn archive_len(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+    pub(crate) fn archive_len(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let count: i64 = connection.query_row(
@@ -350,19 +350,25 @@ fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividua
     })
 }
 
-#[cfg(test)]
 impl ArchivedIndividual {
-    /// A swarm that never moved.
-    pub fn still(index: u64, generation: u32) -> Self {
+    /// An individual of which nothing was measured: zeros, no embedding and no picture.
+    pub const fn unmeasured(index: u64, generation: u32, controller: Controller) -> Self {
         Self {
             index,
             generation,
-            controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
+            controller,
             seed: 0,
             features: [0.0; 5],
             embedding: Vec::new(),
             novelty: 0.0,
             image: None,
         }
+    }
+
+    /// A swarm that never moved.
+    #[cfg(test)]
+    pub(crate) fn still(index: u64, generation: u32) -> Self {
+        let controller = Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap();
+        Self::unmeasured(index, generation, controller)
     }
 }

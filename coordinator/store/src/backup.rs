@@ -8,7 +8,8 @@ use crate::{
     DataDirectory, Store, StoreError,
     checkpoints::{BlobStore, CheckpointError},
     doctor,
-    files::{is_empty, is_there, without_links},
+    files::{self, is_there},
+    target::{TargetError, check_empty, check_target},
 };
 use bytes::Bytes;
 use murmuration_link::{InputKind, read_bytes};
@@ -61,19 +62,9 @@ pub enum BackupError {
         /// What the system said.
         source: io::Error,
     },
-    /// Something is there already.
-    #[error("{0} is not empty: name a folder that does not exist yet")]
-    NotEmpty(PathBuf),
-    /// It would be lost with what it is a copy of.
-    #[error(
-        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
-    )]
-    Within {
-        /// The folder that was named.
-        path: PathBuf,
-        /// The data directory.
-        data: PathBuf,
-    },
+    /// Nothing can be copied into the folder that was named.
+    #[error(transparent)]
+    Target(#[from] TargetError),
     /// The folder is no backup.
     #[error("{path} is no backup ({reason}): `murmuration backup DIR` makes one")]
     NoBackup {
@@ -96,21 +87,11 @@ pub enum BackupError {
 /// # Errors
 /// See [`BackupError`]; there is no `target` then.
 pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Result<Manifest, BackupError> {
-    if !is_empty(target).map_err(failed("look into", target))? {
-        return Err(BackupError::NotEmpty(target.to_path_buf()));
-    }
+    let target = &check_target(data, target)?;
     // Before a folder is made for it.
     let database = data.join(Store::FILE);
     if !is_there(&database).map_err(failed("find", &database))? {
         return Err(StoreError::NoDirectory(data.to_path_buf()).into());
-    }
-    let named = target;
-    let target = &without_links(named).map_err(failed("find", named))?;
-    if target.starts_with(without_links(data).map_err(failed("find", data))?) {
-        return Err(BackupError::Within {
-            path: named.to_path_buf(),
-            data: data.to_path_buf(),
-        });
     }
     let parent = above(target);
     make_folders(parent)?;
@@ -144,9 +125,7 @@ pub async fn backup(data: &Path, location: Option<&str>, target: &Path) -> Resul
 /// See [`BackupError`]; there is no database in `data` then.
 pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> {
     let manifest = read_manifest(from)?;
-    if !is_empty(data).map_err(failed("look into", data))? {
-        return Err(BackupError::NotEmpty(data.to_path_buf()));
-    }
+    check_empty(data)?;
     if file_digest(&from.join(Store::FILE))? != manifest.database {
         return Err(BackupError::Damaged {
             path: from.to_path_buf(),
@@ -156,7 +135,7 @@ pub async fn restore(from: &Path, data: &Path) -> Result<Manifest, BackupError> 
     let held = DataDirectory::hold(data)?;
     // Nobody else puts anything there from here on; but for the lock somebody may have, since it was looked into.
     if fs::read_dir(data).map_err(failed("look into", data))?.count() > 1 {
-        return Err(BackupError::NotEmpty(data.to_path_buf()));
+        return Err(TargetError::NotEmpty(data.to_path_buf()).into());
     }
     let restored = put_back(from, data, &manifest).await;
     if restored.is_err() {
@@ -306,11 +285,8 @@ fn file_digest(path: &Path) -> Result<String, BackupError> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// Has a file, or the entries of a folder, on disk.
 fn sync(path: &Path) -> Result<(), BackupError> {
-    File::open(path)
-        .and_then(|file| file.sync_all())
-        .map_err(failed("write", path))
+    files::sync(path).map_err(failed("write", path))
 }
 
 fn failed(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> BackupError {

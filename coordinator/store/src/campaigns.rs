@@ -2,20 +2,20 @@
 
 use super::{Store, StoreError};
 use crate::checkpoint_rows::checkpoint_number;
-use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Weight};
+use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord, CampaignState, Rounds, Weight};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text};
-use rusqlite::{Connection, OptionalExtension as _, Row, params};
+use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
 
+/// The columns that [`record`] maps, by name.
 const SELECT: &str = "
-    SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version,
-           (SELECT coalesce(max(generation) + 1, 0) FROM generations g WHERE g.campaign = c.number), l.best_novelty, l.mean_novelty,
-           (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint),
-           (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint),
-           (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number),
+    SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version, c.weight, c.rollbacks, c.decisions, c.rounds,
+           c.label_cutoff, c.last_label_cutoff, l.best_novelty, l.mean_novelty,
+           (SELECT coalesce(max(generation) + 1, 0) FROM generations g WHERE g.campaign = c.number) AS generations_done,
+           (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint) AS checkpoint,
+           (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint) AS next_checkpoint,
+           (SELECT coalesce(max(place) + 1, 0) FROM pictures p WHERE p.campaign = c.number) AS pictures_done,
            (SELECT coalesce(max(place) + 1, 0) FROM embeddings e
-            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint),
-           c.rounds, c.lesson, c.weight, c.taken_back, c.learned,
-           c.decisions
+            WHERE e.campaign = c.number AND e.checkpoint = c.next_checkpoint) AS embedded
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
@@ -67,15 +67,10 @@ impl Store {
     pub fn campaign(&self, id: &str) -> Result<CampaignRecord, StoreError> {
         self.read(|connection| {
             let found = match id {
-                "latest" => {
-                    connection.query_row(&format!("{SELECT} ORDER BY c.number DESC LIMIT 1"), [], columns)
-                }
-                id => connection.query_row(&format!("{SELECT} WHERE c.id = ?1"), [id], columns),
+                "latest" => records(connection, "ORDER BY c.number DESC LIMIT 1", []),
+                id => records(connection, "WHERE c.id = ?1", [id]),
             };
-            found
-                .optional()?
-                .ok_or_else(|| StoreError::NoCampaign(id.to_owned()))?
-                .try_into()
+            found?.pop().ok_or_else(|| StoreError::NoCampaign(id.to_owned()))
         })
     }
 
@@ -84,11 +79,7 @@ impl Store {
     /// # Errors
     /// If they cannot be read.
     pub fn campaigns(&self) -> Result<Vec<CampaignRecord>, StoreError> {
-        self.read(|connection| {
-            let mut statement = connection.prepare(&format!("{SELECT} ORDER BY c.number"))?;
-            let rows = statement.query_map([], columns)?;
-            rows.map(|row| row?.try_into()).collect()
-        })
+        self.read(|connection| records(connection, "ORDER BY c.number", []))
     }
 
     /// Moves a campaign to `state`, with why it failed if it did.
@@ -119,88 +110,54 @@ pub(super) fn number_of(connection: &Connection, id: &CampaignId) -> Result<i64,
         .ok_or_else(|| StoreError::NoCampaign(id.as_str().to_owned()))
 }
 
-struct Columns {
-    id: String,
-    spec: String,
-    state: String,
-    error: String,
-    created_ms: i64,
-    simulator_version: String,
-    generations_done: u32,
-    best_novelty: Option<f64>,
-    mean_novelty: Option<f64>,
-    checkpoint: Option<String>,
-    next_checkpoint: Option<String>,
-    pictures_done: i64,
-    embedded: i64,
-    rounds_done: u32,
-    lesson: Option<i64>,
-    weight: u32,
-    taken_back: i64,
-    learned: Option<i64>,
-    decisions: i64,
+fn records(
+    connection: &Connection,
+    which: &str,
+    parameters: impl Params,
+) -> Result<Vec<CampaignRecord>, StoreError> {
+    let mut statement = connection.prepare(&format!("{SELECT} {which}"))?;
+    statement.query_and_then(parameters, record)?.collect()
 }
 
-fn columns(row: &Row<'_>) -> rusqlite::Result<Columns> {
-    Ok(Columns {
-        id: row.get(0)?,
-        spec: row.get(1)?,
-        state: row.get(2)?,
-        error: row.get(3)?,
-        created_ms: row.get(4)?,
-        simulator_version: row.get(5)?,
-        generations_done: row.get(6)?,
-        best_novelty: row.get(7)?,
-        mean_novelty: row.get(8)?,
-        checkpoint: row.get(9)?,
-        next_checkpoint: row.get(10)?,
-        pictures_done: row.get(11)?,
-        embedded: row.get(12)?,
-        rounds_done: row.get(13)?,
-        lesson: row.get(14)?,
-        weight: row.get(15)?,
-        taken_back: row.get(16)?,
-        learned: row.get(17)?,
-        decisions: row.get(18)?,
+fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
+    let id: String = row.get("id")?;
+    let damaged = |what: String| StoreError::damaged(format!("campaign {id}: {what}"));
+    let invalid = |error: Invalid| damaged(error.to_string());
+    let count = |column| row.get::<_, i64>(column).map(i64::unsigned_abs);
+    let digest = |column| {
+        let digest: Option<String> = row.get(column)?;
+        let digest = digest.map(|digest| digest.parse::<CheckpointDigest>());
+        digest.transpose().map_err(invalid)
+    };
+    let (spec, state): (String, String) = (row.get("spec")?, row.get("state")?);
+    let (best, mean): (Option<f64>, Option<f64>) = (row.get("best_novelty")?, row.get("mean_novelty")?);
+    Ok(CampaignRecord {
+        spec: CampaignSpec::from_toml(&spec).map_err(|error| damaged(error.to_string()))?,
+        weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
+        state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
+        // Earlier versions stored the words of workers as they came.
+        error: Text::line(&row.get::<_, String>("error")?).into(),
+        created_ms: count("created_ms")?,
+        rollbacks: count("rollbacks")?,
+        decisions: count("decisions")?,
+        simulator_version: row.get("simulator_version")?,
+        generations_done: row.get("generations_done")?,
+        last_novelty: best.zip(mean),
+        embedder: match (digest("checkpoint")?, digest("next_checkpoint")?) {
+            (None, None) => ArchiveEmbedder::None,
+            (Some(checkpoint), None) => ArchiveEmbedder::Checkpoint(checkpoint),
+            (from, Some(to)) => ArchiveEmbedder::Switching {
+                from,
+                to,
+                embedded: count("embedded")?,
+            },
+        },
+        pictures_done: count("pictures_done")?,
+        rounds: Rounds {
+            done: row.get("rounds")?,
+            last_cutoff: count("last_label_cutoff")?,
+            current_cutoff: row.get::<_, Option<i64>>("label_cutoff")?.map(i64::unsigned_abs),
+        },
+        id: CampaignId::from_store(id),
     })
-}
-
-impl TryFrom<Columns> for CampaignRecord {
-    type Error = StoreError;
-
-    fn try_from(columns: Columns) -> Result<Self, StoreError> {
-        let id = columns.id.clone();
-        let damaged = |what: String| StoreError::damaged(format!("campaign {id}: {what}"));
-        let checkpoint = digest(&columns.id, columns.checkpoint)?;
-        let next_checkpoint = digest(&columns.id, columns.next_checkpoint)?;
-        let spec = CampaignSpec::from_toml(&columns.spec).map_err(|error| damaged(error.to_string()))?;
-        let state = CampaignState::from_name(&columns.state)
-            .ok_or_else(|| damaged(format!("state {:?}", columns.state)))?;
-        Ok(Self {
-            id: CampaignId::from_store(columns.id),
-            spec,
-            weight: Weight::try_from(columns.weight).map_err(|error| damaged(error.to_string()))?,
-            state,
-            // Earlier versions stored the words of workers as they came.
-            error: Text::line(&columns.error).into(),
-            created_ms: columns.created_ms.unsigned_abs(),
-            taken_back: columns.taken_back.unsigned_abs(),
-            decisions: columns.decisions.unsigned_abs(),
-            simulator_version: columns.simulator_version,
-            generations_done: columns.generations_done,
-            last_novelty: columns.best_novelty.zip(columns.mean_novelty),
-            checkpoint,
-            next_checkpoint,
-            pictures_done: columns.pictures_done.unsigned_abs(),
-            embedded: columns.embedded.unsigned_abs(),
-            rounds_done: columns.rounds_done,
-            lesson: columns.lesson.map(i64::unsigned_abs),
-            learned: columns.learned.map(i64::unsigned_abs),
-        })
-    }
-}
-
-fn digest(campaign: &str, text: Option<String>) -> Result<Option<CheckpointDigest>, StoreError> {
-    let digest = text.map(|text| text.parse()).transpose();
-    digest.map_err(|error: Invalid| StoreError::damaged(format!("campaign {campaign}: {error}")))
 }

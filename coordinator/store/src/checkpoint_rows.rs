@@ -26,7 +26,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn add_checkpoint(&self, record: &CheckpointRecord) -> Result<(), StoreError> {
+    pub(crate) fn add_checkpoint(&self, record: &CheckpointRecord) -> Result<(), StoreError> {
         let message = record
             .lineage
             .describe(record.digest, record.size, record.created_ms);

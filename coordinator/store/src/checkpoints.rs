@@ -6,7 +6,7 @@ pub use blob_store::{BlobStore, Condition};
 
 use crate::{CheckpointRecord, Store, StoreError};
 use bytes::Bytes;
-use murmuration_model::Embedder;
+use murmuration_model::EmbedderRef;
 use murmuration_proto::{
     CheckpointDigest, ImageFormat, Lineage,
     onnx::{EmbedderModel, ModelError},
@@ -198,7 +198,7 @@ impl Checkpoints {
         &self,
         checkpoint: CheckpointDigest,
         format: &ImageFormat,
-    ) -> Result<Embedder, CheckpointError> {
+    ) -> Result<EmbedderRef, CheckpointError> {
         let model = EmbedderModel::read(&self.fetch(checkpoint).await?)?;
         let side = format.resolution() as usize;
         if (model.height(), model.width()) != (side, side) {
@@ -209,7 +209,7 @@ impl Checkpoints {
                 side,
             });
         }
-        Ok(Embedder {
+        Ok(EmbedderRef {
             checkpoint,
             dimensions: model.dimensions(),
         })
@@ -306,12 +306,17 @@ mod tests {
     fn a_place_that_is_none_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-        for location in ["nonsense", "gopher://x/y"] {
+        for (location, shown) in [
+            ("nonsense", "nonsense"),
+            ("gopher://x/y", "gopher://x/y"),
+            ("gopher://ana:swordfish@x/y", "gopher://***@x/y"),
+        ] {
             let said = Checkpoints::open(store.clone(), folder.path(), Some(location))
                 .unwrap_err()
                 .to_string();
             assert!(
-                said.starts_with(&format!("checkpoints cannot be kept at {location}")),
+                said.starts_with(&format!("checkpoints cannot be kept at {shown}"))
+                    && !said.contains("swordfish"),
                 "{said}"
             );
         }

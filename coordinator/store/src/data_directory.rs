@@ -1,6 +1,6 @@
 //! The data directory: held by one process at a time, which leaves its address there for others.
 
-use super::{Holder, StoreError};
+use super::{LockHolder, StoreError};
 use std::{
     fs,
     io::{self, Read as _, Seek as _, Write as _},
@@ -98,7 +98,7 @@ impl DataDirectory {
     /// # Errors
     /// If the lock file cannot be written.
     pub fn announce(&self, address: &str) -> Result<(), StoreError> {
-        let holder = Holder {
+        let holder = LockHolder {
             process: std::process::id(),
             address: address.to_owned(),
         };
@@ -122,10 +122,10 @@ impl DataDirectory {
 }
 
 /// What the holder has written; it may be just writing it.
-fn read_holder(mut lock: fs::File) -> Holder {
+fn read_holder(mut lock: fs::File) -> LockHolder {
     let mut text = String::new();
     match lock.read_to_string(&mut text) {
         Ok(_) => serde_json::from_str(&text).unwrap_or_default(),
-        Err(_) => Holder::default(),
+        Err(_) => LockHolder::default(),
     }
 }

@@ -4,7 +4,7 @@ use super::{
     GenerationRecord, Provenance, Store, StoreError,
     campaigns::number_of,
     numbers::{clamped, numbers_to_blob},
-    provenance::{Work, add_provenance},
+    provenance::{ResultKind, add_provenance},
 };
 use crate::checkpoint_rows::checkpoint_number;
 use murmuration_model::{CampaignId, CampaignState};
@@ -54,7 +54,7 @@ impl Store {
             for (place, embedding) in (place..).zip(embeddings) {
                 statement.execute(params![number, clamped(place), numbers_to_blob(embedding)])?;
             }
-            add_provenance(transaction, number, (Work::Embedding, place), provenance)
+            add_provenance(transaction, number, (ResultKind::Embedding, place), provenance)
         })
     }
 

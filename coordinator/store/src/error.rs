@@ -18,7 +18,7 @@ pub enum StoreError {
         /// The data directory.
         path: PathBuf,
         /// Who holds it, as far as it says.
-        holder: super::Holder,
+        holder: super::LockHolder,
     },
     /// The data directory does not exist and was not to be created.
     #[error(

@@ -50,7 +50,7 @@ pub fn is_empty(folder: &Path) -> io::Result<bool> {
 ///
 /// # Errors
 /// If what is there of it cannot be known.
-pub fn without_links(path: &Path) -> io::Result<PathBuf> {
+pub(crate) fn without_links(path: &Path) -> io::Result<PathBuf> {
     let path = path::absolute(path)?;
     let mut missing = Vec::new();
     for part in path.ancestors() {
@@ -67,6 +67,14 @@ pub fn without_links(path: &Path) -> io::Result<PathBuf> {
         missing.extend(part.components().next_back());
     }
     Ok(path)
+}
+
+/// Has the bytes of a file, or the entries of a folder, on disk when it returns.
+///
+/// # Errors
+/// What the system says.
+pub(crate) fn sync(path: &Path) -> io::Result<()> {
+    fs::File::open(path)?.sync_all()
 }
 
 #[cfg(test)]

@@ -37,7 +37,7 @@ impl Store {
     ///
     /// # Errors
     /// If the tables cannot be read.
-    pub fn dangling(&self) -> Result<Vec<String>, StoreError> {
+    pub(crate) fn dangling(&self) -> Result<Vec<String>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare(
                 "SELECT \"table\", parent, count(*) FROM pragma_foreign_key_check GROUP BY 1, 2 ORDER BY 1, 2",
@@ -55,7 +55,7 @@ impl Store {
     ///
     /// # Errors
     /// If not even that can be read.
-    pub fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
+    pub(crate) fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
         self.read(|connection| {
             let mut statement = connection.prepare("SELECT id FROM campaigns ORDER BY number")?;
             let rows = statement.query_map([], |row| Ok(CampaignId::from_store(row.get(0)?)))?;
@@ -67,7 +67,7 @@ impl Store {
     ///
     /// # Errors
     /// If there is no such campaign.
-    pub fn readable_labels(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+    pub(crate) fn readable_labels(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut labels = Labels::default();
@@ -87,7 +87,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be read, or the file cannot be written.
-    pub fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
+    pub(crate) fn copy_to(&self, path: &Path) -> Result<(), StoreError> {
         let named = |source| StoreError::from_sqlite(source, path);
         let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE;
         let mut copy = Connection::open_with_flags(path, flags).map_err(named)?;

@@ -27,10 +27,10 @@ pub enum LabelError {
     OtherRequest(RequestId),
 }
 
-/// An answer that was taken back.
+/// An answer that was undone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Undone {
-    /// The entry that takes it back.
+    /// The entry that undoes it.
     pub entry: Entry,
     /// The answer.
     pub answer: Label,
@@ -105,7 +105,7 @@ impl Store {
         })
     }
 
-    /// Takes back what an annotator said last: of the request that their newest standing answer came with, all of their
+    /// Undoes what an annotator said last: of the request that their newest standing answer came with, all of their
     /// answers that still stand, in one transaction; these, the newest first. A request that was made before takes nothing
     /// back: the answers are those that it took back then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
     ///
@@ -140,7 +140,7 @@ impl Store {
     }
 }
 
-/// As many entries that take back as the last act of their annotator has answers that stand.
+/// As many undo entries as the last act of their annotator has answers that stand.
 fn undo_newest(
     transaction: &Transaction<'_>,
     number: i64,

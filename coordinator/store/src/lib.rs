@@ -14,11 +14,10 @@ pub mod doctor;
 mod embeddings;
 mod error;
 pub mod files;
-mod holder;
 mod inspection;
 pub mod kept;
 mod labels;
-mod lessons;
+mod lock_holder;
 mod messages;
 mod numbers;
 mod open;
@@ -26,24 +25,27 @@ mod pictures;
 mod provenance;
 mod readers;
 mod repetition;
+mod rollback;
+mod round_pictures;
 mod rounds;
 mod runs;
 mod salvage;
 mod schema;
-mod taken_back;
+mod target;
 
 pub use archive::{ArchivedIndividual, ClusterMeasures, GenerationRecord, StoredTaxonomy};
 pub use checkpoint_rows::CheckpointRecord;
 pub use data_directory::DataDirectory;
 pub use embeddings::Switch;
 pub use error::StoreError;
-pub use holder::Holder;
 pub use labels::{LabelError, Undone};
-pub use lessons::{FurtherStart, LessonPicture, LessonPictures};
+pub use lock_holder::LockHolder;
 pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
+pub use round_pictures::{FurtherStart, RoundPicture, RoundPictures};
 pub use runs::{Decision, DecisionError};
 pub use salvage::Recoverable;
+pub use target::TargetError;
 
 use crate::files::is_there;
 use murmuration_model::RunId;
@@ -68,7 +70,7 @@ pub struct Store {
     path: Arc<Path>,
     /// Whether the disk failed under a change, so that nobody knows how much of it is written. Set and read by whoever
     /// has the connection.
-    in_doubt: Arc<AtomicBool>,
+    sync_failed: Arc<AtomicBool>,
     /// What the label logs come to.
     followed: Arc<labels::Followed>,
     /// The run that this handle is for, which alone may write through it.
@@ -116,7 +118,7 @@ impl Store {
             readers: None,
             connection: Arc::new(Mutex::new(connection)),
             path: path.into(),
-            in_doubt: Arc::default(),
+            sync_failed: Arc::default(),
             followed: Arc::default(),
             run: None,
         }
@@ -142,11 +144,11 @@ impl Store {
         change: impl FnOnce(&Transaction<'_>) -> Result<T, StoreError>,
     ) -> Result<T, StoreError> {
         let mut connection = self.connection.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.in_doubt.load(Ordering::Relaxed) {
+        if self.sync_failed.load(Ordering::Relaxed) {
             // Whoever reads what the log holds keeps it from being emptied.
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
             open::settle(&connection, &self.path)?;
-            self.in_doubt.store(false, Ordering::Relaxed);
+            self.sync_failed.store(false, Ordering::Relaxed);
         }
         let changed = changed(&mut connection, |transaction| {
             self.check_run(transaction)?;
@@ -154,14 +156,14 @@ impl Store {
         });
         let changed = changed.map_err(|error| error.at(&self.path));
         if matches!(changed, Err(StoreError::Unwritable { .. })) {
-            self.in_doubt.store(true, Ordering::Relaxed);
+            self.sync_failed.store(true, Ordering::Relaxed);
         }
         if changed.is_ok() && open::has_long_log(&self.path) {
             let _kept_away = self.readers.as_ref().map(|readers| readers.keep_away());
             // The change is on disk all the same.
             if let Err(error) = open::shorten_log(&connection) {
                 tracing::warn!(%error, "the log of the database could not be written into it");
-                self.in_doubt.store(true, Ordering::Relaxed);
+                self.sync_failed.store(true, Ordering::Relaxed);
             }
         }
         changed

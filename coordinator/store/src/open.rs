@@ -1,14 +1,13 @@
 //! Opening the database: made whole or not at all, checked before it is trusted, and made sure of after the disk failed.
 
-use super::{Store, StoreError, schema};
+use super::{Store, StoreError, files::sync, schema};
 use rusqlite::{
     Connection, OpenFlags,
     backup::{Backup, StepResult},
     ffi,
 };
 use std::{
-    fs::{self, File},
-    io,
+    fs, io,
     path::{Path, PathBuf},
 };
 use tempfile::TempPath;
@@ -35,14 +34,13 @@ pub(super) fn create(folder: &Path) -> Result<(), StoreError> {
     let mut connection = Connection::open(&path).map_err(named)?;
     schema::create(&mut connection).map_err(named)?;
     connection.close().map_err(|(_, source)| named(source))?;
-    let placed = File::open(&path)
-        .and_then(|file| file.sync_all())
+    let placed = sync(&path)
         .and_then(|()| {
             // Never in the place of another, whatever has happened since nothing was found there.
             let placed = TempPath::try_from_path(&path)?.persist_noclobber(folder.join(Store::FILE));
             placed.map_err(|refused| refused.error)
         })
-        .and_then(|()| File::open(folder)?.sync_all());
+        .and_then(|()| sync(folder));
     placed.map_err(|error| StoreError::from_io(error, "write", &path))
 }
 

@@ -4,7 +4,7 @@ use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
     numbers::{blob_to_floats, clamped, floats_to_blob},
-    provenance::{Work, add_provenance},
+    provenance::{ResultKind, add_provenance},
 };
 use murmuration_model::{CampaignId, SavedTraining};
 use murmuration_proto::{CapabilityModel, Controller};
@@ -48,7 +48,7 @@ impl Store {
                     picture.image,
                 ])?;
             }
-            add_provenance(transaction, number, (Work::Picture, place), provenance)
+            add_provenance(transaction, number, (ResultKind::Picture, place), provenance)
         })
     }
 
@@ -83,7 +83,11 @@ impl Store {
     ///
     /// # Errors
     /// If they cannot be read.
-    pub fn dataset_images(&self, campaign: &CampaignId, range: Range<u64>) -> Result<Vec<u8>, StoreError> {
+    pub(crate) fn dataset_images(
+        &self,
+        campaign: &CampaignId,
+        range: Range<u64>,
+    ) -> Result<Vec<u8>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(

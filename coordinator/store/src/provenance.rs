@@ -36,9 +36,9 @@ pub struct Notice {
     pub text: String,
 }
 
-/// Work whose results are kept with who did it.
+/// What is kept with who did it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Work {
+pub(super) enum ResultKind {
     /// Pictures of a dataset.
     Picture,
     /// Individuals of an archive.
@@ -47,7 +47,7 @@ pub(super) enum Work {
     Embedding,
 }
 
-impl Work {
+impl ResultKind {
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Picture => "picture",
@@ -92,14 +92,14 @@ impl Suspects {
         self.pictures.len() + self.individuals.len() + self.embeddings.len()
     }
 
-    fn of(&mut self, work: &str) -> Option<&mut Vec<Suspect>> {
+    fn of(&mut self, result: &str) -> Option<&mut Vec<Suspect>> {
         [
-            (Work::Picture, &mut self.pictures),
-            (Work::Evaluation, &mut self.individuals),
-            (Work::Embedding, &mut self.embeddings),
+            (ResultKind::Picture, &mut self.pictures),
+            (ResultKind::Evaluation, &mut self.individuals),
+            (ResultKind::Embedding, &mut self.embeddings),
         ]
         .into_iter()
-        .find_map(|(known, places)| (known.name() == work).then_some(places))
+        .find_map(|(known, places)| (known.name() == result).then_some(places))
     }
 }
 
@@ -225,7 +225,7 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
         return Ok(suspects);
     }
     for run in provenance(connection, number)? {
-        let Some(places) = suspects.of(&run.work) else {
+        let Some(places) = suspects.of(&run.result) else {
             continue;
         };
         // Older versions noted no kinds.
@@ -256,7 +256,7 @@ pub(super) fn suspects(connection: &Connection, number: i64) -> Result<Suspects,
 
 /// A run of results in a row, and who made each.
 struct Run {
-    work: String,
+    result: String,
     first: u64,
     machines: Vec<u64>,
     kinds: Vec<u64>,
@@ -264,7 +264,7 @@ struct Run {
 
 fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreError> {
     let mut statement = connection.prepare_cached(
-        "SELECT work, place, workers, kinds FROM provenance WHERE campaign = ?1 ORDER BY work, place",
+        "SELECT result, place, machines, kinds FROM provenance WHERE campaign = ?1 ORDER BY result, place",
     )?;
     let numbers = |bytes: Vec<u8>| {
         let numbers = bytes.as_chunks().0.iter();
@@ -272,7 +272,7 @@ fn provenance(connection: &Connection, campaign: i64) -> Result<Vec<Run>, StoreE
     };
     let rows = statement.query_map([campaign], |row| {
         Ok(Run {
-            work: row.get(0)?,
+            result: row.get(0)?,
             first: row.get::<_, i64>(1)?.unsigned_abs(),
             machines: numbers(row.get(2)?),
             kinds: numbers(row.get(3)?),
@@ -291,8 +291,8 @@ fn replace(
         let replaced = run.machines.iter().map(|&by| other(by));
         let replaced: Vec<u8> = replaced.flat_map(u64::to_le_bytes).collect();
         transaction.execute(
-            "UPDATE provenance SET workers = ?4 WHERE campaign = ?1 AND work = ?2 AND place = ?3",
-            params![campaign, run.work, clamped(run.first), replaced],
+            "UPDATE provenance SET machines = ?4 WHERE campaign = ?1 AND result = ?2 AND place = ?3",
+            params![campaign, run.result, clamped(run.first), replaced],
         )?;
     }
     Ok(())
@@ -311,11 +311,11 @@ fn quarantined(connection: &Connection, which: &str) -> Result<Vec<Quarantined>,
     Ok(rows.collect::<Result<_, _>>()?)
 }
 
-/// Notes where results come from, the first of them at a place of this kind of work.
+/// Notes where results come from, the first of them at a place of this kind.
 pub(super) fn add_provenance(
     transaction: &Transaction<'_>,
     campaign: i64,
-    (work, first): (Work, u64),
+    (kind, first): (ResultKind, u64),
     Provenance { makers, notices }: &Provenance,
 ) -> Result<(), StoreError> {
     let machine = |maker: &Maker| maker.unaudited.map_or(NOBODY, |machine| machine.0);
@@ -327,8 +327,8 @@ pub(super) fn add_provenance(
     let kinds: Vec<u8> = kinds.flat_map(u64::to_le_bytes).collect();
     if !machines.is_empty() {
         transaction.execute(
-            "INSERT OR REPLACE INTO provenance (campaign, work, place, workers, kinds) VALUES (?1, ?2, ?3, ?4, ?5)",
-            params![campaign, work.name(), clamped(first), machines, kinds],
+            "INSERT OR REPLACE INTO provenance (campaign, result, place, machines, kinds) VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![campaign, kind.name(), clamped(first), machines, kinds],
         )?;
     }
     add_notices(transaction, campaign, notices)

@@ -12,7 +12,7 @@ impl Store {
     /// # Errors
     /// If the store cannot be read.
     pub fn repetition(&self, record: &CampaignRecord) -> Result<Repetition, StoreError> {
-        let Some(checkpoint) = record.checkpoint else {
+        let Some(checkpoint) = record.embedder.checkpoint() else {
             return Ok(Repetition::default());
         };
         let given = match record.spec.embedder() {
@@ -32,7 +32,7 @@ impl Store {
         }
         rounds.reverse();
         let leads_there =
-            rounds.len() == record.rounds_done as usize && begins(&record.spec, first, &lineage);
+            rounds.len() == record.rounds.done as usize && begins(&record.spec, first, &lineage);
         Ok(Repetition {
             rounds,
             attended: is_attended(self, record)?,
@@ -53,16 +53,16 @@ fn begins(spec: &CampaignSpec, checkpoint: CheckpointDigest, lineage: &Lineage) 
 
 /// Whether the rounds of a campaign learned from anything but what its specification has the synthetic annotator say.
 fn is_attended(store: &Store, record: &CampaignRecord) -> Result<bool, StoreError> {
-    if record.rounds_done > record.spec.feedback().map_or(0, Feedback::rounds) {
+    if record.rounds.done > record.spec.feedback().map_or(0, Feedback::rounds) {
         return Ok(true);
     }
     let mut own = 0;
-    for round in 1..=record.rounds_done {
+    for round in 1..=record.rounds.done {
         let said = store.request_entries(&record.id, &RequestId::of_round(round))?;
         if said.is_empty() {
             return Ok(true);
         }
         own += said.len() as u64;
     }
-    Ok(own != record.learned.unwrap_or(0))
+    Ok(own != record.rounds.last_cutoff)
 }

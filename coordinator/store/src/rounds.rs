@@ -15,13 +15,14 @@ use rusqlite::{Transaction, params};
 use std::ops::Range;
 
 impl Store {
-    /// Begins a round: the campaign is to be fine-tuned on the first `lesson` entries of its label log, from its first
+    /// Begins a round: the campaign is to be fine-tuned on the first `cutoff` entries of its label log, from its first
     /// epoch on, and runs.
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn begin_round(&self, campaign: &CampaignId, lesson: u64) -> Result<(), StoreError> {
-        self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, lesson))
+    #[cfg(test)]
+    pub(crate) fn begin_round(&self, campaign: &CampaignId, cutoff: u64) -> Result<(), StoreError> {
+        self.write(|transaction| begin(transaction, number_of(transaction, campaign)?, cutoff))
     }
 
     /// Adds what a request says to the label log, as [`Store::add_labels`] does, and begins a round with the log as it
@@ -41,13 +42,13 @@ impl Store {
         })
     }
 
-    /// The labels that a round learns from.
+    /// The labels as the first `cutoff` entries of the log made them: what a round learns from.
     ///
     /// # Errors
     /// If they cannot be read.
-    pub fn lesson(&self, campaign: &CampaignId, entries: u64) -> Result<Labels, StoreError> {
+    pub(crate) fn labels_until(&self, campaign: &CampaignId, cutoff: u64) -> Result<Labels, StoreError> {
         let mut log = self.label_log(campaign)?;
-        log.truncate(usize::try_from(entries).unwrap_or(usize::MAX));
+        log.truncate(usize::try_from(cutoff).unwrap_or(usize::MAX));
         let mut labels = Labels::default();
         labels
             .follow(log)
@@ -67,7 +68,9 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
-                "UPDATE campaigns SET rounds = rounds + 1, learned = lesson, lesson = NULL WHERE number = ?1",
+                "UPDATE campaigns SET rounds = rounds + 1, label_cutoff = NULL,
+                    last_label_cutoff = coalesce(label_cutoff, last_label_cutoff)
+                 WHERE number = ?1",
                 [number],
             )?;
             begin_move(transaction, number, checkpoint)
@@ -93,12 +96,12 @@ impl Store {
     }
 }
 
-pub(super) fn begin(transaction: &Transaction<'_>, number: i64, lesson: u64) -> Result<(), StoreError> {
+pub(super) fn begin(transaction: &Transaction<'_>, number: i64, cutoff: u64) -> Result<(), StoreError> {
     transaction.execute(
-        "UPDATE campaigns SET lesson = ?2, state = ?3, error = '' WHERE number = ?1",
+        "UPDATE campaigns SET label_cutoff = ?2, state = ?3, error = '' WHERE number = ?1",
         params![
             number,
-            super::numbers::clamped(lesson),
+            super::numbers::clamped(cutoff),
             CampaignState::Running.name()
         ],
     )?;

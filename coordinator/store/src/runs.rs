@@ -90,7 +90,7 @@ impl Store {
             )?;
             match decision {
                 Decision::Adopt(checkpoint) => begin_move(transaction, number, checkpoint)?,
-                Decision::Refine(lesson) => rounds::begin(transaction, number, lesson)?,
+                Decision::Refine(cutoff) => rounds::begin(transaction, number, cutoff)?,
                 Decision::Pause | Decision::Resume | Decision::Cancel => {}
             }
             Ok(Ok(()))

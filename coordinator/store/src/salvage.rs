@@ -25,7 +25,7 @@ impl Store {
     ///
     /// # Errors
     /// If they cannot be written.
-    pub fn take_checkpoints(&self, from: &Self) -> Result<u64, StoreError> {
+    pub(crate) fn take_checkpoints(&self, from: &Self) -> Result<u64, StoreError> {
         from.read(|source| {
             self.write(|target| {
                 copy(source, target, "quarantined", "ORDER BY machine", [])?;
@@ -39,7 +39,7 @@ impl Store {
     ///
     /// # Errors
     /// If it cannot be written, or less can be read than should remain.
-    pub fn take_campaign(
+    pub(crate) fn take_campaign(
         &self,
         from: &Self,
         campaign: &CampaignId,

@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// The first version that is still opened; databases of lower ones were made before any release.
-const FIRST: u32 = 13;
+const FIRST: u32 = 14;
 
 /// The tables of version [`FIRST`]. Never edited once released.
 const TABLES: &str = "
@@ -31,12 +31,12 @@ const TABLES: &str = "
         created_ms INTEGER NOT NULL,
         weight INTEGER NOT NULL DEFAULT 100,
         decisions INTEGER NOT NULL DEFAULT 0,
-        taken_back INTEGER NOT NULL DEFAULT 0,
+        rollbacks INTEGER NOT NULL DEFAULT 0,
         checkpoint INTEGER REFERENCES checkpoints (number),
         next_checkpoint INTEGER REFERENCES checkpoints (number),
         rounds INTEGER NOT NULL DEFAULT 0,
-        lesson INTEGER,
-        learned INTEGER
+        label_cutoff INTEGER,
+        last_label_cutoff INTEGER NOT NULL DEFAULT 0
     ) STRICT;
     CREATE TABLE generations (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
@@ -122,11 +122,11 @@ const TABLES: &str = "
     ) STRICT;
     CREATE TABLE provenance (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),
-        work TEXT NOT NULL,
+        result TEXT NOT NULL,
         place INTEGER NOT NULL,
-        workers BLOB NOT NULL,
+        machines BLOB NOT NULL,
         kinds BLOB NOT NULL DEFAULT x'',
-        PRIMARY KEY (campaign, work, place)
+        PRIMARY KEY (campaign, result, place)
     ) STRICT, WITHOUT ROWID;
 ";
 

@@ -313,7 +313,10 @@ fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
         store.create_campaign(&spec, Weight::default(), 0),
         Err(StoreError::NoCheckpoint(_))
     ));
-    assert_eq!(store.campaign(id.as_str()).unwrap().checkpoint, Some(digest));
+    assert_eq!(
+        store.campaign(id.as_str()).unwrap().embedder.checkpoint(),
+        Some(digest)
+    );
     assert_eq!(store.campaigns().unwrap().len(), 1);
 }
 

@@ -1,4 +1,4 @@
-//! What people ask for with a button.
+//! The actions behind the buttons.
 
 use super::{Web, examples::EXAMPLES, page_error::PageError};
 use axum::{
@@ -10,7 +10,7 @@ use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Invalid, SpecFileError};
 use serde::Deserialize;
 
-/// Which example to start.
+/// The form that starts an example.
 #[derive(Debug, Deserialize)]
 pub(super) struct Start {
     example: String,
@@ -48,7 +48,7 @@ pub(super) async fn cancel(State(web): State<Web>, Path(id): Path<String>) -> Re
     Ok(page_of(cancelled.record.id.as_str()))
 }
 
-/// Learning begins; on the map it can be watched.
+/// Has the campaign learn from its labels, and leads to the map, which shows the progress.
 pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let refined = web.campaigns.refine(&id).await?;
     Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))

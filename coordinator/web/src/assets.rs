@@ -1,4 +1,4 @@
-//! What pages are made of besides markup: style sheets and scripts, part of the binary.
+//! Style sheets and scripts, which are part of the binary.
 
 use super::page_error::PageError;
 use axum::{
@@ -6,34 +6,18 @@ use axum::{
     http::header::{CACHE_CONTROL, CONTENT_TYPE},
     response::IntoResponse,
 };
+use murmuration_report::scripts::MODULES;
 
 const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
-/// Name, kind and content of each.
-const ASSETS: [(&str, &str, &str); 21] = [
+/// The file name, type and content of each asset, without the scripts that reports share.
+const ASSETS: [(&str, &str, &str); 19] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
     ("noscript.css", CSS, include_str!("assets/noscript.css")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),
-    // What reports draw with too, as a module.
-    (
-        "drawing.js",
-        SCRIPT,
-        concat!(
-            include_str!("../../report/src/picture/drawing.js"),
-            "export { Run, column, dotOf, drawSwarm, equalScale, fit, stamp };\n"
-        ),
-    ),
-    (
-        "words.js",
-        SCRIPT,
-        concat!(
-            include_str!("../../report/src/picture/words.js"),
-            "export { counted };\n"
-        ),
-    ),
     ("annotator.js", SCRIPT, include_str!("assets/annotator.js")),
     ("coordinator.js", SCRIPT, include_str!("assets/coordinator.js")),
     ("events.js", SCRIPT, include_str!("assets/events.js")),
@@ -44,15 +28,19 @@ const ASSETS: [(&str, &str, &str); 21] = [
     ("outbox.js", SCRIPT, include_str!("assets/outbox.js")),
     ("palette.js", SCRIPT, include_str!("assets/palette.js")),
     ("player.js", SCRIPT, include_str!("assets/player.js")),
-    ("plot.js", SCRIPT, include_str!("assets/plot.js")),
+    ("points.js", SCRIPT, include_str!("assets/points.js")),
     ("queue.js", SCRIPT, include_str!("assets/queue.js")),
     ("sheet.js", SCRIPT, include_str!("assets/sheet.js")),
     ("taxonomy.js", SCRIPT, include_str!("assets/taxonomy.js")),
 ];
 
-/// One of them.
+/// Serves an asset.
 pub(super) async fn asset(Path(name): Path<String>) -> Result<impl IntoResponse, PageError> {
-    let found = ASSETS.iter().find(|(known, _, _)| *known == name);
+    let shared = MODULES.map(|(name, content)| (name, SCRIPT, content));
+    let found = ASSETS
+        .into_iter()
+        .chain(shared)
+        .find(|(known, _, _)| *known == name);
     let (_, kind, content) = found.ok_or(PageError::NoPage)?;
-    Ok(([(CONTENT_TYPE, *kind), (CACHE_CONTROL, "no-cache")], *content))
+    Ok(([(CONTENT_TYPE, kind), (CACHE_CONTROL, "no-cache")], content))
 }

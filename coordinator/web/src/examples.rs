@@ -1,6 +1,6 @@
 //! Campaigns that can be started with one click.
 
-/// Name, what it is, campaign file.
+/// Name, description, and campaign file of each.
 pub(super) const EXAMPLES: [(&str, &str, &str); 6] = [
     (
         "quick-latent",

@@ -1,4 +1,4 @@
-//! What browsers may do with an answer: what a page of ours may load, who may show it, and who may keep it.
+//! Response headers that tell browsers what a page may load, which sites may embed it, and whether to keep it.
 
 use super::archived;
 use axum::{
@@ -12,17 +12,17 @@ use axum::{
     middleware::Next,
     response::Response,
 };
-use murmuration_access::{Door, is_for_anybody};
+use murmuration_access::{Door, Requirement};
 use std::sync::Arc;
 
 const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self'; connect-src 'self'; \
                       form-action 'self'; base-uri 'none'; frame-ancestors 'none'";
 
-/// Says it with every answer but those of gRPC. What is behind a log-in is kept by nobody, but for what is
-/// [archived](super::archived).
+/// Sets these headers on every response but those of gRPC. Behind a log-in only responses that are
+/// [archived](super::archived) may be kept.
 pub(super) async fn protect(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
-    let is_for_anybody = is_for_anybody(&request);
     let mut response = next.run(request).await;
+    let is_for_anybody = response.extensions().get() == Some(&Requirement::Nothing);
     let headers = response.headers_mut();
     let kind = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes);
     if kind.is_some_and(|kind| kind.starts_with(b"application/grpc")) {
@@ -30,7 +30,7 @@ pub(super) async fn protect(State(door): State<Arc<Door>>, request: Request, nex
     }
     headers.insert(CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY));
     headers.insert(X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
-    // With none at all, browsers would not say either that a form comes from a page of ours.
+    // Without a referrer, browsers would not send the origin of a form either.
     headers.insert(REFERRER_POLICY, HeaderValue::from_static("same-origin"));
     let says = headers.get(CACHE_CONTROL);
     let may_be_kept = says.is_some_and(|says| is_for_anybody || archived::is_kept(says));

@@ -1,4 +1,4 @@
-//! The pages where people say what they see: one behaviour at a time, or a cluster at once.
+//! The pages on which people label behaviours: one at a time, or a cluster at once.
 
 use super::{
     Web,
@@ -32,7 +32,7 @@ pub(super) async fn one(
             }
         }
         (parts::who())
-        div.desk.once-named {
+        div.columns.once-named {
             section.watch.scripted aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
             section.side aria-label="Your answer" {
                 div.seen.scripted {
@@ -52,13 +52,13 @@ pub(super) async fn one(
                         option value=(strategy) selected[strategy == usual] { (said) }
                     }
                 } }
-                label { "Until " select #goal {
+                label { "Goal " select #goal {
                     @for goal in ["50", "100", "200", "500"] {
-                        option value=(goal) selected[goal == "200"] { (goal) " are answered" }
+                        option value=(goal) selected[goal == "200"] { (goal) " answers" }
                     }
-                    option value="all" { "all are answered" }
+                    option value="all" { "all behaviours" }
                 } }
-                label { input #agreement type="checkbox"; " what others answered, for agreement" }
+                label { input #agreement type="checkbox"; " Ask what others have answered, to measure agreement" }
                 (parts::rename())
             }
             dl.keys {
@@ -69,22 +69,22 @@ pub(super) async fn one(
     Ok(campaign_page(&record, Part::Label, &visitor, "label.js", content))
 }
 
-/// How it may be chosen what to ask.
+/// The query strategies, and how the menu names them.
 const STRATEGIES: [(Strategy, &str); 2] = [
-    (Strategy::Medoids, "medoids, then doubtful ones"),
+    (Strategy::Medoids, "medoids first, then uncertain ones"),
     (Strategy::Random, "at random"),
 ];
 
 const KEYS: [(&str, &str); 9] = [
     ("1 … 9", "the class with that number"),
-    ("n", "a class by its name, new or not"),
+    ("n", "name a class, new or existing"),
     ("?", "not sure"),
     ("s", "skip"),
-    ("u", "take the last answer back"),
+    ("u", "undo the last answer"),
     ("Space", "play or pause"),
-    ("← →", "a little back or on"),
+    ("← →", "a few steps back or forward"),
     ("- +", "slower or faster"),
-    ("r", "from the start"),
+    ("r", "restart the motion"),
 ];
 
 /// A cluster at once.
@@ -105,11 +105,11 @@ pub(super) async fn sheet(
         }
         (parts::who())
         p.lead.once-named.scripted {
-            "One cluster of behaviours that are near each other. Click those that differ, or draw around them; then name the "
-            "rest. What differs stays for the next look. " span #so-far role="status" {} " "
-            button.plain #fresh type="button" hidden { "Show them" }
+            "These behaviours are of one cluster. Click the behaviours that differ, or draw a line around them, then name the "
+            "rest. The behaviours that you mark stay unnamed and are shown again later. " span #so-far role="status" {} " "
+            button.plain #fresh type="button" hidden { "Show the new clusters" }
         }
-        div.desk.sheet-desk.once-named {
+        div.columns.once-named {
             section.sheet.scripted aria-label="Members of the cluster" {
                 div #sheet {}
                 canvas #over aria-hidden="true" {}
@@ -120,7 +120,7 @@ pub(super) async fn sheet(
                 (parts::palette(false))
                 (parts::status_line())
                 (parts::learn(&record))
-                (parts::stage("Motion of the behaviour pointed at"))
+                (parts::stage("Motion of the behaviour under the pointer"))
             }
         }
     };

@@ -1,10 +1,10 @@
-//! What all pages have about their content.
+//! The parts that all pages have around their content.
 
 use super::visitor::Visitor;
 use maud::{DOCTYPE, Markup, html};
 use murmuration_model::CampaignRecord;
 
-/// What of a campaign a page shows.
+/// The pages of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Progress,
@@ -34,7 +34,7 @@ pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup 
     )
 }
 
-/// A page about a part of a campaign, followed by a script.
+/// A page of a campaign, with its script.
 pub(super) fn campaign_page(
     record: &CampaignRecord,
     part: Part,
@@ -66,23 +66,22 @@ pub(super) fn campaign_page(
     document(&title, links, &[script], main)
 }
 
-/// What a page says where no script runs.
+/// The notice that a page shows where scripts do not run.
 fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
     let page = |path: &str, name: &str| html! { a href={ "/campaigns/" (record.id) (path) } { (name) } };
     html! {
         @match part {
             Part::Progress => {
-                "This page shows how the campaign stood when it was loaded: without JavaScript it does not follow what "
-                "happens. Load it again for news; its buttons work."
+                "Without JavaScript this page does not update. Reload it to see the current state. The buttons work."
             },
             Part::Taxonomy => {
-                "Without JavaScript the pictures do not move and cannot be named here. The report needs none for its pictures "
-                "and numbers."
+                "Without JavaScript the motions cannot be played and the behaviours cannot be named here. The report shows its "
+                "pictures and numbers without JavaScript."
             },
             Part::Label | Part::Sheet | Part::Map => {
-                "This page needs JavaScript, which this browser does not run here. Without it there are the "
-                (page("", "progress")) " of the campaign, its " (page("/taxonomy", "taxonomy")) " in pictures, and on the "
-                "command line " code { "murmuration label " (record.id) } ", which takes answers from a file."
+                "This page needs JavaScript, which is not running in this browser. Without JavaScript, see the "
+                (page("", "progress")) " and the " (page("/taxonomy", "taxonomy")) " of the campaign, or read answers from a "
+                "file with the command " code { "murmuration label " (record.id) " --csv FILE" } "."
             },
         }
     }

@@ -1,8 +1,8 @@
 //! The web pages, on the port that gRPC is served on: campaigns as they run, and what people teach them.
 //!
-//! Pages are made here with `maud` and need no build step; style sheets and scripts are part of the binary. Nothing is
-//! loaded from anywhere else. Without scripts campaigns can be read and steered; to label takes scripts. What those ask
-//! for is asked of the services in turn: nothing is decided here.
+//! `maud` makes the markup; style sheets and scripts are part of the binary, and need no build step. A page loads nothing
+//! from another site. Without scripts people can read and steer campaigns; labelling needs scripts. The handlers pass every
+//! request on to the services, which validate and decide.
 
 mod actions;
 mod archived;
@@ -18,21 +18,22 @@ mod motion;
 mod page_error;
 mod pages;
 mod parts;
-mod patience;
 mod refused;
 mod taxonomy;
 mod teach;
+mod time_limit;
 mod visitor;
 
 use axum::{
-    Extension, Router,
-    extract::DefaultBodyLimit,
     http::{HeaderMap, HeaderValue, Uri, header::CONTENT_TYPE},
     middleware,
     response::{IntoResponse as _, Response},
-    routing::{get, post},
 };
-use murmuration_access::{Door, Refusal, admit, limits::MAX_POST, requests};
+use murmuration_access::{
+    Door, GuardedRouter, Refusal,
+    Requirement::{self, Nothing},
+    requests,
+};
 use murmuration_engine::{campaign::Campaigns, maps::Maps};
 use murmuration_service::{CampaignApi, LabelApi, blame_the_client};
 use murmuration_store::Store;
@@ -40,7 +41,11 @@ use page_error::PageError;
 use std::sync::Arc;
 use tonic::{Status, service::Routes};
 
-/// What the pages show, and who does what they ask for.
+const VIEWER: Requirement = Requirement::VIEWER;
+const ANNOTATOR: Requirement = Requirement::ANNOTATOR;
+const OPERATOR: Requirement = Requirement::OPERATOR;
+
+/// The parts of a coordinator that the pages use.
 #[derive(Debug, Clone)]
 pub struct Web {
     /// The campaigns at work.
@@ -49,66 +54,73 @@ pub struct Web {
     pub store: Store,
     /// Where behaviours lie in two dimensions.
     pub maps: Maps,
-    /// What gRPC's clients ask of archives.
+    /// The service for campaigns and archives.
     pub archive: CampaignApi,
-    /// What they ask of labels.
+    /// The service for labels.
     pub labels: LabelApi,
 }
 
-/// The pages and what machines ask for beside the gRPC services, on one port, for whom its door lets in.
-pub fn beside(services: Routes, web: Web, probes: Router, door: Arc<Door>) -> Routes {
-    let pages = pages(web).layer(Extension(door.clone()));
-    let pages = pages.merge(probes).layer(middleware::from_fn(patience::limited));
-    let services = services
-        .into_axum_router()
-        .layer(middleware::from_fn(blame_the_client));
-    let all = pages.merge(services);
-    all.fallback(nowhere)
-        .layer(middleware::from_fn_with_state(door.clone(), admit))
+/// The pages and probes beside the gRPC services, on one port.
+pub fn routes(services: GuardedRouter, web: Web, probes: GuardedRouter) -> GuardedRouter {
+    let pages = pages().with_state(web).merge(probes);
+    pages
+        .wrapped(time_limit::limited)
+        .merge(services.wrapped(blame_the_client))
+}
+
+/// Those routes, served at a door.
+pub fn behind(routes: GuardedRouter, door: Arc<Door>) -> Routes {
+    routes
+        .behind(door.clone(), nowhere)
         .layer(middleware::from_fn_with_state(door, guard::protect))
         .layer(middleware::from_fn(requests::named))
         .into()
 }
 
-/// The answer to who may not come in, where a page was asked for.
-pub fn turn_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
-    login::turned_away(refusal, uri, headers)
+/// Renders a refusal, as a page or a line of text.
+pub fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+    login::show_refusal(refusal, uri, headers)
 }
 
-/// Every page, and what they are made of.
-fn pages(web: Web) -> Router {
-    Router::new()
-        .route("/", get(pages::campaigns).post(actions::start))
-        .route("/login", get(login::page).post(login::log_in))
-        .route("/logout", post(login::log_out))
-        .route("/events", get(live::campaigns))
-        .route("/campaigns/{id}", get(pages::campaign))
-        .route("/campaigns/{id}/events", get(live::campaign))
-        .route("/campaigns/{id}/individuals/{index}", get(pages::image))
-        .route("/campaigns/{id}/pause", post(actions::pause))
-        .route("/campaigns/{id}/resume", post(actions::resume))
-        .route("/campaigns/{id}/cancel", post(actions::cancel))
-        .route("/campaigns/{id}/refine", post(actions::refine))
-        .route("/campaigns/{id}/label", get(label::one))
-        .route("/campaigns/{id}/sheet", get(label::sheet))
-        .route("/campaigns/{id}/map", get(map::page))
-        .route("/campaigns/{id}/taxonomy", get(taxonomy::page))
-        .route("/campaigns/{id}/report", get(taxonomy::export))
-        .route("/campaigns/{id}/changes", get(live::changes))
-        .route("/campaigns/{id}/individuals/{index}/motion", get(motion::motion))
-        .route("/campaigns/{id}/labels", get(teach::labels).post(teach::answer))
-        .route("/campaigns/{id}/questions", post(teach::ask))
-        .route("/campaigns/{id}/undo", post(teach::undo))
-        .route("/campaigns/{id}/classes", post(teach::create))
-        .route("/campaigns/{id}/points", get(map::points))
-        .route("/campaigns/{id}/points/axes", get(map::axes))
-        .route("/campaigns/{id}/points/neighbours", get(map::neighbours))
-        .route("/assets/{name}", get(assets::asset))
-        .layer(DefaultBodyLimit::max(MAX_POST))
-        .with_state(web)
+/// Every page, and every asset and request of their scripts.
+fn pages() -> GuardedRouter<Web> {
+    GuardedRouter::default()
+        .get("/", VIEWER, pages::campaigns)
+        .post("/", OPERATOR, actions::start)
+        .get("/login", Nothing, login::page)
+        .post("/login", Nothing, login::log_in)
+        .post("/logout", Nothing, login::log_out)
+        .get("/events", VIEWER, live::campaigns)
+        .get("/campaigns/{id}", VIEWER, pages::campaign)
+        .get("/campaigns/{id}/events", VIEWER, live::campaign)
+        .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)
+        .post("/campaigns/{id}/pause", OPERATOR, actions::pause)
+        .post("/campaigns/{id}/resume", OPERATOR, actions::resume)
+        .post("/campaigns/{id}/cancel", OPERATOR, actions::cancel)
+        .post("/campaigns/{id}/refine", OPERATOR, actions::refine)
+        .get("/campaigns/{id}/label", VIEWER, label::one)
+        .get("/campaigns/{id}/sheet", VIEWER, label::sheet)
+        .get("/campaigns/{id}/map", VIEWER, map::page)
+        .get("/campaigns/{id}/taxonomy", VIEWER, taxonomy::page)
+        .get("/campaigns/{id}/report", VIEWER, taxonomy::export)
+        .get("/campaigns/{id}/changes", VIEWER, live::changes)
+        .get(
+            "/campaigns/{id}/individuals/{index}/motion",
+            VIEWER,
+            motion::motion,
+        )
+        .get("/campaigns/{id}/labels", VIEWER, teach::labels)
+        .post("/campaigns/{id}/labels", ANNOTATOR, teach::answer)
+        .post("/campaigns/{id}/questions", ANNOTATOR, teach::ask)
+        .post("/campaigns/{id}/undo", ANNOTATOR, teach::undo)
+        .post("/campaigns/{id}/classes", ANNOTATOR, teach::create)
+        .get("/campaigns/{id}/points", VIEWER, map::points)
+        .get("/campaigns/{id}/points/axes", VIEWER, map::axes)
+        .get("/campaigns/{id}/points/neighbours", VIEWER, map::neighbours)
+        .get("/assets/{name}", Nothing, assets::asset)
 }
 
-/// Neither a page nor a service.
+/// Answers requests for an address that is neither a page nor a service.
 async fn nowhere(headers: HeaderMap) -> Response {
     let kind = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes);
     match kind.is_some_and(|kind| kind.starts_with(b"application/grpc")) {

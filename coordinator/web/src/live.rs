@@ -1,4 +1,4 @@
-//! Pages that follow what happens: the parts that change, sent again whenever they do.
+//! The event streams of pages: parts of a page are sent again whenever they change.
 
 use super::{Web, page_error::PageError, pages};
 use axum::{
@@ -19,52 +19,61 @@ const INTERVAL: Duration = Duration::from_millis(250);
 type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
 pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, PageError> {
-    let seat = seat(&web)?;
+    let permit = permit(&web)?;
     let look = move || {
         let web = web.clone();
         async move { Ok(pages::table(&web.campaigns.list().await?).into_string()) }
     };
-    Ok(follow(seat, look))
+    Ok(follow(permit, look))
 }
 
 pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
-    let seat = seat(&web)?;
-    let shown = Arc::<Mutex<Option<Shown>>>::default();
+    let permit = permit(&web)?;
+    let latest = Arc::<Mutex<Option<RenderedTaxonomy>>>::default();
     let look = move || {
-        let (web, id, shown) = (web.clone(), id.clone(), shown.clone());
+        let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            let of = stands(&status.record);
-            let mut shown = shown.lock().await;
-            let taxonomy = match shown.take() {
-                Some((version, taxonomy)) if version == of => taxonomy,
+            let state = ArchiveState::of(&status.record);
+            let mut latest = latest.lock().await;
+            let taxonomy = match latest.take() {
+                Some((rendered, taxonomy)) if rendered == state => taxonomy,
                 _ => pages::taxonomy(&web, &status.record).await?.into_string(),
             };
             let part = format!("{}{taxonomy}", pages::figures(&status).into_string());
-            *shown = Some((of, taxonomy));
+            *latest = Some((state, taxonomy));
             Ok(part)
         }
     };
-    Ok(follow(seat, look))
+    Ok(follow(permit, look))
 }
 
-/// A taxonomy as a page shows it, and of which archive: it is read again when that is another.
-type Shown = (Stands, String);
+/// The markup of a taxonomy, and the state of the archive that it was rendered from.
+type RenderedTaxonomy = (ArchiveState, String);
 
-/// What archive there is, and whether it has a taxonomy.
-type Stands = (ArchiveVersion, u64, bool);
-
-fn stands(record: &CampaignRecord) -> Stands {
-    let completed = record.state == CampaignState::Completed;
-    (record.archive_version(), record.individuals(), completed)
+/// The state of an archive: a page that shows the archive is loaded again when the state changes.
+#[derive(PartialEq, Eq)]
+struct ArchiveState {
+    version: ArchiveVersion,
+    individuals: u64,
+    completed: bool,
 }
 
-/// For scripts: which archive version the archive is of, how many it holds, whether it has a taxonomy, how long its label log is,
-/// what is being done with it; whoever shows any of these looks again when it changes.
+impl ArchiveState {
+    fn of(record: &CampaignRecord) -> Self {
+        Self {
+            version: record.archive_version(),
+            individuals: record.individuals(),
+            completed: record.state == CampaignState::Completed,
+        }
+    }
+}
+
+/// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
-    let seat = seat(&web)?;
+    let permit = permit(&web)?;
     let look = move || {
         let (web, id) = (web.clone(), id.clone());
         async move {
@@ -72,35 +81,35 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let doing = status.active.then(|| pages::doing(&status));
             let record = status.record;
             let entries = blocking(move || web.store.label_entries(&id)).await??;
-            let (archive_version, individuals, completed) = stands(&record);
+            let archive = ArchiveState::of(&record);
             let seen = json!({
-                "archive_version": archive_version.to_string(),
-                "individuals": individuals,
-                "completed": completed,
+                "archive_version": archive.version.to_string(),
+                "individuals": archive.individuals,
+                "completed": archive.completed,
                 "labels": entries,
                 "doing": doing,
             });
             Ok(seen.to_string())
         }
     };
-    Ok(follow(seat, look))
+    Ok(follow(permit, look))
 }
 
-fn seat(web: &Web) -> Result<Permit, PageError> {
-    let seat = web.archive.permits.watch();
-    seat.map_err(|status| PageError::Busy(status.message().to_owned()))
+fn permit(web: &Web) -> Result<Permit, PageError> {
+    let permit = web.archive.permits.watch();
+    permit.map_err(|status| PageError::Busy(status.message().to_owned()))
 }
 
-/// Sends what `look` sees, whenever that is not what it was before, for as long as somebody listens. It is called several
-/// times a second: what it reads must not grow with the archive.
-fn follow<Look, Looked>(seat: Permit, look: Look) -> Events
+/// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second, so
+/// what it reads must not grow with the archive.
+fn follow<Look, Looked>(permit: Permit, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
     Looked: Future<Output = Result<String, CampaignError>> + Send,
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {
-        let _seat = seat;
+        let _permit = permit;
         let mut seen = None;
         while let Ok(sight) = look().await {
             if seen.as_ref() != Some(&sight) {

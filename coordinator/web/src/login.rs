@@ -1,4 +1,4 @@
-//! Logging in and out: a token is taken once, and the browser keeps a session that no script can read.
+//! Logging in and out: a person enters a token once, and the browser keeps a session cookie that no script can read.
 
 use super::{
     layout::layout,
@@ -21,7 +21,7 @@ use murmuration_link::TokenDigest;
 use serde::Deserialize;
 use std::{sync::Arc, time::SystemTime};
 
-/// A token, as somebody gave it.
+/// The log-in form, as it was filled in.
 #[derive(Deserialize)]
 pub(super) struct Given {
     token: String,
@@ -29,14 +29,14 @@ pub(super) struct Given {
     to: Destination,
 }
 
-/// Where somebody was going.
+/// The page to go to after the log-in.
 #[derive(Deserialize)]
 pub(super) struct Going {
     #[serde(default)]
     to: Destination,
 }
 
-/// A page of ours, by its path.
+/// The path of a page of this coordinator.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(from = "String")]
 struct Destination(String);
@@ -48,7 +48,7 @@ impl Default for Destination {
 }
 
 impl From<String> for Destination {
-    /// Whatever is not plainly a path of this host leads to the front page.
+    /// What is not plainly a path of this host becomes the front page.
     fn from(path: String) -> Self {
         let plain = |c: char| c.is_ascii_alphanumeric() || "/-_.".contains(c);
         match path.starts_with('/') && !path.starts_with("//") && path.chars().all(plain) {
@@ -58,7 +58,7 @@ impl From<String> for Destination {
     }
 }
 
-/// Who is logged in, or where to log in.
+/// The page that shows who is logged in, or the log-in form.
 pub(super) async fn page(
     Extension(door): Extension<Arc<Door>>,
     Query(Going { to }): Query<Going>,
@@ -69,13 +69,13 @@ pub(super) async fn page(
     let content = match whose {
         Some((name, role)) => html! {
             h1 { "Logged in" }
-            p.lead { "As " strong { (name.to_string()) } ", with the role " strong { (role) } "." }
+            p.lead { "You are logged in as " strong { (name.to_string()) } " with the role " strong { (role) } "." }
             form method="post" action="/logout" { button { "Log out" } }
             p { a href="/" { "All campaigns" } }
         },
         None if door.access.tokens.is_none() => html! {
-            h1 { "No need to log in" }
-            p.lead { "This coordinator asks nobody for a token." }
+            h1 { "No log-in needed" }
+            p.lead { "This coordinator requires no token." }
             p { a href="/" { "All campaigns" } }
         },
         None => form(&to, ""),
@@ -86,7 +86,7 @@ pub(super) async fn page(
     )
 }
 
-/// Takes a token, if it is somebody's.
+/// Opens a session for a token that the coordinator knows.
 pub(super) async fn log_in(
     Extension(door): Extension<Arc<Door>>,
     headers: HeaderMap,
@@ -108,12 +108,12 @@ pub(super) async fn log_in(
     });
     match opened.await {
         Ok(Ok(answer)) => answer,
-        Ok(Err(wrong)) => wrong.into_response(),
+        Ok(Err(error)) => error.into_response(),
         Err(broken) => PageError::from(broken).into_response(),
     }
 }
 
-/// Ends the session, and has the browser forget it and what it has kept of our pages.
+/// Ends the session, and tells the browser to forget it and the pages that it keeps.
 pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: HeaderMap) -> Response {
     let sessions = door.sessions.clone();
     let forgotten = sessions.forget(&headers);
@@ -127,7 +127,7 @@ pub(super) async fn log_out(Extension(door): Extension<Arc<Door>>, headers: Head
     hidden(([("clear-site-data", "\"cache\"")], answer).into_response())
 }
 
-/// The answer, whose cookies no log shows.
+/// Marks the cookies of a response as sensitive, so that no log shows them.
 fn hidden(mut answer: Response) -> Response {
     let headers = answer.headers_mut().iter_mut();
     headers
@@ -136,10 +136,10 @@ fn hidden(mut answer: Response) -> Response {
     answer
 }
 
-fn form(to: &Destination, wrong: &str) -> Markup {
+fn form(to: &Destination, error: &str) -> Markup {
     html! {
         h1 { "Log in" }
-        p.lead { "With a token, which whoever runs this coordinator has given to you." }
+        p.lead { "Enter the token that the operator of this coordinator gave you." }
         form.who method="post" action="/login" {
             input type="hidden" name="to" value=(to.0);
             label { "Token "
@@ -147,12 +147,12 @@ fn form(to: &Destination, wrong: &str) -> Markup {
             }
             button { "Log in" }
         }
-        @if !wrong.is_empty() { p role="alert" { (wrong) } }
+        @if !error.is_empty() { p role="alert" { (error) } }
     }
 }
 
-/// The answer to who may not come in: a page, or the way to one, for people; a line of text for scripts.
-pub(super) fn turned_away(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
+/// The response to a request that is refused: a page or the log-in for people, and a line of text for scripts.
+pub(super) fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Response {
     match (page_error::wants_page(headers), status_of(&refusal)) {
         (true, StatusCode::UNAUTHORIZED) => {
             let Destination(path) = uri.path().to_owned().into();

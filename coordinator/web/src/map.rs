@@ -1,4 +1,4 @@
-//! The map of a campaign's behaviours: its page, and its points for the script.
+//! The map of a campaign's behaviours: the page, and the points that its script asks for.
 
 use super::{
     Web,
@@ -33,9 +33,9 @@ pub(super) async fn page(
         div.wide-bar {
             h1 { "Map" }
             div.choices.scripted {
-                label { "Places " select #projection {
+                label { "Layout " select #projection {
                     option value="axes" { "principal axes" }
-                    option value="neighbours" disabled { "t-SNE (not there yet)" }
+                    option value="neighbours" disabled { "t-SNE (being computed)" }
                 } }
                 label { "Colours " select #colouring {
                     option value="class" { "class" }
@@ -45,26 +45,26 @@ pub(super) async fn page(
             }
         }
         (parts::who())
-        div.desk.map-desk {
+        div.columns {
             div.sight.scripted {
                 section.plane aria-label="Behaviours" {
                     canvas #points aria-hidden="true" {}
                     canvas #over tabindex="0" role="application" aria-describedby="how"
                         aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
                     div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
-                    p.empty hidden { "There is nothing on the map yet: the first generation is still to come." }
+                    p.empty hidden { "The map is empty until the first generation is complete." }
                 }
                 ul #legend.legend aria-label="Colours" {}
                 p #distances.reason role="status" {}
                 p #how.reason {
-                    "Point at a behaviour for its picture, click it for its motion. Draw around "
-                    "several to select them (with Shift, more of them; Escape, none), then press the number of a class."
+                    "Point at a behaviour to see its picture, and click it to play its motion. Draw a line around behaviours "
+                    "to select them (Shift adds to the selection, Escape clears it), then press the number of a class."
                 }
             }
             section.side aria-label="Selection" {
-                (parts::stage("Motion of the behaviour that was chosen"))
-                p #chosen.reason.scripted { "Click a behaviour to see its motion." }
-                p #selected.reason.scripted { "Draw around behaviours to label them." }
+                (parts::stage("Motion of the behaviour that you clicked"))
+                p #chosen.reason.scripted { "Click a behaviour to play its motion." }
+                p #selected.reason.scripted { "Draw a line around behaviours to label them." }
                 (parts::palette(false))
                 (parts::status_line())
                 (parts::learn(&record))
@@ -74,7 +74,7 @@ pub(super) async fn page(
     Ok(campaign_page(&record, Part::Map, &visitor, "map.js", content))
 }
 
-/// What is known of each point besides its place; clusters of the first individuals alone while the archive grows.
+/// The properties of each point besides its place. While the archive grows, only its first individuals have a cluster.
 pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let (individuals, population) = (record.individuals(), record.spec.search().population());
@@ -106,7 +106,7 @@ pub(super) async fn axes(State(web): State<Web>, Path(id): Path<String>) -> Resu
     Ok(Json(places(&axes.points)))
 }
 
-/// Places by t-SNE; ACCEPTED, and nothing, while they are computed.
+/// Places by t-SNE; ACCEPTED with an empty body while they are computed.
 pub(super) async fn neighbours(State(web): State<Web>, Path(id): Path<String>) -> Result<Response, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let maps = web.maps.clone();

@@ -21,7 +21,7 @@ use tonic::{Request, Status};
 /// Bytes of one motion, before base64.
 const MOTION_BYTES: usize = 2 << 20;
 /// How long a script waits for a worker; then it is told that they have other work, and may ask again.
-const PATIENCE: Duration = Duration::from_secs(20);
+const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
 
 pub(super) async fn motion(
     State(web): State<Web>,
@@ -36,7 +36,7 @@ pub(super) async fn motion(
         index,
         stride: Frames::to_watch(&world).stride().get(),
     };
-    let replay = tokio::time::timeout(PATIENCE, web.archive.get_replay(Request::new(request)));
+    let replay = tokio::time::timeout(REPLAY_TIMEOUT, web.archive.get_replay(Request::new(request)));
     let late = || Status::unavailable("the workers have not simulated this yet");
     let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
     let told = json!({

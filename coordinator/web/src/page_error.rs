@@ -1,4 +1,4 @@
-//! Why a page cannot be shown, as a page.
+//! The errors of a page, and the page that shows them.
 
 use super::{layout::layout, refused, visitor::Visitor};
 use axum::{
@@ -13,51 +13,60 @@ use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
 use tonic::Status;
 
-/// What is wrong with a request, or went wrong with it.
+/// Why a page cannot be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum PageError {
     /// There is no page of that address.
     #[error("there is no such page")]
     NoPage,
-    /// Whoever asks may not have it.
+    /// The client may not see it.
     #[error("{0}")]
     Refused(Refusal),
-    /// Too many want the same.
+    /// Too many clients use what it needs.
     #[error("{0}")]
     Busy(String),
     /// It would take too long.
     #[error(
-        "this took longer than {} seconds and was given up, since workers or the coordinator have much to do: try again \
-         later; the command `murmuration report` waits for as long as a report takes",
+        "this took longer than {} seconds and was given up, because the workers or the coordinator are busy: try again \
+         later, or use the command `murmuration report`, which waits for as long as a report takes",
         murmuration_access::limits::PAGE_LIMIT.as_secs()
     )]
     Late,
     /// A service refused it.
     #[error("{}", .0.message())]
     Service(#[from] Status),
-    /// A value that is not allowed.
+    /// A value is not allowed.
     #[error("{0}")]
     Input(#[from] Invalid),
-    /// The campaign does not do that.
+    /// The campaign refused the request, or failed at it.
     #[error("{0}")]
     Campaign(#[from] CampaignError),
-    /// A picture cannot be made.
+    /// A picture cannot be drawn.
     #[error("{0}")]
     Picture(#[from] PictureError),
 }
 
-/// Whether somebody would read a page: scripts and programs ask for anything.
+/// Whether the client would show a page: scripts and programs accept any content.
 pub(super) fn wants_page(headers: &HeaderMap) -> bool {
     let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
     accepts.is_some_and(|kinds| kinds.contains("text/html"))
 }
 
 impl PageError {
-    /// The answer to a request with these headers: a page, or a line of text.
+    /// The response to a request with these headers: a page, or a line of text.
     pub(super) fn told(self, headers: &HeaderMap) -> Response {
         match wants_page(headers) {
             true => self.into_response(),
             false => (self.status(), self.to_string()).into_response(),
+        }
+    }
+
+    const fn title(&self) -> &'static str {
+        match self {
+            Self::NoPage => "Page not found",
+            Self::Refused(_) => "Request refused",
+            Self::Busy(_) | Self::Late => "The coordinator is busy",
+            Self::Service(_) | Self::Input(_) | Self::Campaign(_) | Self::Picture(_) => "Request failed",
         }
     }
 
@@ -84,7 +93,7 @@ impl PageError {
     }
 }
 
-/// The status of an answer to who may not come in.
+/// The HTTP status of a refusal.
 pub(super) const fn status_of(refusal: &Refusal) -> StatusCode {
     match refusal {
         Refusal::NoToken | Refusal::UnknownToken | Refusal::NoCertificate => StatusCode::UNAUTHORIZED,
@@ -111,11 +120,12 @@ impl From<StoreError> for PageError {
 
 impl IntoResponse for PageError {
     fn into_response(self) -> Response {
+        let title = self.title();
         let page = layout(
-            "Not that way",
+            title,
             &Visitor::ANYBODY,
             html! {
-                h1 { "Not that way" }
+                h1 { (title) }
                 p.lead { (self.to_string()) }
                 p { a href="/" { "All campaigns" } }
                 @if let Self::Refused(Refusal::Role { .. }) = self { p { a href="/login" { "Log in with another token" } } }

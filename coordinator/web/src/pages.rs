@@ -20,13 +20,13 @@ use murmuration_engine::{
     taxonomy::Taxonomy,
 };
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
-use murmuration_proto::{EmbedderSource, Feedback, counted, noun};
+use murmuration_proto::{EmbedderSource, Feedback, counted, figure, grouped};
 use murmuration_report::picture::grey_png;
 
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
 
-/// Every campaign, and how to start another.
+/// The list of campaigns, and the buttons that start one.
 pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
     let listed = web.campaigns.list().await?;
     Ok(layout(
@@ -34,10 +34,9 @@ pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Resul
         &visitor,
         html! {
             h1 { "Campaigns" }
-            p.lead { "Which collective behaviours can a swarm of such robots show? Each campaign is a search for them." }
+            p.lead { "Each campaign searches for the collective behaviours that a swarm of simple robots can show." }
             noscript { p.scriptless {
-                "This list shows how the campaigns stood when it was loaded: without JavaScript it does not follow what happens. "
-                "Load it again for news."
+                "Without JavaScript this list does not update. Reload the page to see the current state."
             } }
             section aria-label="Campaigns" data-live="/events" { (table(&listed)) }
             section aria-labelledby="start" {
@@ -62,7 +61,7 @@ pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Resul
 pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
     html! {
         @if campaigns.is_empty() {
-            p { "There is none yet." }
+            p { "There are no campaigns yet." }
         } @else {
             ul.campaigns {
                 @for status in campaigns.iter().rev() {
@@ -78,7 +77,7 @@ pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
     }
 }
 
-/// One campaign: how it stands, what can be done with it, what it was asked.
+/// A campaign: its status, the buttons that steer it, and its specification.
 pub(super) async fn campaign(
     State(web): State<Web>,
     Path(id): Path<String>,
@@ -94,13 +93,13 @@ pub(super) async fn campaign(
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
-            section aria-label="How it stands" data-live={ "/campaigns/" (id) "/events" } {
+            section aria-label="Status" data-live={ "/campaigns/" (id) "/events" } {
                 (figures(&status))
                 (taxonomy(&web, &status.record).await?)
             }
             section aria-labelledby="specification" {
                 h2 #specification { "Specification" }
-                details { summary { "Every field" } pre tabindex="0" { code { (status.record.spec.to_toml()) } } }
+                details { summary { "All fields" } pre tabindex="0" { code { (status.record.spec.to_toml()) } } }
             }
         },
     ))
@@ -113,7 +112,7 @@ pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Marku
     Ok(taxonomy.map_or_else(Markup::default, |taxonomy| behaviours(record, &taxonomy)))
 }
 
-/// What of a campaign's page changes while it runs: progress, figures of the moment, and what can be done.
+/// The part of a campaign's page that changes while it runs: progress, current figures, and buttons.
 pub(super) fn figures(status: &CampaignStatus) -> Markup {
     let id = status.record.id.as_str();
     html! {
@@ -133,7 +132,7 @@ pub(super) fn figures(status: &CampaignStatus) -> Markup {
     }
 }
 
-/// Whether a button for that makes sense: what the state allows, but not to resume what runs.
+/// Whether to show a button: the state allows the change, and a running campaign is not resumed.
 fn offered(status: &CampaignStatus, change: Change) -> bool {
     let allowed = status.record.state.after(change).is_some();
     allowed && !(change == Change::Resume && status.active)
@@ -147,7 +146,7 @@ fn capitalised(word: &str) -> String {
         .unwrap_or_default()
 }
 
-/// How far a campaign has come, as a bar and in words.
+/// The progress of a campaign, as a bar and in words.
 fn progress(status: &CampaignStatus) -> Markup {
     let amount = amount(status);
     let (done, total) = amount.map_or((0, 1), |(done, total, _)| (done, total.max(1)));
@@ -162,17 +161,17 @@ fn progress(status: &CampaignStatus) -> Markup {
             progress value=(done) max=(total) aria-label={ "Progress of " (status.record.id) } {}
             span.figures {
                 strong { (state) }
-                @if let Some((done, total, unit)) = amount { " · " (done) " of " (total) " " (noun(total, unit)) }
+                @if let Some((done, total, unit)) = amount { " · " (grouped(done)) " of " (counted(total, unit)) }
             }
         }
     }
 }
 
-/// What is being done with a campaign at work, and how far.
+/// The stage of a running campaign and its progress, as a sentence.
 pub(super) fn doing(status: &CampaignStatus) -> String {
     let stage = stage(status.stage);
     match amount(status) {
-        Some((done, total, unit)) => format!("Now {stage}: {done} of {total} {}.", noun(total, unit)),
+        Some((done, total, unit)) => format!("Now {stage}: {} of {}.", grouped(done), counted(total, unit)),
         None => format!("Now {stage}."),
     }
 }
@@ -181,7 +180,7 @@ const fn stage(stage: Stage) -> &'static str {
     match stage {
         Stage::Dataset => "simulating the dataset",
         Stage::Pretrain => "training the embedder",
-        Stage::Embed => "embedding anew",
+        Stage::Embed => "re-embedding the archive",
         Stage::Evolve => "searching",
         Stage::Label => "labelling",
         Stage::FineTune => "learning from labels",
@@ -189,7 +188,8 @@ const fn stage(stage: Stage) -> &'static str {
     }
 }
 
-/// What the stage has done and has to do, and of what, in the singular; nothing before a trainer has said how much that is.
+/// The amount that the stage has done, the amount that it has to do, and their unit in the singular; nothing before a
+/// trainer has reported its epochs.
 fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
     let spec = &status.record.spec;
     let search = spec.search();
@@ -206,7 +206,7 @@ fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
             let training = status.training?;
             (training.epoch, training.epochs, "epoch")
         }
-        (Stage::Embed, _) => (status.record.embedded + arrived, archived, "picture"),
+        (Stage::Embed, _) => (status.record.embedder.embedded() + arrived, archived, "picture"),
         (Stage::Label, _) => {
             let wanted = spec.feedback().map_or(0, Feedback::labels);
             (arrived, wanted.into(), "label")
@@ -217,30 +217,34 @@ fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
     Some((done.min(total), total, unit))
 }
 
-/// Figures of the moment.
+/// Current figures.
 fn facts(status: &CampaignStatus) -> Markup {
     let fact = |name: &str, value: String| html! { div { dt { (name) } dd { (value) } } };
     let record = &status.record;
     let generations = record.generations();
-    let why = generations_in_words(&record.spec, generations, record.rounds_done);
+    let why = generations_in_words(&record.spec, generations, record.rounds.done);
     let why = why.map_or_else(String::new, |why| format!(": {why}"));
     html! {
         dl.facts {
-            (fact("Generations", format!("{} of {generations}{why}", record.generations_done)))
+            (fact("Generations", format!(
+                "{} of {}{why}",
+                grouped(record.generations_done.into()),
+                grouped(generations.into())
+            )))
             @if let Some((best, mean)) = status.record.last_novelty {
-                (fact("Best novelty of the last generation", format!("{best:.4}")))
-                (fact("Mean novelty of the last generation", format!("{mean:.4}")))
+                (fact("Best novelty of the last generation", figure(best)))
+                (fact("Mean novelty of the last generation", figure(mean)))
             }
             @if let Some(training) = status.training {
-                @if let Some(loss) = training.loss { (fact("Loss", format!("{loss:.4}"))) }
+                @if let Some(loss) = training.loss { (fact("Loss", figure(loss))) }
                 @if let Some(share) = training.triplet_accuracy {
-                    (fact("Held-out triplets", format!("{:.1} %", 100.0 * share)))
+                    (fact("Accuracy on held-out triplets", format!("{:.1} %", 100.0 * share)))
                 }
             }
-            @if status.per_second > 0.0 { (fact("Rate", format!("{:.0} a second", status.per_second))) }
+            @if status.per_second > 0.0 { (fact("Rate", format!("{} per second", grouped(status.per_second.round() as u64)))) }
             (fact("Workers", status.workers.to_string()))
             (fact("Trainers", status.trainers.to_string()))
-            @if let Some(checkpoint) = status.record.checkpoint {
+            @if let Some(checkpoint) = status.record.embedder.checkpoint() {
                 (fact("Checkpoint", checkpoint.to_string().chars().take(12).collect()))
             }
         }
@@ -258,8 +262,8 @@ fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
     html! {
         h2 { (counted(taxonomy.medoids.len() as u64, "behaviour")) }
         p.lead {
-            "One picture a cluster: the last steps of the swarm at its centre. "
-            a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name them" }
+            "Each picture shows the last steps of the swarm at the centre of a cluster. "
+            a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name the behaviours" }
         }
         ul.behaviours {
             @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
@@ -267,7 +271,7 @@ fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
                 li {
                     img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
                         alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
-                    p title={ "cluster of " (medoid.cluster_size) } { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
+                    p title={ "cluster of " (grouped(medoid.cluster_size)) } { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
                     p { code { (medoid.individual.controller) } }
                 }
             }

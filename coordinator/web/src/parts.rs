@@ -1,10 +1,10 @@
-//! Parts that several pages are made of.
+//! Parts that several pages share.
 
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, CampaignState};
 
-/// Where a motion is played, with what plays it.
+/// A canvas on which a motion is played, and its controls.
 pub(super) fn stage(label: &str) -> Markup {
     html! {
         div.player.scripted {
@@ -23,7 +23,7 @@ pub(super) fn stage(label: &str) -> Markup {
     }
 }
 
-/// Buttons for the classes, filled by a script, and other answers; `single` where one behaviour is asked about.
+/// Buttons for the classes, which a script adds, and for other answers; `single` where the page asks about one behaviour.
 pub(super) fn palette(single: bool) -> Markup {
     html! {
         div.palette.scripted aria-label="Classes" role="group" {
@@ -45,16 +45,16 @@ pub(super) fn palette(single: bool) -> Markup {
             div.near role="status" hidden {
                 p.reason {}
                 div.others {
-                    button.plain type="button" data-do="instead" { "Say the other instead" }
-                    button.plain type="button" data-do="differ" { "They differ" }
+                    button.plain type="button" data-do="instead" { "Use the other class" }
+                    button.plain type="button" data-do="differ" { "Keep both classes" }
                 }
             }
-            p.reason { "What fits no class is " strong { (RANDOM) } ": two of those need not be alike." }
+            p.reason { "Use the class " strong { (RANDOM) } " for behaviours that fit no other class; two of them need not be alike." }
         }
     }
 }
 
-/// Has the campaign learn from what was said; nothing where it has no embedding that could.
+/// The button that has the campaign learn from its labels; nothing where the campaign has no embedding.
 pub(super) fn learn(record: &CampaignRecord) -> Markup {
     let offered = record.spec.method().embeds() && record.state != CampaignState::Cancelled;
     html! {
@@ -67,11 +67,12 @@ pub(super) fn learn(record: &CampaignRecord) -> Markup {
     }
 }
 
-/// Asks for the annotator's name, until the browser knows it; nothing with the class `once-named` is shown meanwhile.
+/// The form that asks for the annotator's name until the browser knows it; until then, parts with the class `once-named`
+/// are hidden.
 pub(super) fn who() -> Markup {
     html! {
         form #who.who hidden {
-            label { "Your name, to be kept with your answers "
+            label { "Your name, which is stored with your answers "
                 input name="annotator" maxlength="64" required autocomplete="nickname";
             }
             button { "Begin" }
@@ -79,12 +80,12 @@ pub(super) fn who() -> Markup {
     }
 }
 
-/// Where somebody changes the name that they answer by.
+/// The field in which annotators change their name.
 pub(super) fn rename() -> Markup {
     html! { label { "Answering as " input #annotator maxlength="64" autocomplete="nickname"; } }
 }
 
-/// What the script says about saving, and what went wrong.
+/// The line on which the script reports what is saved, and errors.
 pub(super) fn status_line() -> Markup {
     html! { p #status.status role="status" {} }
 }

@@ -1,4 +1,4 @@
-//! Why a script's request was refused: a status and a line of text.
+//! The response to a script's request that was refused: a status and a line of text.
 
 use axum::{
     http::StatusCode,
@@ -6,7 +6,7 @@ use axum::{
 };
 use tonic::{Code, Status};
 
-/// What a service says, to a script.
+/// The status of a service, for a script.
 #[derive(Debug)]
 pub(super) struct Refused(Status);
 
@@ -23,7 +23,7 @@ impl IntoResponse for Refused {
     }
 }
 
-/// The status of an answer for which a service has given this code.
+/// The HTTP status for the code of a service.
 pub(super) const fn status_of(code: Code) -> StatusCode {
     match code {
         Code::InvalidArgument | Code::OutOfRange => StatusCode::BAD_REQUEST,

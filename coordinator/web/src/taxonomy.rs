@@ -1,4 +1,4 @@
-//! The taxonomy of a campaign: its behaviours, to be watched, named and taken away as a report.
+//! The taxonomy of a campaign: people watch its behaviours, name them, and download the report.
 
 use super::{
     Web, archived,
@@ -22,7 +22,7 @@ use murmuration_model::{
     labels::{GivenClass, Labels},
 };
 use murmuration_proto::{
-    counted,
+    counted, grouped,
     v1::{
         campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
         label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
@@ -56,13 +56,13 @@ pub(super) async fn page(
             }
         }
         @match &taxonomy {
-            None => p.empty { "There is no taxonomy yet: it is made when the search has ended." },
+            None => p.empty { "The taxonomy is computed when the search has ended." },
             Some(taxonomy) => {
                 p.lead {
-                    "One card a behaviour, that of the largest cluster first: the one in the middle of its cluster. "
+                    "Each card shows the behaviour at the centre of a cluster. The largest cluster is first. "
                     span.scripted {
-                        "Point at a picture to watch it. A name is a label like any other answer"
-                        @if record.spec.method().embeds() { ": the embedding learns from it when somebody has it learn from the labels" }
+                        "Point at a picture to play its motion. A name counts as a label"
+                        @if record.spec.method().embeds() { ": the embedding learns from it when it next learns from the labels" }
                         "."
                     }
                 }
@@ -106,9 +106,9 @@ fn card(
             }
             h2 id={ "behaviour-" (number) } { "Behaviour " (number) }
             p.reason title={
-                (medoid.cluster_size) " of " (counted(individuals as u64, "individual"))
-                " are nearer to this one than to any other behaviour here"
-            } { (format!("{:.1} %", 100.0 * share)) " · cluster of " (medoid.cluster_size) }
+                (grouped(medoid.cluster_size)) " of " (counted(individuals as u64, "individual"))
+                " are nearer to this behaviour than to any other on this page"
+            } { (format!("{:.1} %", 100.0 * share)) " · cluster of " (grouped(medoid.cluster_size)) }
             progress value=(medoid.cluster_size) max=(individuals) aria-label="Share of all individuals" {}
             form.naming.scripted data-index=(index) {
                 label { span.unseen { "Name of behaviour " (number) }
@@ -121,8 +121,8 @@ fn card(
                 p.reason { "Named “" (given.map_or("", |given| given.class.as_str())) "” by the rule-based judge, not by a person." }
             }
             dl.figures {
-                div { dt { "Individual" } dd { (index) } }
-                div { dt { "Generation" } dd { (medoid.individual.generation) } }
+                div { dt { "Individual" } dd { (grouped(index)) } }
+                div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
                 div { dt { "Novelty" } dd { (format!("{:.4}", medoid.novelty)) } }
             }
             code { (medoid.individual.controller) }
@@ -130,8 +130,8 @@ fn card(
     }
 }
 
-/// The report as one file to keep; workers simulate its motions again. What cannot be made is said as a page, so the link
-/// to it must not be a `download`: browsers would take that page for the file.
+/// The report as one file to download; workers simulate its motions again. An error is answered with a page, so the link
+/// must not be a `download`: browsers would save that page as the report.
 pub(super) async fn export(
     State(web): State<Web>,
     Path(id): Path<String>,

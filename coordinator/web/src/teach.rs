@@ -1,4 +1,4 @@
-//! Labels and questions for the pages' scripts: JSON in and out of the label service, which checks and decides.
+//! Labels and questions for the scripts: translates between JSON and the label service, which validates and decides.
 
 use super::{Web, refused::Refused};
 use axum::{
@@ -22,7 +22,7 @@ use tonic::Request;
 
 type Told = Result<Json<Value>, Refused>;
 
-/// What somebody would like to be asked; see `NextQueriesRequest`.
+/// A request for questions; see `NextQueriesRequest`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Ask {
@@ -92,7 +92,7 @@ pub(super) async fn answer(
     classes(&web, campaign).await
 }
 
-/// Whose last act to take back.
+/// A request to undo the last act of an annotator.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Undo {
@@ -100,7 +100,7 @@ pub(super) struct Undo {
     annotator: String,
 }
 
-/// Tells which individuals the answers were about that no longer stand, the newest first.
+/// Responds with the individuals whose answers were undone, newest first.
 pub(super) async fn undo(
     State(web): State<Web>,
     Path(campaign): Path<String>,
@@ -160,8 +160,8 @@ async fn classes(web: &Web, campaign: String) -> Told {
     ))
 }
 
-/// The classes, and the class of each individual that has one: as columns, its index, the place of the class, and whether
-/// nobody but the rule-based judge gave it that.
+/// The classes, and as columns the index of each individual with a class, the place of its class, and whether only the
+/// rule-based judge gave it.
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
     let labels =

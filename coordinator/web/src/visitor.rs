@@ -1,22 +1,22 @@
-//! Who looks at a page: whoever has logged in, where there is a log-in.
+//! The person who looks at a page, if they have logged in.
 
 use axum::{extract::FromRequestParts, http::request::Parts};
 use maud::{Markup, html};
 use murmuration_access::Door;
 use std::{convert::Infallible, sync::Arc};
 
-/// Whoever looks.
+/// The person who looks at a page.
 #[derive(Debug)]
 pub(super) struct Visitor {
-    /// Whose token they have logged in with.
+    /// The holder of the token that they logged in with.
     name: Option<String>,
 }
 
 impl Visitor {
-    /// Of whom nothing is known.
+    /// A visitor without a session.
     pub(super) const ANYBODY: Self = Self { name: None };
 
-    /// Their name and the way out; nothing for who has not logged in.
+    /// Their name and the log-out button; nothing without a session.
     pub(super) fn account(&self) -> Markup {
         html! {
             @if let Some(name) = &self.name {

@@ -1,11 +1,11 @@
-//! What running a model may cost, counted before it runs.
+//! The cost of running a model, counted before it runs.
 
 use super::{
     limits::{MAX_ELEMENTS, MAX_PRODUCTS, MAX_VALUE_ELEMENTS},
     shape::product,
 };
 
-/// What is left of the multiplications and of the memory that a model may take for an image.
+/// The multiplications and the memory that a model may still use per image.
 pub(super) struct Budget {
     products: usize,
     elements: usize,
@@ -19,7 +19,7 @@ impl Budget {
         }
     }
 
-    /// Pays for as many multiplications as the product of `factors`.
+    /// Pays for the product of `factors` in multiplications.
     pub(super) fn pay(&mut self, factors: &[usize]) -> Result<(), String> {
         let products = product(factors);
         self.products = self.products.checked_sub(products).ok_or_else(|| {
@@ -28,7 +28,7 @@ impl Budget {
         Ok(())
     }
 
-    /// Pays for keeping a value of so many numbers for each image.
+    /// Pays for keeping a value of `elements` numbers per image.
     pub(super) fn keep(&mut self, elements: usize) -> Result<(), String> {
         if elements > MAX_VALUE_ELEMENTS {
             return Err(format!("it makes {elements} numbers for an image"));

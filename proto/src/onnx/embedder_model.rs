@@ -1,7 +1,7 @@
-//! An ONNX model that is known to be an embedder: what may be stored, sent and executed.
+//! An ONNX model that is known to be an embedder and may be stored, sent and executed.
 //!
-//! A file is decoded, every node is followed from the images to the embedding, and what was understood is encoded
-//! again: the runtime meets only that, never the bytes as they came.
+//! A file is decoded, every node is checked from the images to the embedding, and the checked model is encoded again. The
+//! runtime loads only the result, never the original bytes.
 
 use super::{
     DataType, EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
@@ -10,12 +10,12 @@ use super::{
 use prost::Message as _;
 use std::collections::BTreeMap;
 
-/// The oldest version of ONNX's operators that is read: broadcasting is as it is today.
+/// The oldest version of ONNX's operators that is read; it broadcasts as today's versions do.
 const OLDEST_OPSET: i64 = 9;
 
 /// An embedder as an ONNX model: B x 1 x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B.
 ///
-/// Each image's embedding depends on that image alone: no operator that it may hold mixes the images of a batch.
+/// Each image's embedding depends on that image alone: no allowed operator mixes the images of a batch.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EmbedderModel {
     encoded: Vec<u8>,
@@ -30,18 +30,18 @@ pub struct EmbedderModel {
 /// Why a file is not an embedder.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ModelError {
-    /// It is over [`MAX_MODEL_BYTES`].
+    /// It is longer than [`MAX_MODEL_BYTES`].
     #[error("the model has {0} bytes: at most {MAX_MODEL_BYTES} are allowed")]
     TooLarge(usize),
-    /// Its bytes are no ONNX model.
+    /// It is not an ONNX model.
     #[error("this is not an ONNX model: {0}")]
     NotOnnx(String),
-    /// It does not take a batch of grey images, or takes something else besides.
+    /// Its input is not a batch of grey images, or it has more inputs.
     #[error(
         "the model's input {0}: an embedder takes floats of shape batch x 1 x height x width, batch open"
     )]
     Input(String),
-    /// It does not make a batch of vectors, or makes something else besides.
+    /// Its output is not a batch of vectors, or it has more outputs.
     #[error("the model's output {0}: an embedder makes floats of shape batch x N, N from 1 to 1024")]
     Output(String),
     /// A constant that cannot be used.
@@ -55,7 +55,7 @@ pub enum ModelError {
     /// A node that cannot be executed.
     #[error("the model's node {node}: {problem}")]
     Node {
-        /// The node's operator and what it makes.
+        /// The node's operator and output.
         node: String,
         /// What is wrong with it.
         problem: String,
@@ -63,11 +63,11 @@ pub enum ModelError {
 }
 
 impl EmbedderModel {
-    /// Takes a model file in.
+    /// Reads and checks a model file.
     ///
     /// # Errors
-    /// Where the file is not ONNX, does more or else than embed images, or needs another file, an operator that is
-    /// not allowed, or more memory or time for an image than it may ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
+    /// If the file is not ONNX, does anything else than embed images, or needs another file, an operator that is not allowed,
+    /// or too much memory or time per image ([`MAX_VALUE_ELEMENTS`](super::MAX_VALUE_ELEMENTS),
     /// [`MAX_ELEMENTS`](super::MAX_ELEMENTS), [`MAX_PRODUCTS`](super::MAX_PRODUCTS)).
     pub fn read(file: &[u8]) -> Result<Self, ModelError> {
         if file.len() > MAX_MODEL_BYTES {
@@ -93,7 +93,7 @@ impl EmbedderModel {
         })
     }
 
-    /// The model, without whatever else its file held. Not the bytes that its digest is taken of.
+    /// The model, without the other contents of its file. The checkpoint's digest is not of these bytes.
     #[must_use]
     pub fn encoded(&self) -> &[u8] {
         &self.encoded
@@ -129,14 +129,14 @@ impl EmbedderModel {
         self.dimensions
     }
 
-    /// Numbers in the largest value on the way, for each image: what a batch needs in memory grows with it.
+    /// Numbers in the largest intermediate value per image. The memory of a batch grows with it.
     #[must_use]
     pub const fn largest_value(&self) -> usize {
         self.largest_value
     }
 }
 
-/// The graph, if there is one and it is all that computes.
+/// The graph, if there is one and nothing else computes.
 fn graph(model: &ModelProto) -> Result<&GraphProto, ModelError> {
     let Some(graph) = &model.graph else {
         return Err(ModelError::NotOnnx("it holds no graph".to_owned()));
@@ -182,7 +182,7 @@ fn constants(graph: &GraphProto) -> Result<BTreeMap<String, Value>, ModelError> 
     Ok(constants)
 }
 
-/// The one input that is no constant (old files list their constants among the inputs).
+/// The only input that is not a constant (old files list their constants among the inputs).
 fn single_input<'a>(
     graph: &'a GraphProto,
     constants: &BTreeMap<String, Value>,
@@ -277,7 +277,7 @@ fn follow(
     Ok(values)
 }
 
-/// What a node makes: its name and its shape.
+/// The output of a node: its name and its shape.
 fn evaluate<'a>(
     node: &'a NodeProto,
     values: &BTreeMap<String, Value>,

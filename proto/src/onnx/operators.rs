@@ -1,6 +1,6 @@
-//! The operators that an embedder may use, and the shape of what each makes.
+//! The operators that an embedder may use, and the shapes of their outputs.
 //!
-//! None of them mixes the images of a batch, reaches outside the model, or keeps anything from one run to the next.
+//! No operator mixes the images of a batch, reads anything outside the model, or keeps state between runs.
 
 use super::{
     AttributeProto, AttributeType, DataType, NodeProto,
@@ -14,7 +14,7 @@ const ALLOWED: &str = "Abs, Add, AveragePool, BatchNormalization, Cast, Constant
     GlobalAveragePool, GlobalMaxPool, GroupNormalization, Identity, InstanceNormalization, LeakyRelu, MatMul, MaxPool, \
     Mul, Neg, ReduceMean, Relu, Reshape, Sigmoid, Softplus, Sqrt, Sub, Tanh";
 
-/// What `node` makes of `inputs`, paid from `budget`.
+/// The output of `node` for `inputs`; its cost is paid from `budget`.
 pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -> Result<Value, String> {
     let attributes = Attributes(&node.attribute);
     match (node.op_type.as_str(), inputs) {
@@ -65,7 +65,7 @@ pub(super) fn output(node: &NodeProto, inputs: &[&Value], budget: &mut Budget) -
     }
 }
 
-/// The same shape again, of floats.
+/// The same shape, of floats.
 fn floats(x: &Value) -> Result<Value, String> {
     if let Value::Constant { .. } = x {
         x.floats()?;
@@ -152,7 +152,7 @@ fn pooling(attributes: Attributes<'_>, x: &Value, budget: &mut Budget) -> Result
     Ok(Value::Batched(vec![channels, height, width]))
 }
 
-/// Sizes of an image after a window of `kernel` has slid over it as the attributes say.
+/// Sizes of an image after a window of `kernel` has slid over it, according to the attributes.
 fn slid(
     attributes: Attributes<'_>,
     sizes: [usize; 2],
@@ -195,7 +195,7 @@ fn normalised(attributes: Attributes<'_>, x: &Value, parameters: &[&Value]) -> R
     }
     for parameter in parameters {
         let sizes = parameter.floats()?;
-        // Before version 21 of the operators a group normalisation has its parameters by group.
+        // Before version 21 of the operators, a group normalisation has one parameter per group.
         if sizes != [channels] && sizes != [groups] {
             return Err(format!(
                 "its parameters are of shape {sizes:?} for {channels} channels"
@@ -269,7 +269,7 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// Empty where there are none.
+    /// Empty if there are none.
     fn integers(self, name: &str) -> Result<&'a [i64], String> {
         match self.find(name) {
             None => Ok(&[]),

@@ -1,21 +1,21 @@
-//! Shapes of the values in a model, and how two of them combine.
+//! Shapes of the values in a model, and how operations combine them.
 
-/// A value of the graph: for each image of the batch, or the same for all.
+/// A value of the graph: one per image of the batch, or one for all.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Value {
-    /// Floats that depend on the image: the batch comes first, here are the sizes that follow it.
+    /// Floats that depend on the image: the sizes after the first one, which is the batch's.
     Batched(Vec<usize>),
     /// A constant.
     Constant {
         /// Its shape; empty for a single number.
         sizes: Vec<usize>,
-        /// Its values where they are whole numbers, `None` for floats.
+        /// Its values if they are integers, `None` for floats.
         integers: Option<Vec<i64>>,
     },
 }
 
 impl Value {
-    /// Numbers that it holds, for each image.
+    /// Number of elements per image.
     pub(super) fn elements(&self) -> usize {
         let (Self::Batched(sizes) | Self::Constant { sizes, .. }) = self;
         product(sizes)
@@ -40,7 +40,7 @@ impl Value {
         }
     }
 
-    /// Its values if it is a constant of whole numbers.
+    /// Its values if it is a constant of integers.
     pub(super) fn integers(&self) -> Result<&[i64], String> {
         match self {
             Self::Constant {
@@ -57,9 +57,9 @@ pub(super) fn product(sizes: &[usize]) -> usize {
     sizes.iter().copied().fold(1, usize::saturating_mul)
 }
 
-/// Result of an operation number by number on `a` and `b`, ONNX's (NumPy's) broadcasting rules.
+/// Result of an elementwise operation on `a` and `b`, by ONNX's (NumPy's) broadcasting rules.
 ///
-/// The batch has to stay the first dimension, so nothing may have more dimensions than what has a batch.
+/// The batch must stay the first dimension, so no value may have more dimensions than a value with a batch.
 pub(super) fn broadcast(a: &Value, b: &Value) -> Result<Value, String> {
     match (a, b) {
         (Value::Batched(a), Value::Batched(b)) if a.len() == b.len() => {
@@ -98,9 +98,9 @@ fn broadcast_sizes(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
         .collect()
 }
 
-/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 is whatever is left.
+/// Sizes of images of `sizes` after a reshape to `target`, in which 0 keeps a size and one -1 stands for the rest.
 ///
-/// The first entry stands for the batch, which has to stay whole.
+/// The first entry stands for the batch, which must stay whole.
 pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, String> {
     let refused = || format!("it reshapes images of {sizes:?} to {target:?}, which does not keep the batch");
     let (&batch, rest) = target.split_first().ok_or_else(refused)?;
@@ -126,9 +126,9 @@ pub(super) fn reshape(sizes: &[usize], target: &[i64]) -> Result<Vec<usize>, Str
         .collect())
 }
 
-/// Sizes of images of `sizes` after a reduction over `axes`, each of which then has size 1, or is gone if not `kept`.
+/// Sizes of images of `sizes` after a reduction over `axes`, each of which then has size 1, or is removed if not `kept`.
 ///
-/// Axis 0 is the batch, which has to stay whole; axes under 0 count from the end.
+/// Axis 0 is the batch, which must stay whole; negative axes count from the end.
 pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<usize>, String> {
     let refused =
         || format!("it reduces images of {sizes:?} over {axes:?}, which are not axes within an image");
@@ -140,7 +140,7 @@ pub(super) fn reduce(sizes: &[usize], axes: &[i64], kept: bool) -> Result<Vec<us
         let reduced = reduced.get_mut(place).filter(|reduced| !**reduced);
         *reduced.ok_or_else(refused)? = true;
     }
-    // Without axes it would be all of them, the batch's too.
+    // Without axes, all axes would be reduced, including the batch's.
     if axes.is_empty() {
         return Err(refused());
     }
@@ -166,12 +166,12 @@ pub(super) fn slide(size: usize, window: &Window, round_up: bool) -> Option<usiz
     } else {
         room / window.stride
     } + 1;
-    // A window that would begin in the padding after the image is left out.
+    // A window that would begin in the padding after the image is dropped.
     let beyond = round_up && (places - 1) * window.stride >= size + window.before;
     Some(places - usize::from(beyond))
 }
 
-/// How a convolution or pooling looks at one axis; every number at least 1 but the padding, at most 1000.
+/// The window of a convolution or pooling along one axis. All numbers but the padding are at least 1; all are at most 1000.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Window {
     pub(super) kernel: usize,

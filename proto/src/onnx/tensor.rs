@@ -1,11 +1,11 @@
-//! Constant tensors: only those whose numbers are all there, as floats or as 64-bit integers.
+//! Constant tensors: floats or 64-bit integers, all of them in the message.
 
 use super::{
     DataLocation, DataType, TensorProto,
     shape::{Value, product},
 };
 
-/// The constant that a tensor holds.
+/// The constant in a tensor.
 pub(super) fn constant(tensor: &TensorProto) -> Result<Value, String> {
     if tensor.data_location != DataLocation::Default as i32 || !tensor.external_data.is_empty() {
         return Err("is in another file: save the model with its weights inside".to_owned());

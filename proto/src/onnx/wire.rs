@@ -1,13 +1,13 @@
-//! A look at a model file's fields before it is decoded: a small file must not become a large message.
+//! Counts the fields of a model file before it is decoded, because a small file must not become a large message.
 //!
-//! Two bytes are enough for an empty node, which takes two hundred in memory.
+//! An empty node takes two bytes in the file and two hundred in memory.
 
 use prost::{
     bytes::Buf,
     encoding::{DecodeContext, WireType, decode_key, decode_varint, skip_field},
 };
 
-/// Most fields in all messages of a file; each of 1024 nodes can have 90.
+/// Maximum number of fields in all messages of a file; each of 1024 nodes can have 90.
 const MAX_FIELDS: usize = 100_000;
 
 /// The fields of a kind of message that are messages themselves, by number.
@@ -30,7 +30,7 @@ static GRAPH: Kind = Kind(&[
 ]);
 static MODEL: Kind = Kind(&[(7, &GRAPH), (8, &FLAT), (14, &FLAT)]);
 
-/// Goes through the fields of a model file; says what is wrong where it is no protobuf message or has too many.
+/// Goes through the fields of a model file; returns an error if it is not a protobuf message or has too many fields.
 pub(super) fn check_fields(file: &[u8]) -> Result<(), &'static str> {
     let mut left = MAX_FIELDS;
     match count(file, &MODEL, &mut left) {
@@ -40,7 +40,7 @@ pub(super) fn check_fields(file: &[u8]) -> Result<(), &'static str> {
     }
 }
 
-/// Takes the number of fields of `message` from `left` until nothing is left; `None` if it is no message.
+/// Subtracts the number of fields of `message` from `left`, at most until nothing is left; `None` if it is not a message.
 fn count(mut message: &[u8], kind: &Kind, left: &mut usize) -> Option<()> {
     while message.has_remaining() && *left > 0 {
         *left -= 1;

@@ -1,8 +1,8 @@
-//! What a network looks like: its layers as data, by name or from a configuration, with every shape checked.
+//! The architecture of a network: its layers as data, by name or from a configuration, with every shape checked.
 
 use serde::{Deserialize, Serialize};
 
-/// One layer, as it is written in a configuration.
+/// One layer, as written in a configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(
     rename_all = "kebab-case",
@@ -16,14 +16,14 @@ pub enum Layer {
         channels: usize,
         /// Side of the kernel, pixels, 1 or more.
         kernel: usize,
-        /// Pixels from one place of the kernel to the next, 1 or more.
+        /// Stride of the kernel, pixels, 1 or more.
         #[serde(default = "one")]
         stride: usize,
         /// Zeros around the picture, pixels, less than the kernel.
         #[serde(default)]
         padding: usize,
     },
-    /// Each image's mean and variance over groups of channels are made 0 and 1, then scale and shift a channel.
+    /// Normalises each image's mean and variance over groups of channels to 0 and 1, then scales and shifts each channel.
     GroupNormalisation {
         /// Number of groups; must divide the channels.
         groups: usize,
@@ -81,7 +81,7 @@ impl Shape {
     }
 }
 
-/// Why layers do not make a network. `layer` counts from 0.
+/// Why layers do not form a network. `layer` counts from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchitectureError {
     /// There is no network of that name.
@@ -90,51 +90,51 @@ pub enum ArchitectureError {
     /// The picture has no pixels, or too many.
     #[error("pictures of side {0}: must be 1 to 1,000 pixels")]
     Side(usize),
-    /// No layer at all, or the last is not dense.
+    /// There is no layer, or the last one is not dense.
     #[error("the last layer must be dense: its units are the embedding's dimensions (1 to 256)")]
     NoEmbedding,
-    /// Over a hundred layers.
+    /// There are more than a hundred layers.
     #[error("{0} layers: at most 100 are allowed")]
     TooManyLayers(usize),
-    /// A number out of its range.
+    /// A number is out of its range.
     #[error("layer {layer}: {field} = {value}: must be {allowed}")]
     OutOfRange {
         /// Which layer.
         layer: usize,
-        /// Which of its numbers.
+        /// The name of the number.
         field: &'static str,
-        /// What it was.
+        /// The number.
         value: String,
-        /// What it may be.
+        /// The allowed numbers.
         allowed: String,
     },
-    /// An activation that follows nothing, or another activation.
+    /// An activation is the first layer, or follows another activation.
     #[error("layer {layer}: an activation must follow a layer that computes")]
     LooseActivation {
         /// Which layer.
         layer: usize,
     },
-    /// A convolution or a pooling after a dense layer.
+    /// A convolution or pooling follows a dense layer.
     #[error("layer {layer}: there is no picture any more after a dense layer")]
     Flattened {
         /// Which layer.
         layer: usize,
     },
-    /// Too many values in one layer, or weights in all.
+    /// One layer has too many values, or the network too many weights.
     #[error("layer {layer}: more than {limit} {what}")]
     TooLarge {
         /// Which layer.
         layer: usize,
-        /// Of what.
+        /// What there are too many of.
         what: &'static str,
-        /// How many are allowed.
+        /// The limit.
         limit: usize,
     },
 }
 
-/// Most values of one image between two layers.
+/// Maximum number of values of one image between two layers.
 const MAX_VALUES: usize = 1 << 22;
-/// Most weights of a network: 64 MB of them.
+/// Maximum number of weights of a network: 64 MB of them.
 const MAX_PARAMETERS: usize = 1 << 24;
 
 /// A checked list of layers for grey pictures of one side.
@@ -142,7 +142,7 @@ const MAX_PARAMETERS: usize = 1 << 24;
 pub struct Architecture {
     side: usize,
     layers: Vec<Layer>,
-    /// One more than layers: what goes into each, and what comes out at the end.
+    /// The input shape of each layer, and the output shape of the last: one more than layers.
     shapes: Vec<Shape>,
 }
 
@@ -171,10 +171,10 @@ impl Architecture {
         Ok(Self { side, layers, shapes })
     }
 
-    /// The network of that name, `compact` or `paper`, for pictures of `side`, embedding in `dimensions`.
+    /// The network with this name, `compact` or `paper`, for pictures of `side` and embeddings of `dimensions`.
     ///
     /// # Errors
-    /// Where the name is not known, or the pictures are too small or too large for it.
+    /// If the name is unknown, or the pictures are too small or too large for the network.
     pub fn named(name: &str, side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
         match name {
             "compact" => Self::compact(side, dimensions),
@@ -187,7 +187,7 @@ impl Architecture {
     /// units ("Simulation and Data": 50 x 50 pixels and 5 dimensions).
     ///
     /// # Errors
-    /// Where `side` is under 7 or over 1,000, or too large for the dense layers, or `dimensions` not 1 to 256.
+    /// If `side` is under 7 or over 1,000, or too large for the dense layers, or `dimensions` is not 1 to 256.
     pub fn paper(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
         let convolution = Layer::Convolution {
             channels: 1,
@@ -207,7 +207,7 @@ impl Architecture {
     /// four groups, pooled to 2 x 2, then dense layers of 64 and `dimensions` units.
     ///
     /// # Errors
-    /// Where `side` is under 9 or over 1,000, or `dimensions` not 1 to 256.
+    /// If `side` is under 9 or over 1,000, or `dimensions` is not 1 to 256.
     pub fn compact(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
         let mut layers = Vec::new();
         for channels in [16, 32, 64] {
@@ -226,7 +226,7 @@ impl Architecture {
         Self::new(side, layers)
     }
 
-    /// Pixels along a side of the pictures that go in.
+    /// Side of the input pictures in pixels.
     #[must_use]
     pub const fn side(&self) -> usize {
         self.side
@@ -239,7 +239,7 @@ impl Architecture {
         self.shaped_layers().map(weights).sum()
     }
 
-    /// Length of the embedding that comes out.
+    /// Length of the embedding.
     #[must_use]
     pub fn dimensions(&self) -> usize {
         self.shapes.last().map_or(0, |shape| shape.channels)
@@ -251,7 +251,7 @@ impl Architecture {
         &self.layers
     }
 
-    /// Each layer with the shape that goes in and the shape that comes out.
+    /// Each layer with its input and output shapes.
     pub fn shaped_layers(&self) -> impl Iterator<Item = (Layer, Shape, Shape)> {
         let between = self.shapes.windows(2).map(|pair| (pair[0], pair[1]));
         self.layers
@@ -261,7 +261,7 @@ impl Architecture {
     }
 }
 
-/// What is remembered from layer to layer while they are checked.
+/// The state while layers are checked one after the other.
 #[derive(Debug, Default)]
 struct Check {
     flattened: bool,
@@ -270,7 +270,7 @@ struct Check {
 }
 
 impl Check {
-    /// The shape that `spec` makes of `input`.
+    /// The output shape of `spec` for `input`.
     fn follow(&mut self, layer: usize, spec: Layer, input: Shape) -> Result<Shape, ArchitectureError> {
         let out_of_range = |field, value: String, allowed: String| ArchitectureError::OutOfRange {
             layer,

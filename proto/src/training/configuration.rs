@@ -1,4 +1,4 @@
-//! Everything that decides what a training makes of its pictures, validated.
+//! Everything that determines the result of a training, apart from its pictures; validated.
 
 use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
@@ -7,16 +7,16 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// A configuration as it is written; nothing is checked yet. Absent fields take their defaults.
+/// A configuration as written, not yet checked. Absent fields take their defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
     /// Seed of every random stream, 0 to 2^63 - 1. Default 1.
     pub seed: u64,
-    /// Share of the behaviours that are not trained on but judge the embedding, over 0 to 0.5 (at most 1,000 of
-    /// them). Default 0.1.
+    /// Share of the behaviours held out of the training to judge the embedding, over 0 to 0.5 (at most 1,000 behaviours).
+    /// Default 0.1.
     pub held_out: f64,
-    /// What the network looks like.
+    /// The network.
     pub network: NetworkSettings,
     /// How it is trained.
     pub recipe: Recipe,
@@ -29,7 +29,7 @@ pub struct NetworkSettings {
     /// `compact` (the default) or `paper`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
-    /// Length of the embedding of a network by name, 1 to 256. Default 5, as many as there are hand-crafted features.
+    /// Length of the embedding of a named network, 1 to 256. Default 5, the number of hand-crafted features.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dimensions: Option<usize>,
     /// Its layers, instead of a name and dimensions.
@@ -48,13 +48,13 @@ impl Default for Settings {
     }
 }
 
-/// A checked configuration: with the same pictures it gives the same embedder, bit for bit, on one machine.
+/// A checked configuration. With the same pictures it gives the same embedder, bit for bit, on one machine.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Configuration {
     settings: Settings,
 }
 
-/// Why a text is no configuration.
+/// Why a text is not a configuration.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigurationError {
     /// Not TOML, or a field that does not exist, or a value of the wrong type; says where.
@@ -69,25 +69,25 @@ impl Configuration {
     /// Reads a configuration (TOML; the fields are those of [`Settings`]).
     ///
     /// # Errors
-    /// Says where the text is not TOML, which field it does not know, or which value is not allowed.
+    /// Says where the text is not TOML, which field is unknown, or which value is not allowed.
     pub fn from_toml(text: &str) -> Result<Self, ConfigurationError> {
         let settings: Settings = toml::from_str(text)?;
         Ok(settings.try_into()?)
     }
 
-    /// As [`Configuration::from_toml`], from a table that was read already.
+    /// As [`Configuration::from_toml`], from a parsed table.
     ///
     /// # Errors
-    /// Says which field it does not know, or which value is not allowed.
+    /// Says which field is unknown, or which value is not allowed.
     pub fn from_table(table: toml::Table) -> Result<Self, ConfigurationError> {
         let settings: Settings = table.try_into()?;
         Ok(settings.try_into()?)
     }
 
-    /// The same with another seed, 0 to 2^63 - 1.
+    /// A copy with another seed, 0 to 2^63 - 1.
     ///
     /// # Errors
-    /// Where the seed is out of range.
+    /// If the seed is out of range.
     pub fn with_seed(&self, seed: u64) -> Result<Self, Invalid> {
         let settings = Settings {
             seed,
@@ -96,10 +96,10 @@ impl Configuration {
         settings.try_into()
     }
 
-    /// The same with another recipe.
+    /// A copy with another recipe.
     ///
     /// # Errors
-    /// Where a number of the recipe is out of range.
+    /// If a number of the recipe is out of range.
     pub fn with_recipe(&self, recipe: Recipe) -> Result<Self, Invalid> {
         let settings = Settings {
             recipe,
@@ -108,8 +108,8 @@ impl Configuration {
         settings.try_into()
     }
 
-    /// Writes it with every field spelled out: a checkpoint's `configuration`. [`Configuration::from_toml`] reads the
-    /// same back.
+    /// Writes the configuration with every field, as in a checkpoint's `configuration`. [`Configuration::from_toml`] reads
+    /// the same back.
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(&self.settings).unwrap_or_default()
@@ -127,7 +127,7 @@ impl Configuration {
         &self.settings.recipe
     }
 
-    /// How many of so many behaviours are held out: at least two, and two are left to train on.
+    /// How many behaviours are held out: at least two, and at least two are left to train on.
     #[must_use]
     pub fn held_out(&self, behaviours: usize) -> usize {
         let share = (self.settings.held_out * behaviours as f64) as usize;
@@ -137,7 +137,7 @@ impl Configuration {
     /// The network for pictures of `side` x `side`.
     ///
     /// # Errors
-    /// Where it does not fit such pictures.
+    /// If the network does not fit such pictures.
     pub fn architecture(&self, side: usize) -> Result<Architecture, ArchitectureError> {
         let NetworkSettings {
             name,
@@ -156,11 +156,11 @@ impl Configuration {
 }
 
 impl Configuration {
-    /// Most bytes of such a training on pictures of `side` x `side`, put aside: four numbers for each weight (the weight,
-    /// the optimiser's two moments, the best weight so far), a loss for each epoch, its configuration, and some figures.
+    /// Maximum number of bytes of a snapshot of such a training on pictures of `side` x `side`: four numbers per weight (the
+    /// weight, the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
     ///
     /// # Errors
-    /// Where its network does not fit such pictures.
+    /// If the network does not fit such pictures.
     pub fn saved_bytes(&self, side: usize) -> Result<usize, ArchitectureError> {
         const FIGURES: usize = 64 << 10;
         let weights = self.architecture(side)?.weights() * size_of::<[f32; 4]>();

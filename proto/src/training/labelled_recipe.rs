@@ -1,4 +1,4 @@
-//! How a trained network is trained further on what people have labelled.
+//! Recipes that train a trained network further, on labels.
 
 use super::unlabelled_recipe::{RandomTriplets, check_crop};
 use crate::{
@@ -7,41 +7,42 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The numbers of the labelled recipe. A step has as many pictures of every class, all triplets of which count that
-/// are violated: by how many labels the negative's class has, times the root of how many the anchor's has. Anchors of the
-/// class `random` count less: two behaviours that fit no other class need not be alike. Beside the labelled pictures
-/// are triplets of unlabelled behaviours as in [`InBatch`](super::InBatch), so that what nobody has named yet stays
-/// apart. The weights after the last epoch are published: nothing is held out of the labels, which may be few.
+/// The numbers of the labelled recipe. A step has equally many pictures of every class, and all of their violated triplets
+/// count, weighed by the number of labels of the negative's class times the square root of the number of labels of the
+/// anchor's class. Anchors of the class `random` count less, because two behaviours that fit no other class need not be
+/// alike. Triplets of unlabelled behaviours, as in [`InBatch`](super::InBatch), keep behaviours apart that nobody has named
+/// yet. The weights after the last epoch are published: no labels are held out, because there may be few.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Labelled {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
-    /// Pictures of each class in a step, 2 to 1,024; where a class has fewer, they return under other symmetries.
+    /// Pictures of each class in a step, 2 to 1,024. If a class has fewer, they are repeated under other symmetries.
     pub per_class: usize,
-    /// Most classes in a step, 2 to 1,024; where there are more, each step draws some.
+    /// Maximum number of classes in a step, 2 to 1,024. If there are more, each step draws some.
     pub classes: usize,
-    /// How much a triplet counts whose anchor is of the class `random`, beside those of other classes, 0 to 1.
+    /// Weight of a triplet whose anchor is of the class `random`, relative to other triplets, 0 to 1.
     pub random_anchors: f64,
-    /// Unlabelled anchors a step, each with a positive, 2 to 65,536 (fewer if there are not so many behaviours).
+    /// Unlabelled anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
     pub unlabelled: usize,
-    /// How much their loss counts beside that of the labelled, 0 to 1,000.
+    /// Weight of their loss relative to that of labelled triplets, 0 to 1,000.
     pub unlabelled_weight: f64,
-    /// Labels that are enough for `steps` and `unlabelled_weight`, 1 to 1,000,000. With a part of them an epoch has that part
-    /// of the steps, and the unlabelled count by as much more: few labels are soon learned by heart.
+    /// Number of labels from which on `steps` and `unlabelled_weight` apply in full, 1 to 1,000,000. With a fraction of it,
+    /// an epoch has that fraction of the steps, and unlabelled triplets count more by the same factor, because few labels are
+    /// soon learned by heart.
     pub enough_labels: usize,
-    /// Steps an epoch, 1 to 100,000.
+    /// Steps per epoch, 1 to 100,000.
     pub steps: usize,
     /// Epochs, 1 to 100,000.
     pub epochs: u64,
-    /// Adam's first learning rate, over 0 to 1. It falls to nothing in a straight line over all epochs.
+    /// Adam's first learning rate, over 0 to 1. It falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Least and greatest share of width and height that a crop of a labelled picture keeps, over 0 to 2; over 1 the
+    /// Smallest and largest share of width and height that a crop of a labelled picture keeps, over 0 to 2. Over 1 the
     /// picture shrinks, on black.
     pub crop: [f64; 2],
-    /// The same of an unlabelled picture.
+    /// The same for unlabelled pictures.
     pub unlabelled_crop: [f64; 2],
 }
 
@@ -66,7 +67,7 @@ impl Default for Labelled {
 }
 
 impl Labelled {
-    /// The same for so many labels (none is taken as one).
+    /// The recipe for this number of labels (zero counts as one).
     #[must_use]
     pub fn for_labels(&self, labels: usize) -> Self {
         let share = (labels.max(1) as f64 / self.enough_labels as f64).min(1.0);
@@ -94,35 +95,34 @@ impl Labelled {
     }
 }
 
-/// The numbers of the paper's recipe on labels: anchor and negative are labelled pictures of two classes as they are,
-/// the positive is another of the anchor's class or the anchor, augmented.
+/// The numbers of the paper's recipe on labels. Anchor and negative are unchanged labelled pictures of two classes. The
+/// positive is another picture of the anchor's class, or the augmented anchor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PaperLabelled {
-    /// Share of the triplets whose positive is the anchor, augmented, 0 to 1 (always, where the anchor is alone in
-    /// its class).
+    /// Share of the triplets whose positive is the augmented anchor, 0 to 1 (all, if the anchor is alone in its class).
     pub augmented: f64,
-    /// As in [`RandomTriplets`], from here on.
+    /// This and the following fields are as in [`RandomTriplets`].
     pub margin: f64,
-    /// Triplets a step.
+    /// Triplets per step.
     pub batch: usize,
-    /// Steps an epoch.
+    /// Steps per epoch.
     pub steps: usize,
     /// Adam's first learning rate.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient.
     pub weight_decay: f64,
-    /// Epochs without a lower loss that are borne.
+    /// Epochs without a lower loss before the learning rate falls.
     pub plateau: u64,
-    /// What the learning rate is then multiplied by.
+    /// The factor by which the learning rate then falls.
     pub plateau_factor: f64,
-    /// Most epochs.
+    /// Maximum number of epochs.
     pub epochs: u64,
     /// Mean loss under which training stops.
     pub enough: f64,
-    /// Epochs that `enough` is a mean over.
+    /// Number of epochs in the mean.
     pub enough_over: usize,
-    /// Least and greatest share of width and height that a crop keeps.
+    /// Smallest and largest share of width and height that a crop keeps.
     pub crop: [f64; 2],
 }
 
@@ -147,7 +147,7 @@ impl Default for PaperLabelled {
 }
 
 impl PaperLabelled {
-    /// What it has in common with the paper's recipe without labels.
+    /// The fields shared with the paper's recipe without labels.
     #[must_use]
     pub const fn triplets(&self) -> RandomTriplets {
         RandomTriplets {

@@ -1,4 +1,4 @@
-//! How a network is trained: recipes by name, with every number of theirs as it is written.
+//! How a network is trained: recipes by name, with all their numbers as written.
 
 use super::{
     labelled_recipe::{Labelled, PaperLabelled},
@@ -15,19 +15,19 @@ pub enum Recipe {
     Paper(RandomTriplets),
     /// The default: every other picture of the batch is a negative.
     InBatch(InBatch),
-    /// From a trained network on: labelled triplets, all of a batch, and unlabelled ones beside them.
+    /// Trains a trained network further, on all labelled triplets of a batch and on unlabelled triplets.
     Labelled(Labelled),
-    /// From a trained network on: random labelled triplets, the paper's way.
+    /// Trains a trained network further, on random labelled triplets, as the paper does.
     PaperLabelled(PaperLabelled),
-    /// None: the network stays as it was initialised (the paper's baseline).
+    /// No training: the network stays as it was initialised (the paper's baseline).
     Untrained,
 }
 
 impl Recipe {
-    /// The recipe of that name, `paper`, `in-batch`, `labelled`, `paper-labelled` or `untrained`, with its own numbers.
+    /// The recipe with this name, `paper`, `in-batch`, `labelled`, `paper-labelled` or `untrained`, with its default numbers.
     ///
     /// # Errors
-    /// Where there is no recipe of that name.
+    /// If there is no recipe with this name.
     pub fn named(name: &str) -> Result<Self, Invalid> {
         match name {
             "paper" => Ok(Self::Paper(RandomTriplets::default())),
@@ -55,13 +55,13 @@ impl Recipe {
         }
     }
 
-    /// Whether it goes on from a trained network, on labels.
+    /// Whether it trains a trained network further, on labels.
     #[must_use]
     pub const fn is_labelled(&self) -> bool {
         matches!(self, Self::Labelled(_) | Self::PaperLabelled(_))
     }
 
-    /// Most epochs that it trains for.
+    /// Maximum number of epochs that it trains for.
     #[must_use]
     pub const fn epochs(&self) -> u64 {
         match self {

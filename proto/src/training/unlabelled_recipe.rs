@@ -6,32 +6,32 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The numbers of the paper's recipe ("Data and Network Architecture"; the margin is from the authors' code). The
-/// anchor and the negative are taken as they are, only the positive is augmented.
+/// The numbers of the paper's recipe ("Data and Network Architecture"; the margin is from the authors' code). Only the
+/// positive is augmented, not the anchor and the negative.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RandomTriplets {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
-    /// Triplets a step, 1 to 65,536.
+    /// Triplets per step, 1 to 65,536.
     pub batch: usize,
-    /// Steps an epoch, every one with fresh triplets, 1 to 100,000.
+    /// Steps per epoch, each with new triplets, 1 to 100,000.
     pub steps: usize,
     /// Adam's first learning rate, over 0 to 1.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Epochs in a row without a lower loss that are borne; after one more the learning rate falls. 1 to 100,000.
+    /// Consecutive epochs without a lower loss that are tolerated, 1 to 100,000. After one more the learning rate falls.
     pub plateau: u64,
-    /// What it is then multiplied by, over 0 to 1.
+    /// The factor by which the learning rate falls, over 0 to 1.
     pub plateau_factor: f64,
-    /// Most epochs, 1 to 100,000.
+    /// Maximum number of epochs, 1 to 100,000.
     pub epochs: u64,
     /// Mean loss of the last `enough_over` epochs under which training stops, 0 or more.
     pub enough: f64,
-    /// Epochs that `enough` is a mean over, 1 to 10,000.
+    /// Number of epochs in the mean for `enough`, 1 to 10,000.
     pub enough_over: usize,
-    /// Least and greatest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
+    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
     /// on black.
     pub crop: [f64; 2],
 }
@@ -76,17 +76,17 @@ impl RandomTriplets {
 pub struct InBatch {
     /// Distance by which a negative must be farther than the positive, over 0 to 1,000.
     pub margin: f64,
-    /// Anchors a step, each with a positive, 2 to 65,536 (fewer if there are not so many behaviours).
+    /// Anchors per step, each with a positive, 2 to 65,536 (fewer if there are fewer behaviours).
     pub batch: usize,
-    /// Adam's first learning rate, over 0 to 1. It falls to nothing in a straight line over all epochs.
+    /// Adam's first learning rate, over 0 to 1. It falls linearly to zero over all epochs.
     pub learning_rate: f64,
     /// Share of the weights that is added to the gradient, 0 to 1.
     pub weight_decay: f64,
-    /// Most epochs (each shows every behaviour that is not held out once), 1 to 100,000.
+    /// Maximum number of epochs, 1 to 100,000. An epoch shows every behaviour that is not held out once.
     pub epochs: u64,
-    /// Epochs in a row without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
+    /// Consecutive epochs without a better accuracy on held-out triplets after which training stops, 1 to 100,000.
     pub patience: u64,
-    /// Least and greatest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
+    /// Smallest and largest share of width and height that a crop keeps, over 0 to 2; over 1 the picture shrinks,
     /// on black.
     pub crop: [f64; 2],
 }

@@ -1,10 +1,9 @@
-/* Loaded before the C library (LD_PRELOAD): disks that do not say that what was written has arrived, or that cannot be
- * written any more, and clocks that jump.
+/* Loaded before the C library (LD_PRELOAD): disks whose syncs or writes fail, and clocks that jump.
  *
- * The file named by MURMURATION_FAULTS is read at every call, so that a test can change its mind: lines of a name and a
- * number. "sync" makes fsync and fdatasync fail with that errno (5 is EIO), "write" writes at a place of a file and changes
- * of its length (30 is EROFS); "clock" is added to the time of day, in seconds. Limits: what is written at the end of a
- * file, as logs are, arrives; CLOCK_MONOTONIC, on which time-outs rest, is never touched; nor is a clock that is read without the
+ * Every call reads the file named by MURMURATION_FAULTS, so that a test can change the faults at any time. A line has a name
+ * and a number. "sync" makes fsync and fdatasync fail with that errno (5 is EIO). "write" makes positioned writes and changes
+ * of a file's length fail (30 is EROFS). "clock" is added to the time of day, in seconds. Limits: appending to a file, as logs
+ * do, succeeds. CLOCK_MONOTONIC, on which time-outs depend, is never changed, and neither is a clock that is read without the
  * C library. */
 
 #define _GNU_SOURCE
@@ -17,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-/* The number after `name` in the file; 0 where there is none. */
+/* The number after `name` in the file; 0 if there is none. */
 static long fault(const char *name) {
     const char *path = getenv("MURMURATION_FAULTS");
     if (!path) return 0;

@@ -1,4 +1,4 @@
-//! A cluster of containers, brought down when it is dropped.
+//! A cluster of containers; dropping it stops the containers.
 
 use murmuration_tests::{
     Finished, Murmuration,
@@ -159,6 +159,7 @@ impl Cluster {
             .args(arguments)
             .env("BUILD_BASE", &self.bases.0)
             .env("RUNTIME_BASE", &self.bases.1)
+            .env("BUILD_PROFILE", "dev")
             .env("MURMURATION_IMAGE", "murmuration-tests/murmuration")
             .env("MURMURATION_PORT", self.port.to_string())
             .output()

@@ -1,4 +1,4 @@
-//! Where the base images' Debian comes from: what apt's sources say, in either of their forms.
+//! The source of the base images' Debian: apt's sources, in both of their formats.
 
 use std::{fs, process::Command};
 

@@ -1,4 +1,4 @@
-//! The cluster of deploy/compose.yaml, built from deploy/Dockerfile: containers are killed, and the outcome is that of
+//! The cluster of deploy/compose.yaml, built from deploy/Dockerfile: containers are killed, and the outcome equals that of
 //! `murmuration run` on this machine.
 //!
 //! Needs a Docker engine, and base images from `tests/containers/base-images`, which `make test-containers` makes.

@@ -1,4 +1,4 @@
-//! Arrows of the house: a crate knows only crates below it, and no modules of a crate know each other in a ring.
+//! Dependencies: a crate depends only on crates of lower floors, and modules of a crate have no dependency cycles.
 
 mod code;
 mod rings;
@@ -35,7 +35,7 @@ pub const FLOORS: &[(&str, u8)] = &[
     ("tests", 10),
 ];
 
-/// Rings that are still to be opened: `CRATE[::PARENT]: MODULES`, in the order of the alphabet.
+/// Dependency cycles that still exist: `CRATE[::PARENT]: MODULES`, in alphabetical order.
 const RINGS: &[&str] = &[];
 
 pub fn no_crate_knows_one_of_its_floor_or_above() {
@@ -75,7 +75,7 @@ pub fn no_modules_know_each_other_in_a_ring() {
     assert_eq!(found, RINGS, "rings found (left), rings that are allowed (right)");
 }
 
-/// Files are read in one sitting.
+/// A file should be readable in one sitting.
 pub fn no_file_is_longer_than_450_lines() {
     let mut folders: Vec<PathBuf> = FLOORS.iter().map(|(folder, _)| root().join(folder)).collect();
     let mut files = BTreeSet::new();
@@ -96,7 +96,7 @@ pub fn no_file_is_longer_than_450_lines() {
     }
 }
 
-/// A ring is found where there is one, through names that a module hands on; code of tests is left out.
+/// The test finds cycles, also through re-exported names, and ignores test code.
 pub fn rings_are_found() {
     let files = |files: &[(&str, &str)]| {
         let folder = tempfile::tempdir().unwrap();
@@ -140,13 +140,13 @@ pub fn rings_are_found() {
     assert_eq!(files(&nested), [ring("inner", &["x", "y"])]);
 }
 
-/// The package that lies in `folder`.
+/// The name of the package in `folder`.
 fn name(folder: &str) -> String {
     let manifest = manifest(folder);
     manifest["package"]["name"].as_str().unwrap().to_owned()
 }
 
-/// What the package in `folder` depends on, in whatever way.
+/// All dependencies of the package in `folder`.
 fn dependencies(folder: &str) -> Vec<String> {
     let manifest = manifest(folder);
     ["dependencies", "dev-dependencies", "build-dependencies"]

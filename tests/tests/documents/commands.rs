@@ -1,4 +1,4 @@
-//! The commands of each page, and why some of them are not run.
+//! Runs the commands of each page, with a reason for each that is not run.
 
 use crate::{
     pages::{blocks, pages},
@@ -8,8 +8,10 @@ use crate::{
     },
 };
 
-const PAGES: [&str; 5] = [
+const PAGES: [&str; 7] = [
     "README.md",
+    "docs/commands.md",
+    "docs/performance.md",
     "docs/operations.md",
     "docs/security.md",
     "docs/data-directory.md",
@@ -27,8 +29,19 @@ pub fn of_the_readme() {
             format!("murmuration serve --workers 0 --listen 127.0.0.1:{port}"),
         )
         .replace("127.0.0.1:7700", format!("127.0.0.1:{port}"))
+        .rule(
+            "make ",
+            NotRun("it builds and tests everything, which this test is a part of"),
+        )
+        .rule("murmuration serve", Stays("pages:"))
+        .rule("murmuration-worker", Stays("connected"))
+        .rule("murmuration-trainer", Stays("connected"))
+        .run();
+}
+
+pub fn of_the_page_on_commands() {
+    Script::of("docs/commands.md")
         .replace("3f9ac41b", "$OTHER")
-        .rule("make ", NotRun("it builds everything in the release profile, and tests it: here that is done"))
         .rule("murmuration run examples/two-sensor-latent.toml", NotRun(LONG))
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule(
@@ -46,9 +59,6 @@ pub fn of_the_readme() {
             "murmuration judge",
             Before("test \"$(sed -n 2p my.csv)\" = 0,ring"),
         )
-        .rule("murmuration serve", Stays("pages:"))
-        .rule("murmuration-worker", Stays("connected"))
-        .rule("murmuration-trainer", Stays("connected"))
         .run();
 }
 
@@ -134,6 +144,13 @@ pub fn of_the_page_on_results() {
 }
 
 /// None has any so far; one that gets some is run.
+pub fn of_the_page_on_performance() {
+    let measures = "it measures for minutes, in the release profile";
+    Script::of("docs/performance.md")
+        .rule("make ", NotRun(measures))
+        .run();
+}
+
 pub fn of_every_other_page() {
     for (name, text) in pages() {
         let has_commands = blocks(&text).iter().any(|(language, _)| language == "sh");

@@ -1,4 +1,4 @@
-//! The help of every command: its examples are run, its text can be read.
+//! The help of every command: its examples are run, and its text is checked.
 
 use crate::script::{
     Rule::{Before, NotRun, Stays},
@@ -124,7 +124,8 @@ pub fn every_example_works() {
             "murmuration labels latest",
             Before(
                 "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv\n\
-                 murmuration label latest --csv my.csv --annotator ana",
+                 murmuration label latest --csv my.csv --annotator ana\n\
+                 rm -f labels.csv",
             ),
         )
         .rule(

@@ -1,4 +1,4 @@
-//! The README and the pages of docs/: their commands are run, their links lead somewhere, and what they list is all there is.
+//! The README and the pages of docs/: their commands run, their links resolve, and their lists are complete.
 
 mod arrows;
 mod commands;
@@ -28,10 +28,12 @@ fn main() -> ExitCode {
         test!(help::what_every_command_has_stands_after_its_own_options),
         test!(help::every_example_works),
         test!(commands::of_the_readme),
+        test!(commands::of_the_page_on_commands),
         test!(commands::of_the_page_on_operations),
         test!(commands::of_the_page_on_security),
         test!(commands::of_the_page_on_the_data_directory),
         test!(commands::of_the_page_on_results),
+        test!(commands::of_the_page_on_performance),
         test!(commands::of_every_other_page),
     ])
 }

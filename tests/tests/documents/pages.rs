@@ -1,4 +1,4 @@
-//! Pages as text and blocks.
+//! The text and the code blocks of pages.
 
 use std::{
     fs,

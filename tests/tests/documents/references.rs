@@ -1,4 +1,4 @@
-//! What pages refer to: other pages, files, commands.
+//! References of pages to other pages, files and commands.
 
 use crate::pages::{page, pages, prose, root};
 use clap::Command;
@@ -32,6 +32,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
 /// Whether a text between backticks is the path of something in the repository.
 fn is_path(span: &str) -> bool {
     let top = [
+        "benches/",
         "coordinator/",
         "deploy/",
         "docs/",

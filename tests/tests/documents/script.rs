@@ -1,4 +1,4 @@
-//! The `sh` blocks of a page as one script, which runs what it can and says of the rest why not.
+//! Runs the `sh` blocks of a page as one script; rules say which commands are not run, and why.
 
 use crate::pages::{blocks, page, root};
 use murmuration_coordinator::cli;

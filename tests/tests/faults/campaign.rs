@@ -1,4 +1,4 @@
-//! The campaigns that are disturbed, and what they come to where nothing disturbs them.
+//! The campaigns to disturb, and their digests without disturbance.
 
 use murmuration_proto::CampaignSpec;
 use murmuration_tests::Murmuration;

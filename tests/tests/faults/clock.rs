@@ -1,13 +1,12 @@
-//! A clock that somebody sets, forward and back, while everything runs.
+//! The clock is set forward and back while everything runs.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::Cluster,
     table::Row,
 };
 use murmuration_proto::v1;
-use murmuration_tests::FaultyLibc;
+use murmuration_tests::{FaultyLibc, ProcessCluster};
 use std::cell::Cell;
 
 const DAY: i64 = 86_400;
@@ -17,7 +16,7 @@ pub fn jumps(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(20 * jumps.len() as u32, 1000);
     let folder = tempfile::tempdir().unwrap();
     let clock = FaultyLibc::new(folder.path());
-    let mut cluster = Cluster::start_in(folder, 2, clock.environment().to_vec());
+    let mut cluster = ProcessCluster::start_in(folder, 2, clock.environment().to_vec());
     let id = cluster.submit(&spec);
     // Looked at for as long as the campaign runs, from when both have joined.
     let fewest = Cell::new(2);

@@ -1,15 +1,15 @@
-//! Decisions of people that arrive at a bad moment: while the coordinator starts, while a campaign is created, while an
-//! archive is clustered. What was acknowledged stays true, and nobody waits for a computation.
+//! Decisions of people at bad moments: while the coordinator starts, while a campaign is created, while an archive is
+//! clustered. Acknowledged decisions hold, and no decision waits for a computation.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::{Client, Cluster},
     table::Row,
 };
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Controller, Purpose, Stream, parts::whole, v1};
+use murmuration_proto::{CampaignSpec, Controller, Purpose, RandomStream, parts::whole, v1};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
+use murmuration_tests::{ProcessClient, ProcessCluster};
 use std::{
     path::Path,
     sync::{
@@ -28,9 +28,12 @@ const CAMPAIGNS_A_KILL: usize = 40;
 const CREATED: usize = 30;
 /// Clients that cancel the same campaign.
 const CANCELLERS: usize = 4;
-/// Individuals of the archive that is clustered: minutes of work for two cores in a build for debugging, half a minute in
-/// one for release.
-const CLUSTERED: u32 = 30_000;
+/// Individuals of the archive that is clustered.
+const CLUSTERED: u32 = 60_000;
+/// Medoids that it is clustered about: so many take far longer than a fault takes to strike.
+const MEDOIDS: u32 = 1_000;
+/// Processor time of the coordinator after which the archive has been read, and is being clustered.
+const READ: Duration = Duration::from_secs(2);
 /// How long an answer may take while an archive is clustered.
 const LIMIT: Duration = Duration::from_secs(10);
 
@@ -39,7 +42,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills as usize;
     let spec = campaign(4, 100);
     // Without workers every campaign stands still until all cancels are acknowledged.
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     let ids: Vec<_> = (0..kills * CAMPAIGNS_A_KILL)
         .map(|_| cluster.submit(&spec))
         .collect();
@@ -59,7 +62,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         for acknowledged in cancels {
             cluster.runtime().block_on(acknowledged).unwrap();
         }
-        // By then those that run have been taken up again.
+        // By then running campaigns have been resumed.
         for id in part {
             assert!(!cluster.try_status(id).unwrap().active, "{id} goes on, cancelled");
         }
@@ -95,7 +98,7 @@ pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 }
 
 /// Creates campaigns, each of which clients try to cancel before it is there; their ids.
-fn cancels_at_creation(cluster: &mut Cluster, spec: &CampaignSpec) -> Vec<String> {
+fn cancels_at_creation(cluster: &mut ProcessCluster, spec: &CampaignSpec) -> Vec<String> {
     let last = cluster.submit(spec);
     let number: usize = last.rsplit('-').next().unwrap().parse().unwrap();
     let mut created = Vec::new();
@@ -116,7 +119,7 @@ fn cancels_at_creation(cluster: &mut Cluster, spec: &CampaignSpec) -> Vec<String
 }
 
 /// Asks for a cancel until the campaign is cancelled, by this client or by another.
-async fn cancel(mut client: Client, id: String) {
+async fn cancel(mut client: ProcessClient, id: String) {
     let begun = Instant::now();
     loop {
         let request = v1::CancelCampaignRequest { campaign: id.clone() };
@@ -127,7 +130,7 @@ async fn cancel(mut client: Client, id: String) {
                 return;
             }
             // The coordinator does not listen yet, or there is no such campaign yet.
-            Err(error) => assert!(begun.elapsed() < super::processes::PATIENCE, "{error}"),
+            Err(error) => assert!(begun.elapsed() < murmuration_tests::PATIENCE, "{error}"),
         }
         tokio::task::yield_now().await;
     }
@@ -137,7 +140,7 @@ async fn cancel(mut client: Client, id: String) {
 pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let id = unclustered(&folder.path().join("data"));
-    let mut cluster = Cluster::start_in(folder, 0, Vec::new());
+    let mut cluster = ProcessCluster::start_in(folder, 0, Vec::new());
     let before = cluster.digest(&id);
     let mut slowest = Duration::ZERO;
 
@@ -187,22 +190,18 @@ pub fn clustering(_: &Scale, _: &Undisturbed) -> Row {
 fn unclustered(data: &Path) -> String {
     let text = format!(
         "name = \"whole\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
-         [search]\npopulation = {CLUSTERED}\ngenerations = 1\n[taxonomy]\nmedoids = 20\n"
+         [search]\npopulation = {CLUSTERED}\ngenerations = 1\n[taxonomy]\nmedoids = {MEDOIDS}\n"
     );
     let spec = CampaignSpec::from_toml(&text).unwrap();
     let store = Store::open(&DataDirectory::hold(data).unwrap()).unwrap();
     let id = store.create_campaign(&spec, Weight::default(), 1).unwrap();
-    let mut dice = Stream::derive(1, Purpose::Jitter, 9);
+    let mut dice = RandomStream::derive(1, Purpose::Jitter, 9);
     let individuals: Vec<_> = (0..u64::from(CLUSTERED))
         .map(|index| ArchivedIndividual {
-            index,
-            generation: 0,
-            controller: Controller::new(spec.model(), &[0.0; 4]).unwrap(),
             seed: index,
             features: std::array::from_fn(|_| dice.unit()),
-            embedding: Vec::new(),
             novelty: 0.5,
-            image: None,
+            ..ArchivedIndividual::unmeasured(index, 0, Controller::new(spec.model(), &[0.0; 4]).unwrap())
         })
         .collect();
     let generation = GenerationRecord::of(0, &[0.5], 0);
@@ -213,17 +212,17 @@ fn unclustered(data: &Path) -> String {
 }
 
 /// Waits until the archive is being clustered: by then it has long been read.
-fn clusters(cluster: &mut Cluster, id: &str) {
+fn clusters(cluster: &mut ProcessCluster, id: &str) {
     let status = cluster.wait_until(id, |status| status.active);
     assert_eq!(
         (status.state(), status.stage()),
         (v1::CampaignState::Running, v1::CampaignStage::Taxonomy)
     );
-    let enough = cluster.coordinator().cpu_time() + Duration::from_secs(4);
+    let enough = cluster.coordinator().cpu_time() + READ;
     let begun = Instant::now();
     while cluster.coordinator().cpu_time() < enough {
         assert!(
-            begun.elapsed() < super::processes::PATIENCE,
+            begun.elapsed() < murmuration_tests::PATIENCE,
             "nothing is computed"
         );
         thread::sleep(Duration::from_millis(20));
@@ -244,7 +243,7 @@ struct Watched {
 }
 
 impl Watched {
-    fn begin(cluster: &Cluster) -> Self {
+    fn begin(cluster: &ProcessCluster) -> Self {
         let done = Arc::new(AtomicBool::new(false));
         let (until, url) = (done.clone(), cluster.url());
         let (mut client, runtime) = (cluster.client(), cluster.runtime().handle().clone());
@@ -259,7 +258,9 @@ impl Watched {
                 });
                 assert_eq!(listed.unwrap().campaigns.len(), 1);
                 for page in ["/", "/metrics"] {
-                    let got = timed(&mut slowest, || ureq::get(format!("{url}{page}")).call());
+                    let got = timed(&mut slowest, || {
+                        runtime.block_on(reqwest::get(format!("{url}{page}")))
+                    });
                     assert_eq!(got.unwrap().status(), 200);
                 }
             }

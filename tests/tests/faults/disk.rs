@@ -1,20 +1,19 @@
-//! A disk that is full, read-only or failing for a while.
+//! Disks that are full, read-only or failing for a while.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::Cluster,
     table::Row,
 };
 use murmuration_proto::{CampaignSpec, v1};
-use murmuration_tests::{FaultyLibc, SmallDisk};
+use murmuration_tests::{FaultyLibc, ProcessCluster, SmallDisk};
 use std::{fs, thread, time::Duration};
 
 pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let disk = SmallDisk::new(&folder.path().join("data"), "8m");
     let spec = campaign(60, 1000);
-    let mut cluster = Cluster::start_in(folder, 2, Vec::new());
+    let mut cluster = ProcessCluster::start_in(folder, 2, Vec::new());
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
     let ballast = disk.fill();
@@ -46,7 +45,7 @@ fn refused(undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool
     let folder = tempfile::tempdir().unwrap();
     let faults = FaultyLibc::new(folder.path());
     let spec = campaign(60, 1000);
-    let mut cluster = Cluster::start_in(folder, 2, faults.environment().into());
+    let mut cluster = ProcessCluster::start_in(folder, 2, faults.environment().into());
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
     set(&faults, true);
@@ -63,7 +62,7 @@ fn refused(undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool
 }
 
 /// Waits until the campaign waits for its disk; its generations.
-fn waits(cluster: &mut Cluster, id: &str, spec: &CampaignSpec) -> u32 {
+fn waits(cluster: &mut ProcessCluster, id: &str, spec: &CampaignSpec) -> u32 {
     // The database may have a little room in its own files yet.
     let mut before = cluster.try_status(id).unwrap().generations_done;
     loop {

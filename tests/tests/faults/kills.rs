@@ -3,17 +3,17 @@
 use super::{
     Scale,
     campaign::{Undisturbed, campaign, latent},
-    processes::Cluster,
     table::Row,
 };
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{Purpose, RandomStream};
+use murmuration_tests::ProcessCluster;
 use std::{thread, time::Duration};
 
-fn dice(scale: &Scale, of: u64) -> Stream {
-    Stream::derive(scale.seed, Purpose::Jitter, of)
+fn dice(scale: &Scale, of: u64) -> RandomStream {
+    RandomStream::derive(scale.seed, Purpose::Jitter, of)
 }
 
-fn pause(dice: &mut Stream, most_ms: u64) {
+fn pause(dice: &mut RandomStream, most_ms: u64) {
     thread::sleep(Duration::from_millis(dice.below(most_ms)));
 }
 
@@ -21,7 +21,7 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.worker_kills;
     // Generations go on while a process starts in the place of one that was killed: some twenty, where that is slow.
     let spec = campaign(20 * kills + 20, 1000);
-    let mut cluster = Cluster::start(3);
+    let mut cluster = ProcessCluster::start(3);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 1);
     for kill in 0..kills {
@@ -45,7 +45,7 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills;
     // The first worker to come back goes on by itself until the other does.
     let spec = campaign(40 * kills + 20, 300);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 2);
     for kill in 0..kills {
@@ -71,7 +71,7 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.trainer_kills;
     let spec = latent(10 * kills + 10);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let url = cluster.url();
     let mut trainer = cluster.worker(&url, "murmuration-trainer");
     let id = cluster.submit(&spec);

@@ -1,9 +1,10 @@
-//! Faults against the real processes: seeded, fired for certain, and the outcome compared with an undisturbed run.
+//! Faults against the real processes. Each is seeded and certain to fire, and the outcome is compared with an undisturbed
+//! run.
 //!
-//! One after the other, with a table of what was done and what was found; `-- 'clock jumps'` fires one alone.
-//! `MURMURATION_SEED` decides when and whom they strike; `MURMURATION_SCALE=long` has more of everything (`make faults`),
-//! and writes the table to `docs/reliability.md`, if every fault was fired. `MURMURATION_BINARIES` names a folder of built
-//! binaries: an hour is long enough for somebody to build others.
+//! Faults are fired one after the other, with a table of what was done and found; `-- 'clock jumps'` fires one alone.
+//! `MURMURATION_SEED` determines when and whom they strike. `MURMURATION_SCALE=long` (`make faults`) has more of everything,
+//! and writes the table to `docs/reliability.md` if every fault was fired. `MURMURATION_BINARIES` names a folder of binaries,
+//! so that a build during the hour does not replace them.
 
 mod campaign;
 mod clock;
@@ -12,7 +13,6 @@ mod disk;
 mod kills;
 mod network;
 mod overload;
-mod processes;
 mod proxy;
 mod soak;
 mod table;

@@ -1,12 +1,12 @@
-//! A wire that is slow, cut, or loses packets.
+//! Networks that are slow, cut, or lose packets.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::Cluster,
     proxy::Proxy,
     table::Row,
 };
+use murmuration_tests::ProcessCluster;
 use std::{
     process::Command,
     thread,
@@ -16,7 +16,7 @@ use std::{
 pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let count = scale.partitions;
     let spec = campaign(40 * count + 20, 1000);
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     let proxies = [(); 2].map(|()| Proxy::before(cluster.address(), 0));
     let urls = proxies.each_ref().map(Proxy::url);
     let _workers = urls.map(|url| cluster.worker(&url, "murmuration-worker"));
@@ -54,7 +54,7 @@ pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn latency(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(20, 1000);
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     let proxy = Proxy::before(cluster.address(), 100);
     let url = proxy.url();
     let _workers = [(); 2].map(|()| cluster.worker(&url, "murmuration-worker"));
@@ -122,7 +122,7 @@ pub fn loss(_: &Scale, undisturbed: &Undisturbed) -> Row {
     );
     assert!(run(&drops), "{drops}");
     let spec = campaign(60, 1000);
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     // The coordinator listens on loopback alone, which a namespace has of its own.
     let relay = Proxy::listening(&format!("{}.1:0", namespace.subnet), cluster.address(), 0);
     let url = relay.url();

@@ -1,9 +1,8 @@
-//! More of everything than a coordinator has use for.
+//! Overload: more connections, streams and bytes than a coordinator allows.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::Cluster,
     soak::memory_mib,
     table::Row,
 };
@@ -11,7 +10,7 @@ use murmuration_access::limits::{
     HANDSHAKE_LIMIT, MAX_CONNECTIONS, MAX_CONNECTIONS_PER_PEER, MAX_WORKER_MESSAGE,
 };
 use murmuration_proto::v1::{self, campaign_service_client::CampaignServiceClient, worker_message::Message};
-use murmuration_tests::FakeWorker;
+use murmuration_tests::{FakeWorker, ProcessCluster};
 use std::{
     io::{ErrorKind, Read as _},
     net::{Ipv4Addr, TcpStream},
@@ -22,9 +21,9 @@ use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(300, 1000);
-    let mut cluster = Cluster::start(2);
+    // Without workers the campaign cannot be over before the connections are open, however slow they are to open.
+    let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
-    cluster.wait_to_strike(&id, |status| status.generations_done > 0);
     let before = memory_mib(cluster.coordinator().id());
     let watching = watch_unread(&cluster, &id);
     let mut silent = Vec::new();
@@ -37,7 +36,9 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         opened > scale.connections / 2,
         "only {opened} connections were taken"
     );
-    cluster.check_running(&id);
+    cluster.add_worker();
+    cluster.add_worker();
+    cluster.wait_to_strike(&id, |status| status.generations_done > 0);
     let digest = cluster.finish(&id);
     let grown = memory_mib(cluster.coordinator().id()) - before;
     assert!(grown < 400.0, "the coordinator grew by {grown} MiB");
@@ -52,7 +53,7 @@ pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 }
 
 /// Opens streams that nobody reads; how many.
-fn watch_unread(cluster: &Cluster, id: &str) -> usize {
+fn watch_unread(cluster: &ProcessCluster, id: &str) -> usize {
     let (url, campaign) = (cluster.url(), id.to_owned());
     cluster.runtime().block_on(async move {
         let mut client = CampaignServiceClient::connect(url).await.unwrap();
@@ -91,7 +92,7 @@ pub fn limits(_: &Scale, undisturbed: &Undisturbed) -> Row {
     rlimit::increase_nofile_limit(u64::MAX).unwrap();
     // Thousands of connections take a busy machine some seconds.
     let spec = campaign(1200, 1000);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done > 0);
     let kept = kept_open(&cluster);
@@ -113,7 +114,7 @@ pub fn limits(_: &Scale, undisturbed: &Undisturbed) -> Row {
 }
 
 /// Opens all those connections; how many the coordinator keeps.
-fn kept_open(cluster: &Cluster) -> usize {
+fn kept_open(cluster: &ProcessCluster) -> usize {
     let mut open = Vec::new();
     for peer in 0..PEERS {
         for _ in 0..PER_PEER {

@@ -1,4 +1,4 @@
-//! A wire with a fault: every byte between workers and coordinator goes through here.
+//! A proxy between workers and coordinator that delays or drops bytes.
 
 use std::{
     io::{Read as _, Write as _},

@@ -1,12 +1,12 @@
-//! Campaign after campaign, workers coming and going: nothing grows.
+//! A soak: campaign after campaign, with workers coming and going. Memory and files must not grow.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign},
-    processes::Cluster,
     table::Row,
 };
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{Purpose, RandomStream};
+use murmuration_tests::ProcessCluster;
 use std::{
     fs,
     time::{Duration, Instant},
@@ -38,8 +38,8 @@ pub fn memory_mib(process: u32) -> f64 {
 
 pub fn soak(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(20, 300);
-    let mut cluster = Cluster::start(2);
-    let mut dice = Stream::derive(scale.seed, Purpose::Jitter, 9);
+    let mut cluster = ProcessCluster::start(2);
+    let mut dice = RandomStream::derive(scale.seed, Purpose::Jitter, 9);
     let whole = Duration::from_secs(scale.soak_seconds);
     let begun = Instant::now();
     let (mut campaigns, mut replaced) = (0, 0);

@@ -1,4 +1,4 @@
-//! What was done, and what was found.
+//! The table of faults: what was done, and what was found.
 
 use std::{
     fmt, fs,

@@ -1,13 +1,12 @@
-//! Workers that are slow, hang, or answer what no sound worker answers.
+//! Workers that are slow, hang, or return impossible results.
 
 use super::{
     Scale,
     campaign::{Undisturbed, campaign, latent},
-    processes::Cluster,
     table::Row,
 };
 use murmuration_proto::v1;
-use murmuration_tests::FakeWorker;
+use murmuration_tests::{FakeWorker, ProcessCluster};
 use std::{path::Path, thread, time::Duration};
 use tonic::Status;
 
@@ -22,7 +21,7 @@ fn lie() -> v1::Evaluation {
 
 /// Has a worker on a machine of its own answer everything with `evaluation`; how many evaluations, and what it is told in
 /// the end.
-fn answer_all(cluster: &Cluster, evaluation: &v1::Evaluation) -> (usize, Status) {
+fn answer_all(cluster: &ProcessCluster, evaluation: &v1::Evaluation) -> (usize, Status) {
     let url = cluster.url();
     cluster.runtime().block_on(async {
         let impostor = FakeWorker::connect(&url).await;
@@ -33,7 +32,7 @@ fn answer_all(cluster: &Cluster, evaluation: &v1::Evaluation) -> (usize, Status)
 pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let stops = 5;
     let spec = campaign(40 * stops, 600);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     let mut went_on = 0;
     for stop in 0..stops {
@@ -61,7 +60,7 @@ pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(20, 600);
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let url = cluster.url();
     let took = cluster.runtime().block_on(async move {
@@ -83,7 +82,7 @@ pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(60, 600);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     // With only one that could contradict it, nobody could say who is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
@@ -99,7 +98,7 @@ pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(200, 600);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
     let cases = [
@@ -187,7 +186,7 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let (spec, connections) = (campaign(60, 600), 4);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     // With only one that could contradict it, nobody could say who is wrong.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
@@ -232,7 +231,7 @@ pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn unfit(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = latent(3);
-    let mut cluster = Cluster::start(0);
+    let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let url = cluster.url();
     let _trainer = cluster.worker(&url, "murmuration-trainer");
@@ -260,9 +259,9 @@ pub fn unfit(_: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
     let spec = campaign(200, 600);
-    let mut cluster = Cluster::start(2);
+    let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
-    // By then there are leases that are over, and others that somebody holds.
+    // By then some leases are over, and others are held.
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 5);
     let url = cluster.url();
     let sent = cluster.runtime().block_on(async {

@@ -1,9 +1,9 @@
-//! What a training needs, fetched from the coordinator: its pictures, those with labels and the network to go on from,
-//! and what was put aside of it.
+//! Fetches the inputs of a training from the coordinator: pictures, labelled pictures, the network to train further, and the
+//! snapshot.
 
 use super::{
     event::Undone,
-    task::{LessonTask, Task},
+    task::{FineTuningTask, Task},
 };
 use crate::{labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning};
 use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
@@ -14,19 +14,19 @@ use murmuration_proto::{
 use std::sync::Arc;
 use tonic::Status;
 
-/// Most bytes of a saved training: four numbers of four bytes for each of at most 16 Mi weights, and some figures.
+/// Maximum number of bytes of a snapshot: four numbers of four bytes for each of at most 16 Mi weights, and some figures.
 const MAX_SAVED_BYTES: usize = 300 << 20;
 
-/// All that a training begins with.
+/// The inputs of a training.
 pub(super) struct TrainingInputs {
     pub(super) pictures: Arc<Pictures>,
-    /// If it learns from labels.
+    /// Present if it learns from labels.
     pub(super) fine_tuning: Option<FineTuning>,
-    /// The training that was put aside; empty if none was.
+    /// The snapshot; empty if there is none.
     pub(super) saved: Vec<u8>,
 }
 
-/// What came of a task's parts.
+/// The merged parts of a task.
 #[derive(Default)]
 struct Parts {
     pictures: Vec<u8>,
@@ -35,19 +35,19 @@ struct Parts {
     saved: Vec<u8>,
 }
 
-/// Fetches what `task` needs.
+/// Fetches the inputs of `task`.
 pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<TrainingInputs, Undone> {
     let parts = attempts(|| receive(task, coordinator.clone()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
     let pictures = Pictures::new(task.side, task.views, parts.pictures).map_err(Undone::fatal)?;
-    let fine_tuning = match &task.lesson {
+    let fine_tuning = match &task.fine_tuning {
         None => None,
-        Some(lesson) => {
+        Some(fine_tuning) => {
             let labelled = LabelledPictures::new(task.side, parts.labelled, parts.classes);
             Some(FineTuning {
-                parent: parent(task, lesson, coordinator).await?,
-                labelled: Arc::new(labelled.map_err(Undone::fatal)?.of_labels(lesson.labels)),
+                parent: parent(task, fine_tuning, coordinator).await?,
+                labelled: Arc::new(labelled.map_err(Undone::fatal)?.of_labels(fine_tuning.labels)),
             })
         }
     };
@@ -58,15 +58,15 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
     })
 }
 
-/// The network of the checkpoint to go on from.
+/// The network of the checkpoint to train further.
 async fn parent(
     task: &Task,
-    lesson: &LessonTask,
+    fine_tuning: &FineTuningTask,
     coordinator: &Coordinator,
 ) -> Result<crate::network::Network, Undone> {
-    let fetched = fetch_checkpoint(coordinator, lesson.parent, task.lease).await;
+    let fetched = fetch_checkpoint(coordinator, fine_tuning.parent, task.lease).await;
     let bytes = fetched.map_err(|status| Undone::call("the checkpoint to go on from", &status))?;
-    if CheckpointDigest::of(&bytes) != lesson.parent {
+    if CheckpointDigest::of(&bytes) != fine_tuning.parent {
         return Err(Undone::retryable(
             "other bytes came than the checkpoint's to go on from",
         ));
@@ -80,9 +80,12 @@ async fn parent(
 
 async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status> {
     let request = v1::FetchTrainingRequest {
-        campaign: task.campaign.clone(),
+        lease: Some(task.lease),
     };
-    let labelled_bytes = task.lesson.as_ref().map_or(0, |lesson| lesson.bytes);
+    let labelled_bytes = task
+        .fine_tuning
+        .as_ref()
+        .map_or(0, |fine_tuning| fine_tuning.bytes);
     let mut messages = TrainerServiceClient::new(coordinator)
         .fetch_training(for_lease(request, task.lease))
         .await?

@@ -1,4 +1,4 @@
-//! What comes of a training, as it goes on and in the end.
+//! Events of a training, and its outcome.
 
 use murmuration_link::may_pass_elsewhere;
 use murmuration_proto::v1::{self, batch_result::Outcome};
@@ -6,18 +6,18 @@ use std::fmt;
 use tokio::task::JoinError;
 use tonic::Status;
 
-/// What a training has to say.
+/// An event of a training.
 #[derive(Debug)]
 pub(super) enum Event {
-    /// How far it has come.
+    /// Its progress.
     Progress(v1::TrainingProgress),
-    /// It was put aside after so many epochs, as these bytes.
+    /// A snapshot after this number of epochs.
     Snapshot { epoch: u64, bytes: Vec<u8> },
     /// It is over.
     Done(Outcome),
 }
 
-/// Why a training was not done.
+/// Why a training failed.
 #[derive(Debug)]
 pub(super) struct Undone {
     class: v1::FailureClass,
@@ -25,7 +25,7 @@ pub(super) struct Undone {
 }
 
 impl Undone {
-    /// It would fail anywhere, as far as this trainer can tell: the coordinator asks another.
+    /// It would fail anywhere, as far as this trainer can tell. The coordinator asks another trainer.
     pub(super) fn fatal(message: impl fmt::Display) -> Self {
         Self {
             class: v1::FailureClass::Fatal,
@@ -33,7 +33,7 @@ impl Undone {
         }
     }
 
-    /// Another trainer, or a later attempt, may do it.
+    /// Another trainer, or a later attempt, may succeed.
     pub(super) fn retryable(message: impl fmt::Display) -> Self {
         Self {
             class: v1::FailureClass::Retryable,
@@ -41,7 +41,7 @@ impl Undone {
         }
     }
 
-    /// A call failed for good; or the coordinator was away for too long, or did not let this trainer in.
+    /// A call failed for good, or the coordinator was unavailable for too long, or did not admit this trainer.
     pub(super) fn call(what: &str, status: &Status) -> Self {
         let message = format!("{what}: {}", status.message());
         match may_pass_elsewhere(status) {

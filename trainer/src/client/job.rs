@@ -19,10 +19,10 @@ use tokio::{
 };
 use tracing::{Instrument as _, Span};
 
-/// Events that may wait to be sent: a training that is ahead of the network waits.
+/// Maximum number of events that wait to be sent. A training that is faster than the network waits.
 const EVENTS: usize = 4;
 
-/// A training under way. It ends where this is dropped, a computing epoch first running to its end.
+/// A running training. Dropping it ends the training after the current epoch.
 pub(super) struct Running {
     pub(super) lease: v1::LeaseId,
     events: mpsc::Receiver<Event>,
@@ -31,7 +31,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Begins as soon as it is its turn.
+    /// Begins as soon as no other training computes.
     pub(super) fn start(
         lease: v1::LeaseId,
         task: Task,
@@ -48,7 +48,7 @@ impl Running {
                 Ok(digest) => Outcome::Checkpoint(digest.to_string()),
                 Err(undone) => undone.into(),
             };
-            // Nobody may want to know any more.
+            // The receiver may be gone.
             let _ = sender.send(Event::Done(outcome)).await;
         };
         job.spawn(training.instrument(span));
@@ -59,7 +59,7 @@ impl Running {
         }
     }
 
-    /// What it has to say next.
+    /// The next event.
     pub(super) async fn next(&mut self) -> Event {
         let broke = || Event::Done(Undone::fatal("the training broke").into());
         self.events.recv().await.unwrap_or_else(broke)
@@ -73,7 +73,8 @@ async fn train(
     mut stop: watch::Receiver<bool>,
     events: mpsc::Sender<Event>,
 ) -> Result<CheckpointDigest, Undone> {
-    // First of all: nobody should train for long to learn that it cannot be checked. Another trainer may have the library.
+    // First of all, because a long training would be lost if its result cannot be checked. Another trainer may have the
+    // library.
     let runtime = spawn_blocking(Runtime::load).await?.map_err(Undone::retryable)?;
     let (lease, turn) = (task.lease, turn.lock_owned().await);
     let material = tokio::select! {

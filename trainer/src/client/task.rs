@@ -1,36 +1,36 @@
-//! A training task taken in from the wire.
+//! A validated training task.
 
 use super::event::Undone;
 use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configuration, v1};
 
-/// A training to be done.
+/// A training task.
 #[derive(Debug)]
 pub(super) struct Task {
     pub(super) lease: v1::LeaseId,
     pub(super) campaign: String,
-    /// The trace that it belongs to.
+    /// Its trace.
     pub(super) trace_parent: String,
     pub(super) configuration: Configuration,
     pub(super) side: usize,
     pub(super) views: usize,
     /// Bytes of all pictures.
     pub(super) bytes: usize,
-    /// What it goes on from, if it learns from labels.
-    pub(super) lesson: Option<LessonTask>,
+    /// The checkpoint and labelled pictures, if it learns from labels.
+    pub(super) fine_tuning: Option<FineTuningTask>,
 }
 
-/// Labels to be learned from.
+/// The labelled pictures to learn from.
 #[derive(Debug)]
-pub(super) struct LessonTask {
-    /// The checkpoint to go on from.
+pub(super) struct FineTuningTask {
+    /// The checkpoint to train further.
     pub(super) parent: CheckpointDigest,
     /// Bytes of all labelled pictures.
     pub(super) bytes: usize,
-    /// Number of labels that they come from.
+    /// Number of their labels.
     pub(super) labels: usize,
 }
 
-/// Bytes of so many pictures, if a trainer holds as much.
+/// Bytes of this number of pictures, if they fit into a trainer's memory.
 fn bytes(field: &str, side: u32, (views, behaviours): (u32, u32)) -> Result<usize, Undone> {
     let bytes = [side, side, views, behaviours]
         .iter()
@@ -55,9 +55,9 @@ impl TryFrom<v1::Lease> for Task {
         };
         let configuration = Configuration::from_toml(&task.configuration)
             .map_err(|error| Undone::fatal(format!("the training's configuration: {error}")))?;
-        let lesson = match task.parent.as_str() {
+        let fine_tuning = match task.parent.as_str() {
             "" => None,
-            parent => Some(LessonTask {
+            parent => Some(FineTuningTask {
                 parent: parent
                     .parse()
                     .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
@@ -67,7 +67,7 @@ impl TryFrom<v1::Lease> for Task {
         };
         Ok(Self {
             bytes: bytes("behaviours", task.side, (task.views, task.behaviours))?,
-            lesson,
+            fine_tuning,
             lease: lease.id.unwrap_or_default(),
             campaign: lease.campaign,
             trace_parent: lease.trace_parent,

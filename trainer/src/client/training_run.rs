@@ -1,4 +1,4 @@
-//! The epochs of a training, one after the other, on a thread that may block.
+//! Runs the epochs of a training one after the other, on a thread that may block.
 
 use super::{
     dataset::TrainingInputs,
@@ -14,21 +14,21 @@ use murmuration_proto::v1;
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
 
-/// Least time between two snapshots: small trainings would send more of them than they compute.
+/// Minimum time between two snapshots: small trainings would spend more time on sending than on computing.
 const SNAPSHOT_PAUSE: Duration = Duration::from_millis(500);
 
-/// All that a training is done with.
+/// The state of a training.
 pub(super) struct TrainingRun {
     pub(super) task: Task,
     pub(super) material: TrainingInputs,
     pub(super) runtime: Runtime,
-    /// Closed once nobody wants the training any more.
+    /// Closed once nobody wants the training.
     pub(super) events: mpsc::Sender<Event>,
     pub(super) stop: watch::Receiver<bool>,
 }
 
 impl TrainingRun {
-    /// Trains to the end, or until it is stopped or not wanted any more.
+    /// Trains to the end, or until the training is stopped or unwanted.
     pub(super) fn run(mut self) -> Result<Publication, Undone> {
         let mut training = self.begin()?;
         let epochs = self.task.configuration.recipe().epochs();
@@ -63,7 +63,7 @@ impl TrainingRun {
             .map_err(Undone::fatal)
     }
 
-    /// The training, taken up where it was put aside if that can be.
+    /// The training, continued from its snapshot if possible.
     fn begin(&mut self) -> Result<Training, Undone> {
         let saved = std::mem::take(&mut self.material.saved);
         if !saved.is_empty() {
@@ -100,7 +100,7 @@ fn snapshot(training: &Training) -> Event {
     }
 }
 
-/// `took` is the time of the whole epoch, the measuring of quality included.
+/// `took` is the time of the whole epoch, including the measurement of quality.
 fn message(progress: &Progress, took: Duration) -> v1::TrainingProgress {
     let epochs_left = progress.epochs.saturating_sub(progress.epoch);
     v1::TrainingProgress {

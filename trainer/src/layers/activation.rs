@@ -1,4 +1,4 @@
-//! Leaky rectifiers, in place. The derivative is read off what came out, so nothing else need be kept.
+//! Leaky rectifiers, in place. The derivative follows from the output, so nothing else is kept.
 
 use crate::real::Real;
 use murmuration_proto::training::Layer;
@@ -10,7 +10,7 @@ pub(crate) struct Activation {
 }
 
 impl Activation {
-    /// The activation that a layer is, if it is one.
+    /// The activation of a layer, if it is one.
     pub(crate) const fn of(layer: Layer) -> Option<Self> {
         match layer {
             Layer::LeakyRelu { slope } => Some(Self { slope }),
@@ -30,7 +30,7 @@ impl Activation {
         }
     }
 
-    /// Turns gradients by what came out (`output`) into gradients by what went in.
+    /// Turns gradients by the output into gradients by the input.
     pub(crate) fn backward<T: Real>(self, output: &[T], gradient: &mut [T]) {
         let slope = T::of(self.slope);
         for (gradient, &output) in gradient.iter_mut().zip(output) {

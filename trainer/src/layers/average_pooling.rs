@@ -51,12 +51,12 @@ impl AveragePooling {
         }
     }
 
-    /// What each pixel of a window counts.
+    /// The weight of each pixel of a window.
     fn share<T: Real>(self) -> T {
         T::of(1.0 / (self.window() * self.window()) as f64)
     }
 
-    /// Visits every pixel of every window: where its channels begin, and where those of its window do.
+    /// Visits every pixel of every window, with the offsets of its channels and of the window's channels.
     fn for_each_pair(self, mut visit: impl FnMut(usize, usize)) {
         let (grid, side, channels) = (self.output.side, self.input.side, self.input.channels);
         for (to, row) in (0..grid).flat_map(|i| (0..grid).map(move |j| (i * grid + j, (i, j)))) {

@@ -1,10 +1,10 @@
-//! Convolutions, by copying the patch under every place of the kernel into a row of a matrix.
+//! Convolutions, by copying the patch under every position of the kernel into a row of a matrix.
 
 use super::{Backward, plane};
 use crate::real::{Real, matrix, multiply};
 use murmuration_proto::training::Shape;
 
-/// Parameters: one row of weights a channel that comes out (row, column, channel of the kernel), then the biases.
+/// Parameters: one row of weights per output channel (row, column, channel of the kernel), then the biases.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Convolution {
     pub(crate) input: Shape,
@@ -14,16 +14,16 @@ pub(crate) struct Convolution {
     pub(crate) padding: usize,
 }
 
-/// Values in the matrix of patches that still stay in a core's cache with what is multiplied.
+/// Number of values of the matrix of patches that fit in a core's cache together with the factors.
 const PATCHES_AT_ONCE: usize = 1 << 16;
 
 impl Convolution {
-    /// Values under one place of the kernel.
+    /// Number of values under one position of the kernel.
     pub(crate) const fn patch(&self) -> usize {
         self.kernel * self.kernel * self.input.channels
     }
 
-    /// The kernel, if pictures can be convolved as they lie, without a matrix.
+    /// The kernel, if pictures can be convolved in place, without a matrix.
     fn plane<'a, T>(&self, weights: &'a [T]) -> Option<plane::Kernel<'a, T>> {
         let is_plane =
             self.input.channels == 1 && self.output.channels == 1 && self.stride == 1 && self.padding == 0;
@@ -106,7 +106,7 @@ impl Convolution {
         (PATCHES_AT_ONCE / (self.output.pixels() * self.patch())).max(1)
     }
 
-    /// The patches of some samples, a row each.
+    /// The patches of some samples, one per row.
     fn patches<'a, T: Real>(&self, input: &[T], places: usize, scratch: &'a mut Vec<T>) -> &'a mut [T] {
         scratch.clear();
         scratch.resize(places * self.patch(), T::zero());
@@ -119,7 +119,7 @@ impl Convolution {
         scratch
     }
 
-    /// The reverse: adds every patch to where it was copied from.
+    /// The reverse: adds every patch to its original place.
     fn add_patches<T: Real>(&self, patches: &[T], d_input: &mut [T]) {
         let rows = self.output.pixels() * self.patch();
         for (d_input, rows) in d_input
@@ -134,8 +134,8 @@ impl Convolution {
         }
     }
 
-    /// Visits the rows of every patch of a sample: where one begins in the picture, where in the matrix, and its
-    /// length. What lies in the padding is left out.
+    /// Visits the rows of every patch of a sample, with their offsets in the picture and in the matrix, and their lengths.
+    /// Leaves out the padding.
     fn for_each_run(&self, mut visit: impl FnMut(usize, usize, usize)) {
         let (side, channels) = (self.input.side, self.input.channels);
         let inside = |from: usize| {

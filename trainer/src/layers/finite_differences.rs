@@ -2,7 +2,7 @@
 
 use super::{Backward, Operation};
 use murmuration_proto::{
-    Purpose, Stream,
+    Purpose, RandomStream,
     training::{Layer, Shape, parameters},
 };
 
@@ -13,13 +13,13 @@ struct Case {
     output: Shape,
     parameters: Vec<f64>,
     input: Vec<f64>,
-    /// The loss is the sum of what comes out, each value times one of these.
+    /// The loss is the sum of the outputs, each times one of these.
     weights: Vec<f64>,
 }
 
 impl Case {
     fn new(layer: Layer, input: Shape, output: Shape) -> Self {
-        let mut stream = Stream::derive(1, Purpose::Initialise, 0);
+        let mut stream = RandomStream::derive(1, Purpose::Initialise, 0);
         let mut values =
             |count: usize| -> Vec<f64> { (0..count).map(|_| stream.between(-1.0, 1.0)).collect() };
         Self {
@@ -55,7 +55,7 @@ impl Case {
 
     /// By the parameters and by the input.
     fn gradients(&self) -> (Vec<f64>, Vec<f64>) {
-        // What is added to must not be overwritten, and the reverse.
+        // Gradients that are added must not be overwritten, and the reverse.
         let mut d_parameters = vec![1.0; self.parameters.len()];
         let mut d_input = vec![7.0; self.input.len()];
         self.operation.backward(Backward {

@@ -1,5 +1,5 @@
-//! Group normalisation (Wu & He 2018): no statistics of the batch, so that a chunk of images can be computed by
-//! itself, and training and use behave alike.
+//! Group normalisation (Wu & He 2018). It uses no statistics of the batch, so chunks of images are independent, and training
+//! and inference behave alike.
 
 use super::Backward;
 use crate::real::Real;
@@ -8,8 +8,8 @@ use murmuration_proto::training::Shape;
 /// Added to every variance.
 pub(crate) const EPSILON: f64 = 1e-5;
 
-/// Parameters: a scale a channel, then a shift a channel. It notes the mean and the reciprocal of the deviation of
-/// every group of every sample.
+/// Parameters: one scale per channel, then one shift per channel. The forward pass keeps the mean and the reciprocal of the
+/// deviation of every group of every sample.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GroupNormalisation {
     pub(crate) shape: Shape,
@@ -55,7 +55,7 @@ impl GroupNormalisation {
         let notes = pass.notes.chunks_exact(2 * self.groups);
         for (((input, d_output), d_input), notes) in samples.zip(d_input.chunks_exact_mut(len)).zip(notes) {
             let sums = self.sums(input, d_output);
-            // By the normalised values, summed over each group, alone and times those values.
+            // The gradient by the normalised values, summed over each group, alone and times those values.
             let mut group_sums = vec![[T::zero(); 2]; self.groups];
             for channel in 0..channels {
                 let [mean, rate] = self.noted(notes, channel);
@@ -98,7 +98,7 @@ impl GroupNormalisation {
         [notes[2 * group], notes[2 * group + 1]]
     }
 
-    /// Notes the statistics of one sample's groups; `sums` is room for a value a channel.
+    /// Computes the statistics of one sample's groups; `sums` is a buffer of one value per channel.
     fn note_statistics<T: Real>(self, input: &[T], sums: &mut [T], notes: &mut [T]) {
         let (channels, members) = (self.shape.channels, self.shape.channels / self.groups);
         let count = T::of((self.shape.len() / self.groups) as f64);
@@ -118,7 +118,7 @@ impl GroupNormalisation {
         }
     }
 
-    /// Of every channel of one sample: the sum of the gradients, and of the gradients times what went in.
+    /// For every channel of one sample: the sum of the gradients, and of the gradients times the inputs.
     fn sums<T: Real>(self, input: &[T], d_output: &[T]) -> Vec<[T; 2]> {
         let channels = self.shape.channels;
         let mut sums = vec![[T::zero(); 2]; channels];
@@ -132,11 +132,11 @@ impl GroupNormalisation {
     }
 }
 
-/// Pixels whose values are summed before they are added to the sum of the others: a long sum of small numbers would
-/// round each of them.
+/// Number of pixels that are summed separately before their sum is added to the total, because a long sum of small numbers
+/// loses precision.
 const SUMMED_TOGETHER: usize = 32;
 
-/// Writes the sum of `term(channel, value)` over all pixels to `sums`, a channel each.
+/// Writes the sum of `term(channel, value)` over all pixels to `sums`, one per channel.
 fn sum_by_channel<T: Real>(input: &[T], sums: &mut [T], term: impl Fn(usize, T) -> T) {
     let channels = sums.len();
     let mut part = vec![T::zero(); channels];

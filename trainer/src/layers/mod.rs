@@ -1,8 +1,8 @@
 //! The layers, each with its forward and its backward pass over a chunk of images.
 //!
-//! Pictures lie pixel after pixel, the channels of a pixel together: a convolution then copies its patches in
-//! runs and multiplies a whole chunk at once. ONNX and PyTorch keep channel after channel, so weights are put in
-//! order when they leave ([`crate::onnx`]).
+//! The layout is channels-last: the channels of a pixel are adjacent, so that a convolution copies its patches in runs and
+//! multiplies a whole chunk at once. ONNX and PyTorch are channels-first, so weights are reordered at export
+//! ([`crate::onnx`]).
 
 mod activation;
 mod average_pooling;
@@ -22,7 +22,7 @@ pub(crate) use group_normalisation::{EPSILON, GroupNormalisation};
 use crate::real::Real;
 use murmuration_proto::training::{Layer, Shape};
 
-/// A layer that computes something new (activations change values in place instead).
+/// A layer with its own output (activations change values in place instead).
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Operation {
     Convolution(Convolution),
@@ -31,25 +31,25 @@ pub(crate) enum Operation {
     Dense(Dense),
 }
 
-/// What a backward pass is given and what it fills in. Gradients are those of the loss.
+/// Inputs and outputs of a backward pass. Gradients are those of the loss.
 pub(crate) struct Backward<'a, T> {
     pub(crate) parameters: &'a [T],
-    /// What went in when the layer ran forward.
+    /// The input of the forward pass.
     pub(crate) input: &'a [T],
-    /// What the layer noted then.
+    /// The values that the forward pass kept.
     pub(crate) notes: &'a [T],
-    /// By what came out.
+    /// The gradient by the output.
     pub(crate) d_output: &'a [T],
-    /// By what went in, to be overwritten; `None` if nobody asks (the first layer).
+    /// The gradient by the input, to be overwritten; `None` if it is not needed (first layer).
     pub(crate) d_input: Option<&'a mut [T]>,
-    /// By the parameters, to be added to.
+    /// The gradient by the parameters, to be added to.
     pub(crate) d_parameters: &'a mut [T],
-    /// Room for anything.
+    /// A scratch buffer.
     pub(crate) scratch: &'a mut Vec<T>,
 }
 
 impl Operation {
-    /// The operation of a layer that takes `input`; `None` for an activation.
+    /// The operation of a layer with this input shape; `None` for an activation.
     pub(crate) fn of(layer: Layer, input: Shape, output: Shape) -> Option<Self> {
         match layer {
             Layer::Convolution {
@@ -74,7 +74,7 @@ impl Operation {
         }
     }
 
-    /// Values a sample that it notes for the backward pass.
+    /// Number of values per sample that it keeps for the backward pass.
     pub(crate) const fn notes(&self) -> usize {
         match self {
             Self::GroupNormalisation(layer) => 2 * layer.groups,
@@ -82,7 +82,7 @@ impl Operation {
         }
     }
 
-    /// How many values meet in one value that comes out; decides the size of the first weights.
+    /// Number of inputs of one output value, which determines the size of the initial weights.
     pub(crate) const fn fan_in(&self) -> usize {
         match self {
             Self::Convolution(layer) => layer.patch(),

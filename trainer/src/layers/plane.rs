@@ -1,13 +1,13 @@
-//! Convolutions of one channel with one channel, stride 1, no padding (the paper's), on pictures as they lie: a matrix
-//! of patches would be nine times the picture, to be multiplied by a single column.
+//! Convolutions of one channel with one channel, stride 1, no padding (the paper's), directly on pictures. A matrix of
+//! patches would be nine times as large as the picture, and be multiplied by a single column.
 //!
-//! A run of values of a row stays in registers from the first weight of the kernel to the last. The CPU's widest
-//! vectors are used, which change no bit: no sum is reordered and no product fused.
+//! A run of values of a row stays in registers from the first weight of the kernel to the last. The CPU's widest vectors are
+//! used. They change no bit, because no sum is reordered and no product is fused.
 
 use crate::real::Real;
 use pulp::{Arch, Simd, WithSimd};
 
-/// Values in a run. Where rows are no multiple of it, their last run begins earlier; where they are shorter, a run is
+/// Number of values in a run. If rows are not a multiple of it, their last run begins earlier. If they are shorter, a run is
 /// a single value.
 const RUN: usize = 16;
 
@@ -18,7 +18,7 @@ pub(super) struct Kernel<'a, T> {
     pub(super) weights: &'a [T],
 }
 
-/// Writes to `outputs` what the kernel makes of the pictures of `side` x `side`, plus `bias`.
+/// Convolves pictures of `side` x `side` with the kernel and writes the result plus `bias` to `outputs`.
 pub(super) fn correlate<T: Real>(kernel: Kernel<T>, bias: T, side: usize, inputs: &[T], outputs: &mut [T]) {
     Arch::new().dispatch(Forward {
         kernel,
@@ -29,7 +29,7 @@ pub(super) fn correlate<T: Real>(kernel: Kernel<T>, bias: T, side: usize, inputs
     });
 }
 
-/// Writes to `d_inputs` the gradient by the pictures of `side` x `side`; `room` is for anything.
+/// Writes the gradient by the pictures of `side` x `side` to `d_inputs`; `room` is a scratch buffer.
 pub(super) fn input_gradient<T: Real>(
     kernel: Kernel<T>,
     side: usize,
@@ -147,10 +147,10 @@ impl<T: Real> WithSimd for ParameterGradient<'_, T> {
 }
 
 impl<T: Real> ParameterGradient<'_, T> {
-    /// By the weights, in runs of `N`; rows of what comes out have `to` values.
+    /// The gradient by the weights, in runs of `N`; output rows have `to` values.
     #[inline(always)]
     fn run<const N: usize>(self, to: usize) {
-        // What the last run of a row has in common with the run before counts once.
+        // Values that the last run of a row shares with the run before count once.
         let mut fresh = [T::one(); N];
         fresh[..(N - to % N) % N].fill(T::zero());
         for (i, weight) in self.d_weights.iter_mut().enumerate() {
@@ -172,10 +172,10 @@ impl<T: Real> ParameterGradient<'_, T> {
     }
 }
 
-/// Adds the products of a run of values and a run of slopes, each counted so much.
+/// Adds the weighted products of a run of values and a run of slopes.
 #[inline(always)]
 fn add_products<T: Real, const N: usize>(values: &[T], slopes: &[T], counts: [T; N], sums: &mut [T; N]) {
-    // So many exactly, which is what lets them be vectors.
+    // The exact length lets the compiler use vectors.
     let (values, slopes) = (&values[..N], &slopes[..N]);
     let products = values.iter().zip(slopes).zip(counts);
     for (sum, ((&value, &slope), count)) in sums.iter_mut().zip(products) {

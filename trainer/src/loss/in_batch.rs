@@ -1,13 +1,14 @@
-//! In-batch triplets: every other positive of the batch is a negative, and the mean is over violated triplets only,
-//! so that the many that are solved do not drown the few that are not.
+//! In-batch triplets: every other positive of the batch is a negative. The mean is over violated triplets only, so that the
+//! many solved triplets do not outweigh the few violated ones.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
-/// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is over 0 (0 if none is).
+/// The mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there are
+/// none).
 ///
-/// `embeddings` are those of all anchors, then of all positives in the same order, `dimensions` numbers each;
-/// `gradient` becomes the gradient by them.
+/// `embeddings` has those of all anchors, then of all positives in the same order, `dimensions` numbers each. `gradient`
+/// becomes the gradient by them.
 pub(crate) fn loss<T: Real>(embeddings: &[T], dimensions: usize, margin: f64, gradient: &mut [T]) -> f64 {
     let half = embeddings.len() / 2;
     let (anchors, positives) = embeddings.split_at(half);

@@ -1,19 +1,19 @@
-//! Labelled in-batch triplets: of any anchor, every other picture of its class is a positive and every picture of
-//! another class a negative. The mean is over violated triplets only; how much each counts, its classes say.
+//! Labelled in-batch triplets: for any anchor, every other picture of its class is a positive and every picture of another
+//! class a negative. The mean is over violated triplets only, weighed by their classes.
 
 use super::{distance, is_violated, push};
 use crate::real::Real;
 
-/// A class, as triplets are weighed by it.
+/// The weight of a class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ClassShare {
-    /// Labelled pictures that it has.
+    /// Number of its labelled pictures.
     pub(crate) size: usize,
-    /// How much its anchors count beside those of other classes, 0 to 1.
+    /// Weight of its anchors relative to those of other classes, 0 to 1.
     pub(crate) anchors: f64,
 }
 
-/// How much a triplet counts, by the classes of its anchor and of its negative.
+/// Weights of triplets by the classes of anchor and negative.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Weights {
     classes: usize,
@@ -22,9 +22,9 @@ pub(crate) struct Weights {
 }
 
 impl Weights {
-    /// For these classes. A negative counts as often as it occurs: a step that has as many pictures of every class shows
-    /// the rare ones too often, and most of what a behaviour is confused with is of the common ones. An anchor counts by
-    /// the root of the size, between each class alike and each picture alike.
+    /// The weights for these classes. A negative counts in proportion to its class's size: a step with equally many pictures
+    /// of every class shows the rare classes too often, while most confusions are with common classes. An anchor counts in
+    /// proportion to the square root of the size, between equal weights per class and per picture.
     pub(crate) fn of_classes(shares: &[ClassShare]) -> Self {
         let classes = shares.len();
         let all: usize = shares.iter().map(|share| share.size).sum();
@@ -44,11 +44,11 @@ impl Weights {
     }
 }
 
-/// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is over 0 (0 if
-/// none is).
+/// The weighted mean of d(anchor, positive) - d(anchor, negative) + margin over the triplets where it is positive (0 if there
+/// are none).
 ///
-/// `embeddings` are those of one class after the other, in the order of `weights` and as many of each, `dimensions`
-/// numbers each; `gradient` becomes the gradient by them.
+/// `embeddings` has those of one class after the other, in the order of `weights`, equally many of each, `dimensions` numbers
+/// each. `gradient` becomes the gradient by them.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,
@@ -61,7 +61,8 @@ pub(crate) fn loss<T: Real>(
     let per_class = count / weights.classes;
     let mut total = 0.0;
     let mut violated = 0.0;
-    // What the triplets weigh that want a distance, from anchor to other, to shrink, less those that want it to grow.
+    // For each distance from anchor to other: the weight of triplets that want it to shrink, minus that of triplets that want
+    // it to grow.
     let mut pulls = vec![0.0; count * count];
     let mut distances = vec![0.0; count * count];
     for (anchor, pulls) in pulls.chunks_exact_mut(count).enumerate() {
@@ -112,7 +113,7 @@ pub(crate) fn loss<T: Real>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{Purpose, Stream};
+    use murmuration_proto::{Purpose, RandomStream};
 
     /// Classes of these sizes whose anchors count alike.
     fn by_size(sizes: &[usize]) -> Weights {
@@ -186,7 +187,7 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_loss() {
         const STEP: f64 = 1e-6;
-        let mut stream = Stream::derive(1, Purpose::Train, 0);
+        let mut stream = RandomStream::derive(1, Purpose::Train, 0);
         let mut embeddings: Vec<f64> = (0..3 * 4 * 2).map(|_| stream.between(-1.0, 1.0)).collect();
         let mut gradient = vec![0.0; embeddings.len()];
         let weights = by_size(&[5, 40, 12]);

@@ -1,4 +1,4 @@
-//! The losses: what embeddings should be like, and which way to push them.
+//! The losses and their gradients.
 
 pub(crate) mod in_batch;
 pub(crate) mod labelled;
@@ -19,7 +19,7 @@ fn distance<T: Real>(a: &[T], b: &[T]) -> f64 {
     squares.sum::<f64>().sqrt()
 }
 
-/// Whether a triplet counts: so does one whose distances are no numbers, lest a network that broke look perfect.
+/// Whether a triplet counts. A triplet with NaN distances counts too, because a broken network would look perfect otherwise.
 const fn is_violated(violation: f64) -> bool {
     violation > 0.0 || violation.is_nan()
 }

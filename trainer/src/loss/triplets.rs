@@ -5,8 +5,8 @@ use crate::real::Real;
 
 /// The sum of the losses of a chunk of triplets.
 ///
-/// `embeddings` are those of all anchors, then of all positives, then of all negatives, `dimensions` numbers each;
-/// `gradient` becomes the gradient by them of the sum divided by `batch`.
+/// `embeddings` has those of all anchors, then of all positives, then of all negatives, `dimensions` numbers each. `gradient`
+/// becomes the gradient by them of the sum divided by `batch`.
 pub(crate) fn loss<T: Real>(
     embeddings: &[T],
     dimensions: usize,

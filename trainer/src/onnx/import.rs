@@ -1,4 +1,4 @@
-//! A checkpoint as the network that it was exported from, to go on training it.
+//! Reads a checkpoint back as a network, to train it further.
 
 use super::{channels_first, constant_names, export, stage_name};
 use crate::{
@@ -11,13 +11,13 @@ use murmuration_proto::{
 };
 use prost::Message as _;
 
-/// Why a file is not a network that can be trained.
+/// Why a file is not a trainable network.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ImportError {
-    /// It is no embedder at all.
+    /// It is not an embedder.
     #[error(transparent)]
     NotAnEmbedder(#[from] ModelError),
-    /// Weights that the architecture has are not there, or not as many, or not numbers.
+    /// Weights of the architecture are missing, have another number, or are not finite.
     #[error("the checkpoint is of another network: {name:?} {problem}")]
     Weights {
         /// Their name in the graph.
@@ -25,18 +25,18 @@ pub enum ImportError {
         /// What is wrong with them.
         problem: String,
     },
-    /// The weights are there, and something else is done with them.
+    /// The weights are right, but the graph differs.
     #[error(
         "the checkpoint was not exported from this network by this trainer: it cannot be trained further"
     )]
     OtherGraph,
 }
 
-/// The network of an [`export`]ed file: its weights to the bit, so that exporting it again gives the same bytes.
+/// The network of an [`export`]ed file, with the same bits: exporting it again gives the same bytes.
 ///
 /// # Errors
-/// Where the file is no embedder, or is one that this trainer would write otherwise: of another architecture, or
-/// from another program.
+/// If the file is not an embedder, or not one that this trainer would write: it has another architecture, or comes from
+/// another program.
 pub fn import(file: &[u8], architecture: Architecture) -> Result<Network, ImportError> {
     let model = EmbedderModel::read(file)?;
     let graph = ModelProto::decode(model.encoded()).unwrap_or_default().graph;
@@ -55,7 +55,7 @@ pub fn import(file: &[u8], architecture: Architecture) -> Result<Network, Import
     }
 }
 
-/// A stage's weights as they lie here, exactly as many as it has.
+/// The weights of a stage, in the layout of this crate, with the right number.
 fn weights(graph: &GraphProto, index: usize, stage: &Stage) -> Result<Vec<f32>, ImportError> {
     let (biases, pixels, channels) = match &stage.operation {
         Operation::Convolution(layer) => {
@@ -68,7 +68,7 @@ fn weights(graph: &GraphProto, index: usize, stage: &Stage) -> Result<Vec<f32>, 
     };
     let [weights_name, biases_name] = constant_names(&stage_name(index, &stage.operation));
     let rows = floats(graph, weights_name, stage.parameters.len() - biases)?;
-    // Rows of channels x pixels there, so that the two change places.
+    // The file has rows of channels x pixels, so the two are exchanged.
     let rows = channels_first(&rows, channels, pixels);
     Ok([rows, floats(graph, biases_name, biases)?].concat())
 }

@@ -1,4 +1,4 @@
-//! What is promised of an exported model.
+//! Tests of exported models.
 
 use super::*;
 use murmuration_proto::{onnx::EmbedderModel, training::Architecture};

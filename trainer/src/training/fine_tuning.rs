@@ -1,33 +1,32 @@
-//! Training further, from a trained network on, on what people have labelled.
+//! Fine-tuning: training a trained network further, on labels.
 
 use super::{Training, TrainingError};
 use crate::{labelled_pictures::LabelledPictures, network::Network, onnx, pictures::Pictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use std::sync::Arc;
 
-/// What a training on labels depends on beside configuration and pictures.
+/// The inputs of fine-tuning besides configuration and pictures.
 #[derive(Debug, Clone)]
 pub struct FineTuning {
-    /// The network to go on from, of the configuration's architecture: a checkpoint, [imported](onnx::import).
+    /// The network to train further, of the configuration's architecture: an [imported](onnx::import) checkpoint.
     pub parent: Network,
-    /// What was labelled, of the same side as the pictures.
+    /// The labelled pictures, of the same side as the other pictures.
     pub labelled: Arc<LabelledPictures>,
 }
 
-/// What a training keeps of it.
+/// The part that a training keeps.
 #[derive(Debug)]
-pub(crate) struct Lesson {
+pub(crate) struct FineTuned {
     pub(crate) labelled: Arc<LabelledPictures>,
     pub(crate) parent: CheckpointDigest,
 }
 
 impl Training {
-    /// A training on labels before its first epoch. `pictures` are behaviours that nobody need have labelled: by the
-    /// `labelled` recipe some are learned from too; and those held out of them say how the embedding is, and how it
-    /// is scaled.
+    /// A training on labels before its first epoch. `pictures` are behaviours without labels. The `labelled` recipe learns
+    /// from some of them too, and held-out ones measure the quality of the embedding and determine its scale.
     ///
     /// # Errors
-    /// Where the recipe is not for labels, the network does not fit the pictures, the parent is of another
+    /// If the recipe is not for labels, the network does not fit the pictures, the parent is of another
     /// architecture, or the labelled pictures have another side.
     pub fn fine_tune(
         configuration: &Configuration,
@@ -48,16 +47,21 @@ impl Training {
         if *parent.architecture() != architecture {
             return Err(TrainingError::OtherParent);
         }
-        let lesson = Lesson {
+        let fine_tuned = FineTuned {
             labelled,
             parent: CheckpointDigest::of(&onnx::export(&parent)),
         };
-        Ok(Self::starting_with(parent, configuration, pictures, Some(lesson)))
+        Ok(Self::starting_with(
+            parent,
+            configuration,
+            pictures,
+            Some(fine_tuned),
+        ))
     }
 
-    /// What it learns from labels, if its recipe does.
-    pub(crate) const fn lesson(&self) -> Option<&Lesson> {
-        self.lesson.as_ref()
+    /// The fine-tuning, if the recipe learns from labels.
+    pub(crate) const fn fine_tuned(&self) -> Option<&FineTuned> {
+        self.fine_tuned.as_ref()
     }
 }
 

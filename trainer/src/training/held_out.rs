@@ -1,25 +1,25 @@
-//! The behaviours that are not trained on, and the triplets made of them.
+//! The held-out behaviours, and their triplets.
 
 use crate::{augment::Augmentation, network::Network, pictures::Pictures, quality::Quality};
-use murmuration_proto::{Purpose, Stream, training::Configuration};
+use murmuration_proto::{Purpose, RandomStream, training::Configuration};
 use rayon::prelude::*;
 
-/// Held-out behaviours, augmented once and for all: every epoch is judged by the same triplets.
+/// Held-out behaviours, augmented once, so that every epoch is judged by the same triplets.
 #[derive(Debug)]
 pub(super) struct HeldOut {
     trained_on: Vec<usize>,
     /// Values 0 to 1, one image after the other.
     anchors: Vec<f32>,
     positives: Vec<f32>,
-    /// The first views as they are.
+    /// The first views without augmentation.
     plain: Vec<u8>,
 }
 
 impl HeldOut {
     pub(super) fn new(configuration: &Configuration, pictures: &Pictures) -> Self {
-        let mut stream = Stream::derive(configuration.seed(), Purpose::HeldOut, 0);
+        let mut stream = RandomStream::derive(configuration.seed(), Purpose::HeldOut, 0);
         let mut order: Vec<usize> = (0..pictures.behaviours()).collect();
-        shuffle(&mut order, &mut stream);
+        stream.shuffle(&mut order);
         let trained_on = order.split_off(configuration.held_out(order.len()));
         let [anchor_key, positive_key] = [stream.bits(), stream.bits()];
         let augmented = |key: u64, view: usize| {
@@ -27,7 +27,7 @@ impl HeldOut {
             let mut images = vec![0.0; order.len() * side * side];
             let behaviours = images.par_chunks_mut(side * side).zip(&order).enumerate();
             behaviours.for_each(|(i, (image, &behaviour))| {
-                let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+                let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
                 let augmentation = Augmentation::from(configuration.recipe());
                 augmentation.apply(pictures.picture(behaviour, view), side, &mut stream, image);
             });
@@ -50,7 +50,7 @@ impl HeldOut {
         &self.trained_on
     }
 
-    /// The held-out pictures as they are, one after the other.
+    /// The held-out pictures without augmentation, one after the other.
     pub(super) fn plain(&self) -> &[u8] {
         &self.plain
     }
@@ -60,12 +60,5 @@ impl HeldOut {
         let positives = network.embed_scaled(&self.positives);
         let plain = network.embed(&self.plain);
         Quality::of(&anchors, &positives, &plain, network.architecture().dimensions())
-    }
-}
-
-/// Brings a list into random order (Fisher and Yates).
-pub(super) fn shuffle<T>(list: &mut [T], stream: &mut Stream) {
-    for i in (1..list.len()).rev() {
-        list.swap(i, stream.below(i as u64 + 1) as usize);
     }
 }

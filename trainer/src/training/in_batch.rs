@@ -1,16 +1,16 @@
 //! An epoch of the in-batch recipe: every behaviour once, in random order, a batch at a time.
 
-use super::{EpochLoss, Training, held_out::shuffle};
+use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
-use murmuration_proto::{Purpose, Stream, training::InBatch};
+use murmuration_proto::{Purpose, RandomStream, training::InBatch};
 use rayon::prelude::*;
 
 /// Images in a chunk.
 pub(super) const CHUNK: usize = 16;
 
-pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Stream) -> EpochLoss {
+pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut RandomStream) -> EpochLoss {
     let mut behaviours = training.held_out.trained_on().to_vec();
-    shuffle(&mut behaviours, stream);
+    stream.shuffle(&mut behaviours);
     let batch = recipe.batch.min(behaviours.len());
     let steps = behaviours.len() / batch;
     let mut total = 0.0;
@@ -27,7 +27,7 @@ pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Stre
 }
 
 /// One step of the optimiser; returns the batch's loss.
-fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream: &mut Stream) -> f64 {
+fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream: &mut RandomStream) -> f64 {
     let images = augmented(training, behaviours, stream);
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
@@ -43,7 +43,7 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
 }
 
 /// The images of a batch: an anchor of each behaviour, then a positive of each, from another view if there is one.
-pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut Stream) -> Vec<f32> {
+pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut RandomStream) -> Vec<f32> {
     let pictures = &training.pictures;
     let (side, views) = (pictures.side(), pictures.views() as u64);
     let anchors: Vec<u64> = behaviours.iter().map(|_| stream.below(views)).collect();
@@ -66,7 +66,7 @@ pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut 
             };
             let place = i % behaviours.len();
             let picture = pictures.picture(behaviours[place], views[place] as usize);
-            let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+            let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
             augmentation.apply(picture, side, &mut stream, image);
         });
     images

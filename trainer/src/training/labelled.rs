@@ -1,9 +1,7 @@
-//! An epoch of the labelled recipe: steps that have as many pictures of every class, and unlabelled pairs beside
-//! them.
+//! An epoch of the labelled recipe: steps with equally many pictures of every class, and unlabelled pairs.
 
 use super::{
     EpochLoss, Training,
-    held_out::shuffle,
     in_batch::{self, CHUNK},
 };
 use crate::{
@@ -14,7 +12,7 @@ use crate::{
         labelled::{ClassShare, Weights},
     },
 };
-use murmuration_proto::{Purpose, Stream, training::Labelled};
+use murmuration_proto::{Purpose, RandomStream, training::Labelled};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -22,12 +20,12 @@ pub(super) fn epoch(
     training: &mut Training,
     labelled: &LabelledPictures,
     recipe: &Labelled,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
 ) -> EpochLoss {
     let recipe = &recipe.for_labels(labelled.labels());
     let mut deck = Deck::new(labelled, recipe, stream);
     let mut unlabelled = training.held_out.trained_on().to_vec();
-    shuffle(&mut unlabelled, stream);
+    stream.shuffle(&mut unlabelled);
     let pairs = recipe.unlabelled.min(unlabelled.len());
     let mut left = unlabelled.iter().copied().cycle();
     let mut sum = EpochLoss {
@@ -53,7 +51,7 @@ pub(super) fn epoch(
     sum
 }
 
-/// One step of the optimiser on `images`, the first `labelled` of which are; returns its loss.
+/// One step of the optimiser on `images`, of which the first `labelled` have labels; returns its loss.
 fn step(
     training: &mut Training,
     recipe: &Labelled,
@@ -84,8 +82,8 @@ fn step(
     loss
 }
 
-/// The labelled pictures of each class in random order, from which they are taken turn by turn: none comes back
-/// before the others of its class have been.
+/// The labelled pictures of each class in random order. Steps take them in turn: no picture repeats before all others of its
+/// class were taken.
 struct Deck {
     classes: Vec<Class>,
 }
@@ -93,23 +91,23 @@ struct Deck {
 struct Class {
     pictures: Vec<usize>,
     next: usize,
-    /// How much its anchors count.
+    /// Weight of its anchors.
     anchors: f64,
 }
 
-/// What a step learns from.
+/// The pictures of a step.
 struct Dealt {
-    /// Class after class, as many of each.
+    /// Class after class, equally many of each.
     pictures: Vec<usize>,
-    /// One of each of these classes.
+    /// One per class of the step.
     shares: Vec<ClassShare>,
 }
 
 impl Deck {
-    fn new(labelled: &LabelledPictures, recipe: &Labelled, stream: &mut Stream) -> Self {
+    fn new(labelled: &LabelledPictures, recipe: &Labelled, stream: &mut RandomStream) -> Self {
         let class = |range: &Range<usize>| {
             let mut pictures = labelled.by_class()[range.clone()].to_vec();
-            shuffle(&mut pictures, stream);
+            stream.shuffle(&mut pictures);
             let random = labelled.class(pictures[0]) == LabelledPictures::RANDOM;
             let anchors = if random { recipe.random_anchors } else { 1.0 };
             Class {
@@ -123,10 +121,10 @@ impl Deck {
         }
     }
 
-    /// What the next step learns from.
-    fn deal(&mut self, recipe: &Labelled, stream: &mut Stream) -> Dealt {
+    /// The pictures of the next step.
+    fn deal(&mut self, recipe: &Labelled, stream: &mut RandomStream) -> Dealt {
         if self.classes.len() > recipe.classes {
-            shuffle(&mut self.classes, stream);
+            stream.shuffle(&mut self.classes);
         }
         let most = recipe.classes.min(self.classes.len());
         let drawn = &mut self.classes[..most];
@@ -153,7 +151,7 @@ fn augmented(
     labelled: &LabelledPictures,
     dealt: &[usize],
     recipe: &Labelled,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
 ) -> Vec<f32> {
     let side = labelled.side();
     let augmentation = Augmentation {
@@ -164,7 +162,7 @@ fn augmented(
     let mut images = vec![0.0; dealt.len() * side * side];
     let places = images.par_chunks_mut(side * side).zip(dealt).enumerate();
     places.for_each(|(i, (image, &picture))| {
-        let mut stream = Stream::derive(key, Purpose::Augment, i as u64);
+        let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
         augmentation.apply(labelled.picture(picture), side, &mut stream, image);
     });
     images
@@ -185,7 +183,7 @@ mod tests {
             prop_assume!(classes.iter().any(|&class| class != classes[0]));
             let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
             let recipe = Labelled { per_class, classes: most, random_anchors: 0.25, ..Labelled::default() };
-            let mut stream = Stream::derive(1, Purpose::Train, 0);
+            let mut stream = RandomStream::derive(1, Purpose::Train, 0);
             let mut deck = Deck::new(&labelled, &recipe, &mut stream);
             let mut dealt = vec![0_usize; classes.len()];
             for _ in 0..5 {

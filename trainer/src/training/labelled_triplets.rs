@@ -1,17 +1,17 @@
-//! An epoch of the paper's recipe on labels: fresh random triplets of labelled pictures.
+//! An epoch of the paper's recipe on labels: new random triplets of labelled pictures.
 
 use super::{
     EpochLoss, Training,
     triplets::{Triplet, learn},
 };
 use crate::labelled_pictures::LabelledPictures;
-use murmuration_proto::{Stream, training::PaperLabelled};
+use murmuration_proto::{RandomStream, training::PaperLabelled};
 
 pub(super) fn epoch(
     training: &mut Training,
     labelled: &LabelledPictures,
     recipe: &PaperLabelled,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
 ) -> EpochLoss {
     let mut total = 0.0;
     for _ in 0..recipe.steps {
@@ -25,7 +25,7 @@ pub(super) fn epoch(
     }
 }
 
-/// Which pictures a triplet is made of; without another positive, it is made of the anchor.
+/// The pictures of a triplet. Without another positive, the positive is made from the anchor.
 struct Drawn {
     anchor: usize,
     positive: Option<usize>,
@@ -34,8 +34,8 @@ struct Drawn {
 
 impl Drawn {
     /// Classes are drawn in proportion to their pictures: an anchor is any picture, a negative any of another class.
-    fn draw(labelled: &LabelledPictures, augmented: f64, stream: &mut Stream) -> Self {
-        let below = |count: usize, stream: &mut Stream| stream.below(count as u64) as usize;
+    fn draw(labelled: &LabelledPictures, augmented: f64, stream: &mut RandomStream) -> Self {
+        let below = |count: usize, stream: &mut RandomStream| stream.below(count as u64) as usize;
         let pictures = labelled.by_class();
         let anchor = below(pictures.len(), stream);
         let class = labelled.ranges().partition_point(|range| range.end <= anchor);
@@ -79,7 +79,7 @@ mod tests {
         ) {
             prop_assume!(classes.iter().any(|&class| class != classes[0]));
             let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
-            let mut stream = Stream::derive(seed, Purpose::Train, 0);
+            let mut stream = RandomStream::derive(seed, Purpose::Train, 0);
             for _ in 0..50 {
                 let Drawn { anchor, positive, negative } = Drawn::draw(&labelled, augmented, &mut stream);
                 prop_assert_ne!(classes[anchor], classes[negative]);
@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn as_many_positives_are_augmented_anchors_as_the_recipe_says() {
         let labelled = LabelledPictures::new(1, vec![0; 6], vec![0, 0, 0, 1, 1, 1]).unwrap();
-        let mut stream = Stream::derive(1, Purpose::Train, 0);
+        let mut stream = RandomStream::derive(1, Purpose::Train, 0);
         let drawn = (0..10_000).map(|_| Drawn::draw(&labelled, 0.6, &mut stream));
         let augmented = drawn.filter(|triplet| triplet.positive.is_none()).count();
         assert!((5_800..6_200).contains(&augmented), "{augmented}");

@@ -1,4 +1,4 @@
-//! A training, stepped an epoch at a time. It can be put aside after any of them, and taken up again.
+//! A training, run one epoch at a time. It can be saved after any epoch, and resumed.
 
 mod fine_tuning;
 mod held_out;
@@ -22,31 +22,31 @@ use crate::{
 };
 use held_out::HeldOut;
 use murmuration_proto::{
-    Purpose, Stream,
+    Purpose, RandomStream,
     training::{Architecture, ArchitectureError, Configuration, Recipe},
 };
 use schedule::Schedule;
 use std::{sync::Arc, time::Instant};
 
+pub(crate) use fine_tuning::FineTuned;
 pub use fine_tuning::FineTuning;
-pub(crate) use fine_tuning::Lesson;
 pub use progress::{Ending, Progress};
 
-/// A training and all it depends on. Configuration, pictures and epoch decide every bit of it, on one kind of CPU;
-/// the number of threads of the rayon pool that it is stepped in does not.
+/// A training with all its inputs. On one kind of CPU, configuration, pictures and epoch determine every bit of it. The
+/// number of threads of the rayon pool does not matter.
 #[derive(Debug)]
 pub struct Training {
     configuration: Configuration,
     pictures: Arc<Pictures>,
     held_out: HeldOut,
-    /// `None` where the recipe takes no labels.
-    lesson: Option<Lesson>,
+    /// `None` if the recipe takes no labels.
+    fine_tuned: Option<FineTuned>,
     lanes: Lanes<f32>,
     gradient: Vec<f32>,
     state: State,
 }
 
-/// What changes from epoch to epoch, and is saved.
+/// The state that changes from epoch to epoch, and is saved.
 #[derive(Debug, Clone)]
 struct State {
     network: Network,
@@ -74,7 +74,7 @@ struct Best {
     triplet_accuracy: f64,
 }
 
-/// Why a training cannot begin, or be taken up again.
+/// Why a training cannot begin or resume.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
     /// The network does not fit the pictures.
@@ -82,7 +82,7 @@ pub enum TrainingError {
     Architecture {
         /// Pixels along a side of the pictures.
         side: usize,
-        /// What is wrong.
+        /// The problem.
         source: ArchitectureError,
     },
     /// The recipe learns from labels, and there are none.
@@ -99,18 +99,18 @@ pub enum TrainingError {
         /// Pixels along a side of the labelled ones.
         labelled: usize,
     },
-    /// The network to go on from has other layers than the configuration says.
+    /// The network to train further has other layers than the configuration.
     #[error("the network to go on from is another than the configuration's")]
     OtherParent,
-    /// What was saved is damaged, or of another version of the trainer.
+    /// The saved training is damaged, or of another version of the trainer.
     #[error("not a saved training: {0}")]
     Damaged(String),
-    /// What was saved belongs to another training.
+    /// The saved training is another one.
     #[error("the saved training is of another {0}")]
     Other(&'static str),
 }
 
-/// What one epoch of a recipe hands back.
+/// The outcome of one epoch of a recipe.
 struct EpochLoss {
     mean: f64,
     triplets: u64,
@@ -120,7 +120,7 @@ impl Training {
     /// A training without labels before its first epoch.
     ///
     /// # Errors
-    /// Where the network does not fit the pictures, or the recipe learns from labels.
+    /// If the network does not fit the pictures, or the recipe learns from labels.
     pub fn new(configuration: &Configuration, pictures: Arc<Pictures>) -> Result<Self, TrainingError> {
         if configuration.recipe().is_labelled() {
             return Err(TrainingError::NoLabels(configuration.recipe().name()));
@@ -143,12 +143,12 @@ impl Training {
         network: Network,
         configuration: &Configuration,
         pictures: Arc<Pictures>,
-        lesson: Option<Lesson>,
+        fine_tuned: Option<FineTuned>,
     ) -> Self {
         let weights = network.parameters().len();
         Self {
             held_out: HeldOut::new(configuration, &pictures),
-            lesson,
+            fine_tuned,
             lanes: Lanes::new(&network),
             gradient: vec![0.0; weights],
             state: State {
@@ -167,10 +167,10 @@ impl Training {
         }
     }
 
-    /// The same training where [`Training::save`] put it aside: it goes on as if it had never stopped.
+    /// Resumes the training that [`Training::save`] saved. It continues as if it had never stopped.
     ///
     /// # Errors
-    /// Where `saved` is damaged, or of another configuration, other pictures, labels or another parent.
+    /// If `saved` is damaged, or of another configuration, other pictures, labels or another parent.
     pub fn taken_up(mut self, saved: &[u8]) -> Result<Self, TrainingError> {
         saved::restore(&mut self, saved)?;
         Ok(self)
@@ -208,14 +208,17 @@ impl Training {
         }
     }
 
-    /// Trains for one epoch; `None`, and nothing done, after the end.
+    /// Trains for one epoch. After the end it does nothing and returns `None`.
     pub fn step(&mut self) -> Option<Progress> {
         if self.ending().is_some() {
             return None;
         }
         let started = Instant::now();
-        let mut stream = Stream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
-        let labelled = self.lesson.as_ref().map(|lesson| Arc::clone(&lesson.labelled));
+        let mut stream = RandomStream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
+        let labelled = self
+            .fine_tuned
+            .as_ref()
+            .map(|fine_tuned| Arc::clone(&fine_tuned.labelled));
         let loss = match (self.configuration.recipe().clone(), labelled) {
             (Recipe::Paper(recipe), _) => random_triplets::epoch(self, &recipe, &mut stream),
             (Recipe::InBatch(recipe), _) => in_batch::epoch(self, &recipe, &mut stream),
@@ -244,18 +247,17 @@ impl Training {
         })
     }
 
-    /// The network as it is after the last epoch.
+    /// The network after the last epoch.
     #[must_use]
     pub const fn network(&self) -> &Network {
         &self.state.network
     }
 
-    /// The embedder to publish: of the in-batch recipe the weights that were most accurate on held-out triplets, else
-    /// those after the last epoch.
+    /// The embedder to publish: for the in-batch recipe, the weights that were most accurate on held-out triplets; otherwise
+    /// the weights after the last epoch.
     ///
-    /// It is moved and scaled (in its last layer, which changes no comparison of distances) such that the held-out
-    /// behaviours have mean 0 and spread 1, so that novelty is in one unit whatever the recipe. A collapsed network
-    /// is left as it is.
+    /// It is shifted and scaled in its last layer, which changes no comparison of distances, so that held-out behaviours have
+    /// mean 0 and spread 1. So novelty has the same unit for all recipes. A collapsed network stays as it is.
     #[must_use]
     pub fn embedder(&self) -> Network {
         let mut network = self.best_network();
@@ -268,7 +270,7 @@ impl Training {
         network
     }
 
-    /// What held-out behaviours say of the network that [`Training::embedder`] is made of, before it is scaled.
+    /// The quality of the network of [`Training::embedder`] on held-out behaviours, before it is scaled.
     #[must_use]
     pub fn quality(&self) -> Quality {
         self.held_out.quality(&self.best_network())

@@ -1,13 +1,13 @@
-//! How far a training has come.
+//! The progress of a training.
 
 use crate::quality::Quality;
 
-/// What an epoch came to.
+/// The outcome of an epoch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Progress {
     /// Epochs done, 1 or more.
     pub epoch: u64,
-    /// Most epochs that there will be.
+    /// Maximum number of epochs.
     pub epochs: u64,
     /// Mean loss of the epoch's steps.
     pub loss: f64,
@@ -15,29 +15,29 @@ pub struct Progress {
     pub learning_rate: f64,
     /// Triplets that the epoch learned from.
     pub triplets: u64,
-    /// Time that its steps took, seconds, without the measuring of quality.
+    /// Time of its steps, seconds, without the measurement of quality.
     pub seconds: f64,
-    /// What held-out behaviours say of the network after the epoch.
+    /// The quality of the network after the epoch, on held-out behaviours.
     pub quality: Quality,
 }
 
 impl Progress {
-    /// Triplets learned from in a second.
+    /// Triplets per second.
     #[must_use]
     pub fn triplets_per_second(&self) -> f64 {
         self.triplets as f64 / self.seconds
     }
 }
 
-/// Why a training has come to its end.
+/// Why a training has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
     /// The last epoch is done.
     LastEpoch,
-    /// The accuracy on held-out triplets did not improve for as many epochs as the recipe is patient.
+    /// The accuracy on held-out triplets did not improve for as many epochs as the recipe's patience.
     NoBetter,
-    /// The loss is as low as the recipe asks for.
+    /// The loss is as low as the recipe requires.
     LowLoss,
-    /// The loss is no number any more: the learning rate is too high for the network.
+    /// The loss is not finite: the learning rate is too high for the network.
     Diverged,
 }

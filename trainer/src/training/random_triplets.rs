@@ -1,14 +1,18 @@
-//! An epoch of the paper's recipe: fresh random triplets.
+//! An epoch of the paper's recipe: new random triplets.
 
 use super::{
     EpochLoss, Training,
     triplets::{Triplet, learn},
 };
 use crate::pictures::Pictures;
-use murmuration_proto::{Stream, training::RandomTriplets};
+use murmuration_proto::{RandomStream, training::RandomTriplets};
 use std::sync::Arc;
 
-pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &mut Stream) -> EpochLoss {
+pub(super) fn epoch(
+    training: &mut Training,
+    recipe: &RandomTriplets,
+    stream: &mut RandomStream,
+) -> EpochLoss {
     let pictures = Arc::clone(&training.pictures);
     let mut total = 0.0;
     for _ in 0..recipe.steps {
@@ -23,8 +27,8 @@ pub(super) fn epoch(training: &mut Training, recipe: &RandomTriplets, stream: &m
     }
 }
 
-/// Two behaviours, a view of each. The positive is made of the anchor.
-fn draw<'a>(pictures: &'a Pictures, behaviours: &[usize], stream: &mut Stream) -> Triplet<'a> {
+/// One view of each of two behaviours. The positive is made from the anchor.
+fn draw<'a>(pictures: &'a Pictures, behaviours: &[usize], stream: &mut RandomStream) -> Triplet<'a> {
     let count = behaviours.len() as u64;
     let anchor = stream.below(count);
     let other = (anchor + 1 + stream.below(count - 1)) % count;

@@ -1,9 +1,9 @@
-//! A training as bytes.
+//! A saved training, as bytes.
 
 use super::{Training, TrainingError, schedule::ScheduleState};
 use prost::Message;
 
-/// Changes when what is saved does, or when the same training would go on otherwise.
+/// Must change when the saved fields change, or when the same training would continue differently.
 const VERSION: &str = "murmuration training 4";
 
 /// Floats are little-endian.
@@ -43,7 +43,7 @@ struct Saved {
     /// Empty without labels.
     #[prost(string, tag = "17")]
     label_digest: String,
-    /// The checkpoint that was started from; empty if none was.
+    /// The checkpoint that the training started from; empty if none.
     #[prost(string, tag = "18")]
     parent: String,
     /// BLAKE3 of the message without this field.
@@ -59,7 +59,7 @@ pub(super) fn save(training: &Training) -> Vec<u8> {
         lowest,
         waited,
     } = state.schedule.state.clone();
-    let (label_digest, parent) = lesson(training);
+    let (label_digest, parent) = fine_tuned(training);
     let mut saved = Saved {
         version: VERSION.to_owned(),
         configuration: training.configuration.to_toml(),
@@ -100,7 +100,7 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
     if saved.data_digest != training.pictures.digest() {
         return Err(TrainingError::Other("set of pictures"));
     }
-    let (label_digest, parent) = lesson(training);
+    let (label_digest, parent) = fine_tuned(training);
     if saved.label_digest != label_digest {
         return Err(TrainingError::Other("set of labels"));
     }
@@ -132,10 +132,10 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
 }
 
 /// Digests of the labels and of the parent.
-fn lesson(training: &Training) -> (String, String) {
-    let lesson = training.lesson.as_ref();
-    lesson.map_or_else(Default::default, |lesson| {
-        (lesson.labelled.digest(), lesson.parent.to_string())
+fn fine_tuned(training: &Training) -> (String, String) {
+    let fine_tuned = training.fine_tuned.as_ref();
+    fine_tuned.map_or_else(Default::default, |fine_tuned| {
+        (fine_tuned.labelled.digest(), fine_tuned.parent.to_string())
     })
 }
 
@@ -147,7 +147,7 @@ fn bytes(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Whether there were as many values as there should be.
+/// Whether the number of values is right.
 fn read(bytes: &[u8], values: &mut [f32]) -> bool {
     let (quads, rest) = bytes.as_chunks::<4>();
     let fits = quads.len() == values.len() && rest.is_empty();

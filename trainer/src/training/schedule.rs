@@ -1,8 +1,8 @@
-//! How the learning rate falls, and which losses there were.
+//! The schedule of the learning rate, and the losses so far.
 
 use murmuration_proto::training::{RandomTriplets, Recipe};
 
-/// The learning rate and what it follows from.
+/// The learning rate and the values that determine it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Schedule {
     pub(super) state: ScheduleState,
@@ -13,7 +13,7 @@ pub(super) struct Schedule {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ScheduleState {
     pub(super) learning_rate: f64,
-    /// Mean losses of the last epochs, as many as anything looks back on.
+    /// Mean losses of the last epochs, as many as are needed.
     pub(super) losses: Vec<f64>,
     /// Lowest loss of an epoch.
     pub(super) lowest: f64,
@@ -21,7 +21,7 @@ pub(super) struct ScheduleState {
     pub(super) waited: u64,
 }
 
-/// The learning rate falls by a factor when the loss does not (as PyTorch's `ReduceLROnPlateau` has it).
+/// The learning rate falls by a factor when the loss does not fall (as PyTorch's `ReduceLROnPlateau`).
 #[derive(Debug, Clone, PartialEq)]
 struct Plateau {
     patience: u64,
@@ -39,7 +39,7 @@ impl Plateau {
     }
 }
 
-/// A loss counts as lower where it is lower by more than this share.
+/// A loss counts as lower if it is lower by more than this share.
 const THRESHOLD: f64 = 1e-4;
 
 impl Schedule {
@@ -69,7 +69,7 @@ impl Schedule {
         self.state.learning_rate = rate;
     }
 
-    /// Takes in the mean loss of an epoch that is done.
+    /// Records the mean loss of a finished epoch.
     pub(super) fn after_epoch(&mut self, loss: f64) {
         let state = &mut self.state;
         let remembered = self.plateau.as_ref().map_or(1, |plateau| plateau.remembered);
@@ -92,7 +92,7 @@ impl Schedule {
         }
     }
 
-    /// Mean loss of so many last epochs; infinite before there are as many.
+    /// Mean loss of the given number of last epochs; infinite before there are as many.
     pub(super) fn mean_of_last(&self, epochs: usize) -> f64 {
         let losses = &self.state.losses;
         if losses.len() < epochs {

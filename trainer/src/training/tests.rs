@@ -1,4 +1,4 @@
-//! What is promised of a whole training.
+//! Tests of whole trainings.
 
 use super::*;
 use crate::onnx;
@@ -17,7 +17,7 @@ const PAPER: &str = "[recipe.paper]\nbatch = 100\nsteps = 2\nepochs = 4\nlearnin
 
 /// Bars of one width and brightness each: two views of sixty.
 pub(super) fn bars() -> Arc<Pictures> {
-    let mut stream = Stream::derive(5, Purpose::Train, 0);
+    let mut stream = RandomStream::derive(5, Purpose::Train, 0);
     let mut bytes = Vec::new();
     for behaviour in 0..60 {
         for _ in 0..2 {
@@ -69,7 +69,7 @@ pub(super) fn check_threads(training: impl Fn() -> Training + Sync) {
     assert!(one == bytes(2) && one == bytes(4));
 }
 
-/// Checks that a training that is put aside after any of its four epochs ends as one that is not.
+/// Checks that a training saved and resumed after any of its four epochs ends like an uninterrupted one.
 #[track_caller]
 pub(super) fn check_interruption(training: impl Fn() -> Training) {
     let whole = finished(training());

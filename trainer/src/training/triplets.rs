@@ -1,4 +1,4 @@
-//! A step of the paper's recipes: a batch of triplets, whose loss each chunk has for itself.
+//! A step of the paper's recipes: a batch of triplets, whose loss is computed per chunk.
 
 use super::Training;
 use crate::{
@@ -6,19 +6,19 @@ use crate::{
     loss::triplets,
     network::{Network, scaled},
 };
-use murmuration_proto::{Purpose, Stream, training::RandomTriplets};
+use murmuration_proto::{Purpose, RandomStream, training::RandomTriplets};
 
-/// Values that a chunk may leave behind on its way forward. The more images, the less weighs it to pack a dense layer's
-/// weights; the fewer, the more of them stays in a core's cache.
+/// Number of values of a chunk's forward pass. With more images, packing a dense layer's weights costs less per image; with
+/// fewer, more of them stay in a core's cache.
 const CHUNK_VALUES: usize = 3 << 20;
 
-/// Triplets in a chunk, a power of two: batches mostly are one.
+/// Triplets in a chunk: a power of two, as most batches.
 fn chunk(network: &Network) -> usize {
     let most = CHUNK_VALUES / (3 * network.values_per_image());
     1 << most.max(1).ilog2()
 }
 
-/// The pictures of a triplet. Without another positive, it is the anchor, augmented.
+/// The pictures of a triplet. Without another positive, the positive is the augmented anchor.
 pub(super) struct Triplet<'a> {
     pub(super) anchor: &'a [u8],
     pub(super) positive: Option<&'a [u8]>,
@@ -38,7 +38,7 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
         |chunk, images| {
             let first = chunk * at_once;
             let triplets = &triplets[first..(first + at_once).min(triplets.len())];
-            let stream = |i: usize| Stream::derive(key, Purpose::Augment, (first + i) as u64);
+            let stream = |i: usize| RandomStream::derive(key, Purpose::Augment, (first + i) as u64);
             append(triplets, side, augmentation, stream, images);
         },
         |_, embeddings, gradient| {
@@ -56,7 +56,7 @@ fn append(
     triplets: &[Triplet],
     side: usize,
     augmentation: Augmentation,
-    stream: impl Fn(usize) -> Stream,
+    stream: impl Fn(usize) -> RandomStream,
     images: &mut Vec<f32>,
 ) {
     let plain = |picture: &[u8], images: &mut Vec<f32>| {

@@ -1,4 +1,4 @@
-//! A coordinator as trainers see it, whose every word a test decides.
+//! A fake coordinator for trainers; tests decide every message.
 
 use murmuration_link::{Credentials, Health};
 use murmuration_proto::{
@@ -26,7 +26,7 @@ pub struct Fake {
     trainer: JoinHandle<Result<(), TrainerError>>,
 }
 
-/// What the services answer with, and what they were told.
+/// The answers of the services, and the requests that they received.
 #[derive(Default)]
 struct State {
     refuses: bool,
@@ -35,7 +35,7 @@ struct State {
     published: Mutex<Vec<(v1::Checkpoint, Vec<u8>)>>,
 }
 
-/// One connection of the trainer. Dropped, it is cut.
+/// One connection of the trainer. Dropping it cuts the connection.
 pub struct Session {
     inbox: Streaming<v1::WorkerMessage>,
     outbox: mpsc::Sender<Result<v1::CoordinatorMessage, Status>>,
@@ -51,7 +51,7 @@ impl Fake {
         .await
     }
 
-    /// A coordinator that takes no trainer.
+    /// A coordinator that refuses trainers.
     pub async fn refusing() -> Self {
         Self::with(State {
             refuses: true,
@@ -103,7 +103,7 @@ impl Fake {
         session
     }
 
-    /// What the next lease will find put aside.
+    /// Sets the snapshot for the next lease.
     pub fn keep(&self, saved: Vec<u8>) {
         *self.state.saved.lock().unwrap() = saved;
     }
@@ -123,14 +123,14 @@ impl Fake {
         self.stop.send_replace(true);
     }
 
-    /// What the trainer ended with.
+    /// The result of the trainer.
     pub async fn end(self) -> Result<(), TrainerError> {
         self.trainer.await.unwrap()
     }
 }
 
 impl Session {
-    /// The next message that is no heartbeat.
+    /// The next message that is not a heartbeat.
     pub async fn hear(&mut self) -> Message {
         loop {
             let message = self.inbox.message().await.unwrap().unwrap().message.unwrap();
@@ -149,7 +149,7 @@ impl Session {
         self.lease_for_credit(number, task).await;
     }
 
-    /// Leases `task`, for a credit that was heard already.
+    /// Leases `task`, for a credit received earlier.
     pub async fn lease_for_credit(&self, number: u64, task: v1::TrainingTask) {
         let lease = v1::Lease {
             id: Some(lease_id(number)),
@@ -166,7 +166,7 @@ impl Session {
             .await;
     }
 
-    /// The next report of a lease, snapshots passed over.
+    /// The next report of a lease, ignoring snapshots.
     pub async fn report(&mut self, number: u64) -> v1::TrainingProgress {
         loop {
             match self.hear().await {
@@ -180,7 +180,7 @@ impl Session {
         }
     }
 
-    /// The next whole snapshot of a lease and its epoch, reports passed over.
+    /// The next complete snapshot of a lease and its epoch, ignoring reports.
     pub async fn snapshot(&mut self, number: u64) -> (u64, Vec<u8>) {
         let mut bytes = Vec::new();
         loop {
@@ -198,7 +198,7 @@ impl Session {
         }
     }
 
-    /// What comes of a lease, and how many reports and snapshots came before.
+    /// The outcome of a lease, and the number of reports and snapshots before it.
     pub async fn result(&mut self, number: u64) -> (Outcome, usize, usize) {
         let (mut reports, mut snapshots) = (0, 0);
         loop {
@@ -264,7 +264,7 @@ impl training::TrainerService for Api {
         &self,
         request: Request<v1::FetchTrainingRequest>,
     ) -> Result<Response<Self::FetchTrainingStream>, Status> {
-        assert_eq!(request.into_inner().campaign, "campaign-1");
+        assert_eq!(request.into_inner().lease.unwrap().epoch, 1);
         let saved = self.state.saved.lock().unwrap();
         // In small parts, so that there are several.
         let pictures = self

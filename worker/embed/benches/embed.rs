@@ -1,11 +1,11 @@
-//! Images embedded a second on one thread, by size of the batch: the paper's network and the compact one, with
-//! arbitrary weights.
+//! Images embedded per second on one thread, by batch size, for the paper's network and the compact one, with arbitrary
+//! weights.
 #![expect(clippy::unwrap_used, reason = "a figure that cannot be had is a bug")]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_proto::{
-    Purpose, Stream,
+    Purpose, RandomStream,
     onnx::{
         AttributeProto, EmbedderModel, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto,
         ValueInfoProto,
@@ -13,10 +13,10 @@ use murmuration_proto::{
 };
 use prost::Message as _;
 
-/// A graph as a chain: every node takes what the one before made.
+/// A graph as a chain: the input of every node is the output of the node before.
 struct Chain {
     graph: GraphProto,
-    weights: Stream,
+    weights: RandomStream,
 }
 
 impl Chain {
@@ -27,11 +27,11 @@ impl Chain {
             initializer: vec![TensorProto::floats("white", &[], &[255.0])],
             ..GraphProto::default()
         };
-        let weights = Stream::derive(1, Purpose::Start, 0);
+        let weights = RandomStream::derive(1, Purpose::Start, 0);
         Self { graph, weights }.then("Div", &[], Vec::new(), &["white"])
     }
 
-    /// Appends a node with parameters of these shapes, after the constants that it takes by name.
+    /// Appends a node with parameters of these shapes and the named constants as inputs.
     fn then(
         mut self,
         op_type: &str,
@@ -130,7 +130,7 @@ fn compact() -> Chain {
 
 fn embed(criterion: &mut Criterion) {
     let runtime = Runtime::load().unwrap();
-    let mut stream = Stream::derive(2, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(2, Purpose::Start, 0);
     let images: Vec<Vec<u8>> = (0..64)
         .map(|_| (0..2500).map(|_| (stream.bits() % 256) as u8).collect())
         .collect();

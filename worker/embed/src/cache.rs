@@ -12,19 +12,19 @@ use std::{
     time::SystemTime,
 };
 
-/// What a checkpoint's file is called after its digest, and one that is being written after a random name.
+/// Suffixes of files: of a checkpoint, after its digest, and of an unfinished file, after a random name.
 const SUFFIX: &str = ".onnx";
 const WRITING: &str = ".writing";
 
-/// A folder of checkpoints that does not grow beyond a bound.
+/// A folder of checkpoints with bounded size.
 ///
-/// Several processes may share a folder: a file appears whole or not at all, is checked whenever it is read, and may
-/// go at any time.
+/// Several processes may share a folder. A file appears complete or not at all, is checked at every reading, and may
+/// disappear at any time.
 #[derive(Debug)]
 pub struct Cache {
     folder: PathBuf,
     max_bytes: u64,
-    /// Held while a checkpoint is fetched: threads that want the same one at once wait, and find it here.
+    /// Locked while a checkpoint is fetched, so that threads that want the same checkpoint wait and then find it.
     fetching: Mutex<()>,
 }
 
@@ -36,23 +36,23 @@ pub struct CacheError {
     error: io::Error,
 }
 
-/// Why a checkpoint could not be had.
+/// Why a checkpoint is not available.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// Whoever was asked for it did not give it.
+    /// Fetching it failed.
     #[error("checkpoint {digest} cannot be fetched: {error}")]
     Source {
         /// The checkpoint.
         digest: CheckpointDigest,
-        /// What was said.
+        /// The reason.
         error: Box<dyn Error + Send + Sync>,
     },
-    /// What came is something else.
+    /// Other bytes were received.
     #[error("checkpoint {digest}: other bytes came, of digest {got}")]
     Mismatch {
-        /// The checkpoint that was asked for.
+        /// The requested checkpoint.
         digest: CheckpointDigest,
-        /// Digest of what came.
+        /// The digest of the received bytes.
         got: CheckpointDigest,
     },
     /// The cache could not be used.
@@ -60,7 +60,7 @@ pub enum FetchError {
     Cache(#[from] CacheError),
 }
 
-/// Where checkpoints are kept unless told otherwise: in the [`cache_folder`], or among temporary files without a home.
+/// The default folder of checkpoints: in the [`cache_folder`], or among temporary files if there is no home directory.
 #[must_use]
 pub fn checkpoint_folder() -> PathBuf {
     cache_folder()
@@ -69,11 +69,11 @@ pub fn checkpoint_folder() -> PathBuf {
 }
 
 impl Cache {
-    /// A cache in `folder`, which is made if need be, of at most `max_bytes` in all; the checkpoint used last stays
-    /// even if it alone is larger.
+    /// A cache of at most `max_bytes` in `folder`, which is created if needed. The checkpoint used last stays even if it
+    /// alone is larger.
     ///
     /// # Errors
-    /// If the folder cannot be made.
+    /// If the folder cannot be created.
     pub fn open(folder: impl Into<PathBuf>, max_bytes: u64) -> Result<Self, CacheError> {
         let folder = folder.into();
         fs::create_dir_all(&folder).map_err(at(&folder))?;
@@ -84,12 +84,12 @@ impl Cache {
         })
     }
 
-    /// The bytes of a checkpoint: from the folder, or else from `fetch`, and then kept.
+    /// The bytes of a checkpoint: from the folder, or else from `fetch`, whose bytes are then cached.
     ///
-    /// `fetch` is called by one thread at a time, and not again for what the folder has by then.
+    /// One thread at a time calls `fetch`, and only for checkpoints that the folder still lacks.
     ///
     /// # Errors
-    /// Where `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read.
+    /// If `fetch` fails or gives other bytes than those of `digest`, or the folder cannot be read.
     pub fn get_or_fetch<E: Into<Box<dyn Error + Send + Sync>>>(
         &self,
         digest: CheckpointDigest,
@@ -108,7 +108,7 @@ impl Cache {
             return Err(FetchError::Mismatch { digest, got });
         }
         if let Err(error) = self.insert(digest, &bytes) {
-            // Of a full disk: they are what was asked for all the same, and fetched again the next time.
+            // On a full disk, say. The bytes are right all the same; the next call fetches them again.
             tracing::warn!(%error, "a checkpoint is not kept");
         }
         Ok(bytes)
@@ -132,7 +132,7 @@ impl Cache {
             remove(&path)?;
             return Ok(None);
         }
-        // Only the order of removal rests on it: a folder that may not be written is still read.
+        // Only the order of eviction depends on it, so a read-only folder can still be used.
         let _ = file.set_modified(SystemTime::now());
         Ok(Some(bytes))
     }
@@ -150,7 +150,7 @@ impl Cache {
         self.trim(&path)
     }
 
-    /// Removes what was used longest ago until the rest is within the bound; never `kept`.
+    /// Removes the least recently used files until the rest is within the bound; never `kept`.
     fn trim(&self, kept: &Path) -> Result<(), CacheError> {
         let mut files = Vec::new();
         let mut total = 0;
@@ -160,8 +160,8 @@ impl Cache {
                 .file_name()
                 .and_then(|name| name.to_str())
                 .unwrap_or_default();
-            // Another process may have removed it; what is not ours is left alone. What was begun and never finished
-            // counts, so that it goes in its turn.
+            // Another process may have removed it; other files are left alone. Unfinished files count, so that they are
+            // evicted too.
             let ours = name.ends_with(SUFFIX) || name.ends_with(WRITING);
             let Some(facts) = fs::metadata(&path).ok().filter(|facts| ours && facts.is_file()) else {
                 continue;
@@ -194,7 +194,7 @@ fn at(path: &Path) -> impl Fn(io::Error) -> CacheError {
     }
 }
 
-/// Removes a file, unless somebody else did.
+/// Removes a file, unless another process did.
 fn remove(path: &Path) -> Result<(), CacheError> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(at(path)(error)),

@@ -8,19 +8,19 @@ use ort::{
     value::TensorRef,
 };
 
-/// Most images that are embedded at once: larger batches are no faster, and take more memory.
+/// Maximum number of images in a batch: larger batches are no faster and take more memory.
 pub const MAX_BATCH: usize = 32;
 
-/// Most numbers that the largest value of a model may have for a whole batch (64 MiB of floats).
+/// Maximum number of elements of a model's largest value for a whole batch (64 MiB of floats).
 const MAX_BATCH_ELEMENTS: usize = 16 << 20;
 
-/// A checkpoint in a session of its own, single-threaded.
+/// A checkpoint in its own single-threaded session.
 #[derive(Debug)]
 pub struct Embedder {
     session: Session,
     model: EmbedderModel,
     batch: usize,
-    /// The pixels of a batch as the model takes them.
+    /// The pixels of a batch in the model's input format.
     pixels: Vec<f32>,
 }
 
@@ -37,22 +37,22 @@ pub enum EmbedError {
         index: usize,
         /// Its number of pixels.
         pixels: usize,
-        /// Size along axis 0 that is taken.
+        /// The expected size along axis 0.
         height: usize,
-        /// Size along axis 1 that is taken.
+        /// The expected size along axis 1.
         width: usize,
     },
-    /// The model made something else than it says.
+    /// The model's output differs from what it declares.
     #[error("the model made a value of shape {shape:?}, not {images} x {dimensions}")]
     OutputShape {
-        /// What it made.
+        /// The output.
         shape: Vec<i64>,
-        /// Number of images that it was given.
+        /// Number of input images.
         images: usize,
-        /// Numbers in an embedding, as it says.
+        /// Declared length of an embedding.
         dimensions: usize,
     },
-    /// An embedding has a number that is infinite or none.
+    /// An embedding has a number that is infinite or NaN.
     #[error("image {index} is embedded as {value}, not as a finite number")]
     NotFinite {
         /// Which of the images, from 0.
@@ -66,7 +66,7 @@ impl Embedder {
     /// A session for `model`.
     ///
     /// # Errors
-    /// Where ONNX Runtime refuses the model: an operator that it does not have in this version, say.
+    /// If ONNX Runtime refuses the model, for instance because of an operator that this version lacks.
     pub fn open(runtime: &Runtime, model: EmbedderModel) -> Result<Self, EmbedError> {
         let session = session(runtime, model.encoded())?;
         let batch = MAX_BATCH_ELEMENTS / model.largest_value().max(1);
@@ -78,7 +78,7 @@ impl Embedder {
         })
     }
 
-    /// The model that runs.
+    /// The model.
     #[must_use]
     pub const fn model(&self) -> &EmbedderModel {
         &self.model
@@ -91,7 +91,7 @@ impl Embedder {
     /// not depend on the other images or on how many there are.
     ///
     /// # Errors
-    /// Where an image is of the wrong size, or an embedding of the wrong shape or not finite; then nothing is
+    /// If an image is of the wrong size, or an embedding of the wrong shape or not finite; then nothing is
     /// returned for any image.
     pub fn embed(&mut self, images: &[&[u8]]) -> Result<Vec<Vec<f32>>, EmbedError> {
         let (height, width) = (self.model.height(), self.model.width());
@@ -154,9 +154,9 @@ fn session(runtime: &Runtime, model: &[u8]) -> ort::Result<Session> {
         .with_parallel_execution(false)?
         .with_optimization_level(GraphOptimizationLevel::All)?
         .with_deterministic_compute(true)?
-        // What fails comes back as an error; the library would write it to stderr besides.
+        // Failures are returned as errors; the library would also write them to stderr.
         .with_log_level(LogLevel::Fatal)?
-        // It would keep a pattern for each size of batch that comes along.
+        // It would keep a pattern for each batch size.
         .with_memory_pattern(false)?
         .commit_from_memory(model)
 }

@@ -1,4 +1,4 @@
-//! The embedders of one thread, by digest: opened when first asked for, kept while they are used.
+//! The embedders of one thread, by digest: opened when first requested, kept while in use.
 
 use super::{Cache, EmbedError, Embedder, FetchError, Runtime};
 use murmuration_proto::{
@@ -7,7 +7,7 @@ use murmuration_proto::{
 };
 use std::{error::Error, sync::Arc};
 
-/// Embedders that a thread keeps open: two campaigns' at once, each while it moves to its next checkpoint.
+/// Number of embedders that a thread keeps open: enough for two campaigns that are both moving to their next checkpoints.
 const MOST_OPEN: usize = 4;
 
 /// Opens checkpoints for one thread; threads share the cache.
@@ -15,17 +15,17 @@ const MOST_OPEN: usize = 4;
 pub struct Embedders {
     runtime: Runtime,
     cache: Arc<Cache>,
-    /// The one used last comes first.
+    /// The most recently used one comes first.
     open: Vec<(CheckpointDigest, Embedder)>,
 }
 
-/// Why there is no embedder of a digest.
+/// Why there is no embedder with a digest.
 #[derive(Debug, thiserror::Error)]
-pub enum CheckpointError {
-    /// Its bytes could not be had.
+pub enum OpenError {
+    /// Its bytes are not available.
     #[error(transparent)]
     Fetch(#[from] FetchError),
-    /// Its bytes are not an embedder's.
+    /// Its bytes are not an embedder.
     #[error("checkpoint {digest}: {error}")]
     Model {
         /// The checkpoint.
@@ -33,7 +33,7 @@ pub enum CheckpointError {
         /// What is wrong with it.
         error: ModelError,
     },
-    /// ONNX Runtime does not run it.
+    /// ONNX Runtime cannot run it.
     #[error("checkpoint {digest}: {error}")]
     Open {
         /// The checkpoint.
@@ -57,12 +57,12 @@ impl Embedders {
     /// The embedder of the checkpoint with that digest; see [`Cache::get_or_fetch`] for `fetch`.
     ///
     /// # Errors
-    /// Where the checkpoint cannot be had, is no embedder, or does not run.
+    /// If the checkpoint is not available, is not an embedder, or does not run.
     pub fn get<E: Into<Box<dyn Error + Send + Sync>>>(
         &mut self,
         digest: CheckpointDigest,
         fetch: impl FnOnce(CheckpointDigest) -> Result<Vec<u8>, E>,
-    ) -> Result<&mut Embedder, CheckpointError> {
+    ) -> Result<&mut Embedder, OpenError> {
         let embedder = match self.open.iter().position(|(of, _)| *of == digest) {
             Some(at) => self.open.remove(at).1,
             None => self.open_checkpoint(digest, fetch)?,
@@ -72,7 +72,7 @@ impl Embedders {
         Ok(&mut self.open[0].1)
     }
 
-    /// How many are open.
+    /// Number of open embedders.
     #[cfg(test)]
     pub(super) const fn open(&self) -> usize {
         self.open.len()
@@ -82,9 +82,9 @@ impl Embedders {
         &self,
         digest: CheckpointDigest,
         fetch: impl FnOnce(CheckpointDigest) -> Result<Vec<u8>, E>,
-    ) -> Result<Embedder, CheckpointError> {
+    ) -> Result<Embedder, OpenError> {
         let bytes = self.cache.get_or_fetch(digest, fetch)?;
-        let model = EmbedderModel::read(&bytes).map_err(|error| CheckpointError::Model { digest, error })?;
-        Embedder::open(&self.runtime, model).map_err(|error| CheckpointError::Open { digest, error })
+        let model = EmbedderModel::read(&bytes).map_err(|error| OpenError::Model { digest, error })?;
+        Embedder::open(&self.runtime, model).map_err(|error| OpenError::Open { digest, error })
     }
 }

@@ -1,19 +1,19 @@
-//! Which machines embed alike.
+//! The embedding kind of this machine.
 
 use crate::Runtime;
 use murmuration_proto::EmbeddingKind;
 use std::env::consts::ARCH;
 
 impl Runtime {
-    /// The kind of embeddings that this machine makes. ONNX Runtime chooses its kernels by what the processor has, and
-    /// builds of it differ; where both are the same, so are the bits.
+    /// The embedding kind of this machine. ONNX Runtime chooses kernels by the processor's features, and its builds differ.
+    /// If both are the same, embeddings have the same bits.
     #[must_use]
     pub fn kind(&self) -> EmbeddingKind {
         EmbeddingKind::of(&format!("{ARCH} {} {}", instructions().join(" "), self.build()))
     }
 }
 
-/// Sets of instructions that kernels are written for.
+/// Instruction sets for which ONNX Runtime has kernels.
 #[cfg(target_arch = "x86_64")]
 fn instructions() -> Vec<&'static str> {
     macro_rules! detected {

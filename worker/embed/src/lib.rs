@@ -1,8 +1,8 @@
 //! Embeds images with a published checkpoint, on ONNX Runtime.
 //!
-//! [`Runtime`] is the library, loaded once; an [`Embedder`] is one checkpoint ready to run on one thread; a [`Cache`]
-//! keeps checkpoints on disk; [`Embedders`] puts the three together for a thread that is asked for checkpoints by
-//! digest. Knows nothing of the network: whoever has a missing checkpoint's bytes fetched passes a function.
+//! [`Runtime`] is the library, loaded once. An [`Embedder`] is one checkpoint, ready to run on one thread. A [`Cache`] keeps
+//! checkpoints on disk. [`Embedders`] combines the three for a thread that needs checkpoints by digest. The crate knows
+//! nothing of the network: the caller passes a function that fetches a missing checkpoint.
 #![deny(missing_docs)]
 
 mod cache;
@@ -13,7 +13,7 @@ mod runtime;
 
 pub use cache::{Cache, CacheError, FetchError, checkpoint_folder};
 pub use embedder::{EmbedError, Embedder, MAX_BATCH};
-pub use embedders::{CheckpointError, Embedders};
+pub use embedders::{Embedders, OpenError};
 pub use runtime::{ONNX_RUNTIME_VERSION, Runtime, RuntimeError, cache_folder};
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The ONNX Runtime library: where it is found, and that it is loaded before anything of it is used.
+//! The ONNX Runtime library: finds it, and loads it before anything else uses it.
 
 use ort::environment::Environment;
 use std::{
@@ -7,32 +7,32 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// The version of ONNX Runtime that `make runtime` fetches; any from 1.17 works.
+/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work.
 pub const ONNX_RUNTIME_VERSION: &str = "1.31.1";
 
-/// Names of the library where the system has one: of its development package, then of the library's own.
+/// Names of a system's library: in the development package, then in the library's own package.
 const SYSTEM_NAMES: [&str; 2] = ["libonnxruntime.so", "libonnxruntime.so.1"];
 
 /// ONNX Runtime, loaded into this process.
 ///
-/// There is one in a process, whoever asks first; copies of this are handles of it.
+/// A process has one; copies of this value are handles to it.
 #[derive(Clone)]
 pub struct Runtime {
     environment: Environment,
     library: PathBuf,
 }
 
-/// Why there is no ONNX Runtime.
+/// Why ONNX Runtime is not available.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RuntimeError {
-    /// There is none where it is looked for.
+    /// The library was not found.
     #[error(
         "ONNX Runtime, which embedders run on, is not installed. `make runtime` fetches it; or set ORT_DYLIB_PATH to \
          the libonnxruntime.so of another (1.17 or newer). Looked for:{}",
         .0.iter().map(|place| format!("\n  {place}")).collect::<String>()
     )]
     Missing(Vec<String>),
-    /// There is a library, and it does not load.
+    /// The library does not load.
     #[error("{} cannot be used as ONNX Runtime: {reason}", library.display())]
     Unusable {
         /// The library.
@@ -43,13 +43,13 @@ pub enum RuntimeError {
 }
 
 impl Runtime {
-    /// Loads ONNX Runtime, unless it is loaded already.
+    /// Loads ONNX Runtime, if it is not loaded yet.
     ///
-    /// The library that `ORT_DYLIB_PATH` names is taken if it names one; else the pinned version beside this program
-    /// or in the [`cache_folder`]; else the system's. Nothing is fetched.
+    /// Takes the library that `ORT_DYLIB_PATH` names; without it, the pinned version beside this program or in the
+    /// [`cache_folder`]; otherwise the system's. Fetches nothing.
     ///
     /// # Errors
-    /// Where there is none ([`RuntimeError::Missing`] says how to get it), or where it does not load.
+    /// If the library is missing ([`RuntimeError::Missing`] says how to get it), or does not load.
     pub fn load() -> Result<Self, RuntimeError> {
         static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -60,13 +60,13 @@ impl Runtime {
         Ok(loaded.insert(runtime).clone())
     }
 
-    /// The library's file, or its name where the system found it.
+    /// The path of the library, or its name if the system found it.
     #[must_use]
     pub fn library(&self) -> &Path {
         &self.library
     }
 
-    /// What the library says of its build: version, commit, flags. Embeddings of two builds may differ in their last
+    /// The library's description of its build: version, commit, flags. Embeddings of two builds may differ in their last
     /// bits.
     #[must_use]
     pub fn build(&self) -> &'static str {
@@ -86,8 +86,8 @@ impl fmt::Debug for Runtime {
     }
 }
 
-/// Where Murmuration keeps what it can fetch again: `$XDG_CACHE_HOME/murmuration` or `~/.cache/murmuration`; `None`
-/// without a home.
+/// The folder for data that can be fetched again: `$XDG_CACHE_HOME/murmuration` or `~/.cache/murmuration`; `None` without a
+/// home directory.
 #[must_use]
 pub fn cache_folder() -> Option<PathBuf> {
     let absolute = |name| {
@@ -105,7 +105,7 @@ fn named_library() -> Option<PathBuf> {
         .map(PathBuf::from)
 }
 
-/// Where the pinned library can be.
+/// The possible places of the pinned library.
 fn pinned_libraries() -> Vec<PathBuf> {
     let file = format!("libonnxruntime.so.{ONNX_RUNTIME_VERSION}");
     let program = env::current_exe().ok();
@@ -121,7 +121,7 @@ fn pinned_libraries() -> Vec<PathBuf> {
     beside.into_iter().chain(cached).collect()
 }
 
-/// Loads the library named, else the first of the pinned places that has it, else the system's.
+/// Loads the named library, else the library at the first pinned place that has it, else the system's.
 fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeError> {
     if let Some(library) = certain(named, pinned) {
         return load(library);
@@ -132,7 +132,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
         .collect();
     for name in SYSTEM_NAMES {
         match load(PathBuf::from(name)) {
-            // Here the loader does not tell a library that is absent from one that is too old, say.
+            // Here the loader does not distinguish an absent library from one that is too old.
             Err(error) => tried.push(format!("{name} of the system: {error}")),
             loaded => return loaded,
         }
@@ -140,9 +140,9 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
     Err(RuntimeError::Missing(tried))
 }
 
-/// The library that must load if there is to be any.
+/// The library that must load, if there is one.
 fn certain(named: Option<PathBuf>, pinned: &[PathBuf]) -> Option<PathBuf> {
-    // What cannot be read is there too: another in its place would compute other bits.
+    // An unreadable file counts as present: another library in its place would compute other bits.
     let is_absent = |library: &Path| {
         fs::symlink_metadata(library).is_err_and(|error| error.kind() == io::ErrorKind::NotFound)
     };
@@ -154,7 +154,7 @@ fn load(library: PathBuf) -> Result<Runtime, RuntimeError> {
         library: library.clone(),
         reason,
     };
-    // Always with a path and before anything else of `ort`: what it loads by itself it panics over.
+    // Always with a path, and before any other use of `ort`, which panics if the library that it loads by itself fails.
     let builder = ort::init_from(&library).map_err(|error| unusable(error.to_string()))?;
     let environment = builder
         .with_name("murmuration")
@@ -176,7 +176,7 @@ mod tests {
         let pinned = [absent.clone(), fetched.clone()];
         assert_eq!(certain(Some(absent.clone()), &pinned), Some(absent.clone()));
         assert_eq!(certain(None, &pinned), Some(fetched));
-        // What cannot be read is there: nothing else is taken for it.
+        // An unreadable file counts as present: no other library takes its place.
         let unmounted = folder.path().join("unmounted");
         std::os::unix::fs::symlink(&absent, &unmounted).unwrap();
         let pinned = [unmounted.clone(), pinned[1].clone()];

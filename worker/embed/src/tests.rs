@@ -16,7 +16,7 @@ fn embedder() -> Embedder {
     Embedder::open(&Runtime::load().unwrap(), EmbedderModel::read(SMALL).unwrap()).unwrap()
 }
 
-/// The images of `small.py`, and more by the same rule.
+/// The images of `small.py`, and more images by the same rule.
 fn image(k: usize) -> Vec<u8> {
     (0..96)
         .map(|pixel| (pixel * (7 + 4 * k) + 31 * k) as u8)
@@ -31,7 +31,7 @@ fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
     images.iter().map(Vec::as_slice).collect()
 }
 
-/// What Python's onnxruntime 1.31.1 makes of the first three (printed by `small.py`).
+/// The embeddings of the first three by Python's onnxruntime 1.31.1 (printed by `small.py`).
 const EMBEDDINGS: [[f32; 3]; 3] = [
     [-2.362_514_3, 2.525_938_3, -0.120_045_6],
     [-2.363_031_1, 2.542_569_6, -0.138_085_54],
@@ -44,7 +44,7 @@ fn embeddings_are_those_of_the_python_package() {
     assert_eq!(embeddings.len(), 3);
     for (embedding, expected) in embeddings.iter().zip(EMBEDDINGS) {
         for (value, expected) in embedding.iter().zip(expected) {
-            // Not equal to the bit: another kind of CPU has other kernels.
+            // Not bit for bit: other kinds of CPU have other kernels.
             assert!((value - expected).abs() < 1e-5, "{embeddings:?}");
         }
     }
@@ -113,7 +113,7 @@ fn what_onnx_runtime_does_not_know_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever passes as a model either runs as it says or is refused in words.
+    /// Every accepted model either runs as declared or is refused with an error.
     #[test]
     fn a_damaged_model_does_no_harm(
         changes in prop::collection::vec((0..SMALL.len(), any::<u8>()), 1..4),
@@ -163,14 +163,14 @@ fn flattened(op_type: &str, attribute: Vec<AttributeProto>) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
-    /// What a model says of its shapes is what ONNX Runtime makes of it.
+    /// The shapes that a model declares equal those that ONNX Runtime computes.
     #[test]
     fn windows_slide_as_in_onnx_runtime(
         op_type in prop::sample::select(vec!["AveragePool", "MaxPool", "Conv"]),
         kernel in [2usize..6, 2usize..6],
         strides in [1usize..5, 1usize..5],
         dilations in [1usize..4, 1usize..4],
-        // A pooling's padding has to be less than its kernel.
+        // A pooling's padding must be smaller than its kernel.
         pads in [0usize..2, 0usize..2, 0usize..2, 0usize..2],
         round_up in any::<bool>(),
     ) {
@@ -183,7 +183,7 @@ proptest! {
         if op_type != "Conv" {
             attributes.push(AttributeProto::integer("ceil_mode", i64::from(round_up)));
         }
-        // The only reason to refuse it is a window that does not fit.
+        // It may be refused only if a window does not fit.
         let Ok(model) = EmbedderModel::read(&flattened(op_type, attributes)) else { return Ok(()) };
         let dimensions = model.dimensions();
         let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
@@ -191,7 +191,7 @@ proptest! {
     }
 }
 
-/// A cache in a folder of its own.
+/// A cache in a temporary folder.
 fn cache(max_bytes: u64) -> (TempDir, Cache) {
     let folder = tempfile::tempdir().unwrap();
     let cache = Cache::open(folder.path().join("checkpoints"), max_bytes).unwrap();
@@ -316,7 +316,7 @@ fn what_was_used_longest_ago_goes_first() {
 fn embedders_are_opened_once_and_only_so_many() {
     let (_folder, cache) = cache(1 << 20);
     let mut embedders = Embedders::new(Runtime::load().unwrap(), Arc::new(cache));
-    // The same model under different digests: what comes after the last field is a remark.
+    // The same model under different digests: a remark after the last field makes the difference.
     let checkpoints: Vec<Vec<u8>> = (b'a'..b'g')
         .map(|name| [SMALL, &[0x12, 1, name]].concat())
         .collect();
@@ -345,5 +345,5 @@ fn a_checkpoint_that_is_no_embedder_is_refused() {
     let error = embedders
         .get(CheckpointDigest::of(bytes), |_| Ok::<_, String>(bytes.to_vec()))
         .unwrap_err();
-    assert!(matches!(error, CheckpointError::Model { .. }), "{error}");
+    assert!(matches!(error, OpenError::Model { .. }), "{error}");
 }

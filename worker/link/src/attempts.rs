@@ -1,17 +1,18 @@
-//! Single calls to a coordinator that may be away for a moment.
+//! Single calls to a coordinator that may be unavailable for a moment.
 
 use crate::{TRACE_PARENT, trace_parent};
+use backon::{ConstantBuilder, Retryable as _};
 use murmuration_proto::{REQUEST_ID, v1};
 use std::{future::Future, time::Duration};
 use tonic::{Code, Request, Status, metadata::MetadataValue};
 use tracing::Span;
 
-/// Attempts at a call, and the pause between two.
-const ATTEMPTS: usize = 3;
+/// Number of attempts at a call after the first, and the pause before each.
+const FURTHER_ATTEMPTS: usize = 2;
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// A request made on behalf of a lease: it goes by the lease's id, so that the coordinator's log says so too, and belongs
-/// to the current span's trace.
+/// A request on behalf of a lease. Its id is the lease's, so that the coordinator's log shows it too, and it belongs to the
+/// current span's trace.
 pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     let mut request = Request::new(message);
     let names = [
@@ -19,7 +20,7 @@ pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
         (TRACE_PARENT, trace_parent(&Span::current())),
     ];
     for (header, name) in names.into_iter().filter(|(_, name)| !name.is_empty()) {
-        // Digits, letters and dashes are always a header's value.
+        // Digits, letters and dashes are always valid in a header.
         if let Ok(value) = MetadataValue::try_from(name) {
             request.metadata_mut().insert(header, value);
         }
@@ -27,27 +28,22 @@ pub fn for_lease<T>(message: T, lease: v1::LeaseId) -> Request<T> {
     request
 }
 
-/// Makes a call, and makes it again, three times in all with half a second between, while what it fails of
-/// [may pass](may_pass).
+/// Makes a call, with up to three attempts half a second apart, as long as its error [may pass](may_pass).
 ///
 /// # Errors
-/// What the last attempt failed of.
-pub async fn attempts<T, F>(mut call: impl FnMut() -> F) -> Result<T, Status>
+/// The error of the last attempt.
+pub async fn attempts<T, F>(call: impl FnMut() -> F) -> Result<T, Status>
 where
     F: Future<Output = Result<T, Status>>,
 {
-    for _ in 1..ATTEMPTS {
-        match call().await {
-            Err(status) if may_pass(&status) => {}
-            ended => return ended,
-        }
-        tokio::time::sleep(PAUSE).await;
-    }
-    call().await
+    let pauses = ConstantBuilder::default().with_delay(PAUSE);
+    call.retry(pauses.with_max_times(FURTHER_ATTEMPTS))
+        .when(may_pass)
+        .await
 }
 
-/// Whether the same call may work later: the coordinator is away, or the connection broke. It will not where the
-/// coordinator has heard the request and finds it wrong.
+/// Whether the same call may succeed later, because the coordinator is unavailable or the connection broke. It will not if
+/// the coordinator received the request and refused it.
 #[must_use]
 pub fn may_pass(status: &Status) -> bool {
     !matches!(
@@ -63,8 +59,8 @@ pub fn may_pass(status: &Status) -> bool {
     )
 }
 
-/// Whether the same call may work later, or from another machine: besides what [may pass](may_pass), the coordinator may
-/// not let this one in.
+/// Whether the same call may succeed later or from another machine: the error [may pass](may_pass), or the coordinator does
+/// not admit this machine.
 #[must_use]
 pub fn may_pass_elsewhere(status: &Status) -> bool {
     let is_not_let_in = matches!(status.code(), Code::PermissionDenied | Code::Unauthenticated);
@@ -76,7 +72,7 @@ mod tests {
     use super::*;
     use std::cell::Cell;
 
-    /// How many times a call was made that fails with these, one after the other, and what came of it.
+    /// The number of attempts of a call that fails with these errors, one after the other, and its result.
     async fn calls(failures: &[Code]) -> (usize, Option<Code>) {
         let made = Cell::new(0);
         let outcome = attempts(|| async {

@@ -1,36 +1,31 @@
 //! Pauses between attempts to connect.
 
-use murmuration_proto::{Purpose, Stream};
+use backon::{BackoffBuilder as _, ExponentialBackoff, ExponentialBuilder};
 use std::time::Duration;
 
-/// Wait before connecting again: doubles from the first to the last.
-const FIRST_PAUSE: Duration = Duration::from_millis(100);
-const LAST_PAUSE: Duration = Duration::from_secs(5);
+/// Shortest and longest pause before connecting again: half of what they grow from and to, as jitter adds up to as much.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+const LAST_PAUSE: Duration = Duration::from_millis(2500);
 
-/// Exponential pauses, with jitter so that many workers do not come back in step.
-pub(crate) struct Backoff {
-    next: Duration,
-    jitter: Stream,
-}
+/// Exponential pauses without end, with jitter so that many workers do not come back in step.
+pub(crate) struct Backoff(ExponentialBackoff);
 
 impl Backoff {
     pub(crate) fn new() -> Self {
-        // Not an evaluation: here two processes should differ.
-        let seed = u64::from(std::process::id());
-        Self {
-            next: FIRST_PAUSE,
-            jitter: Stream::derive(seed, Purpose::Jitter, 1),
-        }
+        let pauses = ExponentialBuilder::default()
+            .with_min_delay(FIRST_PAUSE)
+            .with_max_delay(LAST_PAUSE)
+            .with_jitter()
+            .without_max_times();
+        Self(pauses.build())
     }
 
     pub(crate) fn reset(&mut self) {
-        self.next = FIRST_PAUSE;
+        *self = Self::new();
     }
 
     pub(crate) fn next(&mut self) -> Duration {
-        let pause = self.next.mul_f64(self.jitter.between(0.5, 1.0));
-        self.next = (self.next * 2).min(LAST_PAUSE);
-        pause
+        self.0.next().unwrap_or(LAST_PAUSE)
     }
 }
 
@@ -47,6 +42,6 @@ mod tests {
             assert!(most / 2 <= pause && pause <= most, "{pause:?} of {most:?}");
         }
         backoff.reset();
-        assert!(backoff.next() <= FIRST_PAUSE);
+        assert!(backoff.next() <= 2 * FIRST_PAUSE);
     }
 }

@@ -1,4 +1,4 @@
-//! Published embedders, as the coordinator at the other end has them.
+//! Fetching checkpoints from the coordinator.
 
 use crate::{Coordinator, attempts, for_lease};
 use murmuration_proto::{
@@ -8,11 +8,11 @@ use murmuration_proto::{
 };
 use tonic::Status;
 
-/// The bytes that the coordinator has under a digest, unchecked: at most [`MAX_MODEL_BYTES`]. They are wanted for `lease`.
-/// Tries again while the coordinator is away.
+/// Fetches the bytes of a checkpoint for `lease`, unchecked, at most [`MAX_MODEL_BYTES`]. Retries while the coordinator is
+/// unavailable.
 ///
 /// # Errors
-/// Where there is none of that digest, or the coordinator was away for too long.
+/// If there is no checkpoint with that digest, or the coordinator was unavailable for too long.
 pub async fn fetch_checkpoint(
     coordinator: &Coordinator,
     digest: CheckpointDigest,

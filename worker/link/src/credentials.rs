@@ -1,6 +1,7 @@
-//! What a process shows to a coordinator, and whom it takes for one: certificates and a token, from files.
+//! The credentials of a process towards a coordinator, and its trust in one: certificates and a token, from files.
 
 use crate::{InputKind, Token, TokenError, read_text};
+use murmuration_proto::text::masked_url;
 use std::{
     env, io,
     path::{Path, PathBuf},
@@ -12,10 +13,10 @@ use tonic::{
     transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity},
 };
 
-/// Holds a token itself, where no file is named.
+/// The variable with the token itself, if no file is named.
 const TOKEN: &str = "MURMURATION_TOKEN";
 
-/// A connection to a coordinator that shows a token, if there is one, with every request.
+/// A connection to a coordinator that sends the token, if there is one, with every request.
 pub type Coordinator = InterceptedService<Channel, Bearer>;
 
 /// Whom to trust, and what to show: for everyone who talks to a coordinator.
@@ -40,7 +41,8 @@ pub struct IdentityFiles {
     pub key: Option<PathBuf>,
 }
 
-/// What to show to a coordinator, and whom to take for one. By default nothing, and nobody over https.
+/// The credentials to send to a coordinator, and the authority to trust. By default there are no credentials, and no
+/// coordinator is trusted over https.
 #[derive(Debug, Clone, Default)]
 pub struct Credentials {
     ca: Option<Certificate>,
@@ -48,7 +50,7 @@ pub struct Credentials {
     token: Option<Token>,
 }
 
-/// Why there are no credentials, or they do not fit the coordinator's URL.
+/// Why credentials cannot be used, or do not fit the coordinator's URL.
 #[derive(Debug, thiserror::Error)]
 pub enum CredentialsError {
     /// A file cannot be read.
@@ -59,7 +61,7 @@ pub enum CredentialsError {
         /// What the system said.
         source: io::Error,
     },
-    /// A file holds nothing of the kind.
+    /// A file does not contain the expected item.
     #[error("{} holds no {what} in PEM format", path.display())]
     Pem {
         /// Which file.
@@ -78,16 +80,16 @@ pub enum CredentialsError {
     /// The environment does not hold a token.
     #[error("{TOKEN}: {0}")]
     TokenVariable(TokenError),
-    /// The URL is not one.
+    /// The URL is not valid.
     #[error("\"{0}\" is not a coordinator's URL (such as http://127.0.0.1:7700)")]
     Url(String),
-    /// Nobody vouches for the coordinator.
+    /// No authority is given for the coordinator's certificate.
     #[error(
         "{0} is encrypted: name the certificate of the authority that signed the coordinator's, with --ca FILE or in \
          MURMURATION_CA"
     )]
     NoAuthority(String),
-    /// A certificate would not be shown.
+    /// The certificate would not be used.
     #[error("{0} is not encrypted, and takes no certificate: say https://, or leave --certificate out")]
     Plain(String),
     /// Certificate, key or authority cannot be used.
@@ -95,12 +97,12 @@ pub enum CredentialsError {
     Unusable {
         /// The coordinator.
         url: String,
-        /// What the TLS library said.
+        /// The TLS library's error.
         reason: String,
     },
 }
 
-/// Something that `Debug` does not show.
+/// A value that `Debug` does not show.
 #[derive(Clone)]
 struct Secret<T>(T);
 
@@ -111,10 +113,10 @@ impl<T> std::fmt::Debug for Secret<T> {
 }
 
 impl Credentials {
-    /// Reads the files that were named, and the environment's `MURMURATION_TOKEN` where no file is named for a token.
+    /// Reads the named files, and `MURMURATION_TOKEN` if no file is named for a token.
     ///
     /// # Errors
-    /// Says which file or variable cannot be used, and never what is in it.
+    /// Names the file or variable that cannot be used, never its contents.
     pub fn read(trust: &TrustFiles, identity: &IdentityFiles) -> Result<Self, CredentialsError> {
         let ca = trust.ca.as_deref().map(|path| read_pem(path, "certificate"));
         let identity = match (&identity.certificate, &identity.key) {
@@ -137,7 +139,7 @@ impl Credentials {
         })
     }
 
-    /// A token, and nothing else: for processes of the coordinator's own machine.
+    /// Only a token: for processes of the coordinator's own machine.
     #[must_use]
     pub fn token(token: Token) -> Self {
         Self {
@@ -146,19 +148,20 @@ impl Credentials {
         }
     }
 
-    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), not connected to yet.
+    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), not yet connected.
     ///
     /// # Errors
-    /// Where `url` is none, or these are not the credentials for it.
+    /// If `url` is not valid, or these credentials do not fit it.
     pub fn endpoint(&self, url: &str) -> Result<Endpoint, CredentialsError> {
-        let no_url = || CredentialsError::Url(url.to_owned());
+        let shown = || masked_url(url);
+        let no_url = || CredentialsError::Url(shown());
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| no_url())?;
         match endpoint.uri().scheme_str() {
-            Some("http") if self.identity.is_some() => Err(CredentialsError::Plain(url.to_owned())),
+            Some("http") if self.identity.is_some() => Err(CredentialsError::Plain(shown())),
             Some("http") => Ok(endpoint),
             Some("https") => {
                 let ca = self.ca.clone();
-                let ca = ca.ok_or_else(|| CredentialsError::NoAuthority(url.to_owned()))?;
+                let ca = ca.ok_or_else(|| CredentialsError::NoAuthority(shown()))?;
                 let tls = ClientTlsConfig::new().ca_certificate(ca);
                 let tls = match &self.identity {
                     Some(Secret(identity)) => tls.identity(identity.clone()),
@@ -167,7 +170,7 @@ impl Credentials {
                 endpoint
                     .tls_config(tls)
                     .map_err(|error| CredentialsError::Unusable {
-                        url: url.to_owned(),
+                        url: shown(),
                         reason: root_cause(&error),
                     })
             }
@@ -175,10 +178,10 @@ impl Credentials {
         }
     }
 
-    /// What shows the token, if there is one.
+    /// The interceptor that sends the token, if there is one.
     #[must_use]
     pub fn bearer(&self) -> Bearer {
-        // A token's letters are all allowed in a header.
+        // All characters of a token are allowed in a header.
         let header = self.token.as_ref().and_then(|token| {
             let mut value = MetadataValue::try_from(format!("Bearer {}", token.reveal())).ok()?;
             value.set_sensitive(true);
@@ -203,10 +206,10 @@ impl Interceptor for Bearer {
     }
 }
 
-/// The token that a file holds, spaces and line ends around it aside.
+/// The token in a file, without surrounding spaces and line ends.
 ///
 /// # Errors
-/// Where the file cannot be read, or holds something else.
+/// If the file cannot be read, or does not contain a token.
 pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
     let text = read_text(path, InputKind::Token).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
@@ -218,16 +221,16 @@ pub fn read_token(path: &Path) -> Result<Token, CredentialsError> {
     })
 }
 
-/// The text of a PEM file that holds a "certificate" or a "private key".
+/// The text of a PEM file that contains a "certificate" or a "private key".
 ///
 /// # Errors
-/// Where the file cannot be read, or holds no such thing.
+/// If the file cannot be read, or does not contain it.
 pub fn read_pem(path: &Path, what: &'static str) -> Result<String, CredentialsError> {
     let text = read_text(path, InputKind::Pem).map_err(|source| CredentialsError::File {
         path: path.to_owned(),
         source,
     })?;
-    // "BEGIN CERTIFICATE"; "BEGIN PRIVATE KEY", also with an algorithm's name between.
+    // "BEGIN CERTIFICATE", or "BEGIN PRIVATE KEY", with or without an algorithm's name.
     let marker = what.to_uppercase();
     let holds = |line: &str| line.starts_with("-----BEGIN ") && line.contains(&marker);
     match text.lines().any(holds) {
@@ -246,13 +249,13 @@ fn token_of_environment() -> Result<Option<Token>, CredentialsError> {
         Err(env::VarError::NotUnicode(_)) => return Err(CredentialsError::TokenVariable(TokenError::Token)),
     };
     match text.trim() {
-        // As compose files and service managers leave a variable that was not set.
+        // Compose files and service managers set unset variables to the empty string.
         "" => Ok(None),
         text => text.parse().map(Some).map_err(CredentialsError::TokenVariable),
     }
 }
 
-/// What an error goes back to, in words: what transports say themselves is only that they failed.
+/// The causes of an error, in words: transports themselves only say that they failed.
 #[must_use]
 pub fn root_cause(error: &(dyn std::error::Error + 'static)) -> String {
     let causes = std::iter::successors(Some(error), |error| error.source());

@@ -1,4 +1,4 @@
-//! Whether a process lives and is ready, by gRPC's health service: for those who watch over processes and restart them.
+//! Liveness and readiness of a process, by gRPC's health service, for supervisors that restart processes.
 
 use crate::LinkError;
 use std::net::SocketAddr;
@@ -11,25 +11,25 @@ use tonic_health::{
     server::{HealthReporter, HealthService},
 };
 
-/// The health service's name for being ready: a worker or trainer is connected, a coordinator has taken up what was
-/// interrupted. The empty name is for being alive.
+/// The service name for ready: a worker or trainer is connected, a coordinator has resumed interrupted campaigns. The empty
+/// name stands for alive.
 pub const READY: &str = "ready";
 
-/// What is said of a process; cheap to clone. At first it is alive and not ready.
+/// The health of a process; cheap to clone. At first the process is alive and not ready.
 #[derive(Debug, Clone)]
 pub struct Health(HealthReporter);
 
 impl Health {
-    /// Of a process that nobody asks yet; [`Health::service`] is what answers.
+    /// The health of a process without a listener; [`Health::service`] answers queries.
     #[must_use]
     pub fn new() -> Self {
         Self(HealthReporter::new())
     }
 
-    /// Answers at `listen`, on a task of its own, for as long as the process lives.
+    /// Answers at `listen`, on its own task, for as long as the process lives.
     ///
     /// # Errors
-    /// Where that address cannot be listened on.
+    /// If the process cannot listen on that address.
     pub async fn serve(&self, listen: SocketAddr) -> Result<(), LinkError> {
         self.ready(false).await;
         let listener = TcpListener::bind(listen)
@@ -51,12 +51,12 @@ impl Health {
         HealthServer::new(HealthService::from_health_reporter(self.0.clone()))
     }
 
-    /// Says that a gRPC service of that name is served.
+    /// Reports that a gRPC service of that name is served.
     pub async fn serves(&self, service: &str) {
         self.0.set_service_status(service, ServingStatus::Serving).await;
     }
 
-    /// Says whether the process is ready.
+    /// Reports whether the process is ready.
     pub async fn ready(&self, ready: bool) {
         let status = match ready {
             true => ServingStatus::Serving,

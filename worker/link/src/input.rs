@@ -1,6 +1,6 @@
-//! Files that a person names: read as far as the longest of their kind goes, and no further.
+//! Reads files that a person names, up to a limit for their kind.
 //!
-//! What a person names may be a pipe or a device that never ends. Limits: knows how long a file may be, not what is in it.
+//! A named file may be a pipe or a device that never ends. Limits: knows how long a file may be, not what is in it.
 
 use murmuration_proto::{grouped, onnx::MAX_MODEL_BYTES};
 use std::{
@@ -9,16 +9,16 @@ use std::{
     path::Path,
 };
 
-/// What a file is for, which says how long it may be. Every limit leaves room for ten times what people have.
+/// The kind of a file, which determines its maximum length. Every limit is ten times what people have.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum InputKind {
     /// A campaign, TOML.
     Campaign,
-    /// Controllers, one a line.
+    /// Controllers, one per line.
     Controllers,
     /// Labels, CSV.
     Labels,
-    /// Where swarms start, CSV.
+    /// Starts of swarms, CSV.
     Starts,
     /// A picture of a behaviour, PNG.
     Picture,
@@ -26,9 +26,9 @@ pub enum InputKind {
     Case,
     /// A checkpoint, ONNX.
     Checkpoint,
-    /// What a backup holds, JSON.
+    /// The contents of a backup, JSON.
     Manifest,
-    /// Who may come in, TOML.
+    /// Digests of tokens and their holders, TOML.
     Tokens,
     /// One token.
     Token,
@@ -37,7 +37,7 @@ pub enum InputKind {
 }
 
 impl InputKind {
-    /// The most bytes that such a file may have.
+    /// Maximum number of bytes of such a file.
     #[must_use]
     pub const fn max_bytes(self) -> u64 {
         match self {
@@ -66,7 +66,7 @@ impl InputKind {
     }
 }
 
-/// A file that has more bytes than its kind allows; inside an [`io::Error`] of the kind [`io::ErrorKind::FileTooLarge`].
+/// A file is longer than its kind allows; inside an [`io::Error`] of the kind [`io::ErrorKind::FileTooLarge`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("it is too long: {} has at most {} bytes", .0.noun(), grouped(.0.max_bytes()))]
 pub struct TooLong(pub InputKind);
@@ -74,7 +74,7 @@ pub struct TooLong(pub InputKind);
 /// The bytes of the file at `path`.
 ///
 /// # Errors
-/// What the system says, or [`TooLong`].
+/// The system's error, or [`TooLong`].
 pub fn read_bytes(path: &Path, kind: InputKind) -> io::Result<Vec<u8>> {
     bytes_of(File::open(path)?, kind)
 }
@@ -82,12 +82,12 @@ pub fn read_bytes(path: &Path, kind: InputKind) -> io::Result<Vec<u8>> {
 /// The text of the file at `path`.
 ///
 /// # Errors
-/// What the system says, [`TooLong`], or that it is no UTF-8.
+/// The system's error, [`TooLong`], or that the text is not UTF-8.
 pub fn read_text(path: &Path, kind: InputKind) -> io::Result<String> {
     text_of(File::open(path)?, kind)
 }
 
-/// The text that a `reader` such as standard input gives.
+/// The text from a `reader` such as standard input.
 ///
 /// # Errors
 /// As [`read_text`].
@@ -128,7 +128,7 @@ mod tests {
                 "it is too long: a token's file has at most 4,096 bytes"
             );
         }
-        // Cut within a letter it is too long all the same.
+        // A text cut within a letter is still reported as too long.
         fs::write(&path, "é".repeat(most)).unwrap();
         let cut = read_text(&path, InputKind::Token).unwrap_err();
         assert_eq!(cut.kind(), io::ErrorKind::FileTooLarge);

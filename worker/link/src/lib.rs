@@ -1,7 +1,7 @@
-//! The connection of a worker or trainer to its coordinator: made, kept alive, and made again when it breaks.
+//! The connection of a worker or trainer to its coordinator: connects, keeps alive, and reconnects.
 //!
-//! [`keep`] is the whole of it: a [`Peer`] says what it does while it is connected, [`Link`] is what it does it with.
-//! Knows nothing of the work itself.
+//! [`keep`] does all of it. A [`Peer`] defines what happens while it is connected, by means of a [`Link`]. Knows nothing of
+//! the work itself.
 #![deny(missing_docs)]
 
 mod attempts;
@@ -27,13 +27,13 @@ pub use health::{Health, READY};
 pub use input::{InputKind, TooLong, read_bytes, read_text, text_of};
 pub use link::{Broken, Link};
 pub use output::{OutputError, parse_arguments, print, say};
-pub use process::{PartyArguments, Post, run_party};
+pub use process::{PeerArguments, Post, run_peer};
 pub use stop::{stopped, termination};
 pub use telemetry::{TRACE_PARENT, Telemetry, follow, telemetry, trace_parent};
 pub use token::{Token, TokenDigest, TokenError};
 
 use backoff::Backoff;
-use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, Text, v1};
+use murmuration_proto::{EmbeddingKind, SIMULATOR_VERSION, TRAINER_VERSION, Text, text::masked_url, v1};
 use std::{
     future::Future,
     hash::{BuildHasher as _, Hasher as _, RandomState},
@@ -44,17 +44,17 @@ use std::{
 use tokio::sync::watch;
 use tonic::{service::interceptor::InterceptedService, transport::Endpoint};
 
-/// Who connects: decides the service, and what is said in Hello.
+/// The kind of process that connects. It determines the service and the contents of Hello.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// A worker that runs so many evaluations at once, 1 to 4,096.
+    /// A worker.
     Worker {
-        /// How many.
+        /// Number of evaluations at once, 1 to 4,096.
         capacity: u32,
-        /// How it embeds; unknown if it does not.
+        /// Its embedding kind; unknown if it does not embed.
         kind: EmbeddingKind,
     },
-    /// A trainer, which has one training at a time.
+    /// A trainer, which runs one training at a time.
     Trainer,
 }
 
@@ -89,13 +89,13 @@ impl Role {
     }
 }
 
-/// Why a worker or trainer gave up. Anything that may pass is tried again for ever.
+/// Why a worker or trainer gave up. It retries temporary errors for ever.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// The URL is not one, or the credentials are not for it.
+    /// The URL is not valid, or the credentials do not fit it.
     #[error(transparent)]
     Credentials(#[from] CredentialsError),
-    /// Nobody could ask how it is.
+    /// The health service could not be started.
     #[error("cannot listen on {listen} to be asked for this process's health: {source}")]
     Health {
         /// The address.
@@ -103,7 +103,7 @@ pub enum LinkError {
         /// What the system said.
         source: io::Error,
     },
-    /// The coordinator does not take it: its version is another, or it has not shown who it is.
+    /// The coordinator refuses it: its version differs, or its credentials are missing.
     #[error("the coordinator refused this {who}: {reason}")]
     Refused {
         /// "worker" or "trainer".
@@ -113,23 +113,23 @@ pub enum LinkError {
     },
 }
 
-/// Where a coordinator is, and as whom to connect.
+/// A coordinator's address, and the identity to connect with.
 #[derive(Debug, Clone)]
 pub struct Address {
     endpoint: Endpoint,
     bearer: Bearer,
     role: Role,
     name: String,
-    /// Who connects, over however many connections; not 0.
+    /// Identifies the process over all of its connections; not 0.
     instance: u64,
 }
 
 impl Address {
-    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a party of this name (for people; at
-    /// most 128 bytes) that shows these credentials.
+    /// The coordinator at `url` (`http://HOST:PORT` or `https://HOST:PORT`), for a peer with this name (for people; at most
+    /// 128 bytes) and these credentials.
     ///
     /// # Errors
-    /// Where `url` is not one, or the credentials are not for it.
+    /// If `url` is not valid, or the credentials do not fit it.
     pub fn new(url: &str, credentials: &Credentials, role: Role, name: &str) -> Result<Self, LinkError> {
         let endpoint = credentials
             .endpoint(url)?
@@ -143,29 +143,29 @@ impl Address {
             bearer: credentials.bearer(),
             role,
             name: name.to_owned(),
-            // Keyed at random by the system: two processes must not be taken for one.
+            // Keyed at random by the system, so that two processes get different numbers.
             instance: RandomState::new().build_hasher().finish() | 1,
         })
     }
 
-    /// The same, connecting from this address of the machine, where it has several.
+    /// Connects from this address, if the machine has several.
     #[must_use]
     pub fn connecting_from(mut self, address: Option<IpAddr>) -> Self {
         self.endpoint = self.endpoint.local_address(address);
         self
     }
 
-    /// A connection of its own for other calls, made when it is first used and again whenever it is broken.
+    /// A separate connection for other calls, made at its first use and again whenever it breaks.
     #[must_use]
     pub fn channel(&self) -> Coordinator {
         InterceptedService::new(self.endpoint.connect_lazy(), self.bearer.clone())
     }
 }
 
-/// Somebody who works for a coordinator.
+/// A process that works for a coordinator.
 pub trait Peer {
-    /// One connection, from the Welcome on. `Ok` once it was asked to stop and has said what there was to say:
-    /// then [`Link::close`] must have been awaited.
+    /// Handles one connection, from the Welcome on. Returns `Ok` after a request to stop, once everything is sent and
+    /// [`Link::close`] has been awaited.
     fn session(
         &mut self,
         link: Link,
@@ -173,14 +173,14 @@ pub trait Peer {
     ) -> impl Future<Output = Result<(), Broken>> + Send;
 }
 
-/// Keeps `party` connected until it leaves after `stop` became true; `health` is told whether it is.
+/// Keeps `peer` connected until it leaves after `stop` became true, and reports to `health` whether it is connected.
 ///
 /// # Errors
-/// Where the coordinator does not take it.
+/// If the coordinator refuses it.
 pub async fn keep(
     address: &Address,
     health: &Health,
-    party: &mut impl Peer,
+    peer: &mut impl Peer,
     mut stop: watch::Receiver<bool>,
 ) -> Result<(), LinkError> {
     let mut pause = Backoff::new();
@@ -192,9 +192,10 @@ pub async fn keep(
         let ended = match connected {
             Ok(link) => {
                 pause.reset();
-                tracing::info!(name = address.name, coordinator = %address.endpoint.uri(), "connected");
+                let coordinator = masked_url(&address.endpoint.uri().to_string());
+                tracing::info!(name = address.name, coordinator, "connected");
                 health.ready(true).await;
-                let ended = party.session(link, stop.clone()).await;
+                let ended = peer.session(link, stop.clone()).await;
                 health.ready(false).await;
                 ended
             }

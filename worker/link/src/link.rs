@@ -16,14 +16,14 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status, Streaming, service::interceptor::InterceptedService};
 
-/// Largest message taken: leases hold specifications and pictures.
+/// Largest message accepted: leases contain specifications and pictures.
 const MAX_MESSAGE: usize = 64 << 20;
-/// Messages that may wait to be sent.
+/// Maximum number of messages that wait to be sent.
 const OUTBOX: usize = 64;
-/// How long the coordinator may take to read what was said last.
+/// How long the coordinator may take to read the last messages.
 const LAST_WORDS: Duration = Duration::from_secs(5);
 
-/// A connection to a coordinator that has said Welcome.
+/// A connection to a coordinator that has sent its Welcome.
 #[derive(Debug)]
 pub struct Link {
     outbox: mpsc::Sender<v1::WorkerMessage>,
@@ -34,7 +34,7 @@ pub struct Link {
 /// Why a connection ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum Broken {
-    /// There was none.
+    /// It could not be made.
     #[error("no connection: {}", root_cause(.0))]
     Connect(#[from] tonic::transport::Error),
     /// The stream broke.
@@ -43,13 +43,13 @@ pub enum Broken {
     /// The coordinator ended it.
     #[error("the coordinator closed the stream")]
     Closed,
-    /// The coordinator does not want this party, now or later.
+    /// The coordinator refuses this peer for good.
     #[error("{}", .0.message())]
     Refused(Status),
 }
 
 impl Link {
-    /// Connects, says Hello, and waits for the Welcome.
+    /// Connects, sends Hello, and waits for the Welcome.
     pub(crate) async fn connect(address: &Address) -> Result<Self, Broken> {
         let channel = InterceptedService::new(address.endpoint.connect().await?, address.bearer.clone());
         let (outbox, messages) = mpsc::channel(OUTBOX);
@@ -91,16 +91,16 @@ impl Link {
         }
     }
 
-    /// The next message; says Heartbeat while there is none. Nothing is lost where its future is dropped.
+    /// The next message; sends heartbeats while there is none. Dropping the future loses nothing.
     ///
     /// # Errors
-    /// Where the stream is broken or has ended.
+    /// If the stream is broken or has ended.
     pub async fn receive(&mut self) -> Result<coordinator_message::Message, Broken> {
         loop {
             tokio::select! {
                 message = self.inbox.message() => {
                     let message = message?.ok_or(Broken::Closed)?;
-                    // A kind of message that came with a later version says nothing here.
+                    // A kind of message from a later version is ignored.
                     if let Some(message) = message.message {
                         return Ok(message);
                     }
@@ -112,27 +112,27 @@ impl Link {
         }
     }
 
-    /// Sends a message; waits while too many are on their way.
+    /// Sends a message; waits while too many are queued.
     ///
     /// # Errors
-    /// Where the stream has ended.
+    /// If the stream has ended.
     pub async fn send(&self, message: worker_message::Message) -> Result<(), Broken> {
         send(&self.outbox, message).await
     }
 
-    /// Ends the stream once the coordinator has read what was sent, or has had five seconds to.
+    /// Ends the stream once the coordinator has read all messages, or after five seconds.
     pub async fn close(self) {
         let Self {
             outbox, mut inbox, ..
         } = self;
         drop(outbox);
         let ended = async { while let Ok(Some(_)) = inbox.message().await {} };
-        // Whether or not it was in time: the connection ends here.
+        // In time or not, the connection ends here.
         let _ = timeout(LAST_WORDS, ended).await;
     }
 }
 
-/// What the coordinator said; or why it could not be heard, where that is known.
+/// The coordinator's error, or the reason why it could not be reached, if known.
 fn words(status: &Status) -> String {
     match status.source() {
         Some(source) => root_cause(source),

@@ -1,10 +1,13 @@
-//! What a process prints: data on standard output, words for people on standard error.
+//! Output of a process: data on standard output, messages for people on standard error.
 //!
-//! The standard library's macros panic where the stream cannot be written: a pipe whose reader left, a full disk. Here
-//! standard output returns the error, and what cannot be said on standard error is dropped, since there is nowhere left to
-//! say it.
+//! The standard library's macros panic if the stream cannot be written (a pipe whose reader left, a full disk). Here writing
+//! to standard output returns the error. A message that cannot be written to standard error is dropped, because there is
+//! nowhere else to report it.
 
-use clap::Parser;
+use clap::{
+    Command, Parser,
+    error::{ContextKind, ContextValue, ErrorKind},
+};
 use std::{
     ffi::OsString,
     fmt,
@@ -18,7 +21,7 @@ pub enum OutputError {
     /// Nobody reads it any more, as in `murmuration list | head -1`.
     #[error("nobody reads standard output any more")]
     Closed,
-    /// It cannot be written, for want of space say.
+    /// It cannot be written, for instance because the disk is full.
     #[error("cannot write to standard output: {0}")]
     Write(io::Error),
 }
@@ -33,7 +36,7 @@ impl From<io::Error> for OutputError {
 }
 
 impl OutputError {
-    /// The exit code of a process that ends with this error: 0 where the reader left, which had what it wanted; else 1.
+    /// The exit code of a process that ends with this error: 0 if the reader left, because it had all it wanted; otherwise 1.
     #[must_use]
     pub fn exit_code(&self) -> ExitCode {
         match self {
@@ -53,9 +56,9 @@ pub fn print(text: impl fmt::Display) -> Result<(), OutputError> {
     Ok(stdout.flush()?)
 }
 
-/// Says a line on standard error; one that cannot be written is dropped. See [`errln!`](crate::errln).
+/// Writes a line to standard error, or drops it if that fails. See [`errln!`](crate::errln).
 pub fn say(line: impl fmt::Display) {
-    // One write a line, so that lines of several processes do not mix.
+    // One write per line, so that lines of several processes do not mix.
     let _ = io::stderr().lock().write_all(format!("{line}\n").as_bytes());
 }
 
@@ -65,19 +68,21 @@ macro_rules! outln {
     ($($text:tt)*) => { $crate::print(format_args!("{}\n", format_args!($($text)*))) };
 }
 
-/// Says a line to people on standard error: like `eprintln!`, but never panics.
+/// Writes a line for people to standard error: like `eprintln!`, but never panics.
 #[macro_export]
 macro_rules! errln {
     ($($text:tt)*) => { $crate::say(format_args!($($text)*)) };
 }
 
-/// Reads the `words` of a command line, of which the first is the program. Help and version are data and go to standard output, what is wrong with the command line to
-/// standard error; then there is an exit code to end with.
+/// Parses the `words` of a command line; the first is the program. Help and version go to standard output, because they are
+/// data, and errors to standard error. In both cases the process must end with the returned exit code.
 ///
 /// # Errors
-/// The exit code: 0 after help and version, 1 where these cannot be written, 2 for bad usage.
+/// The exit code: 0 after help and version, 1 if these cannot be written, 2 for wrong usage.
 pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> Result<A, ExitCode> {
-    A::try_parse_from(words).map_err(|error| {
+    let words: Vec<OsString> = words.into_iter().collect();
+    A::try_parse_from(&words).map_err(|mut error| {
+        suggest(&mut error, A::command(), &words);
         let printed = error.print().and_then(|()| io::stdout().flush());
         match printed.map_err(OutputError::from) {
             Err(failed @ OutputError::Write(_)) if !error.use_stderr() => {
@@ -87,4 +92,31 @@ pub fn parse_arguments<A: Parser>(words: impl IntoIterator<Item = OsString>) -> 
             _ => ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2)),
         }
     })
+}
+
+/// Names the command that takes the fewest changes of letters, where one was mistyped. clap compares by likeness, by which
+/// `rn` is nearer to `quarantine` than to `run`.
+fn suggest(error: &mut clap::Error, command: Command, words: &[OsString]) {
+    let Some(ContextValue::String(mistyped)) = error.get(ContextKind::InvalidSubcommand) else {
+        return;
+    };
+    if error.kind() != ErrorKind::InvalidSubcommand {
+        return;
+    }
+    let before = words.iter().filter_map(|word| word.to_str());
+    let group = before
+        .take_while(|word| word != mistyped)
+        .fold(&command, |group, word| {
+            group.find_subcommand(word).unwrap_or(group)
+        });
+    let changes = |name: &str| strsim::osa_distance(mistyped, name);
+    let names = group.get_subcommands().map(|known| known.get_name().to_owned());
+    let nearest = names.min_by_key(|name| changes(name));
+    match nearest.filter(|name| changes(name) <= 1 + mistyped.chars().count() / 4) {
+        Some(name) => error.insert(
+            ContextKind::SuggestedSubcommand,
+            ContextValue::Strings(vec![name]),
+        ),
+        None => error.remove(ContextKind::SuggestedSubcommand),
+    };
 }

@@ -1,4 +1,4 @@
-//! What the processes of workers and trainers have in common, from their command line to their end.
+//! The common part of worker and trainer processes, from their command line to their end.
 
 use crate::{Credentials, Health, IdentityFiles, LinkError, TrustFiles, errln, stop::termination, telemetry};
 use std::{
@@ -10,7 +10,7 @@ use tokio::sync::watch;
 
 /// Arguments of every worker and trainer.
 #[derive(Debug, clap::Args)]
-pub struct PartyArguments {
+pub struct PeerArguments {
     /// URL of the coordinator
     #[arg(
         long,
@@ -30,27 +30,27 @@ pub struct PartyArguments {
     local_address: Option<IpAddr>,
 }
 
-/// What a worker or trainer has to begin with.
+/// The parameters of a worker or trainer.
 #[derive(Debug)]
 pub struct Post {
     /// URL of its coordinator.
     pub coordinator: String,
-    /// What it shows there.
+    /// Its credentials.
     pub credentials: Credentials,
     /// Address of this machine to connect from; `None` leaves the choice to the system.
     pub local_address: Option<IpAddr>,
-    /// What others are told of how it is.
+    /// Its health, for others to query.
     pub health: Health,
-    /// True once it is to leave, on SIGTERM or Ctrl-C.
+    /// True once it must leave, after SIGTERM or Ctrl-C.
     pub stop: watch::Receiver<bool>,
 }
 
-/// Runs a worker's or trainer's process: `service` is what its traces are of, and `leaving` what it logs when it is told
-/// to leave. An error is named on stderr.
-pub async fn run_party<E: Display + From<LinkError>>(
+/// Runs a worker's or trainer's process. `service` names it in traces; `leaving` is logged when it must leave. Errors go to
+/// stderr.
+pub async fn run_peer<E: Display + From<LinkError>>(
     service: &'static str,
     leaving: &'static str,
-    arguments: PartyArguments,
+    arguments: PeerArguments,
     run: impl AsyncFnOnce(Post) -> Result<(), E>,
 ) -> ExitCode {
     let telemetry = telemetry(service, "info");
@@ -69,9 +69,9 @@ pub async fn run_party<E: Display + From<LinkError>>(
     code
 }
 
-impl PartyArguments {
+impl PeerArguments {
     async fn post(self, leaving: &'static str) -> Result<Post, LinkError> {
-        // First of all: who is told to leave while it begins must leave as it should.
+        // First of all, so that a process that is told to leave while it starts leaves cleanly.
         let terminated = termination();
         let credentials = Credentials::read(&self.trust, &self.identity)?;
         let health = Health::new();

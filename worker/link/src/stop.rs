@@ -1,15 +1,15 @@
-//! How a process hears that it should leave.
+//! Signals that tell a process to leave.
 
 use tokio::sync::watch;
 
 /// Waits until `stop` is true.
 pub async fn stopped(stop: &mut watch::Receiver<bool>) {
-    // Whoever could have said stop is gone: stop.
+    // Nobody is left who could say stop, so stop.
     let _ = stop.wait_for(|&stop| stop).await;
 }
 
-/// Waits for Ctrl-C ("interrupted"), or SIGTERM where there is one ("terminated"); says which of them came. Neither ends
-/// the process any more from this call on, whether the future is polled or not; within a runtime.
+/// Waits for Ctrl-C ("interrupted") or, where it exists, SIGTERM ("terminated"), and returns which one came. From this call
+/// on neither ends the process, whether the future is polled or not. Must be called within a runtime.
 #[cfg(unix)]
 pub fn termination() -> impl Future<Output = &'static str> + Send {
     use tokio::signal::unix::{Signal, SignalKind, signal};

@@ -1,4 +1,4 @@
-//! What a process says of itself while it runs: a log on stderr, and traces for a collector where one is named.
+//! Telemetry of a process: a log on stderr, and traces for a collector if one is named.
 
 use opentelemetry::{
     propagation::TextMapPropagator as _,
@@ -11,9 +11,9 @@ use tracing::Span;
 use tracing_opentelemetry::OpenTelemetrySpanExt as _;
 use tracing_subscriber::{EnvFilter, layer::SubscriberExt as _, util::SubscriberInitExt as _};
 
-/// Names a collector's URL; its siblings are read too, as the exporter documents them.
+/// The variable with a collector's URL. The exporter reads its other variables too, as it documents.
 const COLLECTOR: &str = "OTEL_EXPORTER_OTLP_ENDPOINT";
-/// The header under which a trace goes from one process to the next, by the W3C's Trace Context.
+/// The header that carries a trace from one process to the next, by the W3C's Trace Context.
 pub const TRACE_PARENT: &str = "traceparent";
 
 /// A process's telemetry, for as long as it runs.
@@ -21,9 +21,9 @@ pub const TRACE_PARENT: &str = "traceparent";
 #[must_use = "what is not ended may lose its last spans"]
 pub struct Telemetry(Option<SdkTracerProvider>);
 
-/// Logs to stderr, in colours on a terminal alone, what `RUST_LOG` lets through; without it, all from the level `default` on ("info", say). Where
-/// `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, sends it the spans of the same, by gRPC, as those of `service`.
-/// Once a process, on a tokio runtime.
+/// Starts telemetry. The log goes to stderr, with colours only on a terminal; `RUST_LOG` filters it, or else the level
+/// `default` (such as "info"). If `OTEL_EXPORTER_OTLP_ENDPOINT` names a collector, the spans go there too, by gRPC, as spans
+/// of `service`. Call it once per process, on a tokio runtime.
 pub fn telemetry(service: &'static str, default: &str) -> Telemetry {
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
     let provider = collector(service);
@@ -52,7 +52,7 @@ fn in_colour() -> bool {
     anstream::AutoStream::choice(&io::stderr()) != anstream::ColorChoice::Never
 }
 
-/// What sends spans to the collector; none where none is named.
+/// The sender of spans to the collector; none if no collector is named.
 fn collector(
     service: &'static str,
 ) -> Result<Option<SdkTracerProvider>, opentelemetry_otlp::ExporterBuildError> {
@@ -68,10 +68,10 @@ fn collector(
 }
 
 impl Telemetry {
-    /// Sends what has not been sent, for five seconds at most.
+    /// Sends the remaining spans, for five seconds at most.
     pub async fn end(self) {
         let Some(provider) = self.0 else { return };
-        // It waits for an answer that comes by this runtime.
+        // It blocks on an answer that this runtime must deliver.
         let ended = tokio::task::spawn_blocking(move || provider.shutdown()).await;
         if let Ok(Err(error)) = ended {
             tracing::warn!(%error, "the last spans were not sent");
@@ -79,8 +79,7 @@ impl Telemetry {
     }
 }
 
-/// The trace that a span belongs to, as the W3C writes it, for a process that goes on with it; empty where nothing is
-/// traced.
+/// The trace of a span, in the W3C's format, for another process to continue; empty if nothing is traced.
 #[must_use]
 pub fn trace_parent(span: &Span) -> String {
     let mut carrier = HashMap::new();
@@ -88,12 +87,12 @@ pub fn trace_parent(span: &Span) -> String {
     carrier.remove(TRACE_PARENT).unwrap_or_default()
 }
 
-/// Makes a span go on with a trace that another process began; does nothing where `parent` is none.
+/// Lets a span continue a trace that another process began; does nothing if `parent` is not a trace.
 pub fn follow(span: &Span, parent: &str) {
     let carrier = HashMap::from([(TRACE_PARENT.to_owned(), parent.to_owned())]);
     let context = TraceContextPropagator::new().extract(&carrier);
     if context.span().span_context().is_valid() {
-        // An error says that nothing is traced here.
+        // An error means that nothing is traced here.
         let _ = span.set_parent(context);
     }
 }

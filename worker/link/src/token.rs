@@ -1,24 +1,24 @@
-//! Bearer tokens: what a person, or a process of the coordinator's own machine, shows to be let in.
+//! Bearer tokens: the credentials of people, and of processes on the coordinator's own machine.
 //!
-//! A token is 32 random bytes as text. A coordinator keeps its digest alone: whoever reads that learns no token.
+//! A token is 32 random bytes as text. A coordinator stores only its digest, from which nobody learns the token.
 
 use base64::{Engine as _, engine::general_purpose::URL_SAFE_NO_PAD};
 use std::{fmt, str::FromStr};
 
-/// What every token begins with, so that programs that look for leaked secrets know one.
+/// The prefix of every token, by which scanners for leaked secrets recognise it.
 const PREFIX: &str = "mur_";
 /// Random bytes in a token.
 const BYTES: usize = 32;
 
-/// A secret that lets its bearer in. Shows itself to [`Token::reveal`] alone, never to `Debug`.
+/// A secret that admits its bearer. Only [`Token::reveal`] shows it, never `Debug`.
 #[derive(Clone)]
 pub struct Token(String);
 
-/// The BLAKE3 digest of a token, as 64 hexadecimal digits. Two are compared in constant time.
+/// The BLAKE3 digest of a token, as 64 hexadecimal digits. Comparison takes constant time.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct TokenDigest(blake3::Hash);
 
-/// Why a text is no token or no token's digest. It never quotes the text, which may be a secret.
+/// Why a text is not a token or not a token's digest. The error never quotes the text, which may be secret.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum TokenError {
     /// Not a token.
@@ -30,23 +30,23 @@ pub enum TokenError {
 }
 
 impl Token {
-    /// A new one, from the system's random numbers.
+    /// A new token, from the system's random numbers.
     ///
     /// # Errors
-    /// Where the system has none to give.
+    /// If the system has no random numbers.
     pub fn generate() -> Result<Self, getrandom::Error> {
         let mut bytes = [0; BYTES];
         getrandom::fill(&mut bytes)?;
         Ok(Self(format!("{PREFIX}{}", URL_SAFE_NO_PAD.encode(bytes))))
     }
 
-    /// Its text: to be sent, or shown once to whom it is for.
+    /// Its text, to send it, or to show it once to its holder.
     #[must_use]
     pub fn reveal(&self) -> &str {
         &self.0
     }
 
-    /// What a coordinator knows it by.
+    /// The digest by which a coordinator recognises it.
     #[must_use]
     pub fn digest(&self) -> TokenDigest {
         TokenDigest::of(&self.0)
@@ -54,7 +54,7 @@ impl Token {
 }
 
 impl TokenDigest {
-    /// That of whatever somebody shows for a token.
+    /// The digest of a text that somebody presents as a token.
     #[must_use]
     pub fn of(shown: &str) -> Self {
         Self(blake3::hash(shown.as_bytes()))

@@ -2,8 +2,8 @@
 //!
 //! A case names a controller, a world and a start (`model`, `controller`, `initial`, `agents`, `agent_radius`,
 //! `wheel_radius`, `dt`, `world`, `padding`, `steps`, `jitter`) and the outcome of simulating them
-//! (`checkpoints`, `features`, `image`, `image_raw`, `jitter_events`, `reference`). Running it puts this
-//! simulator's outcome in the place of whatever was there; all else is passed on as it is.
+//! (`checkpoints`, `features`, `image`, `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome by
+//! this simulator's; everything else stays as it is.
 
 mod outcome;
 mod read;
@@ -22,7 +22,7 @@ pub struct Case {
     world: World,
     image: ImageFormat,
     start: Start,
-    /// Steps to report, as the case spells them and as numbers.
+    /// Steps to report, as spelled in the case and as numbers.
     checkpoints: Vec<(String, u32)>,
 }
 
@@ -40,11 +40,11 @@ pub enum CaseError {
 impl Case {
     /// Reads a case.
     ///
-    /// `controller` and `initial` must be there. What else is missing has the paper's value; there are as many
-    /// agents as poses in `initial`, and the model follows from the number of genes.
+    /// `controller` and `initial` are required. Other missing keys take the paper's values. `initial` determines the number
+    /// of agents, and the number of genes determines the model.
     ///
     /// # Errors
-    /// Says where the text is not JSON, or which key holds what cannot be simulated.
+    /// Says where the text is not JSON, or which key has a value that cannot be simulated.
     pub fn from_json(text: &str) -> Result<Self, CaseError> {
         let document: Value = serde_json::from_str(text)?;
         Ok(read::case(document)?)
@@ -55,11 +55,11 @@ impl Case {
         self.checkpoints.iter().map(|&(_, step)| step)
     }
 
-    /// Simulates the case: the same object with this simulator's own values, in the same order, what was missing
-    /// at the end.
+    /// Simulates the case. Returns the same object with this simulator's values, in the same order, and missing keys at the
+    /// end.
     ///
     /// # Errors
-    /// Where a number comes out that is not finite.
+    /// If a resulting number is not finite.
     pub fn run(&self) -> Result<Value, CaseError> {
         Ok(outcome::of(self)?)
     }

@@ -1,11 +1,11 @@
-//! From a JSON object to what can be simulated, with errors that name the key.
+//! Reads a case from a JSON object, with errors that name the key.
 
 use super::Case;
 use crate::simulate::Start;
 use murmuration_proto::{CapabilityModel, Controller, ImageFormat, Invalid, World, counted, v1};
 use serde_json::{Map, Value};
 
-/// Steps that are reported where a case names none (those within its horizon, and its end).
+/// Steps to report if a case names none (those within its horizon, and its end).
 const USUAL_CHECKPOINTS: [u32; 11] = [1, 2, 5, 10, 20, 50, 100, 200, 400, 800, 1200];
 
 pub(super) fn case(document: Value) -> Result<Case, Invalid> {
@@ -154,7 +154,7 @@ fn jitter(keys: Keys<'_>) -> Result<Option<bool>, Invalid> {
     }
 }
 
-/// The picture's format: the paper's, unless `resolution` or `window` say otherwise or the world is smaller.
+/// The picture's format: the paper's, unless `resolution` or `window` are given or the world is smaller.
 fn image(keys: Keys<'_>, world: &World) -> Result<ImageFormat, Invalid> {
     let usual = ImageFormat::default().resolution();
     let smaller_side = world.width().min(world.height()) as u32;
@@ -208,7 +208,7 @@ fn number(key: &str, value: &Value) -> Result<f64, Invalid> {
     number.ok_or_else(|| Invalid::new(key, shown(value), "a number"))
 }
 
-/// A whole number, which other programs may have written as `1200.0`.
+/// An integer, which other programs may have written as `1200.0`.
 fn whole(key: &str, value: &Value) -> Result<u32, Invalid> {
     let number = value.as_f64().filter(|number| number.fract() == 0.0);
     let range = 0.0..=f64::from(u32::MAX);
@@ -218,7 +218,7 @@ fn whole(key: &str, value: &Value) -> Result<u32, Invalid> {
     whole.ok_or_else(|| Invalid::new(key, shown(value), "a whole number"))
 }
 
-/// A value in an error: short, whatever it holds.
+/// A value in an error, shortened.
 fn shown(value: &Value) -> String {
     let text = value.to_string();
     if text.len() <= 60 {

@@ -1,7 +1,7 @@
 //! Published embedders for the evaluation threads: fetched from the coordinator, kept on disk.
 
 use murmuration_embed::{
-    Cache, CacheError, CheckpointError, Embedders, FetchError, Runtime as OnnxRuntime, RuntimeError,
+    Cache, CacheError, Embedders, FetchError, OpenError, Runtime as OnnxRuntime, RuntimeError,
 };
 use murmuration_link::{Coordinator, fetch_checkpoint, may_pass_elsewhere};
 use murmuration_proto::{CheckpointDigest, v1};
@@ -13,16 +13,16 @@ use tokio::{runtime::Handle, sync::oneshot};
 use tonic::Status;
 use tracing::Instrument as _;
 
-/// Most bytes of checkpoints on disk (1 GiB: thousands of them).
+/// Maximum number of bytes of checkpoints on disk (1 GiB: thousands of them).
 const MAX_CACHE_BYTES: u64 = 1 << 30;
 
-/// Where all threads of a worker have their checkpoints from.
+/// The source of checkpoints for all threads of a worker.
 pub(super) struct Checkpoints {
     coordinator: Coordinator,
-    /// Where fetching runs: the threads themselves only wait.
+    /// The runtime that fetches, while the threads wait.
     runtime: Handle,
     folder: PathBuf,
-    /// Opened when it is first wanted.
+    /// Opened at its first use.
     cache: Mutex<Option<Arc<Cache>>>,
 }
 
@@ -34,34 +34,35 @@ pub(super) enum Unavailable {
     #[error(transparent)]
     Cache(#[from] CacheError),
     #[error(transparent)]
-    Checkpoint(#[from] CheckpointError),
+    Open(#[from] OpenError),
 }
 
 impl Unavailable {
-    /// Whether another machine may have it, or this one later: ONNX Runtime or the cache's disk is this machine's affair, as
-    /// is what it may fetch; or the coordinator was away.
+    /// Whether another machine may succeed, or this one later. Problems with ONNX Runtime, the cache's disk, or permission to
+    /// fetch are this machine's; or the coordinator was unavailable.
     pub(super) fn may_be_had_elsewhere(&self) -> bool {
         match self {
             Self::Runtime(_) | Self::Cache(_) => true,
-            Self::Checkpoint(CheckpointError::Fetch(error)) => match error {
+            Self::Open(OpenError::Fetch(error)) => match error {
                 FetchError::Cache(_) => true,
                 FetchError::Source { error, .. } => error
                     .downcast_ref()
                     .is_some_and(|NotFetched(status)| may_pass_elsewhere(status)),
                 FetchError::Mismatch { .. } => false,
             },
-            Self::Checkpoint(CheckpointError::Model { .. } | CheckpointError::Open { .. }) => false,
+            Self::Open(OpenError::Model { .. } | OpenError::Open { .. }) => false,
         }
     }
 }
 
-/// The coordinator did not give it.
+/// The coordinator did not send it.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.message())]
 pub(super) struct NotFetched(Status);
 
 impl Checkpoints {
-    /// Those of the coordinator at the other end of `coordinator`, kept in `folder`. Must be called on a tokio runtime.
+    /// The checkpoints of the coordinator at the other end of `coordinator`, cached in `folder`. Must be called on a tokio
+    /// runtime.
     pub(super) fn new(coordinator: Coordinator, folder: PathBuf) -> Self {
         Self {
             coordinator,
@@ -82,12 +83,12 @@ impl Checkpoints {
         Ok(Embedders::new(runtime, cache.clone()))
     }
 
-    /// The bytes that the coordinator has under this digest, unchecked, for a lease. Blocks: for threads outside the runtime.
+    /// Fetches the bytes of a checkpoint for a lease, unchecked. Blocks, so it is for threads outside the runtime.
     pub(super) fn fetch(&self, digest: CheckpointDigest, lease: v1::LeaseId) -> Result<Vec<u8>, NotFetched> {
         let (reply, answer) = oneshot::channel();
         let coordinator = self.coordinator.clone();
         let fetching = async move {
-            // The thread waits for it.
+            // The thread blocks on it.
             let _ = reply.send(fetch_checkpoint(&coordinator, digest, lease).await);
         };
         self.runtime.spawn(fetching.in_current_span());

@@ -1,4 +1,4 @@
-//! What one evaluation thread works with: an evaluator and embedders that are kept from lease to lease.
+//! Executes leases on one thread, with an evaluator and embedders that it keeps from lease to lease.
 
 use super::{
     checkpoints::{Checkpoints, Unavailable},
@@ -11,9 +11,9 @@ use std::sync::Arc;
 
 pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
-    /// What the last batch was evaluated with, and what that was made for.
+    /// The evaluator of the last batch, and its parameters.
     evaluator: Option<(World, ImageFormat, Evaluator)>,
-    /// Absent until a checkpoint is asked for: workers without ONNX Runtime evaluate all the same.
+    /// Absent until a checkpoint is requested, because workers without ONNX Runtime can evaluate too.
     embedders: Option<Embedders>,
 }
 
@@ -37,7 +37,7 @@ impl Executor {
         }
     }
 
-    /// What comes of a lease.
+    /// The outcome of a lease.
     pub(super) fn outcome(&mut self, lease: Lease) -> Outcome {
         self.work(lease).unwrap_or_else(|undone| {
             let message = undone.to_string();
@@ -93,8 +93,8 @@ impl Executor {
             None => (world, image, Evaluator::new(&world, &image)?),
         };
         let evaluator = &mut self.evaluator.insert(entry).2;
-        let evaluate = |(controller, seed): &_| evaluator.evaluate(controller, &Start::seeded(*seed));
-        tasks.iter().map(evaluate).collect()
+        let task = |&(controller, seed): &_| (controller, Start::seeded(seed));
+        evaluator.evaluate_all(&tasks.iter().map(task).collect::<Vec<_>>())
     }
 
     fn embedder(

@@ -1,20 +1,20 @@
-//! A lease taken in from the wire, and what became of it.
+//! A validated lease, and its outcome.
 
 use murmuration_proto::{
     CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, World,
     v1,
 };
 
-/// Most tasks or pictures in one batch.
+/// Maximum number of tasks or pictures in one batch.
 const MAX_BATCH: usize = 4096;
 
 /// Validated work under a lease.
 #[derive(Debug)]
 pub(super) struct Lease {
     pub(super) id: v1::LeaseId,
-    /// Whose it is, for the log.
+    /// Its campaign, for the log.
     pub(super) campaign: String,
-    /// The trace that it belongs to.
+    /// Its trace.
     pub(super) trace_parent: String,
     pub(super) work: Work,
 }
@@ -25,7 +25,7 @@ pub(super) enum Work {
         world: World,
         image: ImageFormat,
         tasks: Vec<(Controller, u64)>,
-        /// What embeds the pictures, if anything.
+        /// The checkpoint to embed the pictures with, if any.
         checkpoint: Option<CheckpointDigest>,
     },
     Embeddings {
@@ -51,7 +51,7 @@ impl Work {
     }
 }
 
-/// What became of a lease.
+/// The outcome of a lease.
 #[derive(Debug)]
 pub(super) enum Outcome {
     Evaluations(Vec<Evaluation>),
@@ -64,7 +64,7 @@ pub(super) enum Outcome {
 }
 
 impl Outcome {
-    /// The work itself is at fault, as far as this worker can tell: the coordinator asks another.
+    /// The work itself is at fault, as far as this worker can tell. The coordinator asks another worker.
     pub(super) fn fatal(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Fatal,
@@ -72,7 +72,7 @@ impl Outcome {
         }
     }
 
-    /// Another worker, or a later attempt, may do it.
+    /// Another worker, or a later attempt, may succeed.
     pub(super) fn retryable(message: String) -> Self {
         Self::Failure {
             class: v1::FailureClass::Retryable,
@@ -167,7 +167,7 @@ fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
     let (controller, seed) = self::task(model, &task.task.unwrap_or_default())?;
     let world = world(task.world)?;
     Ok(Work::Replay {
-        // What could not be sent is refused before it is computed.
+        // Frames that could not be sent are refused before they are computed.
         frames: Frames::new(task.first, task.stride, &world)?,
         world,
         controller,

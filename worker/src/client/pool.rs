@@ -1,4 +1,4 @@
-//! The evaluation threads: leases in, outcomes out, any order.
+//! The evaluation threads: leases in, outcomes out, in any order.
 
 use super::{
     checkpoints::Checkpoints,
@@ -20,27 +20,27 @@ use std::{
 };
 use tokio::sync::mpsc;
 
-/// Work that one thread should have in hand: what it evaluates while the next lease travels.
+/// The work that one thread should have queued: enough until the next lease arrives.
 const WORK_IN_HAND: Duration = Duration::from_millis(100);
-/// Evaluations that one thread takes on at once: at first, and at most.
+/// Number of evaluations that one thread accepts: at first, and at most.
 const FIRST_CREDITS: usize = 4;
 const MOST_CREDITS: usize = 64;
 
-/// Threads that evaluate; they end when this is dropped.
+/// The evaluation threads. They end when the pool is dropped.
 pub(super) struct Pool {
     leases: blocking::Sender<Lease>,
     finished: mpsc::UnboundedReceiver<Finished>,
     draining: Arc<AtomicBool>,
     threads: usize,
     outstanding: usize,
-    /// Mean time of one evaluation, over the recent past.
+    /// Mean time of recent evaluations.
     cost: Option<Duration>,
 }
 
 struct Finished {
     id: v1::LeaseId,
     outcome: Outcome,
-    /// Credits that it used.
+    /// Number of credits that it used.
     credits: usize,
     took: Duration,
 }
@@ -70,7 +70,7 @@ impl Pool {
         })
     }
 
-    /// Evaluations that it could take on now; a picture to embed, which takes far less, counts as one.
+    /// Number of evaluations that it can accept now. A picture to embed counts as one, although it takes far less.
     pub(super) fn room(&self) -> usize {
         let each = self.cost.map_or(FIRST_CREDITS, |cost| {
             let fitting = WORK_IN_HAND.as_nanos() / cost.as_nanos().max(1);
@@ -81,7 +81,7 @@ impl Pool {
         (each * self.threads).saturating_sub(self.outstanding)
     }
 
-    /// Evaluations taken and not finished.
+    /// Number of unfinished evaluations.
     pub(super) const fn outstanding(&self) -> usize {
         self.outstanding
     }
@@ -102,7 +102,7 @@ impl Pool {
             took,
         } = self.finished.recv().await?;
         self.outstanding = self.outstanding.saturating_sub(credits);
-        // Embeddings, far cheaper, would say that there is room for many more evaluations.
+        // Embeddings are far cheaper: counting them would suggest room for many more evaluations.
         if matches!(outcome, Outcome::Evaluations(_)) {
             let cost = took / credits.max(1) as u32;
             self.cost = Some(self.cost.map_or(cost, |before| (before * 3 + cost) / 4));
@@ -110,7 +110,7 @@ impl Pool {
         Some((id, outcome))
     }
 
-    /// From now on queued leases come back undone.
+    /// From now on queued leases are returned undone.
     pub(super) fn begin_nothing_more(&self) {
         self.draining.store(true, Ordering::Relaxed);
     }

@@ -1,5 +1,5 @@
-//! What becomes of leases that name a checkpoint. The model is `tests/models/small.onnx`, of 12 x 8 pixels; these tests
-//! need ONNX Runtime (`make runtime`).
+//! Leases that name a checkpoint. The model is `tests/models/small.onnx`, of 12 x 8 pixels; these tests need ONNX Runtime
+//! (`make runtime`).
 
 use super::{
     checkpoints::Checkpoints,
@@ -28,7 +28,7 @@ use tonic::{Code, Request, Response, Status, transport::Server};
 
 const SMALL: &[u8] = include_bytes!("../../../tests/models/small.onnx");
 
-/// A coordinator that has the same bytes under every digest, or fails; and counts how often it is asked.
+/// A coordinator that returns the same bytes for every digest, or fails, and counts requests.
 #[derive(Clone)]
 struct Fake {
     answer: Result<Vec<u8>, Code>,
@@ -81,7 +81,7 @@ impl CheckpointService for Fake {
     }
 }
 
-/// A worker's threads' desks, and the coordinator that they fetch from.
+/// The executors of a worker's threads, and the coordinator that they fetch from.
 struct Worker {
     checkpoints: Arc<Checkpoints>,
     asked: Arc<AtomicUsize>,
@@ -117,7 +117,7 @@ impl Worker {
         }
     }
 
-    /// What a thread makes of `work`, a new one every time.
+    /// The outcome of `work` on a new thread.
     async fn outcome(&self, work: Work) -> Outcome {
         let mut executor = Executor::new(self.checkpoints.clone());
         let lease = Lease {

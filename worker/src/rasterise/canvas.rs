@@ -1,27 +1,34 @@
-//! A black and white canvas, one bit a pixel.
+//! A black and white canvas, one bit a pixel, which stamps are put on sixteen columns at a time.
+
+use super::stamps::{SIDE, Stamp};
 
 /// Pixels in a word.
 const WORD: usize = u64::BITS as usize;
+/// Columns on either side that are never looked at, so that a stamp about a pixel of the canvas stays within.
+const MARGIN: usize = SIDE;
 
 /// A bitmap: small enough for the first-level cache at the paper's 500 x 500, for memory at 10,000 x 10,000.
+///
+/// A word holds 64 pixels of a column, one below the other; such words of neighbouring columns follow each other, in
+/// bands. A band above the canvas and one below are never looked at.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     width: u32,
     height: u32,
-    /// Words in a column (all y of one x).
-    stride: usize,
+    /// Words in a band.
+    pitch: usize,
     words: Vec<u64>,
 }
 
 impl Canvas {
     /// A black canvas of `[width, height]` pixels.
     pub(super) fn new([width, height]: [usize; 2]) -> Self {
-        let stride = height.div_ceil(WORD);
+        let pitch = width + 2 * MARGIN;
         Self {
             width: width as u32,
             height: height as u32,
-            stride,
-            words: vec![0; width * stride],
+            pitch,
+            words: vec![0; pitch * (height.div_ceil(WORD) + 2)],
         }
     }
 
@@ -30,42 +37,78 @@ impl Canvas {
     }
 
     /// Makes pixels white; those outside are dropped.
-    #[inline]
     pub(super) fn paint(&mut self, pixels: impl Iterator<Item = [i32; 2]>) {
         self.update(pixels, |word, bit| word | bit);
     }
 
     /// Makes pixels black; those outside are dropped.
-    #[inline]
     pub(super) fn erase(&mut self, pixels: impl Iterator<Item = [i32; 2]>) {
         self.update(pixels, |word, bit| word & !bit);
     }
 
-    #[inline]
     fn update(&mut self, pixels: impl Iterator<Item = [i32; 2]>, change: impl Fn(u64, u64) -> u64) {
-        for [x, y] in pixels {
-            // Negative ones wrap to far outside.
-            let (x, y) = (x as u32, y as u32);
-            if x < self.width && y < self.height {
-                let (x, y) = (x as usize, y as usize);
-                let word = &mut self.words[x * self.stride + y / WORD];
+        for pixel in pixels {
+            if self.contains(pixel) {
+                let [x, y] = pixel.map(|value| value as usize);
+                let word = &mut self.words[(y / WORD + 1) * self.pitch + MARGIN + x];
                 *word = change(*word, 1 << (y % WORD));
             }
         }
     }
 
-    /// Calls `see` with x and y of every white pixel.
-    #[inline]
-    pub(super) fn for_each_white(&self, mut see: impl FnMut(usize, usize)) {
-        for (x, column) in self.words.chunks_exact(self.stride).enumerate() {
-            for (w, &word) in column.iter().enumerate() {
-                let mut rest = word;
-                while rest != 0 {
-                    see(x, w * WORD + rest.trailing_zeros() as usize);
-                    rest &= rest - 1;
-                }
-            }
+    /// Whether the canvas has this pixel.
+    #[inline(always)]
+    pub(super) const fn contains(&self, [x, y]: [i32; 2]) -> bool {
+        // Negative ones wrap to far outside.
+        (x as u32) < self.width && (y as u32) < self.height
+    }
+
+    /// Makes the pixels of a stamp about `centre`, a pixel of the canvas, white.
+    #[inline(always)]
+    pub(super) fn stamp_white(&mut self, stamp: &Stamp, centre: [i32; 2]) {
+        self.stamp(
+            stamp,
+            centre,
+            #[inline(always)]
+            |word, bits| word | bits,
+        );
+    }
+
+    /// Makes the pixels of a stamp about `centre`, a pixel of the canvas, black.
+    #[inline(always)]
+    pub(super) fn stamp_black(&mut self, stamp: &Stamp, centre: [i32; 2]) {
+        self.stamp(
+            stamp,
+            centre,
+            #[inline(always)]
+            |word, bits| word & !bits,
+        );
+    }
+
+    #[inline(always)]
+    fn stamp(&mut self, stamp: &Stamp, centre: [i32; 2], change: impl Fn(u64, u64) -> u64) {
+        let x = (centre[0] + i32::from(stamp.corner[0]) + MARGIN as i32) as usize;
+        let y = (centre[1] + i32::from(stamp.corner[1]) + WORD as i32) as usize;
+        let (first, shift) = (y / WORD * self.pitch + x, y % WORD);
+        let Some((upper, lower)) =
+            self.words[first..first + self.pitch + SIDE].split_at_mut_checked(self.pitch)
+        else {
+            return;
+        };
+        // Both bands, though most stamps lie in one: which do cannot be predicted.
+        for ((above, below), &bits) in upper.iter_mut().zip(lower).zip(&stamp.columns) {
+            let bits = u64::from(bits);
+            *above = change(*above, bits << shift);
+            *below = change(*below, bits >> 1 >> (WORD - 1 - shift));
         }
+    }
+
+    /// The words of a band of 64 rows, one a column; none beyond the canvas. What they hold of rows below it is anything.
+    pub(super) fn band(&self, band: usize) -> &[u64] {
+        let first = (band + 1) * self.pitch + MARGIN;
+        self.words
+            .get(first..first + self.width as usize)
+            .unwrap_or_default()
     }
 }
 
@@ -74,6 +117,16 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use std::collections::BTreeSet;
+
+    /// Columns and rows of the white pixels.
+    fn white(canvas: &Canvas) -> BTreeSet<[i32; 2]> {
+        let is_white = |&[x, y]: &[i32; 2]| {
+            let (x, y) = (x as usize, y as usize);
+            canvas.band(y / WORD)[x] >> (y % WORD) & 1 == 1
+        };
+        let pixels = (0..canvas.width as i32).flat_map(|x| (0..canvas.height as i32).map(move |y| [x, y]));
+        pixels.filter(is_white).collect()
+    }
 
     proptest! {
         #[test]
@@ -85,21 +138,51 @@ mod tests {
             let mut expected = BTreeSet::new();
             for (white, [x, y]) in strokes {
                 let inside = (0..size[0] as i32).contains(&x) && (0..size[1] as i32).contains(&y);
+                prop_assert_eq!(canvas.contains([x, y]), inside);
                 if white {
                     canvas.paint([[x, y]].into_iter());
                     if inside {
-                        expected.insert((x as usize, y as usize));
+                        expected.insert([x, y]);
                     }
                 } else {
                     canvas.erase([[x, y]].into_iter());
-                    expected.remove(&(x as usize, y as usize));
+                    expected.remove(&[x, y]);
                 }
             }
-            let mut seen = BTreeSet::new();
-            canvas.for_each_white(|x, y| assert!(seen.insert((x, y))));
-            prop_assert_eq!(seen, expected);
+            prop_assert_eq!(white(&canvas), expected);
             canvas.clear();
-            canvas.for_each_white(|_, _| panic!("cleared"));
+            prop_assert!(white(&canvas).is_empty());
+        }
+
+        #[test]
+        fn a_stamp_is_its_pixels(
+            size in [1usize..140, 1usize..140],
+            stamps in prop::collection::vec(
+                (
+                    any::<bool>(),
+                    prop::array::uniform2(0i32..140),
+                    prop::array::uniform2(-15i32..=0),
+                    prop::collection::vec(prop::array::uniform2(0i32..16), 1..60),
+                ),
+                0..20,
+            ),
+        ) {
+            let (mut by_stamp, mut by_pixel) = (Canvas::new(size), Canvas::new(size));
+            for (white, centre, corner, pixels) in stamps {
+                let centre = [0, 1].map(|axis| centre[axis] % size[axis] as i32);
+                let offset = |pixel: &[i32; 2]| [0, 1].map(|axis| pixel[axis] + corner[axis]);
+                let offsets: Vec<_> = pixels.iter().map(offset).collect();
+                let stamp = Stamp::of(&offsets).unwrap();
+                let pixels = offsets.iter().map(|offset| [0, 1].map(|axis| centre[axis] + offset[axis]));
+                if white {
+                    by_stamp.stamp_white(&stamp, centre);
+                    by_pixel.paint(pixels);
+                } else {
+                    by_stamp.stamp_black(&stamp, centre);
+                    by_pixel.erase(pixels);
+                }
+            }
+            prop_assert_eq!(white(&by_stamp), white(&by_pixel));
         }
     }
 }

@@ -1,57 +1,111 @@
 //! From white pixels to grey values: averages of cells, and the stretch to the full range.
 
 use super::canvas::Canvas;
+use pulp::{Arch, Simd, WithSimd};
 
 /// The cells of a picture: pixel p of a side of `size` pixels belongs to cell floor(p * resolution / size).
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     resolution: usize,
-    /// Cell of each x, and of each y.
-    cell: [Vec<u32>; 2],
+    /// Cell of each x.
+    column: Vec<u32>,
+    /// What the words of each band hold of the cells of a column.
+    bands: Vec<Vec<Part>>,
     /// Pixels across each cell, by axis.
     extent: [Vec<u32>; 2],
+}
+
+/// The pixels of one cell in a word of 64 rows.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    row: usize,
+    mask: u64,
 }
 
 impl Cells {
     /// Cells for a canvas of `size` pixels, at least `resolution` on each side.
     pub(super) fn new(size: [usize; 2], resolution: usize) -> Self {
-        let cell = size.map(|size| {
+        let [column, row] = size.map(|size| {
             (0..size)
                 .map(|p| (p * resolution / size) as u32)
                 .collect::<Vec<_>>()
         });
-        let extent = [0, 1].map(|axis: usize| {
+        let extent = [&column, &row].map(|cells| {
             let mut extent = vec![0; resolution];
-            for &index in &cell[axis] {
+            for &index in cells {
                 extent[index as usize] += 1;
             }
             extent
         });
         Self {
             resolution,
-            cell,
+            bands: row.chunks(u64::BITS as usize).map(parts).collect(),
+            column,
             extent,
         }
     }
 
     /// 255 times the share of white in each cell, rounded half to even; index `x * resolution + y`.
-    pub(super) fn average(&self, canvas: &Canvas) -> Vec<u8> {
-        let mut white = vec![0u32; self.resolution * self.resolution];
-        canvas.for_each_white(|x, y| {
-            white[self.cell[0][x] as usize * self.resolution + self.cell[1][y] as usize] += 1;
-        });
+    pub(super) fn average(&self, arch: Arch, canvas: &Canvas) -> Vec<u8> {
+        let white = arch.dispatch(Count { cells: self, canvas });
         let columns = white.chunks_exact(self.resolution).zip(&self.extent[0]);
-        columns
-            .flat_map(|(column, &width)| {
-                let cells = column.iter().zip(&self.extent[1]);
-                cells.map(move |(&white, &height)| share(white, width * height))
-            })
-            .collect()
+        let mut grey = Vec::with_capacity(white.len());
+        for (column, &width) in columns {
+            let cells = column.iter().zip(&self.extent[1]);
+            grey.extend(cells.map(|(&white, &height)| share(white, width * height)));
+        }
+        grey
+    }
+}
+
+/// The parts of a word whose rows belong to these cells.
+fn parts(rows: &[u32]) -> Vec<Part> {
+    let mut parts: Vec<Part> = Vec::new();
+    for (bit, &row) in rows.iter().enumerate() {
+        let row = row as usize;
+        match parts.last_mut() {
+            Some(part) if part.row == row => part.mask |= 1 << bit,
+            _ => parts.push(Part { row, mask: 1 << bit }),
+        }
+    }
+    parts
+}
+
+/// The number of white pixels in each cell, as something that can be compiled for several kinds of CPU: not all
+/// count the bits of a word in one instruction.
+struct Count<'a> {
+    cells: &'a Cells,
+    canvas: &'a Canvas,
+}
+
+impl WithSimd for Count<'_> {
+    type Output = Vec<u32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Vec<u32> {
+        let resolution = self.cells.resolution;
+        let mut white = vec![0u32; resolution * resolution];
+        for (band, parts) in self.cells.bands.iter().enumerate() {
+            for (&word, &column) in self.canvas.band(band).iter().zip(&self.cells.column) {
+                if word != 0 {
+                    let first = column as usize * resolution;
+                    let column = &mut white[first..first + resolution];
+                    for part in parts {
+                        column[part.row] += (word & part.mask).count_ones();
+                    }
+                }
+            }
+        }
+        white
     }
 }
 
 /// round-half-to-even(255 * `white` / `area`), for `white <= area`, `area` over 0.
 fn share(white: u32, area: u32) -> u8 {
+    // Most cells are black, and a division is slow.
+    if white == 0 {
+        return 0;
+    }
     let (white, area) = (255 * u64::from(white), u64::from(area));
     let (whole, rest) = (white / area, white % area);
     let up = 2 * rest > area || (2 * rest == area && whole % 2 == 1);
@@ -118,6 +172,9 @@ mod tests {
         let mut canvas = Canvas::new([5, 3]);
         canvas.paint((0..3).flat_map(|x| [[x, 0], [x, 2]]));
         // Cells are 3 and 2 wide, 2 and 1 high.
-        assert_eq!(Cells::new([5, 3], 2).average(&canvas), [128, 255, 0, 0]);
+        assert_eq!(
+            Cells::new([5, 3], 2).average(Arch::Scalar, &canvas),
+            [128, 255, 0, 0]
+        );
     }
 }

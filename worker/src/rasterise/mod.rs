@@ -1,28 +1,29 @@
 //! The picture of a behaviour: where its agents went in the last steps, as grey values.
 
+mod brush;
 mod canvas;
 mod grey;
 mod shapes;
+mod stamps;
 
-use crate::simulate::Swarm;
+use crate::simulate::{Agents, Batch, Swarm};
+use brush::{Brush, Ends};
 use canvas::Canvas;
 use grey::Cells;
 use murmuration_proto::{ImageFormat, Invalid, World};
-
-/// Length of a drawn sensor ray, in radii.
-const RAY_RADII: f64 = 3.0;
-/// Length of a drawn heading, in radii.
-const HEADING_RADII: f64 = 2.0;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Simulation and Data").
 ///
 /// For each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
 #[derive(Debug)]
 pub struct Rasteriser {
-    canvas: Canvas,
+    arch: Arch,
+    size: [usize; 2],
+    /// The first for a swarm alone, one a lane for several at once.
+    canvases: Vec<Canvas>,
     cells: Cells,
-    outline: Vec<[i32; 2]>,
-    radius: f64,
+    brush: Brush,
 }
 
 impl Rasteriser {
@@ -31,42 +32,66 @@ impl Rasteriser {
     /// # Errors
     /// Where the world is smaller than the picture.
     pub fn new(world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
+        Self::on(Arch::new(), world, format)
+    }
+
+    /// As [`Rasteriser::new`], on the instructions of `arch`: the pictures are the same.
+    ///
+    /// # Errors
+    /// As [`Rasteriser::new`].
+    pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         let format =
             ImageFormat::for_world((*format).into(), world).map_err(|error| error.within("image"))?;
         let size = [world.width() as usize, world.height() as usize];
         Ok(Self {
-            canvas: Canvas::new(size),
+            arch,
+            size,
+            canvases: vec![Canvas::new(size)],
             cells: Cells::new(size, format.resolution() as usize),
-            outline: shapes::circle((world.radius() as i32).max(1)),
-            radius: world.radius(),
+            brush: Brush::new(world.radius()),
         })
     }
 
     /// Makes the canvas black again.
     pub fn clear(&mut self) {
-        self.canvas.clear();
+        self.canvases[0].clear();
+    }
+
+    /// Makes as many canvases black.
+    pub(crate) fn clear_lanes(&mut self, lanes: usize) {
+        let size = self.size;
+        if self.canvases.len() < lanes {
+            self.canvases.resize_with(lanes, || Canvas::new(size));
+        }
+        self.canvases.iter_mut().take(lanes).for_each(Canvas::clear);
     }
 
     /// Draws every agent as it is now, in index order, over what is there.
     pub fn draw(&mut self, swarm: &Swarm) {
-        for agent in swarm.agents() {
-            let centre = agent.position.map(|value| value as i32);
-            let end = |direction: [f64; 2], radii: f64| {
-                let length = radii * self.radius;
-                let [x, y] = agent.position;
-                [
-                    (x + length * direction[0]) as i32,
-                    (y + length * direction[1]) as i32,
-                ]
-            };
-            for direction in swarm.sensor_directions(agent.heading) {
-                let ray = shapes::line(centre, end(direction, RAY_RADII));
-                self.canvas.erase(ray);
+        self.arch.dispatch(Drawing {
+            brush: &self.brush,
+            canvas: &mut self.canvases[0],
+            swarm,
+        });
+    }
+
+    /// Draws the agents of each swarm on its canvas, those of the first `lanes` lanes.
+    #[inline(always)]
+    pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize>(
+        &mut self,
+        simd: S,
+        batch: &Batch<S, SENSORS>,
+        lanes: usize,
+    ) {
+        for Agents {
+            position, heading, ..
+        } in batch.agents()
+        {
+            let rays = batch.sensor_directions(simd, heading);
+            let ends = Ends::new(simd, &self.brush, position, heading, rays);
+            for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
+                self.brush.draw(canvas, ends.lane(lane));
             }
-            let outline = self.outline.iter().map(|&[x, y]| [centre[0] + x, centre[1] + y]);
-            let heading = shapes::line(centre, end(agent.heading, HEADING_RADII));
-            self.canvas.paint(outline);
-            self.canvas.paint(heading);
         }
     }
 
@@ -75,12 +100,44 @@ impl Rasteriser {
     /// Grey values, index `x * resolution + y`. It is what the network sees.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
-        grey::stretched(&self.raw_image())
+        self.image_of(0)
+    }
+
+    /// The picture of the swarm in one lane.
+    pub(crate) fn image_of(&self, lane: usize) -> Vec<u8> {
+        grey::stretched(&self.cells.average(self.arch, &self.canvases[lane]))
     }
 
     /// The picture before it is stretched: 255 times the share of white, rounded half to even.
     #[must_use]
     pub fn raw_image(&self) -> Vec<u8> {
-        self.cells.average(&self.canvas)
+        self.cells.average(self.arch, &self.canvases[0])
+    }
+}
+
+/// The drawing of a swarm, as something that can be compiled for several kinds of CPU.
+struct Drawing<'a> {
+    brush: &'a Brush,
+    canvas: &'a mut Canvas,
+    swarm: &'a Swarm,
+}
+
+impl WithSimd for Drawing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let scalar = pulp::Scalar::new();
+        for agent in self.swarm.agents() {
+            let mut directions = self.swarm.sensor_directions(agent.heading);
+            let first = directions.next().unwrap_or(agent.heading);
+            if let Some(second) = directions.next() {
+                let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first, second]);
+                self.brush.draw(self.canvas, ends.lane(0));
+            } else {
+                let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first]);
+                self.brush.draw(self.canvas, ends.lane(0));
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::{
     positions::{LANES, Positions},
     sight::Reach,
 };
-use murmuration_proto::{Purpose, Stream, World};
+use murmuration_proto::{Purpose, RandomStream, World};
 use pulp::Simd;
 
 /// Times that an agent is pushed out of all that it touches, at most.
@@ -24,7 +24,7 @@ pub(super) struct Collisions {
     diameter: f64,
     reach: Reach,
     centre: [f64; 2],
-    jitter: Option<Stream>,
+    jitter: Option<RandomStream>,
     jitter_events: u64,
     /// The agents touched, kept for its memory.
     touched: Vec<usize>,
@@ -32,17 +32,13 @@ pub(super) struct Collisions {
 
 impl Collisions {
     pub(super) fn new(world: &World, start: &Start) -> Self {
-        let diameter = 2.0 * world.radius();
         Self {
-            diameter,
-            reach: Reach {
-                body: world.radius() * world.radius(),
-                touch: diameter * diameter,
-            },
+            diameter: 2.0 * world.radius(),
+            reach: Reach::of(world),
             centre: [world.width() / 2.0, world.height() / 2.0],
             jitter: world
                 .jitter()
-                .then(|| Stream::derive(start.seed(), Purpose::Jitter, 0)),
+                .then(|| RandomStream::derive(start.seed(), Purpose::Jitter, 0)),
             jitter_events: 0,
             touched: Vec::new(),
         }
@@ -114,7 +110,7 @@ impl Collisions {
 
     /// Where an agent at `at` ends that is pushed out of one at `other`, if they touch.
     #[inline(always)]
-    fn pushed(&mut self, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
+    pub(super) fn pushed(&mut self, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
         let away = [at[0] - other[0], at[1] - other[1]];
         let distance = length(away);
         if distance > self.diameter {

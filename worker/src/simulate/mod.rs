@@ -3,16 +3,18 @@
 //! One step of one agent (order as in the authors' simulator): drive with
 //! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of others, sense.
 
+mod batch;
 mod collide;
 mod drive;
 mod positions;
 mod sight;
 mod start;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use start::Start;
 
+pub(crate) use batch::{Agents, Batch, MOST_AGENTS};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::{Gait, rotate};
@@ -90,10 +92,7 @@ impl Swarm {
         let poses = start.poses_for(world)?;
         Ok(Self {
             arch,
-            walls: Walls {
-                low: world.margin(),
-                high: [world.width() - world.margin(), world.height() - world.margin()],
-            },
+            walls: Walls::of(world),
             gaits: drive::gaits(controller, world),
             second_sensor: controller.angle().map(drive::direction),
             collisions: Collisions::new(world, start),
@@ -242,6 +241,13 @@ impl Body {
 }
 
 impl Walls {
+    fn of(world: &World) -> Self {
+        Self {
+            low: world.margin(),
+            high: [world.width() - world.margin(), world.height() - world.margin()],
+        }
+    }
+
     #[inline(always)]
     fn clamp(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let clamp = |value: f64, high: f64| {

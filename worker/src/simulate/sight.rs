@@ -1,6 +1,7 @@
 //! What an agent has in its sensors' lines of sight, and whether anybody touches it.
 
 use super::positions::{Block, LANES, Positions};
+use murmuration_proto::World;
 use pulp::Simd;
 
 /// Blocks that are gone through before one asks whether to stop. The paper's 24 agents are far fewer: to ask costs
@@ -14,6 +15,16 @@ pub(super) struct Reach {
     pub(super) body: f64,
     /// Square of two radii.
     pub(super) touch: f64,
+}
+
+impl Reach {
+    pub(super) fn of(world: &World) -> Self {
+        let (radius, diameter) = (world.radius(), 2.0 * world.radius());
+        Self {
+            body: radius * radius,
+            touch: diameter * diameter,
+        }
+    }
 }
 
 /// An agent that looks at all others.

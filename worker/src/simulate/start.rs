@@ -1,6 +1,6 @@
 //! Where a swarm starts.
 
-use murmuration_proto::{Invalid, Purpose, Stream, World, counted};
+use murmuration_proto::{Invalid, Purpose, RandomStream, World, counted};
 use std::{borrow::Cow, f64::consts::TAU};
 
 /// The poses of a swarm before its first step.
@@ -65,7 +65,7 @@ impl Start {
 }
 
 fn drawn(seed: u64, world: &World) -> Vec<[f64; 3]> {
-    let mut stream = Stream::derive(seed, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(seed, Purpose::Start, 0);
     let mut pose = || [world.width(), world.height(), TAU].map(|end| stream.between(0.0, end));
     (0..world.agents()).map(|_| pose()).collect()
 }

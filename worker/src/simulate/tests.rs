@@ -1,12 +1,12 @@
 //! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
 
 use super::*;
-use murmuration_proto::{CapabilityModel, Purpose, Stream, v1};
+use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Every kind of CPU that this one can pass for.
-fn arches() -> Vec<Arch> {
+pub(crate) fn arches() -> Vec<Arch> {
     let mut arches = vec![Arch::Scalar, Arch::new()];
     #[cfg(target_arch = "x86_64")]
     arches.extend(pulp::x86::V3::try_new().map(Arch::V3));
@@ -42,7 +42,7 @@ fn bits(swarm: &Swarm) -> Vec<[u64; 8]> {
     swarm.agents().map(bits).collect()
 }
 
-fn controllers() -> impl Strategy<Value = Controller> {
+pub(crate) fn controllers() -> impl Strategy<Value = Controller> {
     let speeds = || -1.0..=1.0;
     let single = prop::collection::vec(speeds(), 4)
         .prop_map(|genes| Controller::new(CapabilityModel::SingleSensor, &genes).unwrap());
@@ -54,7 +54,7 @@ fn controllers() -> impl Strategy<Value = Controller> {
 }
 
 /// Worlds of all shapes, crowded ones too.
-fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value = World> {
+pub(crate) fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value = World> {
     (
         (10.0..400.0, 10.0..400.0, 0.01..5.0, 0.0..1.0),
         (agents, 0.1..20.0, 0.01..5.0, any::<bool>()),
@@ -273,7 +273,7 @@ fn jitter_is_seeded_and_only_where_it_is_asked_for() {
 fn a_seeded_start_is_drawn_agent_by_agent() {
     let world = World::default();
     let swarm = Swarm::new(&single([0.0; 4]), &world, &Start::seeded(3)).unwrap();
-    let mut stream = Stream::derive(3, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(3, Purpose::Start, 0);
     for agent in swarm.agents() {
         assert_eq!(agent.position, [(); 2].map(|()| 500.0 * stream.unit()));
         assert_eq!(agent.theta, TAU * stream.unit());

@@ -1,18 +1,18 @@
-//! Places, pace and silence, each at its limit.
+//! ConnectionPermits, pace and silence, each at its limit.
 
 use super::*;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio_stream::StreamExt as _;
 
-async fn listen(places: Places) -> (SocketAddr, ReceiverStream<io::Result<Connection>>) {
+async fn listen(permits: ConnectionPermits) -> (SocketAddr, ReceiverStream<io::Result<Connection>>) {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
-    (address, connections(listener, places))
+    (address, connections(listener, permits))
 }
 
 #[tokio::test]
 async fn one_too_many_is_closed_and_room_is_made_again() {
-    let (address, mut taken) = listen(Places::new(4, 2)).await;
+    let (address, mut taken) = listen(ConnectionPermits::new(4, 2)).await;
     let mut clients = Vec::new();
     let mut served = Vec::new();
     for _ in 0..2 {
@@ -30,24 +30,24 @@ async fn one_too_many_is_closed_and_room_is_made_again() {
 
 #[test]
 fn one_address_cannot_take_every_place() {
-    let places = Places::new(3, 2);
+    let permits = ConnectionPermits::new(3, 2);
     let peers: [IpAddr; 2] = ["10.0.0.1".parse().unwrap(), "10.0.0.2".parse().unwrap()];
-    let taken = [places.take(peers[0]), places.take(peers[0])];
+    let taken = [permits.take(peers[0]), permits.take(peers[0])];
     assert!(taken.iter().all(Option::is_some));
-    assert!(places.take(peers[0]).is_none());
-    let third = places.take(peers[1]);
-    assert!(third.is_some() && places.take(peers[1]).is_none());
+    assert!(permits.take(peers[0]).is_none());
+    let third = permits.take(peers[1]);
+    assert!(third.is_some() && permits.take(peers[1]).is_none());
     drop(taken);
-    assert!(places.take(peers[1]).is_some());
+    assert!(permits.take(peers[1]).is_some());
     drop(third);
-    assert!(places.taken.lock().unwrap().is_empty());
+    assert!(permits.taken.lock().unwrap().is_empty());
 }
 
 #[test]
 fn a_process_has_room_for_many() {
-    let places = Places::of_this_process();
-    assert!(places.most_per_peer * 2 <= places.most && places.most <= MAX_CONNECTIONS);
-    assert!(places.most_per_peer >= 8);
+    let permits = ConnectionPermits::of_this_process();
+    assert!(permits.most_per_peer * 2 <= permits.most && permits.most <= MAX_CONNECTIONS);
+    assert!(permits.most_per_peer >= 8);
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn requests_come_in_bursts_and_then_at_a_pace() {
 
 #[tokio::test(start_paused = true)]
 async fn who_says_nothing_is_let_go() {
-    let (address, mut taken) = listen(Places::new(4, 4)).await;
+    let (address, mut taken) = listen(ConnectionPermits::new(4, 4)).await;
     let _client = TcpStream::connect(address).await.unwrap();
     let mut connection = taken.next().await.unwrap().unwrap();
     let begun = Instant::now();

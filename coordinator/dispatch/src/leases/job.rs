@@ -3,7 +3,7 @@
 use super::{
     Agree, WorkerProcessId,
     queues::Queues,
-    task::{Task, Verdict},
+    task::{Task, TaskState},
 };
 use murmuration_model::MachineId;
 
@@ -12,17 +12,18 @@ pub(super) struct Job<R> {
     pub(super) tasks: Vec<Task<R>>,
     pub(super) queues: Queues,
     pub(super) settled: usize,
-    /// Effort that it has had, of all its workers; whoever has had least is next.
+    /// Cost of all its tasks that were leased so far; the job with the least is next.
     pub(super) served: u64,
-    pub(super) effort: u64,
+    /// Cost of one task.
+    pub(super) cost: u64,
     pub(super) speculative: bool,
     /// Whether only workers that embed can do it.
     pub(super) embeds: bool,
 }
 
 impl<R: Agree> Job<R> {
-    /// Takes in what a worker says about a task, who had it in hand if `held`; who that shows to be wrong.
-    pub(super) fn hear(
+    /// Takes in what a worker says is the result of a task, which it had in hand if `held`; whom that shows to be wrong.
+    pub(super) fn record_vote(
         &mut self,
         place: usize,
         by: WorkerProcessId,
@@ -30,9 +31,9 @@ impl<R: Agree> Job<R> {
         held: bool,
     ) -> Vec<WorkerProcessId> {
         let task = &mut self.tasks[place];
-        let before = task.verdict();
+        let before = task.state();
         task.out -= usize::from(held);
-        let consistent = task.hear(by, result);
+        let consistent = task.record_vote(by, result);
         let mut wrong = self.file(place, before);
         if !consistent {
             wrong.push(by);
@@ -43,7 +44,7 @@ impl<R: Agree> Job<R> {
     /// A lease on a task came back undone, from a worker that the task may have taken with it.
     pub(super) fn come_back(&mut self, place: usize, broke: Option<WorkerProcessId>) {
         let task = &mut self.tasks[place];
-        let before = task.verdict();
+        let before = task.state();
         task.out -= 1;
         if let Some(process) = broke {
             task.lose(process);
@@ -54,39 +55,39 @@ impl<R: Agree> Job<R> {
     /// A worker that was given up for lost is back: no task took it.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) {
         for place in 0..self.tasks.len() {
-            let before = self.tasks[place].verdict();
+            let before = self.tasks[place].state();
             if self.tasks[place].acquit(process) {
                 self.file(place, before);
             }
         }
     }
 
-    /// Forgets what a machine said, but for what another found too; how many tasks that opens again.
-    pub(super) fn unhear(&mut self, machine: MachineId) -> usize {
+    /// Discards what a machine said, except what another machine found too; how many tasks that opens again.
+    pub(super) fn discard_votes(&mut self, machine: MachineId) -> usize {
         let before = self.settled;
         for place in 0..self.tasks.len() {
-            let verdict = self.tasks[place].verdict();
-            if self.tasks[place].unhear(machine) {
-                self.file(place, verdict);
+            let state = self.tasks[place].state();
+            if self.tasks[place].discard_votes(machine) {
+                self.file(place, state);
             }
         }
         before.saturating_sub(self.settled)
     }
 
     /// Puts a task that has changed where it belongs; `before` is what it was. Who is shown to be wrong.
-    pub(super) fn file(&mut self, place: usize, before: Verdict) -> Vec<WorkerProcessId> {
+    pub(super) fn file(&mut self, place: usize, before: TaskState) -> Vec<WorkerProcessId> {
         let task = &self.tasks[place];
-        let verdict = task.verdict();
-        self.settled = self.settled - usize::from(before.is_settled()) + usize::from(verdict.is_settled());
+        let state = task.state();
+        self.settled = self.settled - usize::from(before.is_settled()) + usize::from(state.is_settled());
         self.queues.remove(place);
-        match verdict {
-            Verdict::Settled(_) => return task.wrong(),
-            Verdict::SetAside => {}
-            Verdict::Open if task.out > 0 => {}
-            Verdict::Open if !task.votes.is_empty() => self.queues.want_second(place),
-            Verdict::Open if !task.lost.is_empty() => self.queues.want_alone(place),
-            Verdict::Open if !task.refused.is_empty() => self.queues.want_second(place),
-            Verdict::Open => self.queues.want_next(place),
+        match state {
+            TaskState::Settled(_) => return task.wrong(),
+            TaskState::Poisoned => {}
+            TaskState::Open if task.out > 0 => {}
+            TaskState::Open if !task.votes.is_empty() => self.queues.want_second(place),
+            TaskState::Open if !task.lost.is_empty() => self.queues.want_alone(place),
+            TaskState::Open if !task.refused.is_empty() => self.queues.want_second(place),
+            TaskState::Open => self.queues.want_next(place),
         }
         Vec::new()
     }

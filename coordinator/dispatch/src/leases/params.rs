@@ -9,7 +9,7 @@ pub struct JobParams {
     pub tasks: usize,
     /// What a task costs its job when turns are compared, in a unit that all jobs share (agents times steps over a weight,
     /// say); at least 1.
-    pub effort: u64,
+    pub cost: u64,
     /// Places of the tasks that a worker on a second machine repeats, where there is one.
     pub audited: BTreeSet<usize>,
     /// Whether only workers that embed can do them.

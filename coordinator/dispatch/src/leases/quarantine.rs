@@ -21,8 +21,11 @@ impl<R: Agree> LeaseTable<R> {
         let again: Vec<usize> = processes
             .iter()
             .map(|process| {
-                let unheard = self.jobs.values_mut().map(|job| job.unhear(process.machine));
-                unheard.sum()
+                let reopened = self
+                    .jobs
+                    .values_mut()
+                    .map(|job| job.discard_votes(process.machine));
+                reopened.sum()
             })
             .collect();
         for (&process, again) in processes.iter().zip(again) {

@@ -16,7 +16,7 @@ impl Agree for u64 {
     }
 }
 
-const DISPUTE_PATIENCE: Duration = Duration::from_millis(200);
+const DISPUTE_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// What the one right answer to a task is.
 fn truth(job: JobId, place: usize) -> u64 {
@@ -56,7 +56,7 @@ struct Submitted {
 }
 
 /// A cluster that lives by the throw of a die.
-struct Cluster {
+struct SimulatedCluster {
     die: ChaCha8Rng,
     now: Instant,
     table: LeaseTable<u64>,
@@ -71,19 +71,19 @@ struct Cluster {
 #[derive(Debug, Default, Clone, Copy)]
 struct Seen {
     settled: u64,
-    set_aside: u64,
+    poisoned: u64,
     disagreements: u64,
     quarantines: u64,
     impossible: u64,
     late: u64,
 }
 
-impl Cluster {
+impl SimulatedCluster {
     fn new(seed: u64) -> Self {
         Self {
             die: ChaCha8Rng::seed_from_u64(seed),
             now: Instant::now(),
-            table: LeaseTable::new(DISPUTE_PATIENCE),
+            table: LeaseTable::new(DISPUTE_TIMEOUT),
             processes: BTreeMap::new(),
             machines: BTreeMap::new(),
             jobs: BTreeMap::new(),
@@ -113,7 +113,7 @@ impl Cluster {
         let embeds = self.chance(3);
         let params = JobParams {
             tasks,
-            effort: 1 + self.below(5) as u64,
+            cost: 1 + self.below(5) as u64,
             audited,
             embeds,
             speculative: !self.chance(4),
@@ -381,7 +381,7 @@ impl Cluster {
     }
 }
 
-impl Cluster {
+impl SimulatedCluster {
     /// Machines with a worker that does whatever there is to do.
     fn honest_machines(&self) -> usize {
         let works = |process: &Process| {
@@ -404,7 +404,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
     let mut seen = Seen::default();
     for seed in first..first + count {
         let run = std::panic::catch_unwind(|| {
-            let mut cluster = Cluster::new(seed);
+            let mut cluster = SimulatedCluster::new(seed);
             for _ in 0..20 + cluster.below(150) {
                 cluster.step();
             }
@@ -413,7 +413,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
         });
         let Ok(one) = run else { panic!("schedule {seed}") };
         seen.settled += one.settled;
-        seen.set_aside += one.set_aside;
+        seen.poisoned += one.poisoned;
         seen.disagreements += one.disagreements;
         seen.quarantines += one.quarantines;
         seen.impossible += one.impossible;
@@ -422,7 +422,7 @@ fn no_task_is_lost_or_done_twice_and_there_is_always_progress() {
     eprintln!("{count} schedules from seed {first}: {seen:?}");
     let all = [
         seen.settled,
-        seen.set_aside,
+        seen.poisoned,
         seen.disagreements,
         seen.quarantines,
         seen.impossible,

@@ -16,26 +16,26 @@ pub(super) struct Task<R> {
     pub(super) out: usize,
     /// Since when no other machine is there that could decide about it.
     pub(super) alone_since: Option<Instant>,
-    /// Whether one voice is not enough.
+    /// Whether one vote is not enough.
     audited: bool,
-    /// Whether workers lost on one machine are enough to set it aside.
+    /// Whether workers lost on one machine are enough to poison it.
     one_machine_is_enough: bool,
 }
 
 /// Where a task stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum TaskState {
     /// It needs a worker.
     Open,
     /// The vote at this place is its result.
     Settled(usize),
     /// It took too many workers with it.
-    SetAside,
+    Poisoned,
 }
 
-impl Verdict {
+impl TaskState {
     pub(super) const fn is_settled(self) -> bool {
-        matches!(self, Self::Settled(_) | Self::SetAside)
+        matches!(self, Self::Settled(_) | Self::Poisoned)
     }
 }
 
@@ -52,22 +52,22 @@ impl<R: Agree> Task<R> {
         }
     }
 
-    /// One voice settles a task; two that agree one that is audited or disputed, so that whoever differs is outvoted.
-    pub(super) fn verdict(&self) -> Verdict {
-        let voices = |place: usize| self.agreeing(place).count();
-        let Some(best) = (0..self.votes.len()).rev().max_by_key(|&place| voices(place)) else {
+    /// One vote settles a task; two that agree settle one that is audited or disputed, so that whoever differs is outvoted.
+    pub(super) fn state(&self) -> TaskState {
+        let count = |place: usize| self.agreeing(place).count();
+        let Some(best) = (0..self.votes.len()).rev().max_by_key(|&place| count(place)) else {
             return if self.has_lost_enough() && (self.one_machine_is_enough || self.lost_on_several()) {
-                Verdict::SetAside
+                TaskState::Poisoned
             } else {
-                Verdict::Open
+                TaskState::Open
             };
         };
-        let unanimous = voices(best) == self.votes.len();
+        let unanimous = count(best) == self.votes.len();
         let wanted = if self.audited || !unanimous { 2 } else { 1 };
-        if voices(best) >= wanted {
-            Verdict::Settled(best)
+        if count(best) >= wanted {
+            TaskState::Settled(best)
         } else {
-            Verdict::Open
+            TaskState::Open
         }
     }
 
@@ -76,13 +76,13 @@ impl<R: Agree> Task<R> {
     pub(super) fn wants(&self, machine: MachineId) -> bool {
         let lost_there = || self.lost.iter().any(|process| process.machine == machine);
         let may_die_of_it = self.has_lost_enough() && lost_there();
-        !self.has_voice(machine) && !may_die_of_it
+        !self.has_answered(machine) && !may_die_of_it
     }
 
     /// Whether only another machine than those that it has met can bring it further.
     pub(super) fn wants_another_machine(&self) -> bool {
         let met = !self.votes.is_empty() || !self.refused.is_empty() || self.has_lost_enough();
-        met && !self.verdict().is_settled()
+        met && !self.state().is_settled()
     }
 
     /// Whether so many workers were lost with it that it may be to blame.
@@ -96,13 +96,13 @@ impl<R: Agree> Task<R> {
         machine(self.lost.first()) != machine(self.lost.last())
     }
 
-    fn has_voice(&self, machine: MachineId) -> bool {
+    fn has_answered(&self, machine: MachineId) -> bool {
         let refused = self.refused.iter().any(|by| by.machine == machine);
         refused || self.votes.iter().any(|(by, _)| by.machine == machine)
     }
 
-    /// Who has said what it is.
-    pub(super) fn voices(&self) -> impl Iterator<Item = WorkerProcessId> {
+    /// Who has voted.
+    pub(super) fn voters(&self) -> impl Iterator<Item = WorkerProcessId> {
         self.votes.iter().map(|(by, _)| *by)
     }
 
@@ -111,8 +111,8 @@ impl<R: Agree> Task<R> {
         !self.votes.is_empty() && self.agreeing(0).count() < self.votes.len()
     }
 
-    /// Takes in a voice; false if the machine contradicts what it said itself.
-    pub(super) fn hear(&mut self, by: WorkerProcessId, result: R) -> bool {
+    /// Takes in a vote; false if the machine contradicts what it said itself.
+    pub(super) fn record_vote(&mut self, by: WorkerProcessId, result: R) -> bool {
         self.refused.retain(|refused| refused.machine != by.machine);
         let mut votes = self.votes.iter();
         if let Some((_, before)) = votes.find(|(voter, _)| voter.machine == by.machine) {
@@ -124,7 +124,7 @@ impl<R: Agree> Task<R> {
 
     /// A worker says that nobody could do it; whether it [is impossible](Self::is_impossible) now.
     pub(super) fn refuse(&mut self, by: WorkerProcessId) -> bool {
-        if !self.has_voice(by.machine) {
+        if !self.has_answered(by.machine) {
             self.refused.push(by);
         }
         self.is_impossible()
@@ -151,8 +151,8 @@ impl<R: Agree> Task<R> {
         was_lost
     }
 
-    /// Forgets what a machine had to do with it; whether that was anything.
-    pub(super) fn unhear(&mut self, machine: MachineId) -> bool {
+    /// Discards what a machine said about it, and that workers of it were lost; whether that was anything.
+    pub(super) fn discard_votes(&mut self, machine: MachineId) -> bool {
         let known = |task: &Self| (task.votes.len(), task.refused.len(), task.lost.len());
         let before = known(self);
         self.votes.retain(|(by, _)| by.machine != machine);
@@ -166,19 +166,19 @@ impl<R: Agree> Task<R> {
         changed
     }
 
-    /// Workers that one machine has lost with it are enough to set it aside, until there is another.
+    /// Workers that one machine has lost with it are enough to poison it, until there is another.
     pub(super) const fn blame(&mut self) {
         self.one_machine_is_enough = true;
     }
 
-    /// One voice is enough from now on.
+    /// One vote is enough from now on.
     pub(super) const fn waive_audit(&mut self) {
         self.audited = false;
     }
 
-    /// Whose voices the settled result shows to be wrong.
+    /// Whose votes the settled result shows to be wrong.
     pub(super) fn wrong(&self) -> Vec<WorkerProcessId> {
-        let Verdict::Settled(place) = self.verdict() else {
+        let TaskState::Settled(place) = self.state() else {
             return Vec::new();
         };
         let result = &self.votes[place].1;
@@ -187,12 +187,12 @@ impl<R: Agree> Task<R> {
     }
 
     pub(super) fn into_settled(mut self) -> Option<Settled<R>> {
-        match self.verdict() {
-            Verdict::Open => None,
-            Verdict::SetAside => Some(Settled::SetAside {
+        match self.state() {
+            TaskState::Open => None,
+            TaskState::Poisoned => Some(Settled::Poisoned {
                 lost: self.lost.into_iter().collect(),
             }),
-            Verdict::Settled(place) => {
+            TaskState::Settled(place) => {
                 let audited = self.agreeing(place).count() > 1;
                 let (by, value) = self.votes.swap_remove(place);
                 Some(Settled::Result { value, by, audited })

@@ -5,7 +5,7 @@ use super::*;
 mod machines;
 mod turns;
 
-const DISPUTE_PATIENCE: Duration = Duration::from_secs(5);
+const DISPUTE_TIMEOUT: Duration = Duration::from_secs(5);
 const ABLE: Abilities = Abilities {
     capacity: 1,
     embeds: true,
@@ -49,7 +49,7 @@ fn answers(grant: &Grant) -> Vec<u64> {
 fn params(tasks: usize) -> JobParams {
     JobParams {
         tasks,
-        effort: 1,
+        cost: 1,
         audited: BTreeSet::new(),
         embeds: false,
         speculative: true,
@@ -65,7 +65,7 @@ fn audited(tasks: usize) -> JobParams {
 
 /// A table with workers that have so many credits, on machines 1, 2, ...
 fn workers<const N: usize>(credits: [usize; N]) -> (LeaseTable<u64>, [WorkerId; N]) {
-    let mut table = LeaseTable::new(DISPUTE_PATIENCE);
+    let mut table = LeaseTable::new(DISPUTE_TIMEOUT);
     let mut instance = 0;
     let ids = credits.map(|credits| {
         instance += 1;
@@ -220,7 +220,7 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs() {
     assert_ne!(second.worker, first.worker);
     assert_eq!(table.grant(start), None);
     assert!(table.jobs.contains_key(&second.job));
-    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert_eq!(table.grant(start + 2 * SPECULATION_DELAY.1), None);
     assert!(matches!(
         results(table.take_events())[..],
         [Settled::Result { audited: false, .. }]
@@ -242,7 +242,7 @@ fn an_audit_does_not_wait_for_a_worker_that_hangs_and_takes_nothing_more() {
         .unwrap();
     assert_eq!(table.grant(start), None);
     assert_eq!(table.jobs.len(), 2, "it may be done in time");
-    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert_eq!(table.grant(start + 2 * SPECULATION_DELAY.1), None);
     assert_eq!(table.jobs.len(), 1);
 }
 
@@ -257,7 +257,7 @@ fn an_audit_does_not_wait_for_a_worker_that_asks_for_nothing() {
         .unwrap();
     assert_eq!(table.grant(start), None);
     assert_eq!(table.jobs.len(), 1, "it may have only just come");
-    assert_eq!(table.grant(start + 2 * PATIENCE.1), None);
+    assert_eq!(table.grant(start + 2 * SPECULATION_DELAY.1), None);
     assert_eq!(table.jobs.len(), 0);
 }
 
@@ -292,7 +292,7 @@ fn two_that_differ_with_no_third_end_the_job() {
     }
     assert_eq!(table.grant(now()), None);
     assert!(table.jobs.contains_key(&job), "a third may come");
-    assert_eq!(table.grant(now() + 2 * DISPUTE_PATIENCE), None);
+    assert_eq!(table.grant(now() + 2 * DISPUTE_TIMEOUT), None);
     let between = vec![process(2), process(1)];
     let expected = |between: &[WorkerProcessId]| Event::Disagreement {
         job,
@@ -308,7 +308,7 @@ fn two_that_differ_with_no_third_end_the_job() {
 }
 
 #[test]
-fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
+fn a_task_that_takes_three_workers_is_poisoned_and_its_neighbours_are_not() {
     let (mut table, [first]) = workers([4]);
     table.submit(params(4));
     while table.grant(now()).is_some() {}
@@ -343,7 +343,7 @@ fn a_task_that_takes_three_workers_is_set_aside_and_its_neighbours_are_not() {
     }
     for (place, settled) in results(table.take_events()).into_iter().enumerate() {
         match settled {
-            Settled::SetAside { lost: whom } => assert_eq!((place, &whom), (deadly, &lost)),
+            Settled::Poisoned { lost: whom } => assert_eq!((place, &whom), (deadly, &lost)),
             Settled::Result { .. } => assert_ne!(place, deadly),
         }
     }
@@ -368,7 +368,7 @@ fn a_worker_that_comes_back_was_not_taken_by_what_it_held() {
 }
 
 #[test]
-fn what_gets_on_is_not_set_aside_however_often_it_is_interrupted() {
+fn what_gets_on_is_not_poisoned_however_often_it_is_interrupted() {
     let (mut table, _) = workers([]);
     table.submit(params(1));
     for instance in 1..10 {

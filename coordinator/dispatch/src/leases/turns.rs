@@ -1,7 +1,7 @@
 //! Who is next: which task of a job, which job, and which worker for it.
 
 use super::{
-    Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, PATIENCE, WorkerId,
+    Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY, WorkerId,
     job::Job, workers::Worker,
 };
 use std::{
@@ -20,7 +20,7 @@ struct Choice {
 impl<R: Agree> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
-    /// The job that has had the least effort is next. A batch is half an even share of what its job has waiting, so that
+    /// The job whose leased tasks have cost least is next. A batch is half an even share of what its job has waiting, so that
     /// batches shrink towards a job's end; where nothing waits, an idle worker gets what is late with another.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
         self.decide_without_others(now);
@@ -51,7 +51,7 @@ impl<R: Agree> LeaseTable<R> {
         self.served = self.served.max(job.served);
         job.served = job
             .served
-            .saturating_add(job.effort.saturating_mul(choice.tasks.len() as u64));
+            .saturating_add(job.cost.saturating_mul(choice.tasks.len() as u64));
         let lease = LeaseNumber(self.next);
         self.next += 1;
         worker.credits -= choice.tasks.len();
@@ -144,7 +144,7 @@ impl<R: Agree> LeaseTable<R> {
             }
             let late = |place: usize| {
                 let task = &job.tasks[place];
-                !task.verdict().is_settled() && self.is_late(lease, task.out, now)
+                !task.state().is_settled() && self.is_late(lease, task.out, now)
             };
             let Some(place) = lease.tasks.iter().copied().find(|&place| late(place)) else {
                 continue;
@@ -173,9 +173,9 @@ impl<R: Agree> LeaseTable<R> {
 
     /// The leases that somebody holds and is late with, oldest first.
     fn late(&self, now: Instant) -> impl Iterator<Item = &Lease> {
-        let patience = self.patience(1);
+        let delay = self.speculation_delay(1);
         // Their numbers are in the order in which they were given.
-        let old = move |lease: &&Lease| now.saturating_duration_since(lease.given) > patience;
+        let old = move |lease: &&Lease| now.saturating_duration_since(lease.given) > delay;
         self.leases
             .values()
             .take_while(old)
@@ -184,13 +184,13 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Whether a lease whose tasks so many workers have in hand is out for longer than leases usually are.
     fn is_late(&self, lease: &Lease, hands: usize, now: Instant) -> bool {
-        lease.holder.is_some() && now.saturating_duration_since(lease.given) > self.patience(hands)
+        lease.holder.is_some() && now.saturating_duration_since(lease.given) > self.speculation_delay(hands)
     }
 
     /// How long a lease may be out whose tasks so many workers have in hand.
-    fn patience(&self, hands: usize) -> Duration {
-        let usual = self.turnaround.map_or(PATIENCE.1, |usual| usual * LATE);
-        usual.clamp(PATIENCE.0, PATIENCE.1) * (1 << hands.saturating_sub(1).min(10))
+    fn speculation_delay(&self, hands: usize) -> Duration {
+        let usual = self.turnaround.map_or(SPECULATION_DELAY.1, |usual| usual * LATE);
+        usual.clamp(SPECULATION_DELAY.0, SPECULATION_DELAY.1) * (1 << hands.saturating_sub(1).min(10))
     }
 
     fn has_in_hand(&self, worker: &Worker, job: JobId, place: usize) -> bool {
@@ -238,7 +238,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// Decides about tasks that want another machine where none is there that could say anything soon: an audit is waived;
-    /// what three workers were lost with is set aside; a dispute, and what one machine finds impossible, end the job aloud
+    /// what three workers were lost with is poisoned; a dispute, and what one machine finds impossible, end the job aloud
     /// unless another comes in time.
     fn decide_without_others(&mut self, now: Instant) {
         let mut concerned = BTreeSet::new();
@@ -250,7 +250,7 @@ impl<R: Agree> LeaseTable<R> {
                 continue;
             };
             let task = &mut job.tasks[place];
-            let before = task.verdict();
+            let before = task.state();
             if anybody {
                 task.alone_since = None;
             } else if task.votes.is_empty() && task.has_lost_enough() {
@@ -265,7 +265,7 @@ impl<R: Agree> LeaseTable<R> {
                 // Whoever found it impossible may have been stopped for that, and another be on its way.
                 task.alone_since = None;
             } else if now.saturating_duration_since(*task.alone_since.get_or_insert(now))
-                >= self.dispute_patience
+                >= self.dispute_timeout
             {
                 over.insert(id, place);
             }
@@ -283,7 +283,7 @@ impl<R: Agree> LeaseTable<R> {
         let between: Vec<_> = self
             .jobs
             .get(&id)
-            .map(|job| job.tasks[place].voices().collect())
+            .map(|job| job.tasks[place].voters().collect())
             .unwrap_or_default();
         if between.is_empty() {
             self.end_as_impossible(id, place);

@@ -1,7 +1,8 @@
 //! Those who work: they come, are heard, fall silent, and go.
 
 use super::{
-    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, PATIENCE, WorkerId, WorkerProcessId, job::Job,
+    Abilities, Agree, Back, JobId, LeaseNumber, LeaseTable, SPECULATION_DELAY, WorkerId, WorkerProcessId,
+    job::Job,
 };
 use murmuration_model::MachineId;
 use std::{
@@ -68,7 +69,7 @@ impl Worker {
     /// Whether it has long had nothing to do, and asks for nothing.
     pub(super) fn asks_for_nothing(&self, now: Instant) -> bool {
         let idle = now.saturating_duration_since(self.active);
-        self.credits == 0 && self.holds.is_empty() && idle > PATIENCE.1
+        self.credits == 0 && self.holds.is_empty() && idle > SPECULATION_DELAY.1
     }
 
     /// Whether it gave back what it was last leased of this job.
@@ -114,7 +115,7 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     /// A worker gave a sign of life.
-    pub fn hear(&mut self, worker: WorkerId, now: Instant) {
+    pub fn keep_alive(&mut self, worker: WorkerId, now: Instant) {
         if let Some(worker) = self.workers.get_mut(&worker) {
             worker.heard = now;
         }

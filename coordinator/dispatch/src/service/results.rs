@@ -2,11 +2,11 @@
 
 use super::{Given, Job, Service};
 use crate::{
-    Evaluated, JobError, JoinError, SetAside, TrainingJob,
-    leases::{Event, JobId, LeaseNumber, Refused, Settled, WorkerId, WorkerProcessId},
-    work::{Output, Work},
+    JobError, JoinError, TrainingJob,
+    leases::{Event, JobId, LeaseNumber, Refused, WorkerId, WorkerProcessId},
+    submitted::{Closing, Vote},
 };
-use murmuration_model::{Maker, Quarantined};
+use murmuration_model::Quarantined;
 use murmuration_proto::{
     EmbeddingKind,
     v1::{FailureClass, batch_result::Outcome},
@@ -22,7 +22,7 @@ impl Service {
             tracing::debug!(?worker, ?lease, "a result that nobody waits for");
             return;
         };
-        let kind = self.kind(worker);
+        let (kind, places) = (self.kind(worker), self.table.tasks(lease));
         let Some(job) = self.jobs.get_mut(&id) else {
             return;
         };
@@ -45,8 +45,8 @@ impl Service {
                         .get(&worker)
                         .map_or("?", |worker| worker.name.as_str());
                     let what = match is_fatal {
-                        true => "says that work cannot be done, and another machine is asked",
-                        false => "gave work back, which is tried again",
+                        true => "reports that work cannot be done; another machine will try",
+                        false => "returned work, which will be tried again",
                     };
                     let trouble = format!("{name} {what}: {}", failure.message);
                     job.job_progress.set_trouble(Some(trouble));
@@ -58,16 +58,16 @@ impl Service {
                     self.table.give_back(worker, lease, Instant::now());
                 }
             }
-            outcome => match job.work.outputs(outcome, kind) {
-                Ok(outputs) => {
+            outcome => match job.submitted.keep(places, outcome, kind) {
+                Ok(votes) => {
                     if let Some(Given { at, .. }) = given {
                         self.metrics
-                            .answered(job.work.kind(), outputs.len(), at.elapsed());
+                            .answered(job.submitted.kind(), votes.len(), at.elapsed());
                     }
                     job.job_progress.set_trouble(None);
-                    self.keep(worker, lease, outputs);
+                    self.count_votes(worker, lease, votes);
                 }
-                Err(invalid) => self.found_wrong(worker, &invalid.to_string()),
+                Err(unsound) => self.found_wrong(worker, &unsound.to_string()),
             },
         }
     }
@@ -77,8 +77,8 @@ impl Service {
         worker.map_or(EmbeddingKind::UNKNOWN, |worker| worker.kind)
     }
 
-    fn keep(&mut self, worker: WorkerId, lease: LeaseNumber, outputs: Vec<Output>) {
-        match self.table.complete(worker, lease, outputs, Instant::now()) {
+    fn count_votes(&mut self, worker: WorkerId, lease: LeaseNumber, votes: Vec<Vote>) {
+        match self.table.complete(worker, lease, votes, Instant::now()) {
             Ok(()) | Err(Refused::UnknownLease | Refused::NotYours) => {}
             Err(refused @ Refused::WrongCount { .. }) => self.found_wrong(worker, &refused.to_string()),
         }
@@ -104,21 +104,26 @@ impl Service {
                     }
                 }
                 Event::Done { job, results } => {
-                    let results = self.outcome(job, results);
-                    self.reply(job, results);
+                    if let Some(Job { submitted, .. }) = self.close(job) {
+                        let closing = Closing {
+                            names: &|processes| self.names(processes),
+                            metrics: &self.metrics,
+                        };
+                        submitted.finish(results, &closing);
+                    }
                 }
                 Event::Disagreement { job, task, between } => {
                     let workers = self.names(&between);
                     self.metrics.disagreed();
                     tracing::error!(?workers, task, "machines disagree, and there is no other to ask");
-                    self.reply(job, Err(JobError::Disagreement { task, workers }));
+                    self.fail(job, JobError::Disagreement { task, workers });
                 }
                 Event::Impossible { job, by } => {
                     let workers = self.names(&by).join(" and ");
                     let said = self.jobs.get_mut(&job).and_then(|job| job.refusal.take());
                     let said = said.unwrap_or_default();
                     tracing::error!(workers, said, "work cannot be done");
-                    self.reply(job, Err(JobError::Fatal(format!("{said} (so {workers})"))));
+                    self.fail(job, JobError::Fatal(format!("{said} (reported by {workers})")));
                 }
                 Event::Quarantined {
                     process,
@@ -143,8 +148,9 @@ impl Service {
             self.dismiss(worker, Some(status));
         }
         if self.table.workers() == 0 {
-            let trouble =
-                format!("{name} was found wrong and is quarantined: start a worker on another machine");
+            let trouble = format!(
+                "{name} returned wrong results and is quarantined: start a worker on another machine"
+            );
             for job in self.jobs.values() {
                 job.job_progress.set_trouble(Some(trouble.clone()));
             }
@@ -153,57 +159,16 @@ impl Service {
             .send_modify(|wrong| wrong.push(Quarantined { machine, name }));
     }
 
-    /// What a job's tasks come to; where nothing could take the place of one that was set aside, nothing.
-    fn outcome(&self, job: JobId, results: Vec<Settled<Output>>) -> Result<Vec<Output>, JobError> {
-        let evaluations = self
-            .jobs
-            .get(&job)
-            .is_some_and(|job| matches!(job.work, Work::Evaluations(_)));
-        let maker = |kind, by: WorkerProcessId, audited: bool| Maker {
-            kind,
-            unaudited: (!audited).then_some(by.machine),
-        };
-        let settle = |settled| match settled {
-            Settled::Result {
-                value: Output::Evaluation(evaluation, kind),
-                by,
-                audited,
-            } => {
-                if audited {
-                    self.metrics.audited();
-                }
-                Ok(Output::Evaluated(Evaluated::Done {
-                    evaluation,
-                    maker: maker(kind, by, audited),
-                }))
-            }
-            Settled::Result {
-                value: Output::Embedding(embedding, kind),
-                by,
-                audited,
-            } => Ok(Output::Embedded(embedding, maker(kind, by, audited))),
-            Settled::Result { value, .. } => Ok(value),
-            Settled::SetAside { lost } => {
-                let set_aside = SetAside {
-                    workers: self.names(&lost),
-                };
-                self.metrics.set_aside(1);
-                tracing::error!(%set_aside, "work was set aside");
-                match evaluations {
-                    true => Ok(Output::Evaluated(Evaluated::SetAside(set_aside))),
-                    false => Err(set_aside.into()),
-                }
-            }
-        };
-        results.into_iter().map(settle).collect()
+    fn fail(&mut self, id: JobId, error: JobError) {
+        if let Some(Job { submitted, .. }) = self.close(id) {
+            submitted.fail(error);
+        }
     }
 
-    pub(super) fn reply(&mut self, id: JobId, result: Result<Vec<Output>, JobError>) {
+    /// Forgets a job that is over.
+    fn close(&mut self, id: JobId) -> Option<Job> {
         self.given.retain(|_, given| given.job != id);
-        if let Some(job) = self.jobs.remove(&id) {
-            // Whoever waited may have stopped waiting.
-            let _ = job.reply.send(result);
-        }
+        self.jobs.remove(&id)
     }
 
     /// Names and addresses of processes.
@@ -220,14 +185,11 @@ impl Service {
         tell: impl FnOnce(&TrainingJob),
     ) {
         let job = self.table.leased(worker, lease).and_then(|id| self.jobs.get(&id));
-        if let Some(Job {
-            work: Work::Training(job),
-            job_progress,
-            ..
-        }) = job
+        if let Some(job) = job
+            && let Some(training) = job.training()
         {
-            tell(job);
-            job_progress.set_trouble(None);
+            tell(training);
+            job.job_progress.set_trouble(None);
             self.table.get_on(lease);
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{CampaignError, context::StageContext, run_handle::RunHandle};
 use crate::blocking::blocking;
+use backon::{BackoffBuilder as _, ExponentialBuilder};
 use murmuration_store::Store;
 use std::{sync::Arc, time::Duration};
 
@@ -19,7 +20,11 @@ impl StageContext {
         change: impl Fn(&Store) -> Result<T, E> + Send + Sync + 'static,
     ) -> Result<Option<T>, CampaignError> {
         let change = Arc::new(change);
-        let mut pause = FIRST_PAUSE;
+        let pauses = ExponentialBuilder::default()
+            .with_min_delay(FIRST_PAUSE)
+            .with_max_delay(LAST_PAUSE)
+            .without_max_times();
+        let mut pauses = pauses.build();
         loop {
             let (store, once) = (self.store.clone(), change.clone());
             let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
@@ -34,9 +39,8 @@ impl StageContext {
             handle.waiting(Some(error));
             tokio::select! {
                 () = handle.stopped() => return Ok(None),
-                () = tokio::time::sleep(pause) => {}
+                () = tokio::time::sleep(pauses.next().unwrap_or(LAST_PAUSE)) => {}
             }
-            pause = LAST_PAUSE.min(pause * 2);
         }
     }
 }

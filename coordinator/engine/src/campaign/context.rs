@@ -3,7 +3,7 @@
 use super::{CampaignError, metrics::CampaignMetrics};
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::{Dispatch, Trainers};
-use murmuration_model::{CampaignId, CampaignRecord, Embedder, RunId};
+use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
 use murmuration_proto::ImageFormat;
 use murmuration_store::{Store, checkpoints::Checkpoints};
 
@@ -29,8 +29,11 @@ impl StageContext {
     }
 
     /// What embeds a campaign's individuals, if anything.
-    pub(super) async fn embedder(&self, record: &CampaignRecord) -> Result<Option<Embedder>, CampaignError> {
-        Ok(match record.checkpoint {
+    pub(super) async fn embedder(
+        &self,
+        record: &CampaignRecord,
+    ) -> Result<Option<EmbedderRef>, CampaignError> {
+        Ok(match record.embedder.checkpoint() {
             Some(checkpoint) => Some(self.checkpoints.embedder(checkpoint, record.spec.image()).await?),
             None => None,
         })

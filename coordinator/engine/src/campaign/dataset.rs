@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::CampaignRecord;
-use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, Stream};
+use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Purpose, RandomStream};
 use murmuration_search::breeding::{self, ProposeError};
 use murmuration_store::Store;
 use std::ops::Range;
@@ -47,7 +47,7 @@ pub(super) async fn collect(
         let (pictures, provenance) = done.into_pictures(|place, reason| {
             let picture = chunk.start * starts + place as u64;
             format!(
-                "picture {picture} of the dataset was set aside, another controller took its place: {reason}"
+                "the task of picture {picture} of the dataset was poisoned, and another controller took its place: {reason}"
             )
         });
         let count = pictures.len() as u64;
@@ -71,10 +71,10 @@ pub fn tasks(
     let starts = u64::from(dataset.starts());
     let mut tasks = Vec::new();
     for index in controllers {
-        let mut stream = Stream::derive(spec.seed(), Purpose::Dataset, index);
+        let mut stream = RandomStream::derive(spec.seed(), Purpose::Dataset, index);
         let controller = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
         for place in index * starts..(index + 1) * starts {
-            let seed = Stream::derive(spec.seed(), Purpose::DatasetStart, place).bits();
+            let seed = RandomStream::derive(spec.seed(), Purpose::DatasetStart, place).bits();
             tasks.push((controller, seed));
         }
     }
@@ -92,7 +92,7 @@ fn substitutes(
     let starts = u64::from(dataset.starts());
     let controller = place / starts;
     let index = (first + controller) << 8 | attempt;
-    let mut stream = Stream::derive(spec.seed(), Purpose::DatasetSubstitute, index);
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::DatasetSubstitute, index);
     let substitute = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
     let places = controller * starts..(controller + 1) * starts;
     Ok(places

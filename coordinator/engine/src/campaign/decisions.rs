@@ -3,7 +3,7 @@
 
 use super::{
     CampaignError, CampaignStatus, Campaigns,
-    preconditions::{check_lesson, check_simulator},
+    preconditions::{check_classes, check_simulator},
     registry::Deciding,
 };
 use crate::blocking::blocking;
@@ -66,12 +66,12 @@ impl Campaigns {
     /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
     pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.movable(id, Change::Refine).await?;
-        if record.checkpoint.is_none() {
+        if record.embedder.checkpoint().is_none() {
             return Err(CampaignError::NoEmbedder(record.id));
         }
         let (store, labelled) = (self.context.store.clone(), record.id.clone());
         let labels = blocking(move || store.labels(&labelled)).await??;
-        check_lesson(&record.id, &labels)?;
+        check_classes(&record.id, &labels)?;
         self.decide(record.id, Decision::Refine(labels.entries())).await
     }
 

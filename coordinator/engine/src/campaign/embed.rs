@@ -8,11 +8,11 @@ use super::{
 };
 use crate::blocking::blocking;
 use murmuration_dispatch::EmbeddingJob;
-use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_proto::CampaignSpec;
 use murmuration_search::{
     interrupt::Interrupt,
-    novelty::{self, Behaviours},
+    novelty::{Behaviours, Index},
 };
 use murmuration_store::{GenerationRecord, Provenance, Store, Switch};
 
@@ -29,8 +29,12 @@ pub(super) async fn embed(
         id,
         spec,
         weight,
-        next_checkpoint: Some(checkpoint),
-        mut embedded,
+        embedder:
+            ArchiveEmbedder::Switching {
+                to: checkpoint,
+                mut embedded,
+                ..
+            },
         ..
     } = record
     else {
@@ -92,23 +96,24 @@ fn measure(
     interrupt: &Interrupt,
 ) -> Result<Switch, CampaignError> {
     let embeddings = store.next_embeddings(id)?;
-    let features = store.individuals(id, spec.model(), 0..embeddings.len() as u64, false)?;
     let method = spec.method();
     let mut behaviours = Behaviours::new(super::search::dimensions(method, Some(dimensions)));
+    let mut index = Index::new();
     let mut measured = Switch {
         novelty: Vec::new(),
         generations: Vec::new(),
     };
     let population = spec.search().population() as usize;
     let generations = store.generations(id)?;
-    let individuals: Vec<_> = features.iter().zip(&embeddings).collect();
-    for (generation, record) in individuals.chunks(population).zip(generations) {
+    for (generation, record) in embeddings.chunks(population).zip(generations) {
         let first = behaviours.len();
-        for (individual, embedding) in generation {
+        let range = first as u64..(first + generation.len()) as u64;
+        let individuals = store.individuals(id, spec.model(), range, false)?;
+        for (individual, embedding) in individuals.iter().zip(generation) {
             behaviours.push(&method.behaviour(&individual.features, embedding))?;
         }
         let neighbours = spec.search().neighbours() as usize;
-        let novelty = novelty::novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;
+        let novelty = index.novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;
         measured
             .generations
             .push(GenerationRecord::of(record.generation, &novelty, record.filtered));

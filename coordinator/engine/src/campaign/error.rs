@@ -3,7 +3,7 @@
 use crate::{blocking::Broken, queries::QueryError, space::SpaceError, synthetic::AnnotatorError};
 use murmuration_dispatch::JobError;
 use murmuration_model::{CampaignId, NotAllowed};
-use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION};
+use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION, counted};
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
 use murmuration_store::{DecisionError, LabelError, StoreError, checkpoints::CheckpointError};
 
@@ -23,9 +23,7 @@ pub enum CampaignError {
     #[error("{0}")]
     Checkpoint(#[from] CheckpointError),
     /// It has no embedding that another checkpoint could make.
-    #[error(
-        "campaign {id} searches with the method \"{method}\", which has no embedding: no checkpoint suits it"
-    )]
+    #[error("campaign {id} has no embedder to replace or to fine-tune: its method is \"{method}\"")]
     NoEmbedding {
         /// The campaign.
         id: CampaignId,
@@ -33,12 +31,12 @@ pub enum CampaignError {
         method: Method,
     },
     /// It has no embedder yet that could be fine-tuned.
-    #[error("campaign {0} has no embedder yet: it can learn from labels once its first one is trained")]
+    #[error("campaign {0} has no embedder to fine-tune yet: wait until its first training is done")]
     NoEmbedder(CampaignId),
     /// Its labels leave nothing to tell apart.
     #[error(
-        "the labels of campaign {id} name {classes} of the at least 2 classes that it takes to learn from them: \
-         label more individuals"
+        "the labels of campaign {id} name {}, and learning takes at least 2 classes: label more individuals",
+        counted(*classes as u64, "class")
     )]
     TooFewClasses {
         /// The campaign.
@@ -48,8 +46,8 @@ pub enum CampaignError {
     },
     /// Its checkpoint does not say how to go on training it.
     #[error(
-        "checkpoint {checkpoint} cannot be fine-tuned, its configuration is not a trainer's ({reason}): \
-         `murmuration adopt` one that was trained here"
+        "checkpoint {checkpoint} cannot be fine-tuned, because its training configuration cannot be read ({reason}): move \
+         the campaign to a checkpoint that Murmuration trained (`murmuration adopt`)"
     )]
     Untrainable {
         /// The checkpoint.
@@ -71,8 +69,9 @@ pub enum CampaignError {
     Misfit(#[from] Misfit),
     /// It has gone on from something that a worker got wrong, with the help of people.
     #[error(
-        "{wrong} of campaign {id}, which was worker {workers}'s, is wrong, and cannot be made anew: labels or another \
-         embedder came after it; submit the campaign again (`murmuration labels {id}` exports what was said)"
+        "{wrong} of campaign {id}, computed by worker {workers}, is wrong and cannot be computed again, because labels or \
+         another embedder came after it: save the labels (`murmuration labels {id} --csv FILE`), and submit the campaign \
+         again"
     )]
     Tainted {
         /// The campaign.
@@ -84,8 +83,8 @@ pub enum CampaignError {
     },
     /// Its archive comes from another simulator, whose evaluations differ.
     #[error(
-        "campaign {id} was begun with simulator version {theirs}, this is version {}: its archive would mix both; \
-         run it with that version, or start a new campaign",
+        "campaign {id} was started with simulator version {theirs}, and this is version {}, whose evaluations differ: use \
+         the program of that version, or start a new campaign",
         SIMULATOR_VERSION
     )]
     OtherSimulator {
@@ -98,9 +97,7 @@ pub enum CampaignError {
     #[error("{0}")]
     Interrupted(#[from] Interrupted),
     /// A bug: the search itself broke off.
-    #[error(
-        "the search broke off unexpectedly; the log says where (this is a bug, nothing committed is lost)"
-    )]
+    #[error("the search stopped because of a bug, which the log describes; committed data is safe")]
     Broken,
 }
 

@@ -1,7 +1,7 @@
-//! Evaluations by the workers, with something in the place of what had to be set aside.
+//! Evaluations by the workers, with something in the place of poisoned tasks.
 
 use super::{CampaignError, run_handle::RunHandle};
-use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, SetAside};
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, PoisonedTask};
 use murmuration_model::Maker;
 use murmuration_proto::{Controller, Evaluation};
 use murmuration_search::breeding::ProposeError;
@@ -14,32 +14,29 @@ const MOST_ATTEMPTS: u64 = 5;
 /// What a job came to.
 #[derive(Debug)]
 pub(super) struct Done {
-    /// What was evaluated: the tasks of the job, but for those that had to be set aside.
+    /// What was evaluated: the tasks of the job, except the poisoned ones.
     pub(super) tasks: Vec<(Controller, u64)>,
     /// One a task.
     pub(super) evaluations: Vec<Evaluation>,
     /// Who made each.
     pub(super) makers: Vec<Maker>,
-    /// The places that were set aside, and why.
-    pub(super) set_aside: Vec<(usize, SetAside)>,
+    /// The places of poisoned tasks, and why they are.
+    pub(super) poisoned: Vec<(usize, PoisonedTask)>,
 }
 
 impl Done {
-    /// Every evaluation's picture, and where they come from; `notice` says what there is to say of a place that was set
-    /// aside.
+    /// Every evaluation's picture, and where they come from; `notice` says what there is to say of the place of a poisoned
+    /// task.
     pub(super) fn into_pictures(
         self,
-        notice: impl Fn(usize, &SetAside) -> String,
+        notice: impl Fn(usize, &PoisonedTask) -> String,
     ) -> (Vec<Picture>, Provenance) {
         let picture = |((controller, seed), evaluation): ((Controller, u64), Evaluation)| Picture {
             controller,
             seed,
             image: evaluation.into_image(),
         };
-        let notices = self
-            .set_aside
-            .iter()
-            .map(|(place, reason)| notice(*place, reason));
+        let notices = self.poisoned.iter().map(|(place, reason)| notice(*place, reason));
         let provenance = Provenance {
             notices: notices.collect(),
             makers: self.makers,
@@ -52,7 +49,7 @@ impl Done {
 /// A task and its place in a job.
 pub(super) type Placed = (usize, (Controller, u64));
 
-/// Has the workers do `job`. Where a task had to be set aside, `substitute` says which tasks take its place (and those
+/// Has the workers do `job`. Where a task is poisoned, `substitute` says which tasks take its place (and those
 /// of its neighbours, where they belong together) at an attempt, counted from 1. `None` if the campaign is to stop.
 pub(super) async fn evaluate(
     dispatch: &Dispatch,
@@ -62,7 +59,7 @@ pub(super) async fn evaluate(
 ) -> Result<Option<Done>, CampaignError> {
     let mut tasks = job.tasks.clone();
     let mut results: Vec<Option<(Evaluation, Maker)>> = vec![None; tasks.len()];
-    let mut set_aside = Vec::new();
+    let mut poisoned = Vec::new();
     let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
     for attempt in 1.. {
         let job = EvaluationJob {
@@ -80,11 +77,11 @@ pub(super) async fn evaluate(
         for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
             match evaluated {
                 Evaluated::Done { evaluation, maker } => results[place] = Some((evaluation, maker)),
-                Evaluated::SetAside(reason) if attempt == MOST_ATTEMPTS => {
-                    return Err(JobError::SetAside(reason).into());
+                Evaluated::Poisoned(reason) if attempt == MOST_ATTEMPTS => {
+                    return Err(JobError::Poisoned(reason).into());
                 }
-                Evaluated::SetAside(reason) => {
-                    set_aside.push((place, reason));
+                Evaluated::Poisoned(reason) => {
+                    poisoned.push((place, reason));
                     substitutes.extend(substitute(place, attempt)?);
                 }
             }
@@ -103,6 +100,6 @@ pub(super) async fn evaluate(
         tasks,
         evaluations,
         makers,
-        set_aside,
+        poisoned,
     }))
 }

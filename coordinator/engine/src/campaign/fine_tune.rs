@@ -9,13 +9,13 @@ use super::{
     train::train,
 };
 use crate::blocking::blocking;
-use murmuration_dispatch::{EvaluationJob, Lesson};
-use murmuration_model::CampaignRecord;
+use murmuration_dispatch::{EvaluationJob, FineTuningParams};
+use murmuration_model::{CampaignRecord, NextTraining};
 use murmuration_proto::{
     CheckpointDigest, Feedback,
     training::{Configuration, ConfigurationError},
 };
-use murmuration_store::{FurtherStart, LessonPictures, Store};
+use murmuration_store::{FurtherStart, RoundPictures, Store};
 
 /// Pictures from further starts that are simulated and committed together.
 const CHUNK: usize = 1000;
@@ -26,21 +26,21 @@ pub(super) async fn fine_tune(
     record: CampaignRecord,
     handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
-    let (Some(parent), Some(entries), Some(feedback)) =
-        (record.checkpoint, record.lesson, record.spec.feedback())
+    let (Some(NextTraining::FineTuning { parent, cutoff }), Some(feedback)) =
+        (NextTraining::of(&record), record.spec.feedback())
     else {
         return Ok(Outcome::Done);
     };
-    if further_starts(context, &record, entries, handle).await? == Outcome::Stopped {
+    if further_starts(context, &record, cutoff, handle).await? == Outcome::Stopped {
         return Ok(Outcome::Stopped);
     }
-    let pictures = read(context, &record, entries).await?;
-    let lesson = Lesson {
+    let pictures = read(context, &record, cutoff).await?;
+    let fine_tuning = FineTuningParams {
         parent,
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
     };
-    let training = (configuration(context, parent, feedback).await?, Some(lesson));
+    let training = (configuration(context, parent, feedback).await?, Some(fine_tuning));
     let Some(checkpoint) = train(context, &record, training, handle).await? else {
         return Ok(Outcome::Stopped);
     };
@@ -51,10 +51,10 @@ pub(super) async fn fine_tune(
 async fn read(
     context: &StageContext,
     record: &CampaignRecord,
-    entries: u64,
-) -> Result<LessonPictures, CampaignError> {
+    cutoff: u64,
+) -> Result<RoundPictures, CampaignError> {
     let (store, record) = (context.store.clone(), record.clone());
-    Ok(blocking(move || store.lesson_pictures(&record, entries)).await??)
+    Ok(blocking(move || store.round_pictures(&record, cutoff)).await??)
 }
 
 /// Has the workers simulate what labelled controllers do from further starts, as far as that is not on disk yet: a class is
@@ -62,10 +62,10 @@ async fn read(
 async fn further_starts(
     context: &StageContext,
     record: &CampaignRecord,
-    entries: u64,
+    cutoff: u64,
     handle: &mut RunHandle,
 ) -> Result<Outcome, CampaignError> {
-    let missing = read(context, record, entries).await?.missing;
+    let missing = read(context, record, cutoff).await?.missing;
     let mut place = record.pictures_done;
     for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
         let tasks = starts
@@ -84,7 +84,9 @@ async fn further_starts(
             return Ok(Outcome::Stopped);
         };
         let (pictures, provenance) = done.into_pictures(|_, reason| {
-            format!("a start of labelled individuals was set aside, that which was labelled took its place: {reason}")
+            format!(
+                "the task of a further start was poisoned, and the labelled start took its place: {reason}"
+            )
         });
         let (id, count) = (record.id.clone(), pictures.len() as u64);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);

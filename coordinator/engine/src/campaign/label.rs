@@ -29,7 +29,7 @@ pub(super) async fn label(
         return Ok(Outcome::Stopped);
     };
     let answers = answers?;
-    let request = RequestId::of_round(record.rounds_done + 1);
+    let request = RequestId::of_round(record.rounds.done + 1);
     let id = record.id.clone();
     let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
     if context.commit(handle, answer).await?.is_none() {
@@ -38,7 +38,7 @@ pub(super) async fn label(
     let store = context.store.clone();
     blocking(move || {
         let labels = store.labels(&record.id)?;
-        super::preconditions::check_lesson(&record.id, &labels)
+        super::preconditions::check_classes(&record.id, &labels)
     })
     .await??;
     Ok(Outcome::Done)

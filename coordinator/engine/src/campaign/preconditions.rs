@@ -17,8 +17,12 @@ pub(super) fn check_simulator(record: &CampaignRecord) -> Result<(), CampaignErr
 }
 
 /// Whether there is something to learn from labels.
-pub(super) fn check_lesson(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
-    let classes: BTreeSet<u32> = labels.lesson().into_iter().map(|(_, class)| class).collect();
+pub(super) fn check_classes(id: &CampaignId, labels: &Labels) -> Result<(), CampaignError> {
+    let classes: BTreeSet<u32> = labels
+        .numbered_classes()
+        .into_iter()
+        .map(|(_, class)| class)
+        .collect();
     match classes.len() {
         2.. => Ok(()),
         classes => Err(CampaignError::TooFewClasses {

@@ -1,7 +1,7 @@
-//! When a machine is found wrong, what rests on its word alone is done again by others; what differs is taken back, with
+//! When a machine is found wrong, what rests on its word alone is done again by others; what differs is rolled back, with
 //! all that came of it. What counts as different is what audits go by.
 //!
-//! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be taken back without what
+//! Limits: what a campaign has learned from labels, or moved to another embedder with, cannot be rolled back without what
 //! people said. Such a campaign fails aloud.
 
 use super::{
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::blocking::blocking;
 use murmuration_dispatch::{EmbeddingJob, EvaluationJob};
-use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord};
 use murmuration_proto::{Controller, EmbedderSource, counted, embeddings_agree};
 use murmuration_store::{ArchivedIndividual, Store, StoreError, Suspect, Suspects};
 
@@ -27,15 +27,15 @@ enum Wrong {
     Embedding(u64),
 }
 
-/// What is taken back, and done again by itself.
+/// What is rolled back, and done again by itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Remedy {
+enum Rollback {
     /// All but so many pictures.
-    BeginAgain { pictures: u64 },
+    Dataset { pictures: u64 },
     /// The generations from this one on.
-    TakeBack { generation: u32 },
+    Generations { generation: u32 },
     /// The embeddings, and what came after so many individuals were embedded.
-    EmbedAgain { kept: u64 },
+    Embeddings { kept: u64 },
 }
 
 /// Does again what rests on the word of machines that were found wrong.
@@ -51,7 +51,7 @@ pub(super) async fn reverify(
         .map(|machine| machine.name.as_str())
         .collect();
     let begins = format!(
-        "worker {} returned wrong results and is quarantined; what it alone had done here was done again",
+        "worker {} returned wrong results and is quarantined; results that it alone had computed were computed again",
         names.join(", ")
     );
     tracing::warn!(campaign = %record.id, results = suspects.len(), "{begins}");
@@ -61,14 +61,14 @@ pub(super) async fn reverify(
     let id = record.id.clone();
     let Some(wrong) = wrong else {
         let results = counted(suspects.len() as u64, "result");
-        let said = format!("{begins}: of {results} none was wrong");
+        let said = format!("{begins}: none of {results} was wrong");
         let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
         return Ok(Outcome::of(context.commit(handle, confirm).await?));
     };
-    let remedy = remedy(context, record, wrong, names.join(", ")).await?;
-    let said = format!("{begins}: {}", remedy.because_of(wrong));
+    let rollback = rollback(context, record, wrong, names.join(", ")).await?;
+    let said = format!("{begins}: {}", rollback.because_of(wrong));
     tracing::warn!(campaign = %record.id, "{said}");
-    let apply = move |store: &Store| remedy.apply(store, &id, &said);
+    let apply = move |store: &Store| rollback.apply(store, &id, &said);
     Ok(Outcome::of(context.commit(handle, apply).await?))
 }
 
@@ -160,7 +160,7 @@ async fn wrong_embedding(
     handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     // Those of a move that has not ended are made anew, whoever made them.
-    let (Some(checkpoint), None) = (record.checkpoint, record.next_checkpoint) else {
+    let ArchiveEmbedder::Checkpoint(checkpoint) = record.embedder else {
         return Ok(Some(
             suspects.first().map(|suspect| Wrong::Embedding(suspect.place)),
         ));
@@ -219,7 +219,7 @@ async fn read_all<T: Send + 'static>(
 
 /// How many individuals an archive had when it moved to the embedder that it has; 0 while it moves to another.
 async fn moved(context: &StageContext, record: &CampaignRecord) -> Result<u64, CampaignError> {
-    if record.next_checkpoint.is_some() {
+    if record.embedder.next().is_some() {
         return Ok(0);
     }
     let (store, id) = (context.store.clone(), record.id.clone());
@@ -237,63 +237,63 @@ async fn evaluated_again(
     evaluate(&context.dispatch, handle, job, same).await
 }
 
-/// What is to be taken back because of something wrong.
-async fn remedy(
+/// What is to be rolled back because of something wrong.
+async fn rollback(
     context: &StageContext,
     record: &CampaignRecord,
     wrong: Wrong,
     workers: String,
-) -> Result<Remedy, CampaignError> {
+) -> Result<Rollback, CampaignError> {
     let (store, id) = (context.store.clone(), record.id.clone());
     let read = move || Ok::<_, StoreError>((store.label_entries(&id)?, store.embedded_when_moved(&id)?));
     let (labels, moved) = blocking(read).await??;
-    Remedy::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
+    Rollback::of(record, wrong, labels, moved).ok_or_else(|| CampaignError::Tainted {
         id: record.id.clone(),
         wrong: wrong.to_string(),
         workers,
     })
 }
 
-impl Remedy {
+impl Rollback {
     /// That of something wrong in a campaign whose log has so many entries, and whose archive had so many individuals when
     /// it `moved` to its embedder; `None` if there is none.
     fn of(record: &CampaignRecord, wrong: Wrong, labels: u64, moved: u64) -> Option<Self> {
-        let moves = record.checkpoint.is_some() && record.next_checkpoint.is_some();
+        let moves = matches!(record.embedder, ArchiveEmbedder::Switching { from: Some(_), .. });
         let starts = match record.spec.embedder() {
             Some(EmbedderSource::Trained { dataset, .. }) => u64::from(dataset.starts()),
             Some(EmbedderSource::Published(_)) | None => 1,
         };
         match wrong {
-            _ if record.lesson.is_some() => None,
-            Wrong::Picture(place) if labels == 0 && record.rounds_done == 0 && moved == 0 => {
+            _ if record.rounds.current_cutoff.is_some() => None,
+            Wrong::Picture(place) if labels == 0 && record.rounds.done == 0 && moved == 0 => {
                 let pictures = place - place % starts;
-                Some(Self::BeginAgain { pictures })
+                Some(Self::Dataset { pictures })
             }
             Wrong::Individual { index, generation } if index >= moved && !moves => {
-                Some(Self::TakeBack { generation })
+                Some(Self::Generations { generation })
             }
-            Wrong::Embedding(_) => Some(Self::EmbedAgain { kept: moved }),
+            Wrong::Embedding(_) => Some(Self::Embeddings { kept: moved }),
             Wrong::Picture(_) | Wrong::Individual { .. } => None,
         }
     }
 
     fn apply(self, store: &Store, id: &CampaignId, why: &str) -> Result<(), StoreError> {
         match self {
-            Self::BeginAgain { pictures } => store.begin_again(id, pictures, why),
-            Self::TakeBack { generation } => store.take_back(id, generation, why),
-            Self::EmbedAgain { kept } => store.embed_again(id, kept, why),
+            Self::Dataset { pictures } => store.roll_back_dataset(id, pictures, why),
+            Self::Generations { generation } => store.roll_back_generations(id, generation, why),
+            Self::Embeddings { kept } => store.roll_back_embeddings(id, kept, why),
         }
     }
 
     fn because_of(self, wrong: Wrong) -> String {
         match self {
-            Self::BeginAgain { .. } => {
-                format!("{wrong} differs, the dataset from there on and the embedder are made anew")
+            Self::Dataset { .. } => {
+                format!("{wrong} differs; the dataset from there on and the embedder are computed again")
             }
-            Self::TakeBack { generation } => {
-                format!("{wrong} differs, the generations from {generation} on are evaluated anew")
+            Self::Generations { generation } => {
+                format!("{wrong} differs; the generations from {generation} on are evaluated again")
             }
-            Self::EmbedAgain { .. } => format!("{wrong} differs, the archive is embedded anew"),
+            Self::Embeddings { .. } => format!("{wrong} differs; the archive is embedded again"),
         }
     }
 }

@@ -16,7 +16,7 @@ pub(super) const COUNTING_INTERVAL: Duration = Duration::from_millis(100);
 const RATE_SPAN: Duration = Duration::from_secs(5);
 
 /// How long nobody may be there to do what is to be done before it is said: whoever was restarted is back by then.
-const PATIENCE: Duration = Duration::from_secs(2);
+const ABSENCE_LIMIT: Duration = Duration::from_secs(2);
 
 /// Whether anybody is there to do a campaign's work.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ impl Hands {
             return None;
         }
         let since = *self.since.get_or_insert(now);
-        (now - since >= PATIENCE).then(|| self.missing.to_owned())
+        (now - since >= ABSENCE_LIMIT).then(|| self.missing.to_owned())
     }
 }
 

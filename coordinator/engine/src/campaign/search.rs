@@ -9,13 +9,13 @@ use super::{
 };
 use crate::{blocking::blocking, taxonomy};
 use murmuration_dispatch::EvaluationJob;
-use murmuration_model::{CampaignRecord, Embedder};
-use murmuration_proto::{Method, Purpose, Stream};
+use murmuration_model::{CampaignRecord, EmbedderRef};
+use murmuration_proto::{Method, Purpose, RandomStream};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
-    novelty::{self, Behaviours},
+    novelty::{Behaviours, Index},
 };
 use murmuration_store::{
     ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError,
@@ -39,8 +39,10 @@ struct Search {
     /// Ends what it computes.
     interrupt: Interrupt,
     campaign: Arc<CampaignRecord>,
-    embedder: Option<Embedder>,
+    embedder: Option<EmbedderRef>,
     behaviours: Behaviours,
+    /// Where they are near each other; kept from generation to generation.
+    index: Index,
     /// The last generation; empty before the first.
     parents: Vec<Parent>,
     next_generation: u32,
@@ -135,6 +137,7 @@ async fn restore(
     let embedder = context.embedder(&record).await?;
     let search = Search {
         behaviours: Behaviours::new(dimensions(method, embedder.map(|embedder| embedder.dimensions))),
+        index: Index::new(),
         parents: Vec::new(),
         next_generation: record.generations_done,
         store: context.store.clone(),
@@ -194,15 +197,15 @@ impl Search {
         let first = self.behaviours.len() as u64;
         let population = u64::from(self.campaign.spec.search().population());
         (first..first + population)
-            .map(|index| Stream::derive(self.campaign.spec.seed(), Purpose::Start, index).bits())
+            .map(|index| RandomStream::derive(self.campaign.spec.seed(), Purpose::Start, index).bits())
             .collect()
     }
 
-    /// What takes the place of an individual of the generation to come that had to be set aside: another sample of the
+    /// What takes the place of an individual of the generation to come whose task is poisoned: another sample of the
     /// space, from another start.
     fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
         let index = (self.behaviours.len() + place) as u64;
-        let mut stream = Stream::derive(
+        let mut stream = RandomStream::derive(
             self.campaign.spec.seed(),
             Purpose::Substitute,
             index << 8 | attempt,
@@ -225,17 +228,19 @@ impl Search {
         }
         let neighbours = self.campaign.spec.search().neighbours() as usize;
         let all = first..self.behaviours.len();
-        let novelty = novelty::novelty(&self.behaviours, all, neighbours, &self.interrupt)?;
+        let novelty = self
+            .index
+            .novelty(&self.behaviours, all, neighbours, &self.interrupt)?;
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
             format!(
-                "individual {} was set aside, another took its place: {reason}",
+                "the task of individual {} was poisoned, and another took its place: {reason}",
                 first + place
             )
         };
         let provenance = Provenance {
             makers: done.makers,
-            notices: done.set_aside.iter().map(notice).collect(),
+            notices: done.poisoned.iter().map(notice).collect(),
         };
         let individuals: Vec<_> = (first as u64..)
             .zip(&done.tasks)
@@ -268,8 +273,18 @@ impl Search {
     /// Clusters the archive, and measures the clusters.
     fn taxonomy(&self) -> Result<(Clustering, Vec<ClusterMeasures>), Interrupted> {
         let (spec, interrupt) = (&self.campaign.spec, &self.interrupt);
-        let mut stream = Stream::derive(spec.seed(), Purpose::Medoids, 0);
-        let clustering = medoids::cluster(&self.behaviours, spec.medoids() as usize, &mut stream, interrupt)?;
+        let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
+        let told = |progress: medoids::Progress| {
+            tracing::debug!(campaign = %self.campaign.id, ?progress, "the archive is being clustered");
+        };
+        let clustering = medoids::cluster_by(
+            medoids::Algorithm::for_size(self.behaviours.len()),
+            &self.behaviours,
+            spec.medoids() as usize,
+            &mut stream,
+            interrupt,
+            &told,
+        )?;
         let neighbours = spec.search().neighbours() as usize;
         let measures = taxonomy::measure(&self.behaviours, &clustering, neighbours, interrupt)?;
         Ok((clustering, measures))

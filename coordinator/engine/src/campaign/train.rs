@@ -6,7 +6,7 @@ use super::{
     run_handle::{COUNTING_INTERVAL, Hands, RunHandle, held_up_by},
 };
 use crate::blocking::blocking;
-use murmuration_dispatch::{JobProgress, Lesson, TrainingJob};
+use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use murmuration_store::{Store, StoreError};
@@ -17,7 +17,7 @@ use tokio::sync::watch;
 pub(super) async fn train(
     context: &StageContext,
     record: &CampaignRecord,
-    (configuration, lesson): (Configuration, Option<Lesson>),
+    (configuration, fine_tuning): (Configuration, Option<FineTuningParams>),
     handle: &mut RunHandle,
 ) -> Result<Option<CheckpointDigest>, CampaignError> {
     let (progress, mut reports) = watch::channel(None);
@@ -28,7 +28,7 @@ pub(super) async fn train(
         configuration,
         side: record.spec.image().resolution(),
         pictures: TrainingPictures::of(record),
-        lesson,
+        fine_tuning,
         progress,
         saved,
     };

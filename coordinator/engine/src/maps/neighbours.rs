@@ -72,12 +72,7 @@ pub(super) fn embed(
         };
         map.embedding()
     };
-    // The search goes first: a picture may take half the machine.
-    let threads = rayon::current_num_threads().div_ceil(2);
-    let place = || match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
-        Ok(pool) => pool.install(place),
-        Err(_) => place(),
-    };
+    let place = || in_background(place);
     let placed = catch_unwind(AssertUnwindSafe(place)).map_err(|reason| match reason.downcast() {
         Ok(interrupted) => *interrupted,
         Err(panic) => resume_unwind(panic),
@@ -93,6 +88,15 @@ pub(super) fn embed(
         true => points,
         false => axes.to_vec(),
     })
+}
+
+/// Computes on half of the machine: the search goes first, before what is only to be looked at.
+pub(super) fn in_background<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
+    let threads = rayon::current_num_threads().div_ceil(2);
+    match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(compute),
+        Err(_) => compute(),
+    }
 }
 
 /// Unwinds to [`embed`] once `interrupt` is raised: what is called after every step cannot tell the crate to stop.

@@ -2,7 +2,7 @@
 
 use super::*;
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Purpose, Stream};
+use murmuration_proto::{CampaignSpec, Purpose, RandomStream};
 use murmuration_search::{interrupt::Interrupted, novelty::Behaviours};
 use murmuration_store::{
     ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, kept::ENTRY_BYTES,
@@ -10,7 +10,7 @@ use murmuration_store::{
 
 /// Two clumps of behaviours far from each other, half of `count` in each.
 fn clumps(count: usize) -> Behaviours {
-    let mut stream = Stream::derive(7, Purpose::Propose, 0);
+    let mut stream = RandomStream::derive(7, Purpose::Propose, 0);
     let mut behaviours = Behaviours::new(5);
     for i in 0..count {
         let centre = if i % 2 == 0 { 0.0 } else { 10.0 };
@@ -41,6 +41,32 @@ fn neighbours_stay_neighbours() {
             assert_eq!(nearest.unwrap() % 2, i % 2, "{i} of {count}");
         }
     }
+}
+
+#[test]
+fn what_is_no_landmark_lies_among_its_like() {
+    let behaviours = clumps(700);
+    let interrupt = Interrupt::default();
+    let axes = projection::principal_axes(&behaviours, &interrupt)
+        .unwrap()
+        .points;
+    let points = landmarks::embed_by(301, &behaviours, &axes, &interrupt).unwrap();
+    let centre = |clump: usize| {
+        let members = points.iter().skip(clump).step_by(2);
+        members.fold([0.0; 2], |sum, point| {
+            [sum[0] + point[0] / 350.0, sum[1] + point[1] / 350.0]
+        })
+    };
+    let centres = [centre(0), centre(1)];
+    for (i, &point) in points.iter().enumerate() {
+        let [own, other] = [i % 2, (i + 1) % 2].map(|clump| distance(point, centres[clump]));
+        assert!(own < other, "{i} lies at {point:?}, the clumps at {centres:?}");
+    }
+    interrupt.raise();
+    assert_eq!(
+        landmarks::embed_by(301, &behaviours, &axes, &interrupt),
+        Err(Interrupted)
+    );
 }
 
 #[test]
@@ -104,7 +130,7 @@ fn paused(store: &Store, seed: u64) -> CampaignRecord {
     let id = store
         .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 7)
         .unwrap();
-    let mut stream = Stream::derive(seed, Purpose::Propose, 0);
+    let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
     let individual = |index: u64| ArchivedIndividual {
         features: std::array::from_fn(|_| 10.0 * (index % 2) as f64 + stream.unit()),
         ..crate::still::still(index, 0)

@@ -2,7 +2,7 @@
 
 use crate::space::{Space, SpaceError, Spaces};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{Purpose, RandomStream};
 use murmuration_search::{
     interrupt::Interrupt,
     medoids::{self, Clustering},
@@ -47,7 +47,7 @@ impl Clustered {
             },
             _ => {
                 let count = record.spec.medoids() as usize;
-                let mut stream = Stream::derive(record.spec.seed(), Purpose::Medoids, 0);
+                let mut stream = RandomStream::derive(record.spec.seed(), Purpose::Medoids, 0);
                 Self {
                     clustering: medoids::cluster(&space.behaviours, count, &mut stream, interrupt)?,
                     space,

@@ -11,11 +11,11 @@ use std::{
 };
 
 /// How long a query stays with a holder who does not ask for more.
-pub const PATIENCE: Duration = Duration::from_secs(5 * 60);
+pub(super) const QUERY_LEASE_TIME: Duration = Duration::from_secs(5 * 60);
 
 /// Who looks at a query: an annotator, and which of their windows, should they have several.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Holder {
+pub struct AnnotatorSession {
     /// Who is asked.
     pub annotator: Annotator,
     /// The window, as its page calls it; may be empty.
@@ -25,13 +25,13 @@ pub struct Holder {
 /// The queries of one campaign that are with somebody. `K` is the kind of question: whoever asks for another kind gives
 /// back what they have of the former.
 #[derive(Debug)]
-pub struct QueryLeases<K> {
-    by_index: BTreeMap<usize, Lease<K>>,
+pub(super) struct QueryLeases<K> {
+    by_index: BTreeMap<usize, QueryLease<K>>,
 }
 
 #[derive(Debug)]
-struct Lease<K> {
-    holder: Holder,
+struct QueryLease<K> {
+    holder: AnnotatorSession,
     kind: K,
     query: Query,
     /// Order of giving, so that a holder sees the oldest first.
@@ -49,7 +49,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
     }
 
     /// Has `holder` be asked `query` before whatever else they hold, unless it is with somebody else.
-    pub fn give_first(&mut self, holder: &Holder, kind: K, query: Query, now: Instant) {
+    pub fn give_first(&mut self, holder: &AnnotatorSession, kind: K, query: Query, now: Instant) {
         let other = self.by_index.get(&query.index);
         if other.is_some_and(|lease| lease.holder != *holder && lease.until > now) {
             return;
@@ -58,22 +58,22 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
         let turn = own.map(|lease| lease.turn).min().unwrap_or(0) - 1;
         self.by_index.insert(
             query.index,
-            Lease {
+            QueryLease {
                 holder: holder.clone(),
                 kind,
                 query,
                 turn,
-                until: now + PATIENCE,
+                until: now + QUERY_LEASE_TIME,
             },
         );
     }
 
     /// Has `holder` hold `count` queries of `kind` at time `now`, as far as there are any: those that they have and that
     /// are still open, oldest first, then the first of `ranking` that are open and with nobody. All are theirs for
-    /// another [`PATIENCE`]; whatever else they had is given back.
+    /// another `QUERY_LEASE_TIME`; whatever else they had is given back.
     pub fn top_up(
         &mut self,
-        holder: &Holder,
+        holder: &AnnotatorSession,
         kind: K,
         count: usize,
         ranking: &[Query],
@@ -94,12 +94,12 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
             if !self.by_index.contains_key(&query.index) && open(query.index) {
                 self.by_index.insert(
                     query.index,
-                    Lease {
+                    QueryLease {
                         holder: holder.clone(),
                         kind,
                         query: *query,
                         turn,
-                        until: now + PATIENCE,
+                        until: now + QUERY_LEASE_TIME,
                     },
                 );
                 own.push((turn, *query));
@@ -118,7 +118,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
     /// Forgets leases that are over, and renews those that stay with `holder`: these, oldest first.
     fn keep(
         &mut self,
-        holder: &Holder,
+        holder: &AnnotatorSession,
         kind: K,
         open: impl Fn(usize) -> bool,
         now: Instant,
@@ -130,7 +130,7 @@ impl<K: PartialEq + Copy> QueryLeases<K> {
             }
             let stays = lease.until > now && lease.kind == kind && open(*index);
             if stays {
-                lease.until = now + PATIENCE;
+                lease.until = now + QUERY_LEASE_TIME;
                 own.push((lease.turn, lease.query));
             }
             stays

@@ -1,6 +1,6 @@
 //! Queries as the messages that carry them.
 
-use super::{Asked, Holder, Query, QueryRequest};
+use super::{AnnotatorSession, Asked, Query, QueryRequest};
 use murmuration_proto::{Invalid, v1};
 
 /// Most queries that somebody holds at once.
@@ -26,7 +26,7 @@ impl TryFrom<v1::NextQueriesRequest> for QueryRequest {
             return Err(Invalid::new("again", message.again.len(), allowed));
         }
         Ok(Self {
-            holder: Holder {
+            holder: AnnotatorSession {
                 annotator: message.annotator.parse()?,
                 session: message.session,
             },

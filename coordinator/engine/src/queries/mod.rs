@@ -1,21 +1,21 @@
 //! What to ask people next: which behaviours, in which order, and with whom a question is.
 //!
 //! A *ranking* is an order of all behaviours of an archive, each with the reason for its place; it does not depend on who
-//! asks, nor on what was asked. [`QueryLeases`] gives the first of a ranking that are open to whoever asks, so that nobody
+//! asks, nor on what was asked. `QueryLeases` gives the first of a ranking that are open to whoever asks, so that nobody
 //! is asked what somebody else is looking at. [`Queries`] holds both for every campaign of a coordinator, and the clusters
 //! that contact sheets show.
 
 mod clusters;
-mod doubt;
 mod leases;
 mod messages;
 mod open;
 mod query;
 mod ranking;
+mod uncertainty;
 
 pub use clusters::Clustered;
-pub use leases::{Holder, PATIENCE, QueryLeases};
+pub use leases::AnnotatorSession;
 pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, QueryRequest};
 pub use query::{Query, Reason};
-pub use ranking::{by_doubt, by_lot};
+pub use ranking::{by_uncertainty, in_random_order};

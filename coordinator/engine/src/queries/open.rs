@@ -1,8 +1,9 @@
 //! The queries of a coordinator: rankings made once, and who holds what.
 
 use super::{
-    Holder, Query, QueryLeases, Reason,
+    AnnotatorSession, Query, Reason,
     clusters::{self, Clustered, Clusters},
+    leases::QueryLeases,
     ranking,
 };
 use crate::{
@@ -13,7 +14,7 @@ use murmuration_model::{
     ArchiveVersion, CampaignId, CampaignRecord,
     labels::{Annotator, Labels},
 };
-use murmuration_proto::{Purpose, Strategy, Stream};
+use murmuration_proto::{Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{Store, StoreError, kept::Kept};
 use std::{
@@ -29,7 +30,7 @@ const MOST_BYTES: usize = 64 << 20;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct QueryRequest {
     /// Who.
-    pub holder: Holder,
+    pub holder: AnnotatorSession,
     /// How it is chosen.
     pub strategy: Strategy,
     /// Whether it is about behaviours to which others gave a class, to see whether annotators agree. Otherwise about
@@ -66,9 +67,7 @@ pub enum QueryError {
     #[error("{0}")]
     Space(#[from] SpaceError),
     /// A bug: an order of questions could not be made.
-    #[error(
-        "what to ask could not be found out; the log says where it broke off (this is a bug, no label is lost)"
-    )]
+    #[error("no questions could be chosen because of a bug, which the log describes; no label is lost")]
     Broken,
 }
 
@@ -148,7 +147,7 @@ impl Queries {
     ///
     /// # Errors
     /// See [`QueryError`].
-    pub async fn unanswered(
+    pub(crate) async fn unanswered(
         &self,
         record: &CampaignRecord,
         strategy: Strategy,
@@ -189,7 +188,7 @@ impl Queries {
         if let Some(ranked) = newest.as_ref().filter(|ranked| ranked.still_fits(record)) {
             return Ok(Arc::clone(ranked));
         }
-        // To draw lots takes no time, and of nothing there is nothing to ask.
+        // A random order takes no time, and an empty archive has no questions.
         let serves = |former: &Arc<Ranked>| strategy != Strategy::Random && !former.order.is_empty();
         let Some(former) = newest.filter(serves) else {
             let _making = ranking.making.lock().await;
@@ -239,13 +238,16 @@ impl Queries {
             let (order, archive_version) = match strategy {
                 Strategy::Medoids => {
                     let clustered = clustered(&record)?;
-                    let order = ranking::by_doubt(&clustered.space.behaviours, &clustered.clustering);
+                    let order = ranking::by_uncertainty(&clustered.space.behaviours, &clustered.clustering);
                     (order, clustered.space.archive_version)
                 }
                 Strategy::Random => {
                     let count = record.individuals() as usize;
-                    let mut stream = Stream::derive(record.spec.seed(), Purpose::Query, 0);
-                    (ranking::by_lot(count, &mut stream), record.archive_version())
+                    let mut stream = RandomStream::derive(record.spec.seed(), Purpose::Query, 0);
+                    (
+                        ranking::in_random_order(count, &mut stream),
+                        record.archive_version(),
+                    )
                 }
             };
             Ok(Ranked {

@@ -6,8 +6,8 @@ use std::fmt;
 /// Why a behaviour is asked about, in words for whoever is asked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// By lot.
-    Lot,
+    /// At random.
+    Random,
     /// It stands for a cluster.
     Medoid {
         /// The cluster, from 1, the largest first.
@@ -16,7 +16,7 @@ pub enum Reason {
         size: usize,
     },
     /// It is nearly as far from the medoid of its own cluster as from that of another.
-    Doubtful {
+    Uncertain {
         /// Its cluster, from 1.
         cluster: usize,
         /// The other; `None` where there is but one cluster.
@@ -38,21 +38,21 @@ pub struct Query {
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Lot => f.write_str("drawn by lot"),
-            Self::Medoid { cluster, size: 1 } => write!(f, "cluster {cluster} on its own"),
+            Self::Random => f.write_str("drawn at random"),
+            Self::Medoid { cluster, size: 1 } => write!(f, "the only behaviour of cluster {cluster}"),
             Self::Medoid { cluster, size } => {
                 write!(
                     f,
-                    "stands for cluster {cluster}, {}",
+                    "medoid of cluster {cluster}, {}",
                     counted(*size as u64, "behaviour")
                 )
             }
-            Self::Doubtful {
+            Self::Uncertain {
                 cluster,
                 other: Some(other),
             } => write!(f, "between cluster {cluster} and cluster {other}"),
-            Self::Doubtful { cluster, other: None } => write!(f, "in cluster {cluster}"),
-            Self::Again => f.write_str("asked again, as you wished"),
+            Self::Uncertain { cluster, other: None } => write!(f, "in cluster {cluster}"),
+            Self::Again => f.write_str("asked again, at your request"),
         }
     }
 }

@@ -1,32 +1,31 @@
 //! Orders of behaviours to ask about.
 
 use super::{
-    doubt,
     query::{Query, Reason},
+    uncertainty,
 };
-use murmuration_proto::Stream;
+use murmuration_proto::RandomStream;
 use murmuration_search::{medoids::Clustering, novelty::Behaviours};
 
-/// `count` behaviours in an order that the stream decides.
+/// `count` behaviours in random order.
 #[must_use]
-pub fn by_lot(count: usize, stream: &mut Stream) -> Vec<Query> {
+pub fn in_random_order(count: usize, stream: &mut RandomStream) -> Vec<Query> {
     let mut order: Vec<usize> = (0..count).collect();
-    for last in (1..count).rev() {
-        order.swap(last, stream.below(last as u64 + 1) as usize);
-    }
+    stream.shuffle(&mut order);
     let query = |index| Query {
         index,
-        reason: Reason::Lot,
+        reason: Reason::Random,
     };
     order.into_iter().map(query).collect()
 }
 
-/// The medoids of the clustering of `behaviours`, then all other behaviours, the most doubtful first, the clusters taking
+/// The medoids of the clustering of `behaviours`, then all other behaviours, the most uncertain first, the clusters taking
 /// turns so that no border is asked about ten times in a row.
 ///
-/// Doubtful is who is nearly as far from the own medoid as from the next, as a share of the latter: 1 on the border.
+/// A behaviour's uncertainty is its distance from the medoid of its cluster, as a share of that from the nearest other
+/// medoid: 1 on the border.
 #[must_use]
-pub fn by_doubt(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
+pub fn by_uncertainty(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> {
     let mut sizes = vec![0; clustering.medoids.len()];
     for &cluster in &clustering.clusters {
         sizes[cluster as usize] += 1;
@@ -39,8 +38,8 @@ pub fn by_doubt(behaviours: &Behaviours, clustering: &Clustering) -> Vec<Query> 
             size,
         },
     });
-    let doubtful = doubt::members(behaviours, clustering);
-    medoids.chain(in_turns(doubtful)).collect()
+    let uncertain = uncertainty::members(behaviours, clustering);
+    medoids.chain(in_turns(uncertain)).collect()
 }
 
 /// First each list's first, then each list's second, and so on.

@@ -2,9 +2,9 @@
 
 use super::{
     Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal,
+    class_numbers::class_numbers,
     classes::{ClassNumber, Classes},
     given::given_classes,
-    lesson::class_numbers,
     near::near,
 };
 use std::{
@@ -35,13 +35,13 @@ pub struct Labels {
 struct Given {
     index: u64,
     annotator: Annotator,
-    verdict: Verdict,
+    answer: NumberedAnswer,
     time_ms: u64,
     supersedes: Option<u64>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Verdict {
+enum NumberedAnswer {
     Class(ClassNumber),
     NotSure,
     Skip,
@@ -163,10 +163,10 @@ impl Labels {
     }
 
     fn answer(&mut self, index: u64, answer: &Answer, change: &Change) -> Option<u64> {
-        let verdict = match answer {
-            Answer::Class(class) => Verdict::Class(self.classes.find_or_add(class)),
-            Answer::NotSure => Verdict::NotSure,
-            Answer::Skip => Verdict::Skip,
+        let answer = match answer {
+            Answer::Class(class) => NumberedAnswer::Class(self.classes.find_or_add(class)),
+            Answer::NotSure => NumberedAnswer::NotSure,
+            Answer::Skip => NumberedAnswer::Skip,
         };
         let about = self.standing.get(&index);
         let supersedes = about.and_then(|about| about.get(&change.annotator)).copied();
@@ -176,7 +176,7 @@ impl Labels {
         let given = Given {
             index,
             annotator: change.annotator.clone(),
-            verdict,
+            answer,
             time_ms: change.time_ms,
             supersedes,
         };
@@ -215,7 +215,7 @@ impl Labels {
         let about = self.standing.entry(given.index).or_default();
         about.insert(given.annotator.clone(), entry);
         self.own.entry(given.annotator.clone()).or_default().insert(entry);
-        if let Verdict::Class(class) = given.verdict {
+        if let NumberedAnswer::Class(class) = given.answer {
             *self.named.entry(class).or_default() += 1;
         }
     }
@@ -234,7 +234,7 @@ impl Labels {
         if let Some(own) = self.own.get_mut(&given.annotator) {
             own.remove(&entry);
         }
-        if let Verdict::Class(class) = given.verdict
+        if let NumberedAnswer::Class(class) = given.answer
             && let Some(named) = self.named.get_mut(&class)
         {
             *named = named.saturating_sub(1);
@@ -257,10 +257,10 @@ impl Labels {
     #[must_use]
     pub fn given(&self, entry: u64) -> Option<Label> {
         let given = self.given.get(&entry)?;
-        let answer = match given.verdict {
-            Verdict::Class(class) => Answer::Class(self.classes.name(class).clone()),
-            Verdict::NotSure => Answer::NotSure,
-            Verdict::Skip => Answer::Skip,
+        let answer = match given.answer {
+            NumberedAnswer::Class(class) => Answer::Class(self.classes.name(class).clone()),
+            NumberedAnswer::NotSure => Answer::NotSure,
+            NumberedAnswer::Skip => Answer::Skip,
         };
         Some(Label {
             entry,
@@ -286,7 +286,7 @@ impl Labels {
     fn names_class(&self, entry: u64) -> bool {
         self.given
             .get(&entry)
-            .is_some_and(|given| matches!(given.verdict, Verdict::Class(_)))
+            .is_some_and(|given| matches!(given.answer, NumberedAnswer::Class(_)))
     }
 
     /// Who has ever answered, whether any of it stands or not.
@@ -371,7 +371,7 @@ impl Labels {
 
     /// What an embedder can learn from: each individual that has a class, with the [number](class_numbers) of its class.
     #[must_use]
-    pub fn lesson(&self) -> Vec<(u64, u32)> {
+    pub fn numbered_classes(&self) -> Vec<(u64, u32)> {
         let by_individual = self.by_individual();
         let numbers = class_numbers(by_individual.values().map(ClassName::as_str));
         by_individual

@@ -4,6 +4,7 @@
 //! Limits: text in, no files.
 
 use super::{Annotator, Answer, of_cell, quotes::unclosed};
+use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, World, counted, text::quoted,
@@ -59,7 +60,7 @@ pub enum LabelFileError {
         columns: String,
     },
     /// A row has too few or too many cells.
-    #[error("{}, line {line}: {cells} under {columns}", path.display())]
+    #[error("{}, line {line}: the row has {cells}, the header {columns}", path.display())]
     Uneven {
         /// The file.
         path: PathBuf,
@@ -67,7 +68,7 @@ pub enum LabelFileError {
         line: usize,
         /// How many cells.
         cells: String,
-        /// Under how many names of columns.
+        /// How many columns the header names.
         columns: String,
     },
     /// Something else than commas separates the columns.
@@ -79,7 +80,7 @@ pub enum LabelFileError {
         separator: &'static str,
     },
     /// A quote is opened and not closed.
-    #[error("{}, line {line}: a cell begins with a quote, and does not end with one", path.display())]
+    #[error("{}, line {line}: a cell begins with a quote but does not end with one", path.display())]
     Quote {
         /// The file.
         path: PathBuf,
@@ -220,7 +221,7 @@ impl LabelFile {
                 path,
                 line: self.line(position.byte()),
                 cells: counted(*len, "cell"),
-                columns: format!("{} of columns", counted(*expected_len, "name")),
+                columns: counted(*expected_len, "column"),
             },
             _ => LabelFileError::Unreadable {
                 path,
@@ -300,7 +301,7 @@ impl<'a> Row<'a> {
     pub fn annotator(&self, otherwise: Option<&Annotator>) -> Result<Annotator, LabelFileError> {
         match (self.cell("annotator"), otherwise) {
             ("", Some(annotator)) => Ok(annotator.clone()),
-            ("", None) => Err(self.refuse("annotator", "a name, here or with --annotator")),
+            ("", None) => Err(self.refuse("annotator", "a name, in this column or with --annotator")),
             (named, _) => of_cell(named).parse().map_err(|error| self.refused(error)),
         }
     }
@@ -314,9 +315,10 @@ impl<'a> Row<'a> {
     /// When, milliseconds since 1970-01-01 UTC; 0 where the row does not say.
     ///
     /// # Errors
-    /// Where that is no whole number.
+    /// Where that is no time in RFC 3339.
     pub fn time_ms(&self) -> Result<u64, LabelFileError> {
-        Ok(self.given("time", "a whole number")?.unwrap_or_default())
+        let time = self.given("time", "a time such as 2026-11-21T12:00:00Z")?;
+        Ok(time.map_or(0, Timestamp::ms))
     }
 
     /// Index of the individual in its campaign's archive.

@@ -23,9 +23,9 @@ pub enum Action {
         /// The answer.
         answer: Answer,
     },
-    /// Takes back the newest of the annotator's own answers that stand; what that had superseded stands again.
+    /// Undoes the newest of the annotator's own answers that stand; what that had superseded stands again.
     Undo,
-    /// Takes back the annotator's answer about an individual that is not in the archive any more; nothing that it
+    /// Undoes the annotator's answer about an individual that is not in the archive any more; nothing that it
     /// superseded stands again.
     Withdraw {
         /// Index that the individual had.
@@ -90,7 +90,7 @@ pub struct Entry {
     /// What was said.
     pub change: Change,
     /// The answer that no longer stands because of this one: of an answer, that of the same annotator about the same
-    /// individual if there was one; of an undo or a withdrawal, the one that was taken back.
+    /// individual if there was one; of an undo or a withdrawal, the one that was undone.
     pub supersedes: Option<u64>,
 }
 
@@ -98,22 +98,22 @@ pub struct Entry {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Refusal {
     /// There is no class of that name.
-    #[error("there is no class \"{0}\": `murmuration classes` shows those there are")]
+    #[error("there is no class \"{0}\": `murmuration classes` lists the classes")]
     NoClass(ClassName),
     /// The name is taken.
-    #[error("there is a class \"{0}\" already: to make one of two, merge them")]
+    #[error("class \"{0}\" exists already: merge the two classes, or choose another name")]
     ClassExists(ClassName),
     /// There are 1,000 classes.
-    #[error("there is no room for class \"{0}\": there are 1,000 classes")]
+    #[error("class \"{0}\" cannot be added: the campaign has 1,000 classes, the most that it can have")]
     TooManyClasses(ClassName),
     /// A class cannot be merged into itself.
     #[error("class \"{0}\" cannot be merged into itself")]
     IntoItself(ClassName),
     /// None of the annotator's answers stands.
-    #[error("{0} has no answer that could be undone")]
+    #[error("{0} has no answer to undo")]
     NothingToUndo(Annotator),
     /// The annotator has said nothing about the individual.
-    #[error("{annotator} has no answer about individual {index} that could be withdrawn")]
+    #[error("{annotator} has no answer about individual {index} to withdraw")]
     NothingToWithdraw {
         /// The annotator.
         annotator: Annotator,

@@ -6,13 +6,13 @@
 
 mod agreement;
 mod cells;
+mod class_numbers;
 mod classes;
 mod confusion_matrix;
 mod current;
 mod file;
 mod given;
 mod label;
-mod lesson;
 mod log;
 mod messages;
 mod names;
@@ -21,13 +21,14 @@ mod quotes;
 mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
-pub use cells::{of_cell, to_cell};
+pub(crate) use cells::of_cell;
+pub use cells::to_cell;
+pub use class_numbers::class_numbers;
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, LabelDigest, Labels};
 pub use file::{LabelFile, LabelFileError, Row};
 pub use given::{GivenClass, given_classes};
 pub use label::Label;
-pub use lesson::class_numbers;
 pub use log::{Action, Change, Entry, Refusal};
 pub use names::{Annotator, Answer, ClassKey, ClassName, Colour, RequestId};
 pub use table::{Labelled, Table, to_csv};

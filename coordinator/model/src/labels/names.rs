@@ -178,7 +178,7 @@ impl FromStr for ClassName {
             Answer::Class(class) => Ok(class),
             Answer::NotSure | Answer::Skip => {
                 let allowed = format!(
-                    "another word than \"{}\" and \"{}\"",
+                    "a name other than \"{}\" and \"{}\"",
                     Answer::NOT_SURE,
                     Answer::SKIP
                 );
@@ -194,8 +194,7 @@ impl FromStr for Annotator {
     fn from_str(text: &str) -> Result<Self, Invalid> {
         match Self::is_synthetic(text) {
             true => {
-                let allowed = "a person's name: `synthetic` is the rule-based judge, which answers where `murmuration label \
-                     --synthetic N` asks it";
+                let allowed = "a person's name: `synthetic` is the rule-based judge (`murmuration label --synthetic N`)";
                 Err(Invalid::new("annotator", quoted(text), allowed))
             }
             false => Self::known(text),
@@ -215,7 +214,7 @@ impl FromStr for RequestId {
         {
             Some(own) => {
                 let allowed =
-                    format!("one that does not begin with \"{own}\": those are the coordinator's own");
+                    format!("an id that does not begin with \"{own}\", which the coordinator reserves");
                 Err(Invalid::new("request_id", quoted(text), allowed))
             }
             None => Ok(Self(id)),
@@ -347,7 +346,7 @@ mod tests {
         ] {
             assert_eq!(word.parse::<Answer>().unwrap(), answer);
             let said = word.parse::<ClassName>().unwrap_err().to_string();
-            assert!(said.contains("another word than"), "{said}");
+            assert!(said.contains("a name other than"), "{said}");
         }
         assert!(matches!("skipping".parse(), Ok(Answer::Class(_))));
     }
@@ -362,7 +361,10 @@ mod tests {
             for taken in [own.to_string(), format!(" {own} "), format!("{own}-more")] {
                 let error = taken.parse::<RequestId>().unwrap_err();
                 assert_eq!(error.field, "request_id");
-                assert!(error.allowed.contains("the coordinator's own"), "{error}");
+                assert!(
+                    error.allowed.contains("which the coordinator reserves"),
+                    "{error}"
+                );
             }
         }
         for free in ["synthetic", "a withdrawal", "synthetic-rounds"] {

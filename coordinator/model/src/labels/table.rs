@@ -7,6 +7,7 @@ use super::{
     file::{ANGLE, Row, SPEEDS, settings},
     to_cell,
 };
+use crate::Timestamp;
 use murmuration_proto::{CampaignSpec, FEATURE_NAMES, ImageFormat, Invalid, World, counted, v1};
 use std::path::Path;
 
@@ -95,7 +96,7 @@ impl Table {
                 }
             };
             Ok((!same).then(|| {
-                format!("an individual of {campaign} with this controller and seed: the file is of another archive")
+                format!("an individual of {campaign} with this controller and seed: the file belongs to another archive")
             }))
         })
     }
@@ -151,7 +152,7 @@ pub fn to_csv<'a>(
             answer.index.to_string(),
             to_cell(&answer.answer).into_owned(),
             to_cell(&answer.annotator).into_owned(),
-            answer.time_ms.to_string(),
+            Timestamp::from_ms(answer.time_ms).to_string(),
             individual.seed.to_string(),
         ];
         let numbers = individual.controller.iter().chain(&individual.features);
@@ -195,20 +196,23 @@ mod tests {
 
     #[test]
     fn a_bad_row_is_named() {
-        let head = "id,class,annotator,time\n1,ring,ana,5\n";
+        let head = "id,class,annotator,time\n1,ring,ana,1970-01-01T00:00:00.005Z\n";
         check_refused(
             &format!("{head}x,ring,ana,5\n"),
             "line 3: id = \"x\": must be a whole number",
         );
         check_refused(&format!("{head}2,ring,,5\n"), "line 3: annotator = nothing");
-        check_refused(&format!("{head}2,ring,ana,soon\n"), "line 3: time = \"soon\"");
+        check_refused(
+            &format!("{head}2,ring,ana,1763700000000\n"),
+            "line 3: time = \"1763700000000\": must be a time such as 2026-11-21T12:00:00Z",
+        );
         check_refused(
             &format!("{head}2,{},ana,5\n", "x".repeat(65)),
             "must be 1 to 64 characters",
         );
         check_refused(
             &format!("{head}\r\n\n2,ring\n"),
-            "line 5: 2 cells under 4 names of columns",
+            "line 5: the row has 2 cells, the header 4 columns",
         );
         check_refused(&format!("{head}\n2,\"a\nb\",ana,\n"), "line 4: class = \"a\\nb\"");
         check_refused(
@@ -241,7 +245,7 @@ mod tests {
         ] {
             let said = check(other).unwrap_err().to_string();
             assert!(
-                said.contains("line 2: id = ") && said.contains("of another archive"),
+                said.contains("line 2: id = ") && said.contains("to another archive"),
                 "{said}"
             );
         }
@@ -252,10 +256,13 @@ mod tests {
         );
     }
 
+    /// The year 10000, which RFC 3339 does not have.
+    const LAST_MS: u64 = 253_402_300_800_000;
+
     fn answers() -> impl Strategy<Value = Vec<v1::Answer>> {
         let word = || "[a-z=+@,\"' é-]{0,8}[a-z\"]";
         let answer =
-            (any::<u64>(), word(), word(), any::<u64>()).prop_map(|(index, class, annotator, time_ms)| {
+            (any::<u64>(), word(), word(), 0..LAST_MS).prop_map(|(index, class, annotator, time_ms)| {
                 v1::Answer {
                     index,
                     answer: class.trim().to_owned(),

@@ -384,7 +384,7 @@ proptest! {
 
     /// Answering and undoing it leaves what was.
     #[test]
-    fn an_undo_takes_back_the_answer_before_it(
+    fn an_undo_removes_the_answer_before_it(
         said in prop::collection::vec(anything(), 0..40), index in 0u64..4,
     ) {
         let mut labels = Labels::default();

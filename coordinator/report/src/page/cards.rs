@@ -11,7 +11,7 @@ use murmuration_model::colours;
 /// The section with every card.
 pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup {
     let one_colour = match report.spec.world().agents() as usize <= colours::AGENTS.len() {
-        true => ", one colour a robot",
+        true => ", one colour per robot",
         false => ", a colour for every few robots",
     };
     html! {
@@ -33,8 +33,8 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
             }
             p.lead {
                 "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
-                (one_colour) ", older parts fainter. "
-                span.scripted { "Point at a picture, or select it and press Space, to watch the whole run from its random start." }
+                (one_colour) ", with older parts fainter. "
+                span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its random start." }
             }
             div.cards {
                 @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {
@@ -74,7 +74,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                     }
                     figure.scripted {
                         canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}
-                        figcaption { "where it lies" }
+                        figcaption { "position" }
                     }
                     dl {
                         div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
@@ -85,7 +85,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                 }
                 h4 { "Controller" }
                 (copyable("controller", &controller))
-                h4 { "Watch it again" }
+                h4 { "Replay" }
                 (copyable("command", &command))
             }
         }
@@ -96,7 +96,7 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
     let whole = report.individuals.len() as u64;
     let part = percent(medoid.cluster_size, whole);
     let members = format!(
-        "{} of {} are nearer to this one than to any other behaviour here",
+        "{} of {} are nearer to this behaviour than to any other on this page",
         grouped(medoid.cluster_size),
         counted(whole, "individual")
     );

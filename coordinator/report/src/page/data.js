@@ -21,11 +21,11 @@ window.murmuration = {
     genes: column(archive.genes, Int16Array),
     medoids: archive.medoids,
   },
+  Playback,
+  Plot,
   counted,
-  fit,
-  drawSwarm,
   equalScale,
-  dotOf,
-  stamp,
+  fit,
+  grouped,
 };
 document.documentElement.classList.add("scripts");

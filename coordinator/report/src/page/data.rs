@@ -17,7 +17,7 @@ const MOST_POINTS: usize = 100_000;
 /// Bytes for the motion of all medoids together, before base64.
 const MOTION_BYTES: usize = 6 << 20;
 
-/// A block of JSON that no browser runs.
+/// A block of JSON, which browsers do not run.
 pub(super) fn block(report: &Report) -> Markup {
     // `<` could end the block; written as an escape it is the same JSON.
     let json = content(report).to_string().replace('<', "\\u003c");
@@ -50,7 +50,7 @@ fn content(report: &Report) -> Value {
     })
 }
 
-/// In place of a class, for an individual without a name.
+/// The class of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
 /// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated and genes in ten-thousandths.

@@ -1,7 +1,7 @@
-// Draws the behaviour space, and brings one cluster out: on the map, the small maps, the cards and the legend.
-const { archive, classes, clusterColours, equalScale, fit, dotOf, stamp } = window.murmuration;
-const canvas = document.getElementById("space");
-const pen = canvas.getContext("2d");
+// Draws the behaviour space, and highlights a cluster: on the map, the pins and the legend.
+const { archive, classes, clusterColours, equalScale, fit, grouped, Plot } = window.murmuration;
+const plot = new Plot(document.getElementById("space"));
+const { canvas, pen } = plot;
 const pins = document.getElementById("pins");
 const tip = document.getElementById("tip");
 const scheme = matchMedia("(prefers-color-scheme: dark)");
@@ -11,32 +11,20 @@ const isDark = () => scheme.matches && !print.matches;
 const count = archive.x.length;
 const genes = archive.genes.length / Math.max(count, 1);
 const PIN = 46;
-const ROOM = 34;
-const REACH = 14;
 let chosen = -1;
 let hovered = -1;
 
 // Order of drawing: by cluster, so that a colour is set once a cluster.
 const order = Uint32Array.from(archive.x.keys()).sort((a, b) => archive.cluster[a] - archive.cluster[b]);
 
-// Where the points lie on the canvas, for its present size.
-const across = new Float32Array(count);
-const down = new Float32Array(count);
-function spread() {
-  const width = canvas.clientWidth;
-  const height = canvas.clientHeight;
-  const scale = equalScale(archive.spans, width, height, Math.min(ROOM, width / 14));
-  for (let i = 0; i < count; i++) {
-    across[i] = scale.across(archive.x[i]);
-    down[i] = scale.down(archive.y[i]);
-  }
-}
-const place = (i) => [across[i], down[i]];
+const starts = new Uint32Array(clusterColours.length + 1);
+for (const cluster of archive.cluster) starts[cluster + 1]++;
+for (let cluster = 0; cluster < clusterColours.length; cluster++) starts[cluster + 1] += starts[cluster];
+const place = (i) => [plot.across[i], plot.down[i]];
 
 function paint() {
-  fit(canvas);
+  plot.paint(isDark(), groups());
   const dense = canvas.width / Math.max(canvas.clientWidth, 1);
-  pen.putImageData(pointsLayer(dense), 0, 0);
   pen.setTransform(dense, 0, 0, dense, 0, 0);
   paintLeaders();
   if (hovered >= 0) {
@@ -50,30 +38,20 @@ function paint() {
   }
 }
 
-// All points, laid pixel by pixel: a hundred thousand take a few milliseconds, which paths would not.
-function pointsLayer(dense) {
-  const layer = new ImageData(Math.max(canvas.width, 1), Math.max(canvas.height, 1));
-  const [red, green, blue] = isDark() ? [28, 29, 27] : [255, 255, 255];
-  new Uint32Array(layer.data.buffer).fill((255 << 24) | (blue << 16) | (green << 8) | red);
-  const radius = count > 30000 ? 1.1 : count > 3000 ? 1.7 : 2.6;
-  const dot = dotOf(radius * dense);
-  const grey = isDark() ? "#4a4b48" : "#cfccc3";
+// The clusters, with the highlighted one over the others.
+function groups() {
   const clusters = clusterColours.map((_, cluster) => cluster).sort((a, b) => (a === chosen) - (b === chosen));
-  for (const cluster of clusters) {
+  return clusters.map((cluster) => {
     const faded = chosen >= 0 && cluster !== chosen;
+    const grey = isDark() ? "#4a4b48" : "#cfccc3";
     const colour = parseInt((faded ? grey : clusterColours[cluster]).slice(1), 16);
-    const strength = faded ? 0.5 : chosen === cluster ? 0.95 : 0.65;
-    for (let at = starts[cluster]; at < starts[cluster + 1]; at++) {
-      const i = order[at];
-      stamp(layer, dot, Math.round(across[i] * dense), Math.round(down[i] * dense), colour, strength);
-    }
-  }
-  return layer;
+    return {
+      points: order.subarray(starts[cluster], starts[cluster + 1]),
+      colourOf: () => colour,
+      strength: faded ? 0.5 : chosen === cluster ? 0.95 : 0.65,
+    };
+  });
 }
-
-const starts = new Uint32Array(clusterColours.length + 1);
-for (const cluster of archive.cluster) starts[cluster + 1]++;
-for (let cluster = 0; cluster < clusterColours.length; cluster++) starts[cluster + 1] += starts[cluster];
 
 // Pins: the grey image and the number of each medoid, beside its point.
 const labels = archive.medoids.map((_, cluster) => {
@@ -193,42 +171,6 @@ function schedule() {
   });
 }
 
-// The point nearest to the pointer, through a grid of cells.
-let grid = null;
-function buildGrid() {
-  const columns = Math.max(Math.ceil(canvas.clientWidth / REACH), 1);
-  const rows = Math.max(Math.ceil(canvas.clientHeight / REACH), 1);
-  const cellOf = new Uint32Array(count);
-  const begins = new Uint32Array(columns * rows + 1);
-  for (let i = 0; i < count; i++) {
-    const column = Math.min(Math.max(Math.floor(across[i] / REACH), 0), columns - 1);
-    cellOf[i] = Math.min(Math.max(Math.floor(down[i] / REACH), 0), rows - 1) * columns + column;
-    begins[cellOf[i] + 1]++;
-  }
-  for (let cell = 0; cell < columns * rows; cell++) begins[cell + 1] += begins[cell];
-  const next = begins.slice();
-  const members = new Uint32Array(count);
-  for (let i = 0; i < count; i++) members[next[cellOf[i]]++] = i;
-  grid = { columns, rows, begins, members };
-}
-
-function nearest(x, y) {
-  let best = -1;
-  let closest = REACH;
-  const [column, row] = [Math.floor(x / REACH), Math.floor(y / REACH)];
-  for (let r = Math.max(row - 1, 0); r <= Math.min(row + 1, grid.rows - 1); r++) {
-    for (let c = Math.max(column - 1, 0); c <= Math.min(column + 1, grid.columns - 1); c++) {
-      const cell = r * grid.columns + c;
-      for (let at = grid.begins[cell]; at < grid.begins[cell + 1]; at++) {
-        const [px, py] = place(grid.members[at]);
-        const distance = Math.hypot(px - x, py - y);
-        if (distance < closest) [best, closest] = [grid.members[at], distance];
-      }
-    }
-  }
-  return best;
-}
-
 // What a behaviour was called, if anything, and whether no person called it so.
 function named(i) {
   const name = classes[archive.class[i]];
@@ -239,9 +181,9 @@ function named(i) {
 function describe(i) {
   const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) => gene / 10000);
   const lines = [
-    `Individual ${archive.index[i].toLocaleString("en")} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
+    `Individual ${grouped(archive.index[i])} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
     `[${values.join(", ")}]`,
-    `novelty when evaluated ${archive.novelty[i].toPrecision(4)} · generation ${archive.generation[i]}`,
+    `novelty when evaluated ${archive.novelty[i].toPrecision(4)} · generation ${grouped(archive.generation[i])}`,
   ];
   tip.replaceChildren(
     ...lines.map((line) => {
@@ -253,7 +195,7 @@ function describe(i) {
 }
 
 canvas.addEventListener("pointermove", (event) => {
-  const i = nearest(event.offsetX, event.offsetY);
+  const i = plot.nearest(event.offsetX, event.offsetY);
   if (i === hovered) return;
   hovered = i;
   tip.hidden = i < 0;
@@ -282,10 +224,8 @@ for (const marked of document.querySelectorAll(".pin, .legend a, .card")) {
 }
 
 function layOut() {
-  fit(canvas);
-  spread();
+  plot.layOut();
   arrange();
-  buildGrid();
   paint();
   for (const small of document.querySelectorAll("canvas.where")) {
     paintSmall(small, Number(small.closest(".card").dataset.place));
@@ -298,4 +238,5 @@ addEventListener("resize", () => {
 });
 scheme.addEventListener("change", layOut);
 print.addEventListener("change", layOut);
+plot.place(archive.x, archive.y, archive.spans);
 layOut();

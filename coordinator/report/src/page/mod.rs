@@ -1,7 +1,7 @@
 //! The page: one HTML document that needs nothing else.
 //!
-//! Markup is made with `maud`, which escapes whatever is put into it; the style sheet and the scripts stand beside this
-//! file and are copied in. Without scripts the page still shows every picture, number and command.
+//! `maud` makes the markup and escapes every text in it. The page holds its style sheet and scripts. Without scripts it
+//! still shows every picture, number and command.
 
 mod cards;
 mod data;
@@ -9,27 +9,24 @@ mod sections;
 
 use super::{
     Files, MedoidPictures, Report, ReportError,
-    numbers::{counted, day, grouped},
+    numbers::{counted, grouped},
+    scripts,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use murmuration_model::generations_in_words;
+use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_proto::{CapabilityModel, Method};
 
 const STYLE: &str = include_str!("style.css");
-/// Each in a scope of its own, in this order.
-const SCRIPTS: [&str; 4] = [
-    concat!(
-        include_str!("../picture/drawing.js"),
-        include_str!("../picture/words.js"),
-        include_str!("data.js")
-    ),
-    include_str!("motion.js"),
-    include_str!("map.js"),
-    include_str!("copy.js"),
+/// Each in a scope of its own, in this order, so that one that fails takes no other with it.
+const SCRIPTS: [[&str; 2]; 4] = [
+    [scripts::INLINE, include_str!("data.js")],
+    ["", include_str!("cards.js")],
+    ["", include_str!("map.js")],
+    ["", include_str!("copy.js")],
 ];
 
-/// Nothing is loaded, sent or embedded from anywhere.
+/// The page loads nothing, sends nothing, and embeds nothing of another site.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
                       base-uri 'none'; form-action 'none'";
 
@@ -66,7 +63,7 @@ pub(super) fn render(
                 (footer(report))
                 (data::block(report))
                 @for script in SCRIPTS {
-                    script { "{" (PreEscaped(script)) "}" }
+                    script { "{" @for part in script { (PreEscaped(part)) } "}" }
                 }
             }
         }
@@ -88,15 +85,15 @@ fn header(report: &Report) -> Markup {
             }
             p.answer {
                 @match report.repetition.rounds.last() {
-                    None => { "Nobody said beforehand which behaviours exist. This campaign tried " },
+                    None => { "No behaviour was defined beforehand. This campaign tried " },
                     Some(round) => {
-                        "The classes of " (counted(round.labels, "individual")) " taught this campaign which behaviours are alike. It tried "
+                        "This campaign learned from the classes of " (counted(round.labels, "individual")) " which behaviours are alike. It tried "
                     },
                 }
-                (counted(report.individuals.len() as u64, "controller")) " and grouped what the swarms did; "
+                (counted(report.individuals.len() as u64, "controller")) " and grouped the behaviours of the swarms; "
                 @match report.medoids.len() {
-                    1 => { "this one behaviour stands for them all." },
-                    count => { "these " (count) " behaviours stand for them all." },
+                    1 => { "this one represents all of them." },
+                    count => { "these " (counted(count as u64, "behaviour")) " represent all of them." },
                 }
             }
             (facts(report))
@@ -104,7 +101,7 @@ fn header(report: &Report) -> Markup {
     }
 }
 
-/// The one line of facts.
+/// The facts under the title.
 fn facts(report: &Report) -> Markup {
     let spec = &report.spec;
     let method = match spec.method() {
@@ -130,7 +127,7 @@ fn facts(report: &Report) -> Markup {
     }
 }
 
-/// How many generations there are, and where more came than the specification says, why.
+/// The number of generations, and why there are more than in the specification.
 fn generations(report: &Report) -> String {
     let (count, rounds) = (
         report.generations.len() as u32,
@@ -146,7 +143,7 @@ fn footer(report: &Report) -> Markup {
     html! {
         footer.page {
             p {
-                "Campaign " (report.campaign) ", created " (day(report.created_ms)) ", simulator version "
+                "Campaign " (report.campaign) ", created " (Timestamp::from_ms(report.created_ms).day()) ", simulator version "
                 (report.simulator_version) ". Made with Murmuration after Mattson and Brown, "
                 cite { "Leveraging Human Feedback to Evolve and Discover Novel Emergent Behaviors in Robot Swarms" }
                 ", GECCO 2023."
@@ -177,12 +174,12 @@ fn shortened(digest: &str) -> String {
     }
 }
 
-/// A PNG as the address of itself.
+/// The data URL of a PNG.
 fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
-/// A line to be copied, with a button that does.
+/// A line of text with a button that copies it.
 fn copyable(name: &str, text: &str) -> Markup {
     html! {
         div.copyable {

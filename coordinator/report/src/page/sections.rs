@@ -20,12 +20,12 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
         section #map aria-labelledby="map-title" {
             h2 #map-title { "Map of the behaviour space" }
             p.lead {
-                "Every point is one controller that was tried. Colours are clusters, numbers the behaviours above. The space has "
+                "Every point is one controller. Colours show the clusters, and numbers the behaviours above. The behaviour space has "
                 (counted(dimensions(report) as u64, "dimension"))
-                " and is flattened to the two in which it varies most: points that lie close here may be far apart in it. One unit is as "
-                "long across as it is up. "
-                @if shown < count { "Of " (counted(count as u64, "point")) ", " (grouped(shown as u64)) " are drawn, evenly chosen. " }
-                span.scripted { "Point at a cluster, a number or a card to bring one cluster out." }
+                "; the map shows the two directions in which it varies most, both at the same scale, so points that are close here may "
+                "be far apart in the space. "
+                @if shown < count { (grouped(shown as u64)) " of " (counted(count as u64, "point")) " are drawn, evenly chosen. " }
+                span.scripted { "Point at a cluster, a number or a card to highlight its cluster." }
             }
             p.lead { (space(report)) }
             div.map.scripted {
@@ -42,8 +42,8 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
             noscript { p {
                 "The map needs JavaScript. "
                 @match files {
-                    Files::Beside => { "map.svg, which was written beside this page, shows the same." },
-                    Files::Absent => { (files_by_command(report)) " writes the same as map.svg." },
+                    Files::Beside => { "map.svg beside this page shows the same map." },
+                    Files::Absent => { (files_by_command(report)) " writes the same map as map.svg." },
                 }
             } }
             ul.legend aria-label="Clusters" {
@@ -80,7 +80,7 @@ fn dimensions(report: &Report) -> usize {
         }
 }
 
-/// What behaviours are compared by.
+/// How behaviours are compared.
 fn space(report: &Report) -> Markup {
     let method = report.spec.method();
     let steps = FEATURE_STEPS.min(report.spec.world().horizon());
@@ -94,7 +94,7 @@ fn space(report: &Report) -> Markup {
     };
     let embedding = html! {
         (counted(report.embedding_dimensions() as u64, "number")) " that checkpoint " code { (report.checkpoint) } (network)
-        " makes of a grey image"
+        " computes from a grey image"
     };
     let features = html! {
         "the five hand-crafted features of Brown et al. (Table 1 of Mattson and Brown), each its mean over the last "
@@ -107,30 +107,30 @@ fn space(report: &Report) -> Markup {
             (true, false) => { "the " (embedding) },
             (false, _) => { (features) },
         }
-        ". The distance of two behaviours is the Euclidean one."
+        ". The distance between two behaviours is Euclidean."
     }
 }
 
-/// What the behaviours were called; nothing where nobody has said anything.
+/// The names of behaviours; nothing where there are no names.
 pub(super) fn names(report: &Report, files: Files) -> Markup {
     let names = &report.names;
     let named = names.named();
     html! {
         @if !names.classes.is_empty() {
             section #names aria-labelledby="names-title" {
-                h2 #names-title { "What they were called" }
+                h2 #names-title { "Names" }
                 p.lead {
                     "Of " (counted(report.individuals.len() as u64, "individual")) ", people have named " (grouped(named.people))
                     @if named.machine > 0 {
-                        ", and the rule-based judge, a machine, another " (grouped(named.machine))
+                        " and the rule-based judge, a program, has named another " (grouped(named.machine))
                     }
-                    ". A card bears the name of its own behaviour; others of its cluster may have been given another. "
+                    ". A card shows the name of its own behaviour; other members of its cluster may have other names. "
                     @match files {
                         Files::Beside => {
-                            "classes.csv, which was written beside this page, has these colours, and archive.csv every name."
+                            "classes.csv beside this page lists these colours, and archive.csv every name."
                         },
                         Files::Absent => {
-                            (files_by_command(report)) " writes these colours as classes.csv, and every name in archive.csv."
+                            (files_by_command(report)) " writes these colours to classes.csv, and every name to archive.csv."
                         },
                     }
                 }
@@ -139,8 +139,8 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
                         @let Named { people, machine } = names.individuals(class);
                         li { span.class style={ "--class:" (class.colour) } {
                             (class.name) " · " (grouped(people + machine))
-                            @if machine > 0 && people == 0 { ", named by the rule-based judge alone" }
-                            @else if machine > 0 { ", " (grouped(machine)) " of them by the rule-based judge alone" }
+                            @if machine > 0 && people == 0 { ", named only by the rule-based judge" }
+                            @else if machine > 0 { ", " (grouped(machine)) " of them only by the rule-based judge" }
                         } }
                     }
                 }
@@ -156,11 +156,11 @@ pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
         section #novelty aria-labelledby="novelty-title" {
             h2 #novelty-title { "Novelty over generations" }
             p.lead {
-                "Novelty when evaluated: the mean distance of each behaviour to the "
-                (counted(report.spec.search().neighbours().into(), "nearest one")) " in the archive as it stood after its generation. It tends to "
-                "fall as the archive fills. The lines show the best and the mean of each generation."
+                "Novelty when evaluated is the mean distance of a behaviour to its "
+                (counted(report.spec.search().neighbours().into(), "nearest neighbour")) " in the archive as it was after its generation. It "
+                "tends to fall as the archive fills. The lines show the best and the mean value of each generation."
                 @if let Some((first, last)) = ends {
-                    " The mean of the first is " (short(first.mean_novelty)) ", that of the last " (short(last.mean_novelty)) "."
+                    " The mean is " (short(first.mean_novelty)) " in the first generation and " (short(last.mean_novelty)) " in the last."
                 }
             }
             @if report.repetition.has_moved() { p.lead { (moved(report)) } }
@@ -169,7 +169,7 @@ pub(super) fn novelty(report: &Report) -> Result<Markup, ReportError> {
     })
 }
 
-/// What it means for novelty that the archive has been embedded anew.
+/// How a change of the embedding affects the values of novelty.
 fn moved(report: &Report) -> Markup {
     html! {
         "The embedding changed during this campaign: "
@@ -179,35 +179,35 @@ fn moved(report: &Report) -> Markup {
         }
         @if report.repetition.adopted {
             @if !report.repetition.rounds.is_empty() { ", and " }
-            "the campaign was moved to another checkpoint"
+            "the campaign adopted another checkpoint"
         }
-        ". After each change the novelty of all generations was measured again; all values here are in the space of the last "
-        "checkpoint. Generations from before a change were bred by values in an earlier space, which are not kept."
+        ". After each change the novelty of all generations was computed again, so all values here are in the space of the last "
+        "checkpoint. Generations before a change were bred by values in an earlier space, which are not stored."
     }
 }
 
-/// What the heuristic filter turned away.
+/// What the heuristic filter rejected.
 pub(super) fn filtered(report: &Report) -> Result<Markup, ReportError> {
     let away: u64 = report.generations.iter().map(|step| step.filtered).sum();
     let proposed = away + report.individuals.len() as u64;
     Ok(html! {
         section #filtered aria-labelledby="filtered-title" {
-            h2 #filtered-title { "What was filtered" }
+            h2 #filtered-title { "Heuristic filter" }
             @if report.spec.filter() {
                 p.lead {
-                    "The heuristic filter looks at a controller alone, before it is simulated, and turns away those that are "
-                    "unlikely to lead anywhere: too slow, spinning in place, or ignoring what they see. It turned away "
+                    "The heuristic filter examines a controller before it is simulated, and rejects controllers that are too slow, "
+                    "spin in place, or ignore their sensors. It rejected "
                     strong { (grouped(away)) " of " (counted(proposed, "proposal")) } " (" (percent(away, proposed)) ")."
                 }
-                (plot("Proposals turned away over generations", |size| plots::filtered(&report.generations, size))?)
+                (plot("Proposals that the filter rejected, over generations", |size| plots::filtered(&report.generations, size))?)
             } @else {
-                p.lead { "Nothing: the heuristic filter was off, and every proposed controller was simulated." }
+                p.lead { "The heuristic filter was off: every proposed controller was simulated." }
             }
         }
     })
 }
 
-/// A plot for wide and for narrow pages; the style sheet shows the one that fits.
+/// A plot for wide pages and one for narrow pages; the style sheet shows the one that fits.
 fn plot(name: &str, draw: impl Fn((u32, u32)) -> Result<String, ReportError>) -> Result<Markup, ReportError> {
     Ok(html! {
         div.plot role="img" aria-label=(name) {
@@ -222,7 +222,7 @@ fn files_by_command(report: &Report) -> Markup {
     html! { code { "murmuration report " (report.campaign) } }
 }
 
-/// What was asked for, and how to do it again.
+/// The specification, and how to reproduce the archive.
 pub(super) fn specification(report: &Report, files: Files) -> Markup {
     let needed = again::also_needed(report);
     html! {
@@ -231,10 +231,10 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
             @if report.repetition.is_by_specification() {
                 p.lead {
                     @match files {
-                        Files::Beside => { "spec.toml, which was written beside this page," },
-                        Files::Absent => { "Saved as spec.toml, the text below" },
+                        Files::Beside => { "spec.toml beside this page" },
+                        Files::Absent => { "The text below, saved as spec.toml," },
                     }
-                    " gives the same archive again, bit for bit, on any number of workers"
+                    " reproduces the archive, bit for bit, on any number of workers"
                     @if !report.checkpoint.is_empty() { " of one kind of processor" }
                     ":"
                 }
@@ -244,22 +244,22 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
                 @for sentence in &needed { p { (sentence) } }
                 @if again::is_by_commands(report) {
                     p {
-                        "On machines of one kind of processor these commands lead to the same archive, if no answer has changed "
-                        "since the round began:"
+                        "On machines with one kind of processor these commands reproduce the archive, if no answer has changed since "
+                        "the round began:"
                     }
                     (copyable("command", &commands::write_labels(report)))
                     @for command in commands::TEACH_AGAIN { (copyable("command", command)) }
                 } @else if !report.repetition.adopted {
                     p {
-                        "Commands alone do not lead there: a round learns from the answers as they stand when it begins, and those "
-                        "that are exported are today's."
+                        "Commands alone do not reproduce the archive: a round learns from the answers as they are when it begins, and an "
+                        "export writes the answers as they are now."
                     }
                 }
             }
-            p { "With simulator version " (report.simulator_version) ", expect this archive digest:" }
+            p { "With simulator version " (report.simulator_version) " the archive has this digest:" }
             (copyable("digest", &report.digest))
             @if !report.checkpoint.is_empty() {
-                p { "The embeddings are those of this checkpoint:" }
+                p { "This checkpoint computed the embeddings:" }
                 (copyable("checkpoint", &report.checkpoint))
             }
             details {
@@ -270,7 +270,7 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
     }
 }
 
-/// What the words and pictures mean.
+/// The meaning of the words and pictures.
 pub(super) fn reading(report: &Report) -> Markup {
     let entry = |word: &str, meaning: Markup| html! { div { dt { (word) } dd { (meaning) } } };
     html! {
@@ -278,45 +278,45 @@ pub(super) fn reading(report: &Report) -> Markup {
             h2 #reading-title { "How to read this" }
             dl.words {
                 (entry("Behaviour", html! {
-                    "A medoid: the individual of its cluster with the least sum of distances to the others. The cards are ordered "
-                    "by the size of the cluster."
+                    "A medoid: the individual whose distances to the other members of its cluster have the least sum. The cards are "
+                    "in the order of cluster size."
                 }))
                 (entry("Cluster", html! {
-                    "The individuals that are nearer to this medoid than to any other. How alike they are, the mean distance says."
+                    "The individuals that are nearer to one medoid than to any other. The mean distance says how alike they are."
                 }))
                 (entry("Grey image", html! {
                     "The last " (counted(report.spec.image().window().into(), "step")) " as " (report.spec.image().resolution()) " × "
                     (report.spec.image().resolution()) " grey values, without colours"
-                    @if report.spec.method().embeds() { ": what the network sees of the swarm." } @else { ". Here nothing is measured on it." }
+                    @if report.spec.method().embeds() { ": what the network sees of the swarm." } @else { ". This campaign measures nothing on it." }
                 }))
                 (entry("Controller", html! {
-                    "Left and right wheel speed when the sensor sees nobody, then when it sees another robot"
+                    "The speeds of the left and right wheel while the sensor sees no robot, then while it sees one"
                     @if report.spec.model().angles() > 0 {
-                        "; with two sensors, the four pairs are none, second, first and both, followed by the angle of the second "
-                        "sensor in radians"
+                        "; with two sensors, the four pairs are for neither sensor, the second, the first, and both, followed by the "
+                        "angle of the second sensor in radians"
                     }
-                    ". Speeds go from −1 to 1."
+                    ". Speeds are between −1 and 1."
                 }))
                 (entry("Novelty", html! {
                     "On a card, and in the table of the taxonomy: the mean distance of a behaviour to its "
-                    (report.spec.search().neighbours()) " nearest neighbours in the whole archive. High means that few lie near it."
+                    (report.spec.search().neighbours()) " nearest neighbours in the whole archive. A high value means that few behaviours are near it."
                 }))
                 (entry("Novelty when evaluated", html! {
-                    "On the map, over generations, and in the table of the archive: the same distance in the archive as it stood after the "
-                    "generation of the behaviour. It tends to be higher where the archive was emptier. "
+                    "On the map, over generations, and in the table of the archive: the same distance in the archive as it was after the "
+                    "generation of the behaviour. It tends to be higher in early generations, when the archive is small. "
                     @match (report.spec.method(), report.repetition.has_moved()) {
-                        (Method::Random, _) => { "Nothing was bred by it: every controller was drawn by lot." },
-                        (_, false) => { "Each generation was bred by that of the generation before it." },
-                        (_, true) => { "It was measured again when the embedding changed: earlier generations were bred by other values." },
+                        (Method::Random, _) => { "It had no effect: every controller was drawn at random." },
+                        (_, false) => { "Each generation was bred by the values of the generation before it." },
+                        (_, true) => { "It was computed again when the embedding changed: earlier generations were bred by other values." },
                     }
                 }))
                 (entry("Mean distance", html! {
-                    "How far the members of a cluster are from its medoid on average, the medoid itself included. Low means that the picture speaks for all "
-                    "of them; high, that the cluster is mixed. Over the whole archive these distances add up to "
+                    "The mean distance of the members of a cluster from its medoid, which counts as a member. A low value means that the "
+                    "picture represents all of them; a high value, that the cluster is mixed. The distances of the whole archive add up to "
                     (short(report.loss)) "."
                 }))
                 (entry("A caution", html! {
-                    "One start was simulated for each controller. Another start can lead to another behaviour: try another seed "
+                    "Each controller was simulated from one start. Another start can lead to another behaviour: try another seed "
                     "before you draw conclusions."
                 }))
             }

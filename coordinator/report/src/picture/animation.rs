@@ -85,7 +85,7 @@ fn most_frames(animation: &Animation, agents: usize) -> usize {
 }
 
 /// At most `most` places out of `count`, evenly spread, the first and the last among them.
-pub fn thinned(count: usize, most: usize) -> Vec<usize> {
+pub(crate) fn thinned(count: usize, most: usize) -> Vec<usize> {
     if count <= most.max(2) {
         return (0..count).collect();
     }

@@ -11,13 +11,13 @@ mod indexed;
 mod sketch;
 mod trajectory;
 
-pub use animation::thinned;
+pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::grey_png;
 pub use trajectory::{Paper, trajectory_png};
 
 /// Sides in pixels that can be asked for of a coloured picture; a grey one may be smaller.
-pub const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
+pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 
 /// Why a picture cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -30,7 +30,7 @@ pub enum PictureError {
         /// Bytes that came with it.
         bytes: usize,
     },
-    /// A side outside [`SIZES`].
+    /// A side that is too short or too long.
     #[error("a picture cannot be {0} pixels wide: {min} to {max} is possible", min = SIZES.start(), max = SIZES.end())]
     Size(u64),
     /// The PNG encoder refused.
@@ -50,4 +50,4 @@ fn side(pixels: u64) -> Result<u32, PictureError> {
 }
 
 #[cfg(test)]
-pub mod sample;
+pub(crate) mod sample;

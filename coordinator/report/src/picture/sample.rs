@@ -1,6 +1,6 @@
 //! Invented swarms for tests, and a decoder to look at the pictures made of them.
 
-use murmuration_proto::{Pose, Purpose, Replay, Stream, World, v1};
+use murmuration_proto::{Pose, Purpose, RandomStream, Replay, World, v1};
 
 /// A world from the lines of a campaign file's `[world]` table.
 pub fn world(lines: &str) -> World {
@@ -10,7 +10,7 @@ pub fn world(lines: &str) -> World {
 
 /// Agents that circle around the middle, each at its own distance, after random starts.
 pub fn ring(world: &World, steps: u32, stride: u32) -> Replay {
-    let mut stream = Stream::derive(7, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(7, Purpose::Start, 0);
     let (cx, cy) = (world.width() / 2.0, world.height() / 2.0);
     let reach = cx.min(cy) - world.margin();
     let agents: Vec<[f64; 3]> = (0..world.agents())

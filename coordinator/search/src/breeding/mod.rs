@@ -17,7 +17,7 @@ mod variation;
 
 use crate::filter::Score;
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Method, Purpose, Stream,
+    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Method, Purpose, RandomStream,
 };
 
 /// Attempts at one controller before the search is given up as hopeless.
@@ -107,7 +107,7 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
 pub fn sample(
     space: &ControllerSpace,
     filter: bool,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
 ) -> Result<Controller, ProposeError> {
     (0..MOST_ATTEMPTS)
         .map(|_| space.sample(stream))
@@ -119,9 +119,9 @@ pub fn sample(
 fn fill(
     spec: &CampaignSpec,
     generation: u32,
-    mut attempt: impl FnMut(&mut Stream) -> Controller,
+    mut attempt: impl FnMut(&mut RandomStream) -> Controller,
 ) -> Result<Proposal, ProposeError> {
-    let mut stream = Stream::derive(spec.seed(), Purpose::Propose, generation.into());
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, generation.into());
     let mut controllers = Vec::new();
     let mut filtered = 0;
     let mut in_a_row = 0;
@@ -144,7 +144,7 @@ fn fill(
     })
 }
 
-fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut Stream) -> Controller {
+fn breed(spec: &CampaignSpec, parents: &[Parent], stream: &mut RandomStream) -> Controller {
     let search = spec.search();
     let first = selection::tournament(parents, search, stream);
     let mut genes = first.controller.genes().to_vec();

@@ -26,7 +26,7 @@ fn parent(genes: &[f64], novelty: f64) -> Parent {
 /// `count` parents of `model` with novelty 0, 1, 2, ..., drawn from the paper's space.
 fn parents(model: &str, count: usize) -> Vec<Parent> {
     let spec = spec(model, "random", "", "");
-    let mut stream = Stream::derive(99, Purpose::Start, 0);
+    let mut stream = RandomStream::derive(99, Purpose::Start, 0);
     (0..count)
         .map(|i| Parent {
             controller: spec.controllers().sample(&mut stream),

@@ -2,9 +2,18 @@
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
+    lanes::{LANES, Lanes, with_dimensions},
     novelty::Behaviours,
 };
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
+use std::sync::Arc;
+
+/// More than a squared distance may be above the square of its root, both rounded.
+const ROUNDING: f64 = 1e-15;
+
+/// Blocks whose distances are computed before any of them is looked at.
+const STRETCH: usize = 8;
 
 /// A point's nearest medoid and the next.
 #[derive(Debug, Clone, Copy)]
@@ -32,8 +41,11 @@ pub(super) struct Swap {
 #[derive(Debug, Clone)]
 pub(super) struct Assignment<'p> {
     points: &'p Behaviours,
+    lanes: Arc<Lanes>,
     medoids: Vec<usize>,
     ranked: Vec<Ranked>,
+    /// For each point a squared distance from which on a candidate is no nearer to it than its second medoid.
+    limits: Vec<[f64; LANES]>,
     /// For each medoid, by how much the loss grows if it is dropped (not meaningful where it is the only one).
     removal: Vec<f64>,
     loss: f64,
@@ -52,20 +64,35 @@ impl<'p> Assignment<'p> {
                 Ok(rank(points, &medoids, point))
             })
             .collect::<Result<_, Interrupted>>()?;
-        Ok(Self::with_ranks(points, medoids, ranked))
+        let lanes = Lanes::new(
+            points.dims(),
+            (0..points.len()).map(|point| points.values_of(point)),
+        );
+        Ok(Self::with_ranks(points, Arc::new(lanes), medoids, ranked))
     }
 
-    fn with_ranks(points: &'p Behaviours, medoids: Vec<usize>, ranked: Vec<Ranked>) -> Self {
+    fn with_ranks(
+        points: &'p Behaviours,
+        lanes: Arc<Lanes>,
+        medoids: Vec<usize>,
+        ranked: Vec<Ranked>,
+    ) -> Self {
         // In the order of the points, so that a set of medoids has one loss, however it was come by.
         let loss = ranked.iter().fold(0.0, |sum, point| sum + point.to_nearest);
         let mut removal = vec![0.0; medoids.len()];
         for point in &ranked {
             removal[point.nearest as usize] += point.to_second - point.to_nearest;
         }
+        let mut limits = vec![[0.0; LANES]; lanes.blocks()];
+        for (limit, point) in limits.as_flattened_mut().iter_mut().zip(&ranked) {
+            *limit = point.to_second * point.to_second * (1.0 + ROUNDING) + f64::MIN_POSITIVE;
+        }
         Self {
             points,
+            lanes,
             medoids,
             ranked,
+            limits,
             removal,
             loss,
         }
@@ -99,19 +126,13 @@ impl<'p> Assignment<'p> {
                 change,
             });
         }
-        // What all points that come nearer gain, whichever medoid goes; and the change if that one goes.
-        let mut gain = 0.0;
         let mut changes = self.removal.clone();
-        self.points.each_squared_distance(candidate, |point, squared| {
-            let ranked = &self.ranked[point];
-            let distance = squared.sqrt();
-            if distance < ranked.to_nearest {
-                gain += ranked.to_nearest - distance;
-                changes[ranked.nearest as usize] -= ranked.to_second - ranked.to_nearest;
-            } else if distance < ranked.to_second {
-                changes[ranked.nearest as usize] -= ranked.to_second - distance;
-            }
-        });
+        let gain = Weighing {
+            assignment: self,
+            origin: self.points.values_of(candidate),
+            changes: &mut changes,
+        }
+        .gain();
         let (place, &change) = changes.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
         let change = change - gain;
         Some(Swap {
@@ -131,7 +152,68 @@ impl<'p> Assignment<'p> {
             .enumerate()
             .map(|(point, ranked)| rerank(self.points, &medoids, point, ranked, swap))
             .collect();
-        Self::with_ranks(self.points, medoids, ranked)
+        Self::with_ranks(self.points, Arc::clone(&self.lanes), medoids, ranked)
+    }
+}
+
+/// A candidate that is weighed against all medoids.
+struct Weighing<'a, 'p> {
+    assignment: &'a Assignment<'p>,
+    /// The candidate's values.
+    origin: &'a [f64],
+    /// What the loss changes by if a medoid is dropped for the candidate, but for the gain: to begin with, as if nothing
+    /// came nearer.
+    changes: &'a mut [f64],
+}
+
+impl Weighing<'_, '_> {
+    /// What all points that come nearer gain, whichever medoid goes; and in `changes` the change if that one goes.
+    fn gain(self) -> f64 {
+        with_dimensions!(self.origin.len(), weigh, self)
+    }
+}
+
+fn weigh<const D: usize>(weighing: Weighing<'_, '_>) -> f64 {
+    Arch::new().dispatch(Weigh::<D>(weighing))
+}
+
+/// In `D` dimensions, or in any number if that is 0.
+struct Weigh<'a, 'p, const D: usize>(Weighing<'a, 'p>);
+
+impl<const D: usize> WithSimd for Weigh<'_, '_, D> {
+    type Output = f64;
+
+    /// Most points have two medoids that are nearer than the candidate: they are passed over by their squared distance
+    /// alone. The others are summed in their order.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Weighing {
+            assignment,
+            origin,
+            changes,
+        } = self.0;
+        let mut gain = 0.0;
+        let mut squared = [[0.0; LANES]; STRETCH];
+        let mut near = [0_u8; LANES * STRETCH];
+        for (first, limits) in (0..).step_by(STRETCH).zip(assignment.limits.chunks(STRETCH)) {
+            for (block, squared) in (first..first + limits.len()).zip(&mut squared) {
+                *squared = assignment.lanes.squared_distances::<D>(block, origin);
+            }
+            let squared = squared.as_flattened();
+            let mut count = 0;
+            for (place, (squared, limit)) in squared.iter().zip(limits.as_flattened()).enumerate() {
+                near[count] = place as u8;
+                count += usize::from(squared < limit);
+            }
+            for &place in &near[..count] {
+                let ranked = &assignment.ranked[first * LANES + usize::from(place)];
+                let distance = squared[usize::from(place)].sqrt();
+                gain += (ranked.to_nearest - distance).max(0.0);
+                changes[ranked.nearest as usize] -=
+                    (ranked.to_second - distance.max(ranked.to_nearest)).max(0.0);
+            }
+        }
+        gain
     }
 }
 

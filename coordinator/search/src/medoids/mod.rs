@@ -1,34 +1,68 @@
-//! k-medoids by eager swaps: the behaviours that stand for all (paper, "Evolution and Clustering").
+//! k-medoids: the behaviours that stand for all (paper, "Evolution and Clustering").
 //!
-//! The algorithm is FasterPAM (Schubert and Rousseeuw, "Fast and eager k-medoids clustering", 2021): a point
-//! that is not a medoid is weighed against *all* medoids in one pass over the points, and a swap that lowers
-//! the loss is made at once. Two things differ. Distances are computed as they are needed, so memory grows with
-//! n and not with n^2. And candidates are weighed in blocks, in parallel: all candidates of a block against the
-//! same medoids, then the best swap of the block is made. The block has a fixed size, so the outcome does not
-//! depend on the number of threads.
+//! Up to [`MOST_EXACT`] points the algorithm is FasterPAM (Schubert and Rousseeuw, "Fast and eager k-medoids clustering",
+//! 2021): a point that is not a medoid is weighed against *all* medoids in one pass over the points, and a swap that
+//! lowers the loss is made at once. Two things differ. Distances are computed as they are needed, so memory grows with n
+//! and not with n^2. And candidates are weighed in blocks, in parallel: all candidates of a block against the same
+//! medoids, then the best swap of the block is made. The block has a fixed size, so the outcome does not depend on the
+//! number of threads. The result is a local optimum: no exchange of one medoid lowers the loss by more than a rounding
+//! error. Time grows with the square of the number of points.
 //!
-//! The result is a local optimum: no exchange of one medoid lowers the loss by more than a rounding error.
-//!
-//! Time grows with the square of the number of points. Measured with 12 medoids in five dimensions on two
-//! shared cores (`cargo bench --bench medoids`): 0.02 s for 1,000 points, 1 to 2 s for 10,000.
+//! Of more points medoids are found by FasterPAM among samples and then moved in all of them (`sampled`), in a time that
+//! grows with the number of points. `docs/performance.md` has the figures, `cargo bench --bench medoids` measures them.
 
 mod assignment;
+mod centre;
+mod sampled;
 mod seeding;
+mod swaps;
 
 use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use assignment::{Assignment, Swap};
-use murmuration_proto::Stream;
+use murmuration_proto::RandomStream;
 use rayon::prelude::*;
-use std::{cmp::Reverse, ops::Range};
+use sampled::Sampling;
+use std::cmp::Reverse;
 
-/// Candidates that are weighed against the same medoids. Part of what the outcome rests on.
-const BLOCK: usize = 128;
+/// Most points that are all weighed against each other: about a second of one core.
+pub const MOST_EXACT: usize = 16_384;
 
-/// The least share of the loss that a swap must save: more than rounding can feign.
-const LEAST_GAIN: f64 = 1e-11;
+/// What medoids of more than [`MOST_EXACT`] points are found among. Part of what the outcome rests on.
+const SAMPLING: Sampling = Sampling { size: 8192, count: 4 };
+
+/// How medoids are found. The outcomes differ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Algorithm {
+    /// FasterPAM: all points are candidates, and weighed against all points.
+    FasterPam,
+    /// FasterPAM on samples, then exact medoids of the clusters of all points.
+    Sampled,
+}
+
+impl Algorithm {
+    /// The one for so many points.
+    #[must_use]
+    pub const fn for_size(points: usize) -> Self {
+        if points <= MOST_EXACT {
+            Self::FasterPam
+        } else {
+            Self::Sampled
+        }
+    }
+}
+
+/// How far a clustering is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Samples that are done with; 0 without any.
+    pub samples: u32,
+    /// Times that medoids were exchanged or moved, over all samples.
+    pub moves: u32,
+    /// Mean distance to the nearest medoid that this has come to, over the points that are looked at now.
+    pub mean_distance: f64,
+}
 
 /// Behaviours in clusters, each about a medoid.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +77,7 @@ pub struct Clustering {
 }
 
 /// Clusters `points` about `k` of them, so that the sum of Euclidean distances to the nearest medoid is (locally)
-/// least; the stream chooses the medoids to begin with.
+/// least; the stream chooses the medoids to begin with, and samples.
 ///
 /// There are as many medoids as points where `k` is larger, and one where `k` is 0; none where there are no
 /// points.
@@ -53,57 +87,33 @@ pub struct Clustering {
 pub fn cluster(
     points: &Behaviours,
     k: usize,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<Clustering, Interrupted> {
-    let k = k.max(1).min(points.len());
-    let seeds = seeding::seed(points, k, stream, interrupt)?;
-    let assignment = descend(Assignment::new(points, seeds, interrupt)?, interrupt)?;
-    arrange(points, assignment.into_medoids(), interrupt)
+    let algorithm = Algorithm::for_size(points.len());
+    cluster_by(algorithm, points, k, stream, interrupt, &|_| {})
 }
 
-/// Swaps until a whole round of candidates, from whichever block on, holds none that lowers the loss.
-fn descend<'p>(mut assignment: Assignment<'p>, interrupt: &Interrupt) -> Result<Assignment<'p>, Interrupted> {
-    let count = assignment.points().len();
-    let blocks: Vec<Range<usize>> = (0..count)
-        .step_by(BLOCK)
-        .map(|start| start..(start + BLOCK).min(count))
-        .collect();
-    let mut blocks_in_vain = 0;
-    for block in blocks.iter().cycle() {
-        interrupt.check()?;
-        match improve(&assignment, block.clone()) {
-            Some(better) => {
-                assignment = better;
-                blocks_in_vain = 0;
-            }
-            None => blocks_in_vain += 1,
-        }
-        if blocks_in_vain == blocks.len() {
-            break;
-        }
-    }
-    Ok(assignment)
-}
-
-/// The assignment after the best swap with a candidate of `block`, if that lowers the loss.
+/// As [`cluster`], by a given algorithm; `told` hears how far it is.
 ///
-/// The loss of a set of medoids always comes out the same, and goes down with every swap made: no set comes
-/// back, so the descent ends.
-fn improve<'p>(assignment: &Assignment<'p>, block: Range<usize>) -> Option<Assignment<'p>> {
-    let swaps: Vec<Option<Swap>> = block
-        .into_par_iter()
-        .map(|candidate| assignment.best_swap(candidate))
-        .collect();
-    let best = swaps
-        .into_iter()
-        .flatten()
-        .min_by(|a, b| a.change.total_cmp(&b.change))?;
-    if best.change >= -LEAST_GAIN * assignment.loss() {
-        return None;
+/// # Errors
+/// As [`cluster`].
+pub fn cluster_by(
+    algorithm: Algorithm,
+    points: &Behaviours,
+    k: usize,
+    stream: &mut RandomStream,
+    interrupt: &Interrupt,
+    told: &dyn Fn(Progress),
+) -> Result<Clustering, Interrupted> {
+    let k = k.max(1).min(points.len());
+    match algorithm {
+        Algorithm::FasterPam => {
+            let medoids = swaps::fasterpam(points, k, stream, interrupt, told)?;
+            arrange(points, medoids, interrupt)
+        }
+        Algorithm::Sampled => sampled::cluster(points, k, SAMPLING, stream, interrupt, told),
     }
-    let better = assignment.after(&best);
-    (better.loss() < assignment.loss()).then_some(better)
 }
 
 /// The clusters of `medoids`, the largest first.

@@ -4,7 +4,7 @@ use crate::{
     interrupt::{Interrupt, Interrupted},
     novelty::Behaviours,
 };
-use murmuration_proto::Stream;
+use murmuration_proto::RandomStream;
 
 /// `k` different points (at most as many as there are): the first uniformly, each of the others with a
 /// probability proportional to its distance from the nearest one chosen (k-means++ for a loss of distances that
@@ -15,7 +15,7 @@ use murmuration_proto::Stream;
 pub(super) fn seed(
     points: &Behaviours,
     k: usize,
-    stream: &mut Stream,
+    stream: &mut RandomStream,
     interrupt: &Interrupt,
 ) -> Result<Vec<usize>, Interrupted> {
     let mut seeds = Vec::with_capacity(k);
@@ -43,7 +43,7 @@ pub(super) fn seed(
 }
 
 /// A point drawn with a probability proportional to its distance; `None` if all are 0.
-fn draw(distances: &[f64], stream: &mut Stream) -> Option<usize> {
+fn draw(distances: &[f64], stream: &mut RandomStream) -> Option<usize> {
     let total = distances.iter().fold(0.0, |sum, distance| sum + distance);
     if total <= 0.0 {
         return None;

@@ -1,6 +1,8 @@
 //! Clusterings against brute force, and whatever must hold of every one.
 
-use super::*;
+mod sampled;
+
+use super::{assignment::Assignment, *};
 use murmuration_proto::Purpose;
 use proptest::prelude::*;
 
@@ -13,12 +15,12 @@ fn behaviours(points: &[Vec<f64>]) -> Behaviours {
 }
 
 /// Not interrupted.
-fn cluster(points: &Behaviours, k: usize, stream: &mut Stream) -> Clustering {
+fn cluster(points: &Behaviours, k: usize, stream: &mut RandomStream) -> Clustering {
     super::cluster(points, k, stream, &Interrupt::default()).unwrap()
 }
 
-fn stream(seed: u64) -> Stream {
-    Stream::derive(seed, Purpose::Medoids, 0)
+fn stream(seed: u64) -> RandomStream {
+    RandomStream::derive(seed, Purpose::Medoids, 0)
 }
 
 /// The loss of a set of medoids, by definition.
@@ -133,7 +135,7 @@ fn there_may_be_few_points_or_few_different_ones() {
 fn losses_are_close_to_the_least_possible() {
     let (mut found, mut least) = (0.0, 0.0);
     for seed in 0..300 {
-        let mut random = Stream::derive(seed, Purpose::Start, 0);
+        let mut random = RandomStream::derive(seed, Purpose::Start, 0);
         let k = 1 + random.below(4) as usize;
         let points: Vec<Vec<f64>> = (0..13).map(|_| vec![random.unit(), random.unit()]).collect();
         let points = behaviours(&points);
@@ -149,7 +151,7 @@ fn losses_are_close_to_the_least_possible() {
 
 #[test]
 fn the_number_of_threads_changes_nothing() {
-    let mut random = Stream::derive(3, Purpose::Start, 0);
+    let mut random = RandomStream::derive(3, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..1500)
         .map(|_| (0..5).map(|_| random.unit()).collect())
         .collect();
@@ -173,7 +175,7 @@ fn the_number_of_threads_changes_nothing() {
 /// If these change, so does the taxonomy of every campaign ever run.
 #[test]
 fn the_medoids_are_the_same_for_ever() {
-    let mut random = Stream::derive(4, Purpose::Start, 0);
+    let mut random = RandomStream::derive(4, Purpose::Start, 0);
     let points: Vec<Vec<f64>> = (0..1000)
         .map(|_| (0..5).map(|_| random.unit()).collect())
         .collect();
@@ -199,6 +201,59 @@ proptest! {
             .collect();
         let points = behaviours(&points);
         check(&points, k, &cluster(&points, k, &mut stream(seed)));
+    }
+}
+
+/// What FasterPAM says of a candidate, a point at a time.
+fn swap_by_definition(points: &Behaviours, medoids: &[usize], candidate: usize) -> Option<(usize, f64)> {
+    let mut gain = 0.0;
+    let mut changes = vec![0.0; medoids.len()];
+    let ranked = |point: usize| {
+        let mut ranks: Vec<(f64, usize)> = medoids
+            .iter()
+            .enumerate()
+            .map(|(place, &medoid)| (points.squared_distance(point, medoid).sqrt(), place))
+            .collect();
+        ranks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        (ranks[0], ranks[1].0)
+    };
+    for point in 0..points.len() {
+        let ((to_nearest, nearest), to_second) = ranked(point);
+        changes[nearest] += to_second - to_nearest;
+    }
+    for point in 0..points.len() {
+        let ((to_nearest, nearest), to_second) = ranked(point);
+        let distance = points.squared_distance(candidate, point).sqrt();
+        if distance < to_nearest {
+            gain += to_nearest - distance;
+            changes[nearest] -= to_second - to_nearest;
+        } else if distance < to_second {
+            changes[nearest] -= to_second - distance;
+        }
+    }
+    let (place, change) = changes.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
+    Some((place, change - gain))
+}
+
+proptest! {
+    #[test]
+    fn swaps_are_weighed_to_the_bit_as_point_by_point(
+        lattice in (1..12usize).prop_flat_map(|dims| prop::collection::vec(prop::collection::vec(-9..=9i32, dims), 4..200)),
+        scale in prop::sample::select(vec![1.0, 0.1, 1e-150, 1e-162, 1e90]),
+        k in 2..4usize,
+    ) {
+        let points: Vec<Vec<f64>> = lattice
+            .iter()
+            .map(|point| point.iter().map(|&x| f64::from(x) * scale).collect())
+            .collect();
+        let points = behaviours(&points);
+        let medoids: Vec<usize> = (0..k).collect();
+        let assignment = Assignment::new(&points, medoids.clone(), &Interrupt::default()).unwrap();
+        for candidate in k..points.len() {
+            let swap = assignment.best_swap(candidate).unwrap();
+            let (place, change) = swap_by_definition(&points, &medoids, candidate).unwrap();
+            prop_assert_eq!((swap.place, swap.change.to_bits()), (place, change.to_bits()));
+        }
     }
 }
 

@@ -72,6 +72,23 @@ impl Behaviours {
         Ok(())
     }
 
+    /// Those at `indices`, in their order.
+    ///
+    /// # Panics
+    /// If an index is not below [`Behaviours::len`].
+    #[must_use]
+    pub fn among(&self, indices: &[usize]) -> Self {
+        Self {
+            dims: self.dims,
+            len: indices.len(),
+            values: indices
+                .iter()
+                .flat_map(|&index| self.values_of(index))
+                .copied()
+                .collect(),
+        }
+    }
+
     /// Number of values of every vector.
     #[must_use]
     pub const fn dims(&self) -> usize {
@@ -154,7 +171,8 @@ impl Behaviours {
         }
     }
 
-    fn values_of(&self, index: usize) -> &[f64] {
+    /// The values of behaviour `index`.
+    pub(crate) fn values_of(&self, index: usize) -> &[f64] {
         &self.values[index * self.dims..][..self.dims]
     }
 }

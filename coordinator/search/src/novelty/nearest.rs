@@ -1,51 +1,99 @@
 //! The k smallest of many distances.
 
-/// Keeps the `k` smallest squared distances that it is offered.
-///
-/// It gathers up to twice as many before it drops the larger half, so that an offer takes constant time on
-/// average, however large `k` is.
+use std::{cmp::Ordering, collections::BinaryHeap};
+
+/// A point at a squared distance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Offer {
+    pub(super) squared: f64,
+    pub(super) index: u32,
+}
+
+/// Keeps the `k` smallest squared distances that it is offered, and whose they are.
 pub(super) struct Nearest {
     k: usize,
-    /// Nothing at or above this can be among the `k` smallest any more.
+    /// The farthest first.
+    kept: BinaryHeap<Offer>,
     limit: f64,
-    squared: Vec<f64>,
 }
 
 impl Nearest {
     pub(super) const fn new(k: usize) -> Self {
         Self {
             k,
-            limit: f64::INFINITY,
-            squared: Vec::new(),
+            kept: BinaryHeap::new(),
+            limit: Self::limit_of_none(k),
         }
+    }
+
+    const fn limit_of_none(k: usize) -> f64 {
+        if k == 0 { 0.0 } else { f64::INFINITY }
+    }
+
+    /// Nothing at or above this can be among the `k` smallest any more.
+    #[inline(always)]
+    pub(super) const fn limit(&self) -> f64 {
+        self.limit
     }
 
     /// Takes a finite squared distance into account.
-    #[inline]
-    pub(super) fn offer(&mut self, squared: f64) {
+    #[inline(always)]
+    pub(super) fn offer(&mut self, squared: f64, index: u32) {
         if squared < self.limit {
-            self.keep(squared);
+            self.keep(Offer { squared, index });
         }
     }
 
-    fn keep(&mut self, squared: f64) {
-        self.squared.push(squared);
-        if self.k > 0 && self.squared.len() >= self.k.saturating_mul(2) {
-            let (_, &mut largest, _) = self.squared.select_nth_unstable_by(self.k - 1, f64::total_cmp);
-            self.limit = largest;
-            self.squared.truncate(self.k);
+    fn keep(&mut self, offer: Offer) {
+        if self.kept.len() < self.k {
+            self.kept.push(offer);
+        } else if let Some(mut farthest) = self.kept.peek_mut() {
+            *farthest = offer;
+        }
+        if self.kept.len() == self.k {
+            self.limit = self
+                .kept
+                .peek()
+                .map_or(f64::INFINITY, |farthest| farthest.squared);
         }
     }
 
-    /// The mean of the `k` smallest distances offered (of all, if they are fewer; 0 if there is none), summed
-    /// in ascending order. It is as new afterwards.
-    pub(super) fn take_mean(&mut self) -> f64 {
-        self.squared.sort_unstable_by(f64::total_cmp);
-        self.squared.truncate(self.k);
-        let sum = self.squared.iter().fold(0.0, |sum, squared| sum + squared.sqrt());
-        let count = self.squared.len().max(1);
-        self.squared.clear();
-        self.limit = f64::INFINITY;
-        sum / count as f64
+    /// What it keeps, the nearest first. It is as new afterwards.
+    pub(super) fn take(&mut self) -> Vec<Offer> {
+        self.limit = Self::limit_of_none(self.k);
+        std::mem::take(&mut self.kept).into_sorted_vec()
+    }
+
+    /// The mean of the distances that it keeps but the `passed` smallest, summed in ascending order; 0 if there is none. It
+    /// is as new afterwards, and has its room still.
+    pub(super) fn take_mean(&mut self, passed: usize) -> f64 {
+        let mut kept = self.take();
+        let counted = kept.get(passed..).unwrap_or_default();
+        let sum = counted.iter().fold(0.0, |sum, offer| sum + offer.squared.sqrt());
+        let mean = sum / counted.len().max(1) as f64;
+        kept.clear();
+        self.kept = kept.into();
+        mean
     }
 }
+
+impl Ord for Offer {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_distance = self.squared.total_cmp(&other.squared);
+        by_distance.then(self.index.cmp(&other.index))
+    }
+}
+
+impl PartialOrd for Offer {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Offer {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Offer {}

@@ -2,6 +2,7 @@
 
 use super::*;
 use proptest::prelude::*;
+use std::ops::Range;
 
 fn behaviours(dims: usize, points: &[Vec<f64>]) -> Behaviours {
     let mut behaviours = Behaviours::new(dims);
@@ -11,14 +12,17 @@ fn behaviours(dims: usize, points: &[Vec<f64>]) -> Behaviours {
     behaviours
 }
 
-/// Not interrupted.
+/// By an index that knows all behaviours from the begin on.
 fn novelty(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
-    super::novelty(behaviours, queries, k, &Interrupt::default()).unwrap()
+    Index::new()
+        .novelty(behaviours, queries, k, &Interrupt::default())
+        .unwrap()
 }
 
-/// Not interrupted.
-fn novelty_by(lookup: Lookup, behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
-    super::novelty_by(lookup, behaviours, queries, k, &Interrupt::default()).unwrap()
+/// By brute force.
+fn compared(behaviours: &Behaviours, queries: Range<usize>, k: usize) -> Vec<f64> {
+    let queries: Vec<usize> = queries.collect();
+    novelty_of(behaviours, &queries, k, &Interrupt::default()).unwrap()
 }
 
 /// The definition, by sorting all distances.
@@ -45,9 +49,8 @@ fn bits(values: &[f64]) -> Vec<u64> {
 fn check(points: &[f64], k: usize, expected: &[f64]) {
     let points: Vec<Vec<f64>> = points.iter().map(|&x| vec![x]).collect();
     let behaviours = behaviours(1, &points);
-    for lookup in [Lookup::BruteForce, Lookup::Tree] {
-        assert_eq!(novelty_by(lookup, &behaviours, 0..points.len(), k), expected);
-    }
+    assert_eq!(compared(&behaviours, 0..points.len(), k), expected);
+    assert_eq!(novelty(&behaviours, 0..points.len(), k), expected);
 }
 
 #[test]
@@ -101,11 +104,8 @@ fn coinciding_points_are_no_trouble_to_the_tree() {
         let points: Vec<Vec<f64>> = same.chain(others).collect();
         let behaviours = behaviours(5, &points);
         let all = 0..points.len();
-        let by_tree = novelty_by(Lookup::Tree, &behaviours, all.clone(), 15);
-        assert_eq!(
-            bits(&by_tree),
-            bits(&novelty_by(Lookup::BruteForce, &behaviours, all, 15))
-        );
+        let by_tree = novelty(&behaviours, all.clone(), 15);
+        assert_eq!(bits(&by_tree), bits(&compared(&behaviours, all, 15)));
         assert!(by_tree[..coinciding].iter().all(|&novelty| novelty == 0.0));
     }
 }
@@ -116,16 +116,20 @@ fn one_thread_or_four_give_the_same_bits() {
         .map(|i| (1..=5).map(|d| f64::from(i * 7919 * d % 1009) / 1009.0).collect())
         .collect();
     let behaviours = behaviours(5, &points);
-    for lookup in [Lookup::BruteForce, Lookup::Tree] {
-        let on = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            bits(&pool.install(|| novelty_by(lookup, &behaviours, 0..600, 15)))
-        };
-        assert_eq!(on(1), on(4));
-    }
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            [
+                novelty(&behaviours, 0..600, 15),
+                compared(&behaviours, 0..600, 15),
+            ]
+            .map(|found| bits(&found))
+        })
+    };
+    assert_eq!(on(1), on(4));
 }
 
 /// Points on a coarse lattice (ties and coincidences everywhere), or anywhere over many scales.
@@ -147,15 +151,67 @@ fn points() -> impl Strategy<Value = (usize, Vec<Vec<f64>>)> {
     })
 }
 
+/// In a few dimensions that have code of their own, and in others.
+#[test]
+fn larger_archives_have_the_bits_of_brute_force() {
+    for dims in [1, 3, 5, 7, 12] {
+        let points: Vec<Vec<f64>> = (0..3000_u32)
+            .map(|i| {
+                (1..=dims)
+                    .map(|d| f64::from(i * 7919 % 1201 * d % 1009).powi(2))
+                    .collect()
+            })
+            .collect();
+        let behaviours = behaviours(dims as usize, &points);
+        let all = 0..points.len();
+        assert_eq!(
+            bits(&novelty(&behaviours, all.clone(), 15)),
+            bits(&compared(&behaviours, all, 15))
+        );
+    }
+}
+
 proptest! {
     #[test]
     fn every_way_gives_the_bits_of_the_definition((dims, points) in points(), k in 0..40usize) {
         let behaviours = behaviours(dims, &points);
         let defined: Vec<f64> = (0..points.len()).map(|query| defined(&points, query, k)).collect();
-        for lookup in [Lookup::BruteForce, Lookup::Tree] {
-            let found = novelty_by(lookup, &behaviours, 0..points.len(), k);
-            prop_assert_eq!(bits(&found), bits(&defined), "{:?}", lookup);
+        prop_assert_eq!(bits(&novelty(&behaviours, 0..points.len(), k)), bits(&defined));
+        prop_assert_eq!(bits(&compared(&behaviours, 0..points.len(), k)), bits(&defined));
+    }
+
+    /// However the archive grew, an index says what one says that is built anew; its trees are few.
+    #[test]
+    fn an_index_that_grew_is_one_built_anew(
+        (dims, points) in points(),
+        steps in prop::collection::vec(0..70usize, 0..30),
+        k in 0..20usize,
+    ) {
+        let (mut grown, mut index) = (Behaviours::new(dims), Index::new());
+        let mut left = points.iter();
+        for step in steps.into_iter().chain([points.len()]) {
+            let first = grown.len();
+            for point in left.by_ref().take(step) {
+                grown.push(point).unwrap();
+            }
+            let found = index.novelty(&grown, first..grown.len(), k, &Interrupt::default()).unwrap();
+            prop_assert_eq!(bits(&found), bits(&novelty(&grown, first..grown.len(), k)));
+            prop_assert_eq!(index.len(), grown.len());
+            prop_assert!(index.trees() <= 1 + grown.len().max(1).ilog2() as usize);
         }
+    }
+
+    #[test]
+    fn the_nearest_are_those_of_all((dims, points) in points(), k in 0..20usize, query in 0..150usize) {
+        prop_assume!(query < points.len());
+        let behaviours = behaviours(dims, &points);
+        let mut index = Index::new();
+        index.extend(&behaviours);
+        let mut all: Vec<(f64, usize)> = (0..points.len()).map(|other| (behaviours.squared_distance(query, other).sqrt(), other)).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let found: Vec<f64> = index.nearest(&points[query], k).iter().map(|neighbour| neighbour.distance).collect();
+        let expected: Vec<f64> = all.iter().take(k).map(|(distance, _)| *distance).collect();
+        prop_assert_eq!(bits(&found), bits(&expected));
     }
 }
 
@@ -164,10 +220,9 @@ fn interrupted_nothing_is_measured() {
     let behaviours = behaviours(1, &[vec![0.0], vec![1.0]]);
     let interrupt = Interrupt::default();
     interrupt.raise();
-    for lookup in [Lookup::BruteForce, Lookup::Tree] {
-        assert_eq!(
-            super::novelty_by(lookup, &behaviours, 0..2, 1, &interrupt),
-            Err(Interrupted)
-        );
-    }
+    assert_eq!(
+        Index::new().novelty(&behaviours, 0..2, 1, &interrupt),
+        Err(Interrupted)
+    );
+    assert_eq!(novelty_of(&behaviours, &[0, 1], 1, &interrupt), Err(Interrupted));
 }

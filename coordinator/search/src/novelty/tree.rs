@@ -1,79 +1,209 @@
-//! Novelty by a k-d tree, with the bits of brute force.
+//! A k-d tree over a stretch of an archive, with the bits of brute force.
 //!
-//! The tree only names candidates. Its own distances and bounds may round otherwise than ours, so it is asked
-//! twice: for the distance of the k-th neighbour, and for everything within a hair more than that. The distances
-//! of those candidates are then computed and summed as brute force does.
+//! Every node knows the box about its points. A box is measured by the operations, and in the order, of a distance
+//! ([`Behaviours::squared_distance`]); as each of these is monotone, rounding included, no point of a box is ever nearer
+//! than its box. Hence nothing is passed over that brute force would count, with no allowance for rounding, and coinciding
+//! points are no special case: a stretch is halved by count.
 //!
-//! An archive may hold many coinciding points, which no cut can separate. kiddo's mutable tree fails where more
-//! than a bucket of them meet; the immutable one, used here, lets the leaf grow instead.
+//! The tree's shape follows from the number of points, so it has no pointers.
 
 use super::{Behaviours, nearest::Nearest};
-use crate::interrupt::{Interrupt, Interrupted};
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use rayon::prelude::*;
-use std::{num::NonZero, ops::Range};
+use crate::lanes::{LANES, Lanes, with_dimensions};
+use pulp::{Arch, Simd, WithSimd};
+use std::ops::Range;
 
-/// Relative allowance for the tree's rounding: depth times some units in the last place is far less.
-const RELATIVE_SLACK: f64 = 1e-9;
+/// Points of a leaf; the last leaf may have fewer.
+const LEAF: usize = 4 * LANES;
 
-/// The same where squares underflow.
-const ABSOLUTE_SLACK: f64 = 1e-300;
+/// Fewest points of which two halves are built in parallel.
+const PARALLEL: usize = 8192;
 
-/// What was measured, unless it was interrupted.
-type Measured = Result<Vec<f64>, Interrupted>;
+/// A k-d tree.
+#[derive(Debug, Clone)]
+pub(super) struct Tree {
+    dims: usize,
+    /// What it is of.
+    range: Range<usize>,
+    /// Leaf after leaf.
+    lanes: Lanes,
+    /// Which points these are.
+    indices: Vec<u32>,
+    /// For each node, itself before its left half and that before its right one: the least value in each dimension, then
+    /// the largest.
+    boxes: Vec<f64>,
+}
 
-/// Novelty of `queries`, all of them points; `None` where there is no tree for so many dimensions.
-pub(super) fn novelty(
-    behaviours: &Behaviours,
-    queries: Range<usize>,
-    k: usize,
-    interrupt: &Interrupt,
-) -> Option<Measured> {
-    match behaviours.dims() {
-        1 => in_dims::<1>(behaviours, queries, k, interrupt),
-        2 => in_dims::<2>(behaviours, queries, k, interrupt),
-        3 => in_dims::<3>(behaviours, queries, k, interrupt),
-        4 => in_dims::<4>(behaviours, queries, k, interrupt),
-        5 => in_dims::<5>(behaviours, queries, k, interrupt),
-        6 => in_dims::<6>(behaviours, queries, k, interrupt),
-        7 => in_dims::<7>(behaviours, queries, k, interrupt),
-        8 => in_dims::<8>(behaviours, queries, k, interrupt),
-        _ => None,
+/// A node on the way.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    place: usize,
+    first_leaf: usize,
+    leaves: usize,
+}
+
+/// Nodes that are still to be looked at, with their squared distances; kept from query to query.
+pub(super) type Path = Vec<(f64, Node)>;
+
+impl Tree {
+    /// The tree over behaviours `range`, at least one.
+    pub(super) fn build(behaviours: &Behaviours, range: Range<usize>) -> Self {
+        let dims = behaviours.dims();
+        let mut indices: Vec<u32> = range.clone().map(|index| index as u32).collect();
+        let leaves = indices.len().div_ceil(LEAF);
+        let mut boxes = vec![0.0; (2 * leaves - 1) * 2 * dims];
+        halve(behaviours, &mut indices, &mut boxes);
+        let points = indices.iter().map(|&index| behaviours.values_of(index as usize));
+        Self {
+            dims,
+            range,
+            lanes: Lanes::new(dims, points),
+            indices,
+            boxes,
+        }
+    }
+
+    /// What it is of.
+    pub(super) fn range(&self) -> Range<usize> {
+        self.range.clone()
+    }
+
+    /// Offers all points that may be among the nearest to `origin`.
+    pub(super) fn look(&self, origin: &[f64], nearest: &mut Nearest, path: &mut Path) {
+        with_dimensions!(self.dims, look, (self, origin, nearest, path));
+    }
+
+    /// Squared distance of a node's box: no more than that of any of its points.
+    #[inline(always)]
+    fn distance_to_box<const D: usize>(&self, place: usize, origin: &[f64]) -> f64 {
+        let dims = if D == 0 { self.dims } else { D };
+        let (low, high) = self.boxes[place * 2 * dims..][..2 * dims].split_at(dims);
+        let origin = &origin[..dims];
+        let mut sum = 0.0;
+        for d in 0..dims {
+            // One of the two is positive where it lies outside.
+            let gap = (low[d] - origin[d]).max(origin[d] - high[d]).max(0.0);
+            sum += gap * gap;
+        }
+        sum
     }
 }
 
-fn in_dims<const D: usize>(
-    behaviours: &Behaviours,
-    queries: Range<usize>,
-    k: usize,
-    interrupt: &Interrupt,
-) -> Option<Measured> {
-    let points = behaviours.arrays::<D>();
-    // One more than k: the query finds itself.
-    let asked = NonZero::new(k.saturating_add(1).min(points.len()))?;
-    let tree: ImmutableKdTree<f64, D> = ImmutableKdTree::new_from_slice(points).ok()?;
-    let novelty_of = |nearest: &mut Nearest, query: usize| {
-        interrupt.check()?;
-        let neighbours = tree
-            .query(&points[query])
-            .nearest_n::<SquaredEuclidean<f64>>(asked)
-            .execute();
-        let farthest = neighbours.last().map_or(0.0, |neighbour| neighbour.distance);
-        tree.query(&points[query])
-            .within::<SquaredEuclidean<f64>>(farthest * (1.0 + RELATIVE_SLACK) + ABSOLUTE_SLACK)
-            .unsorted()
-            .visit(|neighbour| {
-                let other = neighbour.item as usize;
-                if other != query {
-                    nearest.offer(behaviours.squared_distance(query, other));
+/// Orders points leaf by leaf, and writes the boxes.
+fn halve(behaviours: &Behaviours, indices: &mut [u32], boxes: &mut [f64]) {
+    let dims = behaviours.dims();
+    let (own, others) = boxes.split_at_mut(2 * dims);
+    let (low, high) = own.split_at_mut(dims);
+    low.fill(f64::INFINITY);
+    high.fill(f64::NEG_INFINITY);
+    for &index in &*indices {
+        for (d, &value) in behaviours.values_of(index as usize).iter().enumerate() {
+            low[d] = low[d].min(value);
+            high[d] = high[d].max(value);
+        }
+    }
+    let leaves = indices.len().div_ceil(LEAF);
+    if leaves == 1 {
+        return;
+    }
+    let width = |d: &usize| high[*d] - low[*d];
+    if let Some(widest) = (0..dims).max_by(|a, b| width(a).total_cmp(&width(b))) {
+        let value = |index: u32| behaviours.values_of(index as usize)[widest];
+        indices.select_nth_unstable_by(leaves / 2 * LEAF, |&a, &b| value(a).total_cmp(&value(b)));
+    }
+    let (left, right) = indices.split_at_mut(leaves / 2 * LEAF);
+    let (left_boxes, right_boxes) = others.split_at_mut((2 * (leaves / 2) - 1) * 2 * dims);
+    if left.len() < PARALLEL {
+        halve(behaviours, left, left_boxes);
+        halve(behaviours, right, right_boxes);
+    } else {
+        rayon::join(
+            || halve(behaviours, left, left_boxes),
+            || halve(behaviours, right, right_boxes),
+        );
+    }
+}
+
+impl Node {
+    /// Its two halves; it is no leaf.
+    #[inline(always)]
+    const fn halves(self) -> [Self; 2] {
+        let left = Self {
+            place: self.place + 1,
+            first_leaf: self.first_leaf,
+            leaves: self.leaves / 2,
+        };
+        let right = Self {
+            place: self.place + 2 * left.leaves,
+            first_leaf: self.first_leaf + left.leaves,
+            leaves: self.leaves - left.leaves,
+        };
+        [left, right]
+    }
+}
+
+type Task<'a> = (&'a Tree, &'a [f64], &'a mut Nearest, &'a mut Path);
+
+fn look<const D: usize>((tree, origin, nearest, path): Task<'_>) {
+    Arch::new().dispatch(Look::<D> {
+        tree,
+        origin,
+        nearest,
+        path,
+    });
+}
+
+/// A walk through the tree, in `D` dimensions or, if that is 0, in any number.
+struct Look<'a, const D: usize> {
+    tree: &'a Tree,
+    origin: &'a [f64],
+    nearest: &'a mut Nearest,
+    path: &'a mut Path,
+}
+
+impl<const D: usize> WithSimd for Look<'_, D> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self {
+            tree,
+            origin,
+            nearest,
+            path,
+        } = self;
+        path.clear();
+        path.push((
+            tree.distance_to_box::<D>(0, origin),
+            Node {
+                place: 0,
+                first_leaf: 0,
+                leaves: tree.indices.len().div_ceil(LEAF),
+            },
+        ));
+        while let Some((distance, node)) = path.pop() {
+            if distance >= nearest.limit() {
+                continue;
+            }
+            if node.leaves > 1 {
+                let [left, right] = node
+                    .halves()
+                    .map(|half| (tree.distance_to_box::<D>(half.place, origin), half));
+                // The nearer one is looked at first.
+                if left.0 <= right.0 {
+                    path.extend([right, left]);
+                } else {
+                    path.extend([left, right]);
                 }
-            });
-        Ok(nearest.take_mean())
-    };
-    Some(
-        queries
-            .into_par_iter()
-            .map_init(|| Nearest::new(k), novelty_of)
-            .collect(),
-    )
+                continue;
+            }
+            let first = node.first_leaf * (LEAF / LANES);
+            for block in first..tree.lanes.blocks().min(first + LEAF / LANES) {
+                let squared = tree.lanes.squared_distances::<D>(block, origin);
+                let indices = &tree.indices[block * LANES..];
+                for (&squared, &index) in squared.iter().zip(indices) {
+                    nearest.offer(squared, index);
+                }
+            }
+        }
+    }
 }

@@ -27,7 +27,7 @@ pub(super) fn appended(entries: Vec<Entry>) -> impl Iterator<Item = v1::AppendLa
     parts(entries, |entries| v1::AppendLabelsResponse { entries })
 }
 
-/// What was taken back, by what, part by part.
+/// What was undone, by what, part by part.
 pub(super) fn undone(undone: Vec<Undone>) -> impl Iterator<Item = v1::UndoLabelsResponse> {
     let (entries, answers): (Vec<_>, Vec<_>) = undone
         .into_iter()

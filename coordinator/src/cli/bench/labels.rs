@@ -5,14 +5,14 @@ use super::super::{
     files::{Written, write},
     json,
     run::read_spec,
+    table::{Table, left, right},
 };
-use crate::label_curve::{Behaviours, CurveError, Curves, Overlap, Point, Pretrained, Sets, plot};
-use murmuration_accuracy::{Labels, Summary};
-use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, training::Recipe};
+use crate::label_curve::{CurveError, Curves, LabelledBehaviours, Overlap, Point, Pretrained, Sets, plot};
+use murmuration_accuracy::{LabelledSet, Summary};
+use murmuration_link::{OutputError, errln};
+use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, grouped, training::Recipe};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
-use serde_json::json;
 use std::{
     collections::BTreeMap,
     path::{Path, PathBuf},
@@ -21,28 +21,28 @@ use std::{
 /// Arguments of `bench labels`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-For each seed an embedder is trained without labels as the campaign would train it, then fine-tuned on the labels of so \
-many behaviours of train.csv, chosen by each strategy, and judged by validation.csv. Their controllers are simulated from \
-further starts, as feedback.starts says: train.csv has columns v1 to v4, or v1 to v8 and theta.
+For each seed, an embedder is trained without labels, as the campaign would train it. For each strategy and number of \
+labels, the embedder is then fine-tuned on behaviours of train.csv and measured by validation.csv. Controllers are also \
+simulated from further starts (feedback.starts), so train.csv needs the columns v1 to v4, or v1 to v8 and theta.
 
 Example:
   murmuration bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
 pub(in crate::cli) struct LabelsBench {
-    /// Campaign file; what it says of dataset, training and feedback counts
+    /// Campaign file, of which [dataset], [training] and [feedback] are used
     spec: PathBuf,
-    /// Folder with train.csv, validation.csv and images/ID.png; repeat it to join sets
+    /// Folder with train.csv, validation.csv and images/ID.png; repeat the option to join sets
     #[arg(long, required = true, value_name = "DIR")]
     set: Vec<PathBuf>,
-    /// Seeds, instead of the file's
+    /// Seeds, used instead of the file's seed
     #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
     seeds: Vec<u64>,
-    /// Numbers of labels; more than there are means all
+    /// Numbers of labels; a number above the size of the set means all of them
     #[arg(long, num_args = 1.., default_values_t = [0, 25, 50, 100, 200, 500])]
     labels: Vec<usize>,
-    /// How they are chosen
+    /// Query strategies that choose the behaviours to label
     #[arg(long, num_args = 1.., default_values_t = Strategy::ALL)]
     strategies: Vec<Strategy>,
-    /// Write the curves to this file, SVG
+    /// Write the curves to this SVG file
     #[arg(long, value_name = "OUT")]
     plot: Option<PathBuf>,
 }
@@ -94,10 +94,10 @@ impl LabelsBench {
     }
 
     /// What is learned from, with what its controllers do from further starts.
-    fn learned(&self, spec: &CampaignSpec) -> Result<Behaviours, CliError> {
-        let mut learned = Behaviours::new(spec.image().resolution() as usize);
+    fn learned(&self, spec: &CampaignSpec) -> Result<LabelledBehaviours, CliError> {
+        let mut learned = LabelledBehaviours::new(spec.image().resolution() as usize);
         for folder in &self.set {
-            let labels = Labels::read(folder.join("train.csv"))?;
+            let labels = LabelledSet::read(folder.join("train.csv"))?;
             let pictures = images(&labels, folder, spec.image())?;
             let further = further(&labels, spec, learned.count() as u64)?;
             for ((class, picture), further) in labels.classes().zip(pictures).zip(further) {
@@ -107,10 +107,10 @@ impl LabelsBench {
         Ok(learned)
     }
 
-    fn judging(&self, image: &ImageFormat) -> Result<Behaviours, CliError> {
-        let mut judging = Behaviours::new(image.resolution() as usize);
+    fn judging(&self, image: &ImageFormat) -> Result<LabelledBehaviours, CliError> {
+        let mut judging = LabelledBehaviours::new(image.resolution() as usize);
         for folder in &self.set {
-            let labels = Labels::read(folder.join("validation.csv"))?;
+            let labels = LabelledSet::read(folder.join("validation.csv"))?;
             for (class, picture) in labels.classes().zip(images(&labels, folder, image)?) {
                 judging.push(class, picture, Vec::new());
             }
@@ -119,13 +119,13 @@ impl LabelsBench {
     }
 }
 
-fn images(labels: &Labels, folder: &Path, image: &ImageFormat) -> Result<Vec<Vec<u8>>, CliError> {
+fn images(labels: &LabelledSet, folder: &Path, image: &ImageFormat) -> Result<Vec<Vec<u8>>, CliError> {
     let side = image.resolution() as usize;
     Ok(labels.images(&folder.join("images"), side, side)?)
 }
 
 /// Pictures of each controller from further starts, as a campaign simulates them; the first is that of individual `first`.
-fn further(labels: &Labels, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<Vec<u8>>>, CliError> {
+fn further(labels: &LabelledSet, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<Vec<u8>>>, CliError> {
     let Some(feedback) = spec.feedback().filter(|feedback| feedback.starts() > 1) else {
         return Ok(vec![Vec::new(); labels.classes().count()]);
     };
@@ -144,15 +144,14 @@ fn further(labels: &Labels, spec: &CampaignSpec, first: u64) -> Result<Vec<Vec<V
 
 fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     if as_json {
-        return json::print(&json!({
-            "schema": json::SCHEMA,
-            "strategy": point.strategy.name(),
-            "labels": point.labels,
-            "seed": point.seed,
-            "anchor_not_random_percent": point.not_random,
-            "every_anchor_percent": point.every,
-            "seconds": point.took.as_secs_f64(),
-        }));
+        return json::print(json::BenchLabels {
+            strategy: point.strategy.name(),
+            labels: point.labels,
+            seed: point.seed,
+            anchor_not_random_percent: point.not_random,
+            every_anchor_percent: point.every,
+            seconds: point.took.as_secs_f64(),
+        });
     }
     let percent = |figure: Option<f64>| figure.map_or("-".to_owned(), |figure| format!("{figure:.2} %"));
     errln!(
@@ -169,13 +168,12 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
 
 /// Means over the seeds.
 fn print_table(points: &[Point]) -> Result<(), OutputError> {
-    outln!(
-        "{:<12}{:>8}{:>20}{:>20}",
-        "STRATEGY",
-        "LABELS",
-        "ANCHOR NOT RANDOM",
-        "EVERY ANCHOR"
-    )?;
+    let mut table = Table::new([
+        left("STRATEGY"),
+        right("LABELS"),
+        right("ANCHOR NOT RANDOM"),
+        right("EVERY ANCHOR"),
+    ]);
     let mut rows: BTreeMap<(Strategy, usize), Vec<&Point>> = BTreeMap::new();
     for point in points {
         rows.entry((point.strategy, point.labels))
@@ -192,14 +190,14 @@ fn print_table(points: &[Point]) -> Result<(), OutputError> {
                 format!("{:.2}{deviation}", summary.mean)
             })
         };
-        outln!(
-            "{:<12}{labels:>8}{:>20}{:>20}",
-            strategy.name(),
+        table.row([
+            strategy.name().to_owned(),
+            grouped(labels as u64),
             over(|point| point.not_random),
             over(|point| point.every),
-        )?;
+        ]);
     }
-    Ok(())
+    table.print()
 }
 
 impl From<Overlap> for CliError {

@@ -1,7 +1,7 @@
 //! What a campaign's status says to a person.
 
-use indicatif::{HumanCount, HumanDuration};
-use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, v1};
+use indicatif::HumanDuration;
+use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, grouped, v1};
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
@@ -91,20 +91,20 @@ impl StatusLine {
         let progress = status.training.unwrap_or_default();
         let mut parts = vec![name(status.stage()).to_owned()];
         let mut say = |figure: Option<f64>, text: fn(f64) -> String| parts.extend(figure.map(text));
-        say(progress.loss, |loss| format!("loss {loss:.4}"));
+        say(progress.loss, |loss| format!("loss {}", figure(loss)));
         say(progress.learning_rate, |rate| format!("learning rate {rate:.5}"));
         say(progress.triplet_accuracy, |share| {
             format!("held-out triplets {:.1} %", 100.0 * share)
         });
         say(progress.triplets_per_second, |rate| {
-            format!("{} triplets/s", HumanCount(rate as u64))
+            format!("{} triplets/s", grouped(rate as u64))
         });
         say(progress.seconds_left, |seconds| {
             let left = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
             format!("at most {} left", HumanDuration(left))
         });
         if status.active && status.training.is_none() && status.trainers > 0 {
-            parts.push("no trainer has begun it yet".to_owned());
+            parts.push("no trainer has started yet".to_owned());
         }
         Self {
             done: progress.epoch,
@@ -121,10 +121,16 @@ impl StatusLine {
         let done = u64::from(status.generations_done) * population(search)
             + u64::from(status.evaluated_in_generation);
         let done = done.min(total);
-        let mut parts = vec![format!("generation {}/{generations}", status.generations_done)];
+        let mut parts = vec![format!(
+            "generation {}/{}",
+            grouped(status.generations_done.into()),
+            grouped(generations.into())
+        )];
         if let (Some(best), Some(mean)) = (status.best_novelty, status.mean_novelty) {
             parts.push(format!(
-                "novelty of the last generation: best {best:.4}, mean {mean:.4}"
+                "novelty of the last generation: best {}, mean {}",
+                figure(best),
+                figure(mean)
             ));
         }
         if status.active && done == total && status.workers > 0 {
@@ -148,7 +154,7 @@ fn pace(status: &v1::Campaign, left: u64, unit: &str) -> Vec<String> {
         (true, rate) if rate > 0.0 => {
             let eta = Duration::try_from_secs_f64(left as f64 / rate).unwrap_or(Duration::MAX);
             vec![
-                format!("{rate:.0} {unit}/s"),
+                format!("{} {unit}/s", grouped(rate.round() as u64)),
                 format!("{} left", HumanDuration(eta)),
             ]
         }

@@ -1,16 +1,18 @@
 //! The blob_store: bytes under their digest, in a folder (of the data directory, or one named by a `file://` URL) or in a bucket.
 
 use super::CheckpointError;
-use crate::{StoreError, files::is_there};
+use crate::{
+    StoreError,
+    files::{is_there, sync},
+};
 use bytes::Bytes;
-use murmuration_proto::CheckpointDigest;
+use murmuration_proto::{CheckpointDigest, text::masked_url};
 use object_store::{
     ObjectStore, ObjectStoreExt as _, ObjectStoreScheme, local::LocalFileSystem, path::Path as ObjectPath,
 };
 use std::{
     error::Error,
-    fs::{self, File},
-    io,
+    fs, io,
     path::{Path, PathBuf},
     sync::Arc,
     time::Duration,
@@ -117,7 +119,7 @@ impl BlobStore {
     pub async fn try_out(&self) -> Result<(), CheckpointError> {
         let place = match &self.place {
             Place::Folder(folder) => folder.display().to_string(),
-            Place::Url(url) => url.clone(),
+            Place::Url(url) => masked_url(url),
         };
         match tokio::time::timeout(TRIAL_LIMIT, self.write_and_read()).await {
             Ok(tried) => tried.map_err(|error| refused(place, &error)),
@@ -154,7 +156,7 @@ impl BlobStore {
 
     /// Whether it is a folder.
     #[must_use]
-    pub const fn is_folder(&self) -> bool {
+    pub(crate) const fn is_folder(&self) -> bool {
         matches!(self.place, Place::Folder(_))
     }
 
@@ -208,7 +210,7 @@ impl BlobStore {
     fn name(&self, digest: CheckpointDigest) -> String {
         match &self.place {
             Place::Folder(folder) => folder.join(format!("{digest}.onnx")).display().to_string(),
-            Place::Url(url) => format!("{url}/{digest}.onnx"),
+            Place::Url(url) => format!("{}/{digest}.onnx", masked_url(url)),
         }
     }
 
@@ -250,7 +252,7 @@ fn make_folder(folder: &Path) -> io::Result<()> {
         Err(error) if error.kind() != io::ErrorKind::AlreadyExists || !folder.is_dir() => return Err(error),
         _ => {}
     }
-    File::open(above)?.sync_all()
+    sync(above)
 }
 
 /// What the system said, if it did.
@@ -266,8 +268,11 @@ fn io_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a io::Error> {
 }
 
 fn refused(location: impl std::fmt::Display, reason: &dyn std::fmt::Display) -> CheckpointError {
+    let location = location.to_string();
+    let masked = masked_url(&location);
     CheckpointError::Location {
-        location: location.to_string(),
-        reason: reason.to_string(),
+        // The library's reasons quote the URL.
+        reason: reason.to_string().replace(&location, &masked),
+        location: masked,
     }
 }

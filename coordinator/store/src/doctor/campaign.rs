@@ -48,7 +48,7 @@ impl CampaignFindings {
         };
         let mut problems = Vec::new();
         let (stored, remains) = archive(store, &record, &mut problems);
-        let lacking = [record.checkpoint, record.next_checkpoint]
+        let lacking = [record.embedder.checkpoint(), record.embedder.next()]
             .into_iter()
             .flatten()
             .find(|&digest| !checkpoints.contains(&(digest, Condition::Whole)));
@@ -150,7 +150,9 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
             Some("it is of another generation")
         } else if picture != Some(record.spec.image().pixels()) {
             Some("its picture is missing or cut off")
-        } else if individual.embedding.len() != length || record.checkpoint.is_some() != (length > 0) {
+        } else if individual.embedding.len() != length
+            || record.embedder.checkpoint().is_some() != (length > 0)
+        {
             Some("its embedding is missing or cut off")
         } else if !individual.novelty.is_finite() || individual.features.iter().any(|value| value.is_nan()) {
             Some("its figures are none")

@@ -4,14 +4,11 @@ use super::{CampaignFindings, Findings, Prospect, findings, watch};
 use crate::{
     DataDirectory, Store, StoreError,
     checkpoints::{BlobStore, CheckpointError, Condition},
-    files::{is_empty, without_links},
+    target::{TargetError, check_target},
 };
 use murmuration_model::CampaignId;
 use murmuration_proto::{CheckpointDigest, counted};
-use std::{
-    io,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 /// Why nothing, or not all that was whole, was saved.
 #[derive(Debug, thiserror::Error)]
@@ -22,27 +19,9 @@ pub enum SalvageError {
     /// The checkpoints of either.
     #[error("{0}")]
     Checkpoints(#[from] CheckpointError),
-    /// Something is there already.
-    #[error("{0} is not empty: name a folder that does not exist yet")]
-    NotEmpty(PathBuf),
-    /// It would be lost with what it is saved from.
-    #[error(
-        "{path} is in the data directory {data}: name a folder elsewhere, on another disk if there is one"
-    )]
-    Within {
-        /// The folder that was named.
-        path: PathBuf,
-        /// The data directory.
-        data: PathBuf,
-    },
-    /// A folder cannot be looked into.
-    #[error("cannot look into {path}: {source}")]
-    Folder {
-        /// Which.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+    /// Nothing can be copied into the folder that was named.
+    #[error(transparent)]
+    Target(#[from] TargetError),
 }
 
 /// What was found in a data directory, and what of it is in the new one.
@@ -118,25 +97,6 @@ pub async fn salvage(data: &Path, location: Option<&str>, target: &Path) -> Resu
         }
     }
     Ok(salvaged)
-}
-
-/// Whether `target` is a folder into which something can be saved from `data`.
-fn check_target(data: &Path, target: &Path) -> Result<(), SalvageError> {
-    let folder = |path: &Path| {
-        let path = path.to_path_buf();
-        move |source| SalvageError::Folder { path, source }
-    };
-    if !is_empty(target).map_err(folder(target))? {
-        return Err(SalvageError::NotEmpty(target.to_path_buf()));
-    }
-    let whole = |path: &Path| without_links(path).map_err(folder(path));
-    match whole(target)?.starts_with(whole(data)?) {
-        true => Err(SalvageError::Within {
-            path: target.to_path_buf(),
-            data: data.to_path_buf(),
-        }),
-        false => Ok(()),
-    }
 }
 
 /// A campaign of which nothing can be copied, and why.

@@ -123,7 +123,7 @@ fn a_request_made_again_adds_nothing() {
 }
 
 #[test]
-fn an_act_is_taken_back_at_once_whatever_its_size() {
+fn an_act_is_undone_at_once_whatever_its_size() {
     let folder = tempfile::tempdir().unwrap();
     let (store, id) = open(folder.path());
     store

@@ -151,7 +151,7 @@ fn the_log_is_emptied_after_the_disk_failed_once_nobody_reads() {
     let (store, id) = open(folder.path());
     let log = folder.path().join(format!("{}-wal", Store::FILE));
     let before = log.metadata().unwrap().len();
-    store.in_doubt.store(true, Ordering::Relaxed);
+    store.sync_failed.store(true, Ordering::Relaxed);
     let has_read = AtomicBool::new(false);
     thread::scope(|scope| {
         let (begun, reading) = mpsc::channel();
@@ -176,7 +176,7 @@ fn the_log_is_emptied_after_the_disk_failed_once_nobody_reads() {
         store.set_state(id, CampaignState::Paused, "").unwrap();
         assert!(has_read.load(Ordering::SeqCst), "it did not wait for the reader");
     });
-    assert!(!store.in_doubt.load(Ordering::Relaxed));
+    assert!(!store.sync_failed.load(Ordering::Relaxed));
     // What is left of the log is the one change since.
     assert!(log.metadata().unwrap().len() < before);
     assert_eq!(look(&store, &id), CampaignState::Paused);

@@ -64,9 +64,12 @@ fn a_round_learns_from_the_labels_of_its_beginning() {
         .add_labels(&id, &request("b"), vec![answer(3, "clump"), answer(0, "ring")])
         .unwrap();
     let record = store.campaign("latest").unwrap();
-    assert_eq!((record.state, record.lesson), (CampaignState::Running, Some(3)));
-    let lesson = store.lesson(&id, 3).unwrap().lesson();
-    assert_eq!(lesson, [(1, 1), (3, 2)], "clump comes before ring");
+    assert_eq!(
+        (record.state, record.rounds.current_cutoff),
+        (CampaignState::Running, Some(3))
+    );
+    let classes = store.labels_until(&id, 3).unwrap().numbered_classes();
+    assert_eq!(classes, [(1, 1), (3, 2)], "clump comes before ring");
 }
 
 #[test]
@@ -76,9 +79,9 @@ fn the_end_of_a_round_is_a_move_and_further_generations() {
     store.begin_round(&id, 0).unwrap();
     store.finish_round(&id, checkpoint).unwrap();
     let record = store.campaign("latest").unwrap();
-    assert_eq!((record.rounds_done, record.lesson), (1, None));
+    assert_eq!((record.rounds.done, record.rounds.current_cutoff), (1, None));
     assert_eq!(
-        (record.next_checkpoint, record.generations()),
+        (record.embedder.next(), record.generations()),
         (Some(checkpoint), 4)
     );
 
@@ -111,7 +114,7 @@ fn answers_and_the_round_that_learns_from_them_are_one() {
     let said = || vec![answer(0, "ring"), answer(1, "clump")];
     for _ in 0..2 {
         store.answer_round(&id, &RequestId::of_round(1), said()).unwrap();
-        assert_eq!(store.campaign("latest").unwrap().lesson, Some(3));
+        assert_eq!(store.campaign("latest").unwrap().rounds.current_cutoff, Some(3));
     }
     let (log, record) = (store.label_log(&id).unwrap(), store.campaign("latest").unwrap());
     let error = store.answer_round(&id, &RequestId::of_round(2), vec![answer(0, "x"), answer(5, "x")]);

@@ -78,7 +78,9 @@ const COMMITS: [(&str, Commit); 11] = [
             refused => panic!("{refused}"),
         })
     }),
-    ("what is taken back", |store, id| store.take_back(id, 0, "wrong")),
+    ("what is rolled back", |store, id| {
+        store.roll_back_generations(id, 0, "wrong")
+    }),
     ("a failure", |store, id| {
         store.set_state(id, CampaignState::Failed, "for want of room")
     }),

@@ -1,6 +1,7 @@
 //! Archives that move to another checkpoint.
 
 use super::*;
+use murmuration_model::ArchiveEmbedder;
 
 fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
     let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
@@ -26,11 +27,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
         .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
         .unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    assert_eq!(
-        (record.checkpoint, record.next_checkpoint),
-        (Some(first), Some(second))
-    );
-    assert_eq!((record.embedded, record.state), (1, CampaignState::Running));
+    let switching = |from, to, embedded| ArchiveEmbedder::Switching { from, to, embedded };
+    assert_eq!(record.embedder, switching(Some(first), second, 1));
+    assert_eq!(record.state, CampaignState::Running);
     // Until the switch everything is as it was.
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
     assert!(store.taxonomy(&id).unwrap().is_some());
@@ -45,7 +44,7 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     };
     store.switch(&id, &switch).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    assert_eq!((record.checkpoint, record.next_checkpoint), (Some(second), None));
+    assert_eq!(record.embedder, ArchiveEmbedder::Checkpoint(second));
     assert_eq!(record.last_novelty, Some((5.0, 4.0)));
     assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
     assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
@@ -93,10 +92,14 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
     );
     assert_eq!(store.embedded_when_moved(&id).unwrap(), 2);
 
-    store.embed_again(&id, 2, "a worker was wrong").unwrap();
+    store.roll_back_embeddings(&id, 2, "a worker was wrong").unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    assert_eq!((record.checkpoint, record.next_checkpoint), (None, Some(second)));
-    assert_eq!((record.generations_done, record.embedded), (1, 0));
+    let switching = ArchiveEmbedder::Switching {
+        from: None,
+        to: second,
+        embedded: 0,
+    };
+    assert_eq!((record.embedder, record.generations_done), (switching, 1));
     assert!(store.suspects(&id).unwrap().is_empty());
     let right = [vec![1.0], vec![2.0]];
     store
@@ -115,8 +118,11 @@ fn a_move_that_is_given_up_leaves_nothing_behind() {
         .unwrap();
     store.move_to(&id, first).unwrap();
     let record = store.campaign(id.as_str()).unwrap();
-    assert_eq!((record.next_checkpoint, record.embedded), (Some(first), 2));
+    assert_eq!(
+        (record.embedder.next(), record.embedder.embedded()),
+        (Some(first), 2)
+    );
     store.move_to(&id, second).unwrap();
-    assert_eq!(store.campaign(id.as_str()).unwrap().embedded, 0);
+    assert_eq!(store.campaign(id.as_str()).unwrap().embedder.embedded(), 0);
     assert_eq!(embeddings(&store, &id), [[0.0, -0.5], [1.0, -0.5]]);
 }

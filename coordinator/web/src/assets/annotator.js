@@ -1,4 +1,4 @@
-// Who answers: a name that the browser keeps, and an id for this window.
+// The annotator's name, which the browser keeps, and the id of this window.
 
 const NAME = "murmuration.annotator";
 const SESSION = "murmuration.session";
@@ -56,7 +56,7 @@ export function introduced() {
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       const field = form.elements.annotator;
-      field.setCustomValidity(isReserved(field.value) ? "That is the rule-based judge's name: take another." : "");
+      field.setCustomValidity(isReserved(field.value) ? "This name is reserved for the rule-based judge. Choose another." : "");
       if (!form.reportValidity()) return;
       rename(field.value);
       if (!annotator()) return;

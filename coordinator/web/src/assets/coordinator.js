@@ -1,4 +1,4 @@
-// The coordinator's answers, and what kinds of silence there are.
+// Requests to the coordinator, and the ways in which they fail.
 import { heard, listen } from "./events.js";
 
 // It said no: asking again would not help.
@@ -14,7 +14,7 @@ async function answer(request) {
     response = await request;
   } catch {
     heard(false);
-    throw new Silent("the coordinator does not answer");
+    throw new Silent("the coordinator is not responding");
   }
   heard(true);
   // The session is over: what was said is kept here until somebody has logged in again.

@@ -1,7 +1,7 @@
-// What the coordinator tells a page by itself, and what the top of the page says while nothing can be heard.
+// Events that the coordinator sends to a page, and the notice at the top of the page while none can be received.
 
-const SILENCE = "The coordinator does not answer; this page goes on when it does.";
-const CROWD = "The coordinator has too many pages to tell what happens; this one is told as soon as there is room.";
+const SILENCE = "The coordinator is not responding. This page continues when it is back.";
+const CROWD = "Too many pages are open on this coordinator. This page updates again once another one is closed.";
 const AGAIN_MS = 3000;
 
 const note = document.querySelector(".stale-note");

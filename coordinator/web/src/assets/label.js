@@ -1,4 +1,4 @@
-// One behaviour at a time: what it does, and what somebody says that it is.
+// The Label page: shows one behaviour at a time and takes the answer.
 import { annotator, introduced, rename, session } from "./annotator.js";
 import { archived, follow, get, insist, keptAs, path } from "./coordinator.js";
 import { isForPage } from "./keys.js";
@@ -6,7 +6,7 @@ import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette } from "./palette.js";
 import { Player, playerKey } from "./player.js";
 import { Queue } from "./queue.js";
-import { counted } from "./words.js";
+import { counted, grouped, sentence } from "./words.js";
 
 const SLOWEST_MS = 60_000;
 const RECENT = 20;
@@ -36,7 +36,7 @@ const outbox = new Outbox(queue.session, {
     count();
   },
 });
-const palette = new Palette({ answer, say, undo });
+const palette = new Palette({ answer, outbox });
 beforeLearning(outbox);
 
 function answer(text) {
@@ -45,16 +45,8 @@ function answer(text) {
   durations.push(Math.min(performance.now() - since, SLOWEST_MS));
   if (durations.length > RECENT) durations.shift();
   queue.take();
-  say([index], text);
+  outbox.answer([index], text);
   return [index];
-}
-
-function say(indices, text) {
-  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
-}
-
-function undo() {
-  outbox.add("undo", { annotator: annotator() });
 }
 
 function show() {
@@ -71,22 +63,22 @@ function show() {
     return;
   }
   picture.src = path(archived(question.index));
-  picture.alt = `Picture of individual ${question.index}`;
-  at("which").textContent = `Individual ${question.index}`;
+  picture.alt = `Picture of individual ${grouped(question.index)}`;
+  at("which").textContent = `Individual ${grouped(question.index)}`;
   at("reason").textContent = `Why this one: ${question.reason}.`;
   player.show(question.index).catch((error) => complain(status, error));
 }
 
 // Why no question is shown.
 function nothing() {
-  if (queue.trouble) return ["No further question yet", `Now ${queue.trouble.message}; questions come by themselves.`];
+  if (queue.trouble) return ["No question available", `${sentence(queue.trouble.message)} New questions appear by themselves.`];
   if (!queue.loaded || !queue.exhausted) return ["…", ""];
   const why = queue.individuals === 0
-    ? "The first generation is still to come; this page goes on by itself."
+    ? "The first generation is not complete yet. Questions appear by themselves."
     : queue.agreement
-      ? "Every behaviour to which others gave a class is answered by you too, or is with somebody else."
-      : "Every behaviour is answered, or is with somebody else.";
-  return ["Nothing to ask", why];
+      ? "You have answered every behaviour that others have classified, or another window is asking about it."
+      : "Every behaviour has been answered, or another window is asking about it.";
+  return ["No questions left", why];
 }
 
 function count() {
@@ -103,16 +95,16 @@ function count() {
 }
 
 function howMany(done, goal) {
-  if (done > goal) return `${done} answered by you, more than the goal of ${goal}`;
-  return `${done} of ${goal} answered by you${left(goal - done)}`;
+  if (done > goal) return `${grouped(done)} answered by you, more than the goal of ${grouped(goal)}`;
+  return `${grouped(done)} of ${grouped(goal)} answered by you${left(goal - done)}`;
 }
 
-// What was answered by whom else, and what remains.
+// How many behaviours others have answered, and how many are left.
 function whoElse(open) {
   const people = queue.answered - queue.own - queue.synthetic;
-  const parts = [`${open} by nobody yet`];
-  if (queue.synthetic > 0) parts.unshift(`${queue.synthetic} by the rule-based judge alone`);
-  if (people > 0) parts.unshift(`${people} by other people`);
+  const parts = [`${grouped(open)} not answered yet`];
+  if (queue.synthetic > 0) parts.unshift(`${grouped(queue.synthetic)} by the rule-based judge only`);
+  if (people > 0) parts.unshift(`${grouped(people)} by other people`);
   return parts.join(", ");
 }
 
@@ -150,7 +142,7 @@ at("goal").addEventListener("change", () => {
 palette.show((await insist(() => get("labels"))).classes);
 settings();
 
-// Others answer too, and the archive grows.
+// Others answer too, and the archive grows while the page is open.
 let labels = null;
 let stands = null;
 follow(async (seen) => {

@@ -1,5 +1,5 @@
-// The map: what is like what, who it was named by, and a line around those that are to be named.
-import { annotator, introduced, session } from "./annotator.js";
+// The Map page: shows which behaviours are alike, and names those that a line is drawn around.
+import { introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { isForPage } from "./keys.js";
@@ -7,7 +7,8 @@ import { lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette } from "./palette.js";
 import { Player, playerKey } from "./player.js";
-import { Plot } from "./plot.js";
+import { Points } from "./points.js";
+import { grouped } from "./words.js";
 
 const at = (id) => document.getElementById(id);
 const status = at("status");
@@ -15,7 +16,7 @@ const over = at("over");
 const tip = at("tip");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
-const plot = new Plot(at("points"));
+const plot = new Points(at("points"));
 const player = new Player(document.querySelector(".player"));
 let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
@@ -28,27 +29,19 @@ const outbox = new Outbox(await session(), {
   refused: (_, error) => complain(status, error),
   changed: (outbox) => outbox.tell(status),
 });
-const palette = new Palette({ answer, say, undo });
+const palette = new Palette({ answer, outbox });
 beforeLearning(outbox);
 
 async function answer(text) {
   if (selected.size === 0) {
-    complain(status, new Error("Draw around behaviours first: they are what is named."));
+    complain(status, new Error("Select behaviours first: draw a line around them."));
     return;
   }
   await introduced();
   const indices = [...selected];
-  say(indices, text);
+  outbox.answer(indices, text);
   select([]);
   return indices;
-}
-
-function say(indices, text) {
-  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
-}
-
-function undo() {
-  outbox.add("undo", { annotator: annotator() });
 }
 
 const number = (colour) => parseInt(colour.slice(1), 16);
@@ -65,26 +58,26 @@ function colouring() {
     case "generation": {
       const last = Math.max(Math.ceil(points.count / points.population) - 1, 1);
       const of = (i) => shade(Math.floor(i / points.population) / last);
-      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${Math.round(part * last)}`];
+      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${grouped(Math.round(part * last))}`];
       return { of, entries: [0, 0.5, 1].map(mark) };
     }
     default: {
       const colours = known.classes.map(({ colour }) => number(colour));
       const entries = known.classes.map(({ colour, name }, place) => [colour, name, individualsOf(place)]).filter(([, , of]) => of);
-      entries.push([`#${nameless.toString(16)}`, "without a name", points.count - known.of.size]);
+      entries.push([`#${nameless.toString(16)}`, "unnamed", points.count - known.of.size]);
       return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
     }
   }
 }
 
-// How many are of a class, and how many of these no person named; nothing where there is none.
+// How many individuals are of a class, and how many of them only the rule-based judge named; nothing if there are none.
 function individualsOf(place) {
   const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
   const machine = all.filter((index) => known.machine.has(index)).length;
   if (all.length === 0) return null;
-  if (machine === 0) return `${all.length}`;
-  if (machine === all.length) return `${all.length}, named by the rule-based judge alone`;
-  return `${all.length}, ${machine} of them by the rule-based judge alone`;
+  if (machine === 0) return grouped(all.length);
+  if (machine === all.length) return `${grouped(all.length)}, named only by the rule-based judge`;
+  return `${grouped(all.length)}, ${grouped(machine)} of them only by the rule-based judge`;
 }
 
 // From early to late: three colours that differ in lightness too.
@@ -100,7 +93,7 @@ function shade(part) {
 function paint() {
   if (!points) return;
   const { of, entries } = colouring();
-  plot.paint(of, selected, dark.matches ? [28, 29, 27] : [255, 255, 255]);
+  plot.show(of, selected, dark.matches);
   at("legend").replaceChildren(...entries.map(entry));
   sketch();
 }
@@ -110,7 +103,7 @@ function entry([colour, name, count]) {
   const mark = document.createElement("span");
   mark.className = "mark";
   mark.style.setProperty("--class", colour);
-  item.append(mark, count === undefined ? name : `${name} · ${count}`);
+  item.append(mark, count === undefined ? name : `${name} · ${typeof count === "number" ? grouped(count) : count}`);
   return item;
 }
 
@@ -132,7 +125,7 @@ function sketch() {
 }
 
 function nameOf(i) {
-  if (!known.of.has(i)) return "without a name";
+  if (!known.of.has(i)) return "unnamed";
   const { name } = known.classes[known.of.get(i)];
   return known.machine.has(i) ? `${name} (by the rule-based judge)` : name;
 }
@@ -143,7 +136,7 @@ function hover(i) {
   tip.hidden = i < 0;
   if (i >= 0) {
     tip.querySelector("img").src = path(archived(i));
-    tip.querySelector("p").textContent = `${i} · ${nameOf(i)}`;
+    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}`;
     const [x, y] = [plot.across[i], plot.down[i]];
     const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;
     tip.style.left = `${Math.max(left, 4)}px`;
@@ -154,16 +147,23 @@ function hover(i) {
 
 function choose(i) {
   if (i < 0) return;
-  at("chosen").textContent = `Individual ${i}, generation ${Math.floor(i / points.population)}, ${nameOf(i)}.`;
+  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}.`;
   player.show(i).catch((error) => complain(status, error));
 }
 
 function select(indices, adds = false) {
   selected = new Set(adds ? [...selected, ...indices] : indices);
-  at("selected").textContent = selected.size
-    ? `${selected.size} selected: which class?`
-    : "Draw around behaviours to label them.";
+  tellSelected();
   paint();
+}
+
+// Says how many are selected, and how many of these have a class that an answer would change.
+function tellSelected() {
+  const named = [...selected].filter((i) => known.of.has(i)).length;
+  const already = named === 0 ? "" : named === selected.size ? ", all already named" : `, ${grouped(named)} of them already named`;
+  at("selected").textContent = selected.size
+    ? `${grouped(selected.size)} selected${already}: which class?`
+    : "Draw a line around behaviours to label them.";
 }
 
 lasso(over, over, {
@@ -206,12 +206,12 @@ addEventListener("resize", () => {
 
 const read = (places) => [column(places.x, Uint16Array), column(places.y, Uint16Array), places.spans];
 
-// What a distance on the map means.
+// The meaning of a distance on the map.
 const DISTANCES = {
   axes:
-    "The two directions in which the behaviours vary most, a unit as long across as it is up: what lies far apart here " +
-    "differs, what lies close may still differ otherwise.",
-  neighbours: "What lies close here is alike; how far groups lie from each other means nothing.",
+    "The axes are the two directions in which the behaviours vary most, both at the same scale. Behaviours that are far " +
+    "apart here differ; behaviours that are close may still differ in other directions.",
+  neighbours: "Behaviours that are close here are alike. The distance between groups means nothing.",
 };
 
 function settle() {
@@ -250,7 +250,7 @@ async function load() {
 function offer(there) {
   const option = at("projection").querySelector("[value=neighbours]");
   option.disabled = !there;
-  option.textContent = there ? "t-SNE" : "t-SNE (not there yet)";
+  option.textContent = there ? "t-SNE" : "t-SNE (being computed)";
   if (!there) at("projection").value = "axes";
 }
 
@@ -265,6 +265,7 @@ async function label() {
     machine: new Set(individual.filter((_, i) => machine[i])),
   };
   palette.show(labels.classes);
+  tellSelected();
   paint();
 }
 

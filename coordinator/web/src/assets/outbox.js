@@ -1,7 +1,7 @@
-// What was said and is not yet acknowledged. Everything goes to the coordinator at once, one after the other, each under
-// an id of its own, so that it can be sent again whenever no answer came; until it is acknowledged the browser keeps it,
-// through a refresh and through the end of either side.
-import { random } from "./annotator.js";
+// Answers that the coordinator has not yet acknowledged. They are sent at once, one after the other, each under an id of
+// its own, so that one that was not acknowledged can be sent again. Until then the browser keeps them, through a refresh
+// and a restart of the browser or the coordinator.
+import { annotator, random } from "./annotator.js";
 import { Silent, Unavailable, keptAs, pause, post } from "./coordinator.js";
 import { keeping } from "./events.js";
 import { counted } from "./words.js";
@@ -37,7 +37,17 @@ export class Outbox {
     else localStorage.removeItem(this.key);
   }
 
-  // `path` is where it goes, `body` what it says besides its id.
+  // Names individuals.
+  answer(indices, text) {
+    this.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
+  }
+
+  // Takes back the annotator's last answer.
+  undo() {
+    this.add("undo", { annotator: annotator() });
+  }
+
+  // `path` is the address of the request, `body` its content without the id.
   add(path, body) {
     this.items.push({ path, body: { request_id: random(), ...body } });
     this.keep();
@@ -89,7 +99,7 @@ export class Outbox {
 
   kept() {
     const count = this.items.reduce((sum, { body }) => sum + (body.answers?.length ?? 1), 0);
-    return `${counted(count, "answer")} ${count === 1 ? "is" : "are"} kept in this browser, and will be sent.`;
+    return `${counted(count, "answer")} ${count === 1 ? "is" : "are"} stored in this browser and will be sent.`;
   }
 }
 

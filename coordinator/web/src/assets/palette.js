@@ -1,20 +1,18 @@
 // The classes as buttons with keys, and a field for those that are new.
 import { isForPage } from "./keys.js";
-import { counted } from "./words.js";
+import { counted, grouped } from "./words.js";
 
 const KEYS = 9;
 
 export class Palette {
-  // `answer(text)` hears what was chosen and tells which individuals it was said of, `say(indices, text)` that these are to
-  // be called something else, `undo()` that what was said last is to be taken back.
-  constructor({ answer, say, undo }) {
+  // `answer(text)` names what the page shows and returns the individuals that it named; `outbox` takes later changes of it.
+  constructor({ answer, outbox }) {
     this.root = document.querySelector(".palette");
     this.buttons = this.root.querySelector(".classes");
     this.form = this.root.querySelector("form");
     this.field = this.form.elements.class;
     this.choose = answer;
-    this.say = say;
-    this.undo = undo;
+    this.outbox = outbox;
     // By class, the individuals that were called so here.
     this.said = new Map();
     // Pairs of classes of which somebody here said that they differ.
@@ -41,7 +39,7 @@ export class Palette {
       if (!button || button.form) return;
       // A pointer leaves no focus behind: Space plays.
       if (event.detail > 0) button.blur();
-      if (button.dataset.do === "undo") this.undo();
+      if (button.dataset.do === "undo") this.outbox.undo();
       else if (button.dataset.do === "instead") this.instead();
       else if (button.dataset.do === "differ") this.keep();
       else this.answer(button.dataset.answer);
@@ -60,7 +58,7 @@ export class Palette {
       return true;
     }
     if (key === "n") this.field.focus();
-    else if (key === "u") this.undo();
+    else if (key === "u") this.outbox.undo();
     else if (key === "?" && this.root.querySelector("[data-answer='not sure']")) this.answer("not sure");
     else if (key === "s" && this.root.querySelector("[data-answer='skip']")) this.answer("skip");
     else return false;
@@ -104,10 +102,10 @@ export class Palette {
     hint.hidden = this.doubt === null;
     if (!this.doubt) return;
     const [name, other] = this.doubt;
-    hint.querySelector("p").textContent = `“${name}” and “${other}” are two classes. Are they meant to be one?`;
+    hint.querySelector("p").textContent = `“${name}” and “${other}” are separate classes. Did you mean the same class?`;
     const instead = hint.querySelector("[data-do=instead]");
     instead.hidden = own.length === 0;
-    instead.textContent = `Say “${other}” instead`;
+    instead.textContent = `Use “${other}” instead`;
   }
 
   // What was called by a name that was typed wrongly is called by the other.
@@ -115,7 +113,7 @@ export class Palette {
     const [name, other] = this.doubt;
     const indices = this.said.get(name);
     this.said.delete(name);
-    this.say(indices, other);
+    this.outbox.answer(indices, other);
   }
 
   keep() {
@@ -139,7 +137,7 @@ export class Palette {
     text.textContent = name;
     const count = document.createElement("span");
     count.className = "labels";
-    count.textContent = labels;
+    count.textContent = grouped(labels);
     count.title = counted(labels, "answer");
     const place = this.keys.indexOf(name);
     if (place >= 0) {

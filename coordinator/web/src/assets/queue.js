@@ -47,7 +47,7 @@ export class Queue {
     this.changed();
   }
 
-  // Answers were taken back, the newest first: those questions come first again.
+  // Answers were undone, the newest first: those questions come first again.
   giveBack(indices) {
     for (const index of indices) this.said.delete(index);
     this.again = [...indices, ...this.again].slice(0, AGAIN);

@@ -1,5 +1,5 @@
-// A cluster at once: those that differ are marked, the others are named together.
-import { annotator, introduced, session } from "./annotator.js";
+// The Sheet page: shows a cluster at once; people mark the behaviours that differ and name the others together.
+import { introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
 import { isForPage } from "./keys.js";
@@ -7,7 +7,7 @@ import { encloses, lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette } from "./palette.js";
 import { Player } from "./player.js";
-import { counted } from "./words.js";
+import { counted, grouped } from "./words.js";
 
 const SHOWN = 28;
 
@@ -39,7 +39,7 @@ const outbox = new Outbox(await session(), {
   },
   changed: (outbox) => outbox.tell(status),
 });
-const palette = new Palette({ answer, say, undo });
+const palette = new Palette({ answer, outbox });
 beforeLearning(outbox);
 
 function answer(text) {
@@ -51,17 +51,9 @@ function answer(text) {
     labelled.add(index);
   }
   for (const card of cards()) if (card.getAttribute("aria-pressed") === "true") later.add(Number(card.dataset.index));
-  say(indices, text);
+  outbox.answer(indices, text);
   look();
   return indices;
-}
-
-function say(indices, text) {
-  outbox.add("labels", { annotator: annotator(), answers: indices.map((index) => ({ index, answer: text })) });
-}
-
-function undo() {
-  outbox.add("undo", { annotator: annotator() });
 }
 
 // These were not answered after all: they are looked at again.
@@ -87,7 +79,7 @@ function lay() {
   empty.hidden = shown.length > 0;
   empty.textContent = clusters.length
     ? "Every behaviour of this cluster has a name."
-    : "There is nothing to look at yet: the first generation is still to come.";
+    : "There are no behaviours until the first generation is complete.";
   tell(open.length);
 }
 
@@ -97,7 +89,7 @@ function card(index) {
   button.className = "card";
   button.dataset.index = index;
   button.setAttribute("aria-pressed", "false");
-  button.setAttribute("aria-label", `Individual ${index} differs`);
+  button.setAttribute("aria-label", `Individual ${grouped(index)} differs`);
   const image = document.createElement("img");
   image.src = path(archived(index));
   image.width = 100;
@@ -119,7 +111,7 @@ function tell(count = open) {
   const all = cards().length;
   const marked = cards().filter((card) => card.getAttribute("aria-pressed") === "true").length;
   at("rest").textContent = all
-    ? `${all} shown: ${all - marked} to be named together, ${marked} marked as different. ${open} of this cluster without a name.`
+    ? `${all} shown: ${all - marked} to be named together, ${marked} marked as different. ${grouped(open)} in this cluster are unnamed.`
     : "Nothing to name here.";
 }
 
@@ -207,7 +199,7 @@ function show(fresh) {
   clusters = fresh;
   coming = null;
   at("cluster").replaceChildren(
-    ...clusters.map((members, place) => new Option(`${place + 1} (${members.length})`, place)),
+    ...clusters.map((members, place) => new Option(`${place + 1} (${grouped(members.length)})`, place)),
   );
   if (chosen >= 0) at("cluster").value = chosen;
   tellHowFar();
@@ -217,9 +209,9 @@ function show(fresh) {
 // What the clusters are of, and whether there are others.
 function tellHowFar() {
   at("fresh").hidden = coming === null;
-  if (coming) at("so-far").textContent = "The archive has other clusters by now; they come with your next look.";
+  if (coming) at("so-far").textContent = "The archive has been clustered again. The new clusters appear with your next answer.";
   else if (made.final || made.of === 0) at("so-far").textContent = "";
-  else at("so-far").textContent = `These are clusters of the first ${counted(made.of, "behaviour")}: the search may go on.`;
+  else at("so-far").textContent = `These are the clusters of the first ${counted(made.of, "behaviour")}; the search may continue.`;
 }
 
 // Whether the coordinator has other clusters by now; while the search goes on, once the archive is a quarter larger.

@@ -1,5 +1,5 @@
 // Plays the medoids and has them named.
-import { annotator, introduced, session } from "./annotator.js";
+import { introduced, session } from "./annotator.js";
 import { follow } from "./coordinator.js";
 import { Outbox, complain } from "./outbox.js";
 import { Player } from "./player.js";
@@ -56,7 +56,7 @@ if (status) {
       event.preventDefault();
       const answer = form.elements.name.value.trim();
       if (!answer) return;
-      outbox.add("labels", { annotator: annotator(), answers: [{ index: Number(form.dataset.index), answer }] });
+      outbox.answer([Number(form.dataset.index)], answer);
       form.elements.name.blur();
     });
   }

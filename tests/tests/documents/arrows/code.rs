@@ -1,4 +1,4 @@
-//! The modules of a crate, and which of them each one names.
+//! The modules of a crate, and the modules that each of them names.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -1,4 +1,4 @@
-//! Rings of modules: the strongly connected components of what the children of one module know of each other.
+//! Dependency cycles of modules: the strongly connected components among the children of one module.
 
 use super::code::{Crate, Place};
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,16 +1,16 @@
-//! What is promised of a training on labels.
+//! Tests of trainings on labels.
 
 use super::*;
 use crate::training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished};
-use murmuration_proto::{Purpose, Stream};
+use murmuration_proto::{Purpose, RandomStream};
 
 const LABELLED: &str =
     "[recipe.labelled]\nper_class = 5\nunlabelled = 10\nenough_labels = 40\nsteps = 3\nepochs = 4\n";
 const PAPER: &str = "[recipe.paper-labelled]\nbatch = 100\nsteps = 2\nepochs = 4\nlearning_rate = 0.01\n";
 
-/// Bars of a width that their class says, of any brightness and at any place.
+/// Bars whose width follows from their class, of any brightness and at any place.
 fn labelled(classes: &[u32]) -> Arc<LabelledPictures> {
-    let mut stream = Stream::derive(6, Purpose::Train, 0);
+    let mut stream = RandomStream::derive(6, Purpose::Train, 0);
     let mut bytes = Vec::new();
     for &class in classes {
         let start = stream.below(5) as usize;

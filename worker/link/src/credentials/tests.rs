@@ -1,4 +1,4 @@
-//! What is refused, and that nothing is shown of what is secret.
+//! Refused credentials; secrets never appear in errors.
 
 use super::*;
 use std::fs;
@@ -18,6 +18,17 @@ fn an_encrypted_coordinator_needs_somebody_who_vouches_for_it() {
     for wrong in ["", "127.0.0.1:7700", "ftp://127.0.0.1", "http://"] {
         let refused = none.endpoint(wrong);
         assert!(matches!(refused, Err(CredentialsError::Url(_))), "{wrong}");
+    }
+}
+
+#[test]
+fn a_refused_url_is_shown_without_its_password() {
+    for url in ["https://ana:swordfish@127.0.0.1", "ftp://ana:swordfish@127.0.0.1"] {
+        let error = Credentials::default().endpoint(url).unwrap_err().to_string();
+        assert!(
+            error.contains("://***@127.0.0.1") && !error.contains("swordfish"),
+            "{error}"
+        );
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::*;
 
-impl Cluster {
+impl SimulatedCluster {
     pub(super) fn hear_events(&mut self) {
         for events in self.table.take_events() {
             match events {
@@ -72,10 +72,10 @@ impl Cluster {
                     );
                 }
             }
-            Settled::SetAside { lost } => {
-                self.seen.set_aside += 1;
+            Settled::Poisoned { lost } => {
+                self.seen.poisoned += 1;
                 assert!(lost.len() >= MOST_LOST);
-                assert!(submitted.lost[&place] >= MOST_LOST, "set aside without a reason");
+                assert!(submitted.lost[&place] >= MOST_LOST, "poisoned without a reason");
             }
         }
     }

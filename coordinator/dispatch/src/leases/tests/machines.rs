@@ -57,7 +57,7 @@ fn a_machine_that_contradicts_itself_is_quarantined() {
     // Another machine is there, so that an audit is wanted.
     let honest = join(&mut table, process(1), 0);
     join(&mut table, worker_of(7, 2), 1);
-    let late = table.grant(start + 2 * PATIENCE.1).unwrap();
+    let late = table.grant(start + 2 * SPECULATION_DELAY.1).unwrap();
     assert_eq!(late.tasks, first.tasks);
     table.complete(late.worker, late.lease, vec![13], start).unwrap();
     table.complete(slow, first.lease, vec![14], start).unwrap();
@@ -101,7 +101,7 @@ fn where_there_is_one_machine_three_of_its_workers_condemn_a_task() {
     join(&mut table, worker_of(7, 4), 1);
     assert_eq!(table.grant(now()), None);
     let lost = (1..=3).map(|instance| worker_of(7, instance)).collect();
-    assert_eq!(results(table.take_events()), [Settled::SetAside { lost }]);
+    assert_eq!(results(table.take_events()), [Settled::Poisoned { lost }]);
 }
 
 #[test]
@@ -217,12 +217,12 @@ fn what_the_only_machine_cannot_do_ends_the_job_unless_another_comes_in_time() {
     for worker in only {
         table.lose(worker);
     }
-    let mut later = start + 2 * DISPUTE_PATIENCE;
+    let mut later = start + 2 * DISPUTE_TIMEOUT;
     assert_eq!(table.grant(later), None);
     join(&mut table, worker_of(1, 3), 1);
     assert_eq!(table.grant(later), None);
     assert_eq!(impossible(table.take_events()), None);
-    later += 2 * DISPUTE_PATIENCE;
+    later += 2 * DISPUTE_TIMEOUT;
     assert_eq!(table.grant(later), None);
     assert_eq!(
         impossible(table.take_events()),

@@ -9,10 +9,14 @@ fn a_late_lease_is_also_given_to_an_idle_worker() {
     let start = now();
     let slow = table.grant(start).unwrap();
     assert_eq!(table.grant(start), None, "it is not late yet");
-    let spare = table.grant(start + PATIENCE.1 * 2).unwrap();
+    let spare = table.grant(start + SPECULATION_DELAY.1 * 2).unwrap();
     assert_ne!(spare.worker, slow.worker);
     assert_eq!(spare.tasks, slow.tasks);
-    assert_eq!(table.grant(start + PATIENCE.1 * 9), None, "nobody gets it twice");
+    assert_eq!(
+        table.grant(start + SPECULATION_DELAY.1 * 9),
+        None,
+        "nobody gets it twice"
+    );
     table
         .complete(spare.worker, spare.lease, answers(&spare), start)
         .unwrap();
@@ -20,10 +24,10 @@ fn a_late_lease_is_also_given_to_an_idle_worker() {
 }
 
 #[test]
-fn jobs_share_the_workers_by_effort() {
+fn jobs_share_the_workers_by_cost() {
     let (mut table, [worker]) = workers([1_000_000]);
     let heavy = table.submit(JobParams {
-        effort: 3,
+        cost: 3,
         ..params(4000)
     });
     let light = table.submit(params(4000));
@@ -92,6 +96,6 @@ fn silence_is_noticed() {
     let (mut table, [worker]) = workers([1]);
     let later = now() + Duration::from_secs(60);
     assert_eq!(table.silent(later, Duration::from_secs(30)), [worker]);
-    table.hear(worker, later);
+    table.keep_alive(worker, later);
     assert_eq!(table.silent(later, Duration::from_secs(30)), []);
 }

@@ -1,5 +1,5 @@
 use super::*;
-use murmuration_model::Weight;
+use murmuration_model::{Rounds, Weight};
 use murmuration_proto::{CampaignSpec, CheckpointDigest};
 use murmuration_store::DataDirectory;
 
@@ -15,7 +15,7 @@ fn created() -> CampaignRecord {
 
 fn embedded() -> CampaignRecord {
     CampaignRecord {
-        checkpoint: Some(CheckpointDigest::of(b"embedder")),
+        embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"embedder")),
         ..created()
     }
 }
@@ -27,35 +27,42 @@ const INDIVIDUAL: Wrong = Wrong::Individual {
 
 #[test]
 fn a_wrong_picture_begins_the_campaign_again_from_the_first_of_its_controller() {
-    let begin = Some(Remedy::BeginAgain { pictures: 6 });
+    let begin = Some(Rollback::Dataset { pictures: 6 });
     for record in [created(), embedded()] {
-        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 0, 0), begin);
+        assert_eq!(Rollback::of(&record, Wrong::Picture(7), 0, 0), begin);
         // What people said would be lost.
-        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 1, 0), None);
-        assert_eq!(Remedy::of(&record, Wrong::Picture(7), 0, 100), None);
+        assert_eq!(Rollback::of(&record, Wrong::Picture(7), 1, 0), None);
+        assert_eq!(Rollback::of(&record, Wrong::Picture(7), 0, 100), None);
     }
 }
 
 #[test]
 fn a_wrong_individual_takes_its_generation_back_unless_the_archive_has_moved_since() {
-    let back = Some(Remedy::TakeBack { generation: 2 });
-    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 0, 0), back);
-    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 30, 250), back);
-    assert_eq!(Remedy::of(&embedded(), INDIVIDUAL, 30, 251), None);
+    let back = Some(Rollback::Generations { generation: 2 });
+    assert_eq!(Rollback::of(&embedded(), INDIVIDUAL, 0, 0), back);
+    assert_eq!(Rollback::of(&embedded(), INDIVIDUAL, 30, 250), back);
+    assert_eq!(Rollback::of(&embedded(), INDIVIDUAL, 30, 251), None);
     let moving = CampaignRecord {
-        next_checkpoint: Some(CheckpointDigest::of(b"next")),
+        embedder: ArchiveEmbedder::Switching {
+            from: embedded().embedder.checkpoint(),
+            to: CheckpointDigest::of(b"next"),
+            embedded: 0,
+        },
         ..embedded()
     };
-    assert_eq!(Remedy::of(&moving, INDIVIDUAL, 0, 0), None);
+    assert_eq!(Rollback::of(&moving, INDIVIDUAL, 0, 0), None);
     let learning = CampaignRecord {
-        lesson: Some(30),
+        rounds: Rounds {
+            current_cutoff: Some(30),
+            ..Rounds::default()
+        },
         ..embedded()
     };
-    assert_eq!(Remedy::of(&learning, INDIVIDUAL, 30, 0), None);
+    assert_eq!(Rollback::of(&learning, INDIVIDUAL, 30, 0), None);
 }
 
 #[test]
 fn a_wrong_embedding_has_the_archive_embedded_again() {
-    let again = Some(Remedy::EmbedAgain { kept: 200 });
-    assert_eq!(Remedy::of(&embedded(), Wrong::Embedding(3), 30, 200), again);
+    let again = Some(Rollback::Embeddings { kept: 200 });
+    assert_eq!(Rollback::of(&embedded(), Wrong::Embedding(3), 30, 200), again);
 }

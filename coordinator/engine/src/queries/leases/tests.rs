@@ -5,8 +5,8 @@ use crate::queries::Reason;
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 
-fn holder(annotator: &str, session: &str) -> Holder {
-    Holder {
+fn holder(annotator: &str, session: &str) -> AnnotatorSession {
+    AnnotatorSession {
         annotator: annotator.parse().unwrap(),
         session: session.to_owned(),
     }
@@ -15,7 +15,7 @@ fn holder(annotator: &str, session: &str) -> Holder {
 fn ranking(count: usize) -> Vec<Query> {
     let query = |index| Query {
         index,
-        reason: Reason::Lot,
+        reason: Reason::Random,
     };
     (0..count).map(query).collect()
 }
@@ -36,7 +36,7 @@ impl Table {
         }
     }
 
-    fn ask_first(&mut self, holder: &Holder, kind: char, count: usize, index: usize) -> Vec<usize> {
+    fn ask_first(&mut self, holder: &AnnotatorSession, kind: char, count: usize, index: usize) -> Vec<usize> {
         if !self.answered.contains(&index) {
             let reason = Reason::Again;
             self.leases
@@ -45,7 +45,7 @@ impl Table {
         self.ask(holder, kind, count)
     }
 
-    fn ask(&mut self, holder: &Holder, kind: char, count: usize) -> Vec<usize> {
+    fn ask(&mut self, holder: &AnnotatorSession, kind: char, count: usize) -> Vec<usize> {
         let given = self.leases.top_up(
             holder,
             kind,
@@ -91,12 +91,12 @@ fn what_nobody_answers_in_time_is_given_to_others() {
     let (ana, ben) = (holder("ana", ""), holder("ben", ""));
     let mut table = Table::new();
     table.ask(&ana, 'a', 2);
-    table.now += PATIENCE - Duration::from_secs(1);
+    table.now += QUERY_LEASE_TIME - Duration::from_secs(1);
     assert_eq!(table.ask(&ana, 'a', 1), [0]);
     table.now += Duration::from_secs(2);
     // Index 0 was renewed, 1 was given back.
     assert_eq!(table.ask(&ben, 'a', 2), [1, 2]);
-    table.now += PATIENCE;
+    table.now += QUERY_LEASE_TIME;
     assert_eq!(table.ask(&ana, 'a', 3), [0, 1, 2]);
 }
 
@@ -119,7 +119,7 @@ fn what_is_asked_again_comes_first_unless_it_is_with_somebody_else() {
     assert_eq!(table.ask_first(&ana, 'a', 2, 7), [7, 0]);
     assert_eq!(table.ask_first(&ana, 'a', 2, 0), [0, 7]);
     assert_eq!(table.ask_first(&ben, 'a', 2, 7), [1, 2]);
-    table.now += PATIENCE;
+    table.now += QUERY_LEASE_TIME;
     assert_eq!(table.ask_first(&ben, 'a', 2, 7), [7, 0]);
 }
 
@@ -163,7 +163,7 @@ proptest! {
                     prop_assert!(queries.iter().all(|index| !table.answered.contains(index)));
                     let mut elsewhere = 0;
                     for (other, (theirs, since)) in given.iter().enumerate() {
-                        if other != who && table.now < *since + PATIENCE {
+                        if other != who && table.now < *since + QUERY_LEASE_TIME {
                             prop_assert!(theirs.iter().all(|index| !queries.contains(index)));
                             elsewhere += theirs.iter().filter(|index| !table.answered.contains(index)).count();
                         }

@@ -62,7 +62,7 @@ impl Campaign {
 
     async fn ask(&self, annotator: &str, strategy: Strategy, agreement: bool) -> BTreeSet<usize> {
         let wish = QueryRequest {
-            holder: Holder {
+            holder: AnnotatorSession {
                 annotator: annotator.parse().unwrap(),
                 session: String::new(),
             },
@@ -111,12 +111,12 @@ async fn an_archive_is_ranked_anew_once_it_is_a_quarter_larger_or_the_search_has
 }
 
 #[tokio::test]
-async fn what_was_taken_back_is_not_asked_about() {
+async fn what_was_rolled_back_is_not_asked_about() {
     let campaign = Campaign::new(8);
     assert_eq!(campaign.ask("ana", Strategy::Medoids, false).await.len(), 80);
     campaign
         .store
-        .take_back(&campaign.id, 5, "generation 5 was wrong")
+        .roll_back_generations(&campaign.id, 5, "generation 5 was wrong")
         .unwrap();
     let left: BTreeSet<usize> = (0..50).collect();
     assert_eq!(campaign.ask("ana", Strategy::Medoids, false).await, left);
@@ -218,7 +218,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     campaign.id = ids[1].clone();
     (0..3).for_each(|generation| campaign.grow(generation));
     let wish = |who: &str| QueryRequest {
-        holder: Holder {
+        holder: AnnotatorSession {
             annotator: who.parse().unwrap(),
             session: String::new(),
         },
@@ -259,7 +259,7 @@ async fn what_was_forgotten_is_made_again_and_the_same_is_asked() {
     }
     assert_eq!(lock(&campaign.queries.leases).len(), 2);
     // Five minutes later nothing is with anybody.
-    let later = now + crate::queries::PATIENCE;
+    let later = now + crate::queries::leases::QUERY_LEASE_TIME;
     campaign
         .queries
         .next(ids[0].as_str(), wish("ana"), later)

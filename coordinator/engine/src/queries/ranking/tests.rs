@@ -5,8 +5,8 @@ use murmuration_proto::Purpose;
 use murmuration_search::{interrupt::Interrupt, medoids};
 use proptest::{prelude::*, strategy::Strategy};
 
-fn stream() -> Stream {
-    Stream::derive(1, Purpose::Query, 0)
+fn stream() -> RandomStream {
+    RandomStream::derive(1, Purpose::Query, 0)
 }
 
 fn behaviours(points: &[[f64; 2]]) -> Behaviours {
@@ -26,7 +26,7 @@ fn indices(ranking: &[Query]) -> Vec<usize> {
 }
 
 #[test]
-fn medoids_come_first_then_doubtful_members_by_turns() {
+fn medoids_come_first_then_uncertain_members_by_turns() {
     // Clusters about 1 (index 1) and about 10 (index 5).
     let points = line(&[0.0, 1.0, 1.5, 4.0, 7.0, 10.0, 10.5, 11.0, 12.0]);
     let clustering = Clustering {
@@ -34,10 +34,10 @@ fn medoids_come_first_then_doubtful_members_by_turns() {
         clusters: vec![1, 1, 1, 1, 0, 0, 0, 0, 0],
         loss: 0.0,
     };
-    let ranking = by_doubt(&points, &clustering);
+    let ranking = by_uncertainty(&points, &clustering);
     assert_eq!(indices(&ranking), [5, 1, 4, 3, 8, 0, 7, 2, 6]);
     let reasons: Vec<String> = ranking.iter().map(|query| query.reason.to_string()).collect();
-    assert_eq!(reasons[0], "stands for cluster 1, 5 behaviours");
+    assert_eq!(reasons[0], "medoid of cluster 1, 5 behaviours");
     assert_eq!(
         &reasons[2..4],
         [
@@ -51,7 +51,7 @@ fn medoids_come_first_then_doubtful_members_by_turns() {
 fn a_single_cluster_has_no_border() {
     let clustering =
         medoids::cluster(&line(&[0.0, 1.0, 5.0]), 1, &mut stream(), &Interrupt::default()).unwrap();
-    let ranking = by_doubt(&line(&[0.0, 1.0, 5.0]), &clustering);
+    let ranking = by_uncertainty(&line(&[0.0, 1.0, 5.0]), &clustering);
     assert_eq!(indices(&ranking), [1, 0, 2]);
     assert_eq!(ranking[2].reason.to_string(), "in cluster 1");
 }
@@ -59,7 +59,10 @@ fn a_single_cluster_has_no_border() {
 /// If these change, so does what people are asked.
 #[test]
 fn the_lot_is_the_same_for_ever() {
-    assert_eq!(indices(&by_lot(8, &mut stream())), [3, 4, 0, 5, 1, 2, 7, 6]);
+    assert_eq!(
+        indices(&in_random_order(8, &mut stream())),
+        [3, 4, 0, 5, 1, 2, 7, 6]
+    );
 }
 
 fn points() -> impl Strategy<Value = Vec<[f64; 2]>> {
@@ -74,8 +77,8 @@ proptest! {
         let behaviours = behaviours(&points);
         let clustering = medoids::cluster(&behaviours, k, &mut stream(), &Interrupt::default()).unwrap();
         let rank = || [
-            by_lot(points.len(), &mut stream()),
-            by_doubt(&behaviours, &clustering),
+            in_random_order(points.len(), &mut stream()),
+            by_uncertainty(&behaviours, &clustering),
         ];
         for (ranking, again) in rank().iter().zip(rank()) {
             prop_assert_eq!(ranking, &again);

@@ -19,7 +19,7 @@ fn replayed(store: &Store, id: &CampaignId) -> Labels {
 enum Step {
     /// A request of this id says so much; some are refused, some were made before.
     Say(u8, Vec<Change>),
-    /// A request of this id takes back.
+    /// A request of this id undoes.
     Undo(u8),
     /// The disk fails after this was taken in.
     Fail(Change),

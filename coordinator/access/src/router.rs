@@ -1,0 +1,130 @@
+//! Routes that cannot be registered without what a request must show for them, and that cannot be served without a door.
+
+use super::{
+    Door, Requirement, Requirements,
+    admit::{Gate, admit},
+    limits::MAX_POST,
+    requirement::MethodRequirements,
+};
+use axum::{
+    Router,
+    extract::{DefaultBodyLimit, Request},
+    handler::Handler,
+    http::Method,
+    middleware::{self, Next},
+    response::{IntoResponse, Response},
+    routing,
+};
+use std::{convert::Infallible, sync::Arc};
+use tonic::{body::Body, codegen::Service, server::NamedService, service::Routes};
+
+/// Pages and gRPC services, each with its [`Requirement`]. [`GuardedRouter::behind`] is the only way to serve them.
+#[derive(Debug, Clone)]
+pub struct GuardedRouter<S = ()> {
+    router: Router<S>,
+    requirements: Requirements,
+}
+
+impl<S: Clone + Send + Sync + 'static> Default for GuardedRouter<S> {
+    fn default() -> Self {
+        Self {
+            router: Router::new(),
+            requirements: Requirements::default(),
+        }
+    }
+}
+
+impl<S: Clone + Send + Sync + 'static> GuardedRouter<S> {
+    /// Registers what answers GET, and so HEAD, on a route.
+    #[must_use]
+    pub fn get<H: Handler<T, S>, T: 'static>(
+        mut self,
+        route: &'static str,
+        requirement: Requirement,
+        handler: H,
+    ) -> Self {
+        self.requirements.add_page(Method::GET, route, requirement);
+        self.router = self.router.route(route, routing::get(handler));
+        self
+    }
+
+    /// Registers what answers POST on a route, with a body of at most [`MAX_POST`] bytes.
+    #[must_use]
+    pub fn post<H: Handler<T, S>, T: 'static>(
+        mut self,
+        route: &'static str,
+        requirement: Requirement,
+        handler: H,
+    ) -> Self {
+        self.requirements.add_page(Method::POST, route, requirement);
+        let handler = routing::post(handler).layer(DefaultBodyLimit::max(MAX_POST));
+        self.router = self.router.route(route, handler);
+        self
+    }
+
+    /// Has `middleware` see every request for what is registered so far, and its response.
+    #[must_use]
+    pub fn wrapped<F, R>(mut self, middleware: F) -> Self
+    where
+        F: Fn(Request, Next) -> R + Clone + Send + Sync + 'static,
+        R: Future<Output = Response> + Send + 'static,
+    {
+        self.router = self.router.layer(middleware::from_fn(middleware));
+        self
+    }
+
+    /// Gives the handlers their state.
+    #[must_use]
+    pub fn with_state(self, state: S) -> GuardedRouter {
+        GuardedRouter {
+            router: self.router.with_state(state),
+            requirements: self.requirements,
+        }
+    }
+}
+
+impl GuardedRouter {
+    /// Registers a gRPC service. A method that `methods` does not name is for operators alone.
+    #[must_use]
+    pub fn service<G>(mut self, service: G, methods: MethodRequirements) -> Self
+    where
+        G: Service<axum::http::Request<Body>, Error = Infallible>
+            + NamedService
+            + Clone
+            + Send
+            + Sync
+            + 'static,
+        G::Response: IntoResponse,
+        G::Future: Send + 'static,
+    {
+        self.requirements.add_service(G::NAME, methods);
+        self.router = Routes::from(self.router).add_service(service).into_axum_router();
+        self
+    }
+
+    /// What is registered here and there.
+    #[must_use]
+    pub fn merge(mut self, other: Self) -> Self {
+        self.requirements.append(other.requirements);
+        self.router = self.router.merge(other.router);
+        self
+    }
+
+    /// What everything that is registered requires.
+    #[must_use]
+    pub const fn requirements(&self) -> &Requirements {
+        &self.requirements
+    }
+
+    /// Everything behind a door: `admit` meets a request before anything else reads it, and lets it through only if it
+    /// shows what its route requires. `nowhere` answers requests for an address without a route.
+    pub fn behind<H: Handler<T, ()>, T: 'static>(self, door: Arc<Door>, nowhere: H) -> Router {
+        let gate = Gate {
+            door,
+            requirements: Arc::new(self.requirements),
+        };
+        self.router
+            .fallback(nowhere)
+            .layer(middleware::from_fn_with_state(gate, admit))
+    }
+}

@@ -1,0 +1,355 @@
+//! Labelled sets: a label file with pictures beside it, or with the data to simulate them again.
+
+use super::grey_image::pixels;
+use murmuration_judge::Class;
+use murmuration_link::{InputKind, read_bytes};
+use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
+use murmuration_proto::{Features, Invalid, World};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use rayon::prelude::*;
+use std::{
+    collections::BTreeMap,
+    path::{Component, Path, PathBuf},
+};
+
+mod swarms;
+
+pub use swarms::Swarm;
+
+/// The behaviours of a label file that have a class given by a person, each once.
+#[derive(Debug, Clone)]
+pub struct LabelledSet {
+    file: LabelFile,
+    behaviours: Vec<Behaviour>,
+    synthetic: u64,
+}
+
+#[derive(Debug, Clone)]
+struct Behaviour {
+    /// The position of its row.
+    row: usize,
+    id: String,
+    class: String,
+    annotator: String,
+    time_ms: u64,
+}
+
+impl LabelledSet {
+    /// Reads a file. Ignores rows without a class, rows with `not sure` or `skip`, and answers of the synthetic annotator. If
+    /// several annotators labelled a behaviour, the newest label counts, and the last of equally new ones. The judge's
+    /// classes get the judge's spelling, others keep their first spelling.
+    ///
+    /// # Errors
+    /// If the file cannot be read, has no column `id` or `class`, has two rows of one annotator about one id, or no row with
+    /// a class.
+    pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
+        let path = path.into();
+        let text = read_bytes(&path, InputKind::Labels).map_err(|error| LabelFileError::Unreadable {
+            path: path.clone(),
+            error: error.to_string(),
+        })?;
+        let file = LabelFile::parse(&path, text)?;
+        let (behaviours, synthetic) = behaviours(&file)?;
+        match (behaviours.is_empty(), synthetic) {
+            (true, 0) => Err(LabelFileError::NoClass(path)),
+            (true, rows) => Err(LabelFileError::NoPerson { path, rows }),
+            (false, _) => Ok(Self {
+                file,
+                behaviours,
+                synthetic,
+            }),
+        }
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// The ignored rows in which the synthetic annotator gave a class.
+    #[must_use]
+    pub const fn synthetic(&self) -> u64 {
+        self.synthetic
+    }
+
+    /// The classes, one for each behaviour, in the file's order.
+    pub fn classes(&self) -> impl Iterator<Item = &str> {
+        self.behaviours.iter().map(|behaviour| behaviour.class.as_str())
+    }
+
+    /// The patterns that people saw in each behaviour, in the file's order (column `pattern`, several joined by `|`); empty
+    /// if they saw none, or the file does not have the column.
+    pub fn patterns(&self) -> impl Iterator<Item = &str> {
+        self.rows().map(|(_, row)| row.cell("pattern"))
+    }
+
+    /// Whether the file has what is needed to simulate each behaviour again: its controller, and the seed of its start.
+    #[must_use]
+    pub fn can_be_simulated(&self) -> bool {
+        self.file.has("seed") && self.file.has("v1")
+    }
+
+    /// The absolute values of the five hand-crafted features of each behaviour, as the authors compare them: the direction in
+    /// which a swarm turns does not matter.
+    ///
+    /// # Errors
+    /// If a column is missing, or a value is not a finite number.
+    pub fn absolute_features(&self) -> Result<Vec<Features>, LabelFileError> {
+        let features = self.rows().map(|(_, row)| row.features());
+        features.map(|features| Ok(features?.map(f64::abs))).collect()
+    }
+
+    /// The grey image of each behaviour, `folder/ID.png` with 8 bits per pixel: `height` rows (axis 0, which is x) of `width`
+    /// pixels (axis 1, y), in the format of embedders.
+    ///
+    /// # Errors
+    /// Names the first image that is missing or has another format.
+    pub fn images(&self, folder: &Path, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+        let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
+            if !is_file_name(&behaviour.id) {
+                return Err(row.refuse("id", "the name of an image"));
+            }
+            let image = folder.join(format!("{}.png", behaviour.id));
+            pixels(&image, height, width).map_err(|problem| LabelFileError::Image { image, problem })
+        };
+        self.rows().map(image).collect()
+    }
+
+    /// The grey image of each behaviour as from [`LabelledSet::images`], simulated again.
+    ///
+    /// # Errors
+    /// If a column is missing, a value is out of range, or the file's images are of another size.
+    pub fn simulated_images(&self, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+        let rows: Vec<_> = self.rows().collect();
+        let image = |(_, row): &(&Behaviour, Row<'_>)| {
+            let world = row.world()?;
+            let format = row.image_format(&world)?;
+            let side = format.resolution() as usize;
+            if (side, side) != (height, width) {
+                let allowed = format!("that of the embedder, whose images have {height} rows of {width}");
+                return Err(row.refused(Invalid::new("resolution", side, allowed)));
+            }
+            let (controller, start) = (row.controller()?, Start::seeded(row.seed()?));
+            let evaluated = Evaluator::new(&world, &format)
+                .and_then(|mut evaluator| evaluator.evaluate(&controller, &start));
+            Ok(evaluated.map_err(|error| row.refused(error))?.into_image())
+        };
+        rows.par_iter().map(image).collect()
+    }
+
+    /// Each behaviour with its row.
+    fn rows(&self) -> impl Iterator<Item = (&Behaviour, Row<'_>)> {
+        let rows = self.behaviours.iter();
+        rows.filter_map(|behaviour| Some((behaviour, self.file.row(behaviour.row)?)))
+    }
+}
+
+/// The behaviours of a file to which a person gave a class, in the order of their first rows; and the rows in which the
+/// synthetic annotator gave one.
+fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError> {
+    let known = Class::ALL.map(|class| (ClassKey::from(class.name()), class.name().to_owned()));
+    let mut spelled: BTreeMap<ClassKey, String> = known.into_iter().collect();
+    let mut behaviours: Vec<Behaviour> = Vec::new();
+    let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut synthetic = 0;
+    for (place, row) in file.rows().enumerate() {
+        let Some(Answer::Class(class)) = row.answer()? else {
+            continue;
+        };
+        if row.is_synthetic() {
+            synthetic += 1;
+            continue;
+        }
+        let spelled = spelled.entry(class.key()).or_insert_with(|| class.to_string());
+        let labelled = Behaviour {
+            row: place,
+            id: row.cell("id").to_owned(),
+            class: spelled.clone(),
+            annotator: row.cell("annotator").to_owned(),
+            time_ms: row.time_ms()?,
+        };
+        match places.get(row.cell("id")) {
+            None => {
+                places.insert(row.cell("id"), behaviours.len());
+                behaviours.push(labelled);
+            }
+            Some(&before) if behaviours[before].annotator == labelled.annotator => {
+                return Err(row.refuse("id", "there once, or once for each annotator"));
+            }
+            Some(&before) if behaviours[before].time_ms <= labelled.time_ms => behaviours[before] = labelled,
+            Some(_) => {}
+        }
+    }
+    Ok((behaviours, synthetic))
+}
+
+/// Whether `id` is a plain file name, not a path elsewhere.
+fn is_file_name(id: &str) -> bool {
+    let mut components = Path::new(id).components();
+    matches!((components.next(), components.next()), (Some(Component::Normal(name)), None) if name == id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Accuracy, Tally};
+    use std::fs;
+
+    const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";
+
+    /// Writes a CSV file of these lines and reads it.
+    fn read(lines: &str) -> Result<LabelledSet, LabelFileError> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("labels.csv");
+        fs::write(&file, lines).unwrap();
+        LabelledSet::read(file)
+    }
+
+    #[track_caller]
+    fn check_refused(lines: &str, said: &str) {
+        let features = read(lines).and_then(|labels| labels.absolute_features());
+        let error = features.unwrap_err().to_string();
+        assert!(error.contains(said), "{error}\nnot {said:?}");
+    }
+
+    #[test]
+    fn rows_with_a_class_are_taken() {
+        let labels = read(&format!(
+            "{HEAD}7,ring,1,-2,3,-0.5,0\n8,,,,,,\n\"9\",\"'=clump\",5,4,3,2,1\n"
+        ))
+        .unwrap();
+        assert_eq!(labels.classes().collect::<Vec<_>>(), ["ring", "=clump"]);
+        let features = labels.absolute_features().unwrap();
+        assert_eq!(features, [[1.0, 2.0, 3.0, 0.5, 0.0], [5.0, 4.0, 3.0, 2.0, 1.0]]);
+    }
+
+    #[test]
+    fn errors_name_line_and_column() {
+        check_refused("id,klass\n1,ring\n", "line 1: there is no column \"class\"");
+        check_refused(
+            "id,class\n1,ring\n",
+            "line 1: there is no column \"average_speed\"; its columns are id, class",
+        );
+        check_refused(
+            &format!("{HEAD}1,ring,0,0,fast,0,0\n"),
+            "line 2: radial_variance_x20 = \"fast\": must be a finite number",
+        );
+        check_refused(
+            &format!("{HEAD}1,ring,0,0,0,0,NaN\n"),
+            "line 2: group_rotation = \"NaN\": must be a finite number",
+        );
+        check_refused(
+            &format!("{HEAD}1,,,,,,\n1,ring,0,0,0,0,0\n1,ring,0,0,0,0,0\n"),
+            "line 4: id = \"1\": must be there once",
+        );
+        let elsewhere = read(&format!("{HEAD}../1,ring,0,0,0,0,0\n")).unwrap();
+        let error = elsewhere
+            .images(Path::new("images"), 1, 1)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("line 2: id = \"../1\": must be the name of an image"),
+            "{error}"
+        );
+        check_refused(
+            &format!("{HEAD}1,ring\n"),
+            "line 2: the row has 2 cells, the header 7 columns",
+        );
+        check_refused(&format!("{HEAD}1,,,,,,\n"), "no row has a class");
+        check_refused("", "no column \"id\"");
+        assert!(
+            LabelledSet::read("/nowhere.csv")
+                .unwrap_err()
+                .to_string()
+                .starts_with("/nowhere.csv: ")
+        );
+    }
+
+    #[test]
+    fn a_behaviour_of_several_annotators_counts_once_with_its_newest_class() {
+        let rows = [
+            ("7,ring,ana", 5),
+            ("7,clump,ben", 4),
+            ("8,Wall Following,ana", 1),
+            ("8,skip,ben", 2),
+            ("9,Ring,ana", 1),
+            ("9,not sure,ben", 1),
+            ("5,ring,ana", 3),
+            ("5,clump,ben", 3),
+        ];
+        let rows = rows.map(|(row, second)| format!("{row},2026-11-21T12:00:0{second}Z\n"));
+        let labels = read(&format!("id,class,annotator,time\n{}", rows.concat())).unwrap();
+        assert_eq!(
+            labels.classes().collect::<Vec<_>>(),
+            ["ring", "wall_following", "ring", "clump"]
+        );
+    }
+
+    #[test]
+    fn what_the_synthetic_annotator_answered_is_no_persons_class() {
+        let text = "id,class,annotator\n7,ring,ana\n7,clump,synthetic\n8,milling,synthetic\n9,skip,synthetic\n4,ring,ben\n";
+        let labels = read(text).unwrap();
+        assert_eq!(labels.classes().collect::<Vec<_>>(), ["ring", "ring"]);
+        assert_eq!(labels.synthetic(), 2);
+        check_refused(
+            "id,class,annotator\n7,ring,synthetic\n8,ring,\"Synthetic\"\n",
+            "no row has a class that a person gave: the synthetic annotator gave 2 classes",
+        );
+    }
+
+    #[test]
+    fn what_is_not_separated_by_commas_or_has_an_open_quote_says_so() {
+        check_refused(
+            "id;class;annotator\n7;ring;ana\n",
+            "line 1: the columns are separated by semicolons; save the file with commas",
+        );
+        check_refused(
+            "id\tclass\n7\tring\n",
+            "line 1: the columns are separated by tabs",
+        );
+        check_refused(
+            "id,class\n7,ring\n8,\"clump\n",
+            "line 3: a cell begins with a quote but does not end with one",
+        );
+    }
+
+    /// Figures computed independently of this code.
+    #[test]
+    fn hand_crafted_features_have_the_known_accuracy() {
+        let check = |set: &str, not_random: [u64; 2], every: [u64; 2], percent: [f64; 2]| {
+            let file = format!(
+                "{}/../../tests/labelled/{set}/validation.csv",
+                env!("CARGO_MANIFEST_DIR")
+            );
+            let labels = LabelledSet::read(file).unwrap();
+            let features = labels
+                .absolute_features()
+                .unwrap()
+                .into_iter()
+                .map(|features| features.to_vec());
+            let accuracy = Accuracy::measure(&labels.classes().zip(features).collect::<Vec<_>>());
+            let [not_random, every] =
+                [not_random, every].map(|[correct, triplets]| Tally { correct, triplets });
+            assert_eq!(
+                (accuracy.anchor_not_random(), accuracy.every_anchor()),
+                (not_random, every),
+                "{set}"
+            );
+            let rounded = |tally: Tally| (tally.percent().unwrap() * 100.0).round() / 100.0;
+            assert_eq!([rounded(not_random), rounded(every)], percent, "{set}");
+        };
+        check(
+            "single_sensor",
+            [552_164, 661_752],
+            [1_058_671, 1_495_092],
+            [83.44, 70.81],
+        );
+        check(
+            "two_sensor",
+            [166_592, 222_408],
+            [856_806, 1_394_760],
+            [74.90, 61.43],
+        );
+    }
+}

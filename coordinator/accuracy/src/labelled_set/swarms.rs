@@ -1,0 +1,80 @@
+//! Labelled swarms, to simulate them again.
+
+use super::{Behaviour, LabelledSet, Row, World};
+use murmuration_link::{InputKind, read_bytes};
+use murmuration_model::labels::{LabelFile, LabelFileError};
+use murmuration_proto::Controller;
+use murmuration_worker::simulate::Start;
+use std::{collections::HashMap, path::Path};
+
+/// Columns of a start: behaviour, agent and pose.
+const START: [&str; 5] = ["id", "agent", "x", "y", "theta"];
+
+/// A labelled swarm, to simulate it again.
+#[derive(Debug, Clone)]
+pub struct Swarm {
+    /// Its controller.
+    pub controller: Controller,
+    /// Its start.
+    pub start: Start,
+    /// Its world.
+    pub world: World,
+}
+
+impl LabelledSet {
+    /// The swarm of each behaviour, in the file's order.
+    ///
+    /// Controllers are in columns (`v1` to `v4`, or `v1` to `v8` and `theta`). Starts follow from the column `seed`, or are
+    /// in the CSV file `starts`, with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`,
+    /// `theta`).
+    ///
+    /// # Errors
+    /// Names the file, and the line and column if there are any, of data that is missing or cannot be simulated.
+    pub fn swarms(&self, starts: Option<&Path>) -> Result<Vec<Swarm>, LabelFileError> {
+        let mut poses = starts.map(read_starts).transpose()?;
+        let mut start = |behaviour: &Behaviour, row: Row<'_>| match &mut poses {
+            None => Ok(Start::seeded(row.seed()?)),
+            Some(poses) => {
+                let poses = poses.remove(&behaviour.id).unwrap_or_default();
+                if poses.is_empty() {
+                    return Err(row.refuse("id", "the id of a behaviour with a start"));
+                }
+                Start::at(poses).map_err(|error| row.refused(error))
+            }
+        };
+        let swarm = |(behaviour, row)| {
+            Ok(Swarm {
+                controller: Row::controller(&row)?,
+                start: start(behaviour, row)?,
+                world: row.world()?,
+            })
+        };
+        self.rows().map(swarm).collect()
+    }
+
+    /// The controller of each behaviour, in the file's order; columns as for [`LabelledSet::swarms`].
+    ///
+    /// # Errors
+    /// As [`LabelledSet::swarms`].
+    pub fn controllers(&self) -> Result<Vec<Controller>, LabelFileError> {
+        self.rows().map(|(_, row)| row.controller()).collect()
+    }
+}
+
+/// The poses of each behaviour's agents, by id.
+fn read_starts(path: &Path) -> Result<HashMap<String, Vec<[f64; 3]>>, LabelFileError> {
+    let text = read_bytes(path, InputKind::Starts).map_err(|error| LabelFileError::Unreadable {
+        path: path.to_owned(),
+        error: error.to_string(),
+    })?;
+    let file = LabelFile::with_columns(&START, path, text)?;
+    let mut starts: HashMap<String, Vec<[f64; 3]>> = HashMap::new();
+    for row in file.rows() {
+        let poses = starts.entry(row.cell("id").to_owned()).or_default();
+        if row.cell("agent") != poses.len().to_string() {
+            return Err(row.refuse("agent", "the number of the next agent"));
+        }
+        poses.push([row.finite("x")?, row.finite("y")?, row.finite("theta")?]);
+    }
+    Ok(starts)
+}

@@ -1,0 +1,287 @@
+//! Jobs of any kind of work side by side: the lease table counts votes, and each job keeps the results that they are for.
+
+use super::{
+    DispatchMetrics, JobError, WorkKind,
+    job::{PoisonedTask, TrainingJob},
+    leases::{Agree, JobParams, Refused, Settled, WorkerProcessId},
+    work::Work,
+};
+use murmuration_model::CampaignId;
+use murmuration_proto::{
+    EmbeddingKind, Invalid,
+    v1::{self, batch_result::Outcome},
+};
+use std::fmt;
+use tokio::sync::oneshot;
+
+/// A result as the lease table counts it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Vote {
+    /// Which of its task's results it is for.
+    number: usize,
+    /// The earlier results of the task that count as the same.
+    agrees_with: Vec<usize>,
+}
+
+impl Agree for Vote {
+    fn agrees_with(&self, other: &Self) -> bool {
+        self.number == other.number
+            || self.agrees_with.contains(&other.number)
+            || other.agrees_with.contains(&self.number)
+    }
+}
+
+/// What no sound worker sends.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Unsound {
+    #[error(transparent)]
+    Result(#[from] Invalid),
+    #[error(transparent)]
+    Count(#[from] Refused),
+}
+
+/// What it takes to say what a job came to: names of processes, and where audits are counted.
+pub(super) struct Closing<'a> {
+    pub(super) names: &'a dyn Fn(&[WorkerProcessId]) -> Vec<String>,
+    pub(super) metrics: &'a DispatchMetrics,
+}
+
+/// A job, whatever its work.
+pub(super) trait AnyJob: fmt::Debug + Send {
+    fn kind(&self) -> WorkKind;
+    fn campaign(&self) -> &CampaignId;
+    /// How it is to be leased: `audited` says of which tasks a second machine is asked, where any is to be audited.
+    fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
+    fn embeds(&self) -> bool;
+    fn batch(&self, places: &[usize]) -> v1::lease::Work;
+    fn training(&self) -> Option<&TrainingJob>;
+
+    /// Whether nobody waits for it any more.
+    fn is_withdrawn(&self) -> bool;
+
+    /// Keeps what a worker made of the tasks at these places: a vote each.
+    fn keep(&mut self, places: &[usize], outcome: Outcome, kind: EmbeddingKind)
+    -> Result<Vec<Vote>, Unsound>;
+
+    /// Tells whoever waits what the tasks came to; where nothing can take the place of a poisoned one, nothing.
+    fn finish(self: Box<Self>, settled: Vec<Settled<Vote>>, closing: &Closing<'_>);
+
+    /// Tells whoever waits that nothing comes of it.
+    fn fail(self: Box<Self>, error: JobError);
+}
+
+/// Outcomes of the tasks of a job, or why there are none.
+pub(super) type Outcomes<W> = Result<Vec<<W as Work>::Outcome>, JobError>;
+
+/// A job of one kind of work, for somebody who waits for outcomes of that kind.
+pub(super) struct Submitted<W: Work> {
+    work: W,
+    /// The results of each task, in the order in which they came.
+    results: Vec<Vec<W::Result>>,
+    reply: oneshot::Sender<Outcomes<W>>,
+}
+
+impl<W: Work> Submitted<W> {
+    pub(super) fn new(work: W) -> (Self, oneshot::Receiver<Outcomes<W>>) {
+        let (reply, answer) = oneshot::channel();
+        let results = (0..work.tasks()).map(|_| Vec::new()).collect();
+        let submitted = Self { work, results, reply };
+        (submitted, answer)
+    }
+
+    fn reply(self, outcomes: Outcomes<W>) {
+        // Whoever waited may have stopped waiting.
+        let _ = self.reply.send(outcomes);
+    }
+}
+
+impl<W: Work> fmt::Debug for Submitted<W> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Submitted")
+            .field("work", &self.work)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<W: Work> AnyJob for Submitted<W> {
+    fn kind(&self) -> WorkKind {
+        W::KIND
+    }
+
+    fn campaign(&self) -> &CampaignId {
+        self.work.campaign()
+    }
+
+    fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams {
+        let tasks = self.work.tasks();
+        let chosen = |_: &usize| self.work.is_audited() && audited();
+        JobParams {
+            tasks,
+            cost: self.work.weight().charge(self.work.cost()),
+            audited: (0..tasks).filter(chosen).collect(),
+            embeds: self.work.embeds(),
+            speculative: self.work.is_speculative(),
+        }
+    }
+
+    fn embeds(&self) -> bool {
+        self.work.embeds()
+    }
+
+    fn batch(&self, places: &[usize]) -> v1::lease::Work {
+        self.work.batch(places)
+    }
+
+    fn training(&self) -> Option<&TrainingJob> {
+        self.work.training()
+    }
+
+    fn is_withdrawn(&self) -> bool {
+        self.reply.is_closed()
+    }
+
+    fn keep(
+        &mut self,
+        places: &[usize],
+        outcome: Outcome,
+        kind: EmbeddingKind,
+    ) -> Result<Vec<Vote>, Unsound> {
+        let came = self.work.results(outcome, kind)?;
+        if came.len() != places.len() {
+            let (got, wanted) = (came.len(), places.len());
+            return Err(Refused::WrongCount { got, wanted }.into());
+        }
+        let votes = places.iter().zip(came).map(|(&place, result)| {
+            let earlier = &mut self.results[place];
+            let agrees = |&number: &usize| W::agree(&earlier[number], &result);
+            let vote = Vote {
+                number: earlier.len(),
+                agrees_with: (0..earlier.len()).filter(agrees).collect(),
+            };
+            earlier.push(result);
+            vote
+        });
+        Ok(votes.collect())
+    }
+
+    fn finish(mut self: Box<Self>, settled: Vec<Settled<Vote>>, closing: &Closing<'_>) {
+        let results = std::mem::take(&mut self.results);
+        let outcome = |(settled, mut results): (Settled<Vote>, Vec<W::Result>)| match settled {
+            Settled::Result { value, by, audited } => {
+                if audited && W::KIND == WorkKind::Evaluation {
+                    closing.metrics.audited();
+                }
+                let result = results.swap_remove(value.number);
+                Ok(W::settled(result, (!audited).then_some(by.machine)))
+            }
+            Settled::Poisoned { lost } => {
+                let poisoned = PoisonedTask {
+                    workers: (closing.names)(&lost),
+                };
+                closing.metrics.poisoned(1);
+                tracing::error!(%poisoned, "a task was poisoned");
+                W::poisoned(poisoned)
+            }
+        };
+        let outcomes = settled.into_iter().zip(results).map(outcome).collect();
+        self.reply(outcomes);
+    }
+
+    fn fail(self: Box<Self>, error: JobError) {
+        self.reply(Err(error));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::EmbeddingJob;
+    use murmuration_model::{EmbedderRef, MachineId, Weight};
+    use murmuration_proto::CheckpointDigest;
+    use prometheus_client::registry::Registry;
+
+    const KIND: EmbeddingKind = EmbeddingKind::UNKNOWN;
+
+    fn submitted(
+        weight: Weight,
+    ) -> (
+        Box<Submitted<EmbeddingJob>>,
+        oneshot::Receiver<Outcomes<EmbeddingJob>>,
+    ) {
+        let (submitted, answer) = Submitted::new(EmbeddingJob {
+            campaign: CampaignId::from_store("small-1".to_owned()),
+            weight,
+            embedder: EmbedderRef {
+                checkpoint: CheckpointDigest::of(b"model"),
+                dimensions: 1,
+            },
+            images: vec![Vec::new(); 2],
+        });
+        (Box::new(submitted), answer)
+    }
+
+    fn embeddings(values: &[f32]) -> Outcome {
+        let embedding = |&value: &f32| v1::Embedding { values: vec![value] };
+        Outcome::Embeddings(v1::Embeddings {
+            embeddings: values.iter().map(embedding).collect(),
+        })
+    }
+
+    #[test]
+    fn votes_agree_as_the_results_that_they_are_for() {
+        let (mut job, _answer) = submitted(Weight::default());
+        let mut keep = |places: &[usize], values: &[f32]| job.keep(places, embeddings(values), KIND).unwrap();
+        let first = keep(&[0, 1], &[1.0, 5.0]);
+        let second = keep(&[1], &[5.001]);
+        let third = keep(&[1], &[7.0]);
+        assert!(first[1].agrees_with(&second[0]) && second[0].agrees_with(&first[1]));
+        assert!(!third[0].agrees_with(&first[1]) && !first[1].agrees_with(&third[0]));
+        assert!(third[0].agrees_with(&third[0].clone()));
+    }
+
+    #[test]
+    fn each_task_comes_to_the_result_that_was_voted_for() {
+        let (mut job, mut answer) = submitted(Weight::default());
+        let first = job.keep(&[1, 0], embeddings(&[5.0, 1.0]), KIND).unwrap();
+        let second = job.keep(&[1], embeddings(&[7.0]), KIND).unwrap();
+        let by = WorkerProcessId {
+            machine: MachineId(3),
+            instance: 0,
+        };
+        let settled = |value: &Vote, audited| Settled::Result {
+            value: value.clone(),
+            by,
+            audited,
+        };
+        let closing = Closing {
+            names: &|_| Vec::new(),
+            metrics: &crate::Families::register(&mut Registry::default()).of(crate::PeerKind::Worker),
+        };
+        job.finish(
+            vec![settled(&first[1], false), settled(&second[0], true)],
+            &closing,
+        );
+        let outcomes = answer.try_recv().unwrap().unwrap();
+        let told: Vec<_> = outcomes
+            .into_iter()
+            .map(|(value, maker)| (value, maker.unaudited))
+            .collect();
+        assert_eq!(told, [(vec![1.0], Some(MachineId(3))), (vec![7.0], None)]);
+    }
+
+    #[test]
+    fn whoever_sends_too_few_results_is_unsound() {
+        let (mut job, _answer) = submitted(Weight::default());
+        let refused = job.keep(&[0, 1], embeddings(&[1.0]), KIND).unwrap_err();
+        assert_eq!(refused.to_string(), "1 results for a lease of 2 tasks");
+    }
+
+    #[test]
+    fn a_job_of_twice_the_weight_pays_half_for_its_tasks() {
+        let cost = |weight: u32| {
+            let (job, _answer) = submitted(Weight::try_from(weight).unwrap());
+            job.params(&mut || false).cost
+        };
+        assert_eq!(cost(100), 2 * cost(200));
+    }
+}

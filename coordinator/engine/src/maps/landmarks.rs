@@ -1,0 +1,72 @@
+//! A t-SNE of an archive of any size: some of it is placed, the rest goes between.
+//!
+//! As in openTSNE's and FIt-SNE's ways with large sets (Kobak and Berens 2019), t-SNE arranges a bounded number of
+//! *landmarks*, and every other behaviour lies at the weighted mean of the landmarks nearest to it. What t-SNE takes is
+//! thus bounded, in time and memory; the rest is a look-up in a tree for each behaviour.
+
+use super::{Points, neighbours};
+use murmuration_search::{
+    interrupt::{Interrupt, Interrupted},
+    novelty::{Behaviours, Index, Neighbour},
+};
+use rayon::prelude::*;
+
+/// Most behaviours that t-SNE places: twice the paper's archive.
+const MOST: usize = 20_000;
+
+/// Landmarks that each of the others lies between.
+const BETWEEN: usize = 5;
+
+/// Places `behaviours`, which `axes` have on the principal axes.
+pub(super) fn embed(
+    behaviours: &Behaviours,
+    axes: &[[f64; 2]],
+    interrupt: &Interrupt,
+) -> Result<Points, Interrupted> {
+    embed_by(MOST, behaviours, axes, interrupt)
+}
+
+/// As [`embed`], by at most so many landmarks.
+pub(super) fn embed_by(
+    most: usize,
+    behaviours: &Behaviours,
+    axes: &[[f64; 2]],
+    interrupt: &Interrupt,
+) -> Result<Points, Interrupted> {
+    let count = behaviours.len();
+    if count <= most {
+        return neighbours::embed(behaviours, axes, interrupt);
+    }
+    // Evenly from the first generation to the last.
+    let indices: Vec<usize> = (0..most).map(|place| place * count / most).collect();
+    let landmarks = behaviours.among(&indices);
+    let axes: Points = indices.iter().map(|&index| axes[index]).collect();
+    let placed = neighbours::embed(&landmarks, &axes, interrupt)?;
+    let mut index = Index::new();
+    index.extend(&landmarks);
+    neighbours::in_background(|| {
+        let place = |behaviour: usize| {
+            interrupt.check()?;
+            let nearest = index.nearest(behaviours.point(behaviour).as_slice(), BETWEEN);
+            Ok(between(&nearest, &placed))
+        };
+        (0..count).into_par_iter().map(place).collect()
+    })
+}
+
+/// The mean of the places of `nearest`, the nearest first, each weighing as much as it is near; that of one that is not
+/// apart at all.
+fn between(nearest: &[Neighbour], placed: &[[f64; 2]]) -> [f64; 2] {
+    let least = nearest.first().map_or(0.0, |first| first.distance);
+    let (mut sum, mut weights) = ([0.0; 2], 0.0);
+    for neighbour in nearest {
+        let [x, y] = placed[neighbour.index];
+        if least == 0.0 {
+            return [x, y];
+        }
+        let weight = least / neighbour.distance;
+        sum = [sum[0] + weight * x, sum[1] + weight * y];
+        weights += weight;
+    }
+    sum.map(|value| value / weights)
+}

@@ -1,0 +1,51 @@
+//! What embeds a campaign's archive: nothing, a checkpoint, or one checkpoint until the switch to another.
+
+use murmuration_proto::CheckpointDigest;
+
+/// What embeds a campaign's archive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ArchiveEmbedder {
+    /// Nothing: the campaign's method has no embedding, or its embedder is still to be trained.
+    None,
+    /// A checkpoint.
+    Checkpoint(CheckpointDigest),
+    /// The archive switches to another checkpoint.
+    Switching {
+        /// The checkpoint that embeds it until then, if one does.
+        from: Option<CheckpointDigest>,
+        /// The checkpoint that embeds it from then on.
+        to: CheckpointDigest,
+        /// Individuals, from index 0, that are embedded with that on disk.
+        embedded: u64,
+    },
+}
+
+impl ArchiveEmbedder {
+    /// The checkpoint whose embeddings the archive holds.
+    #[must_use]
+    pub const fn checkpoint(&self) -> Option<CheckpointDigest> {
+        match *self {
+            Self::None => None,
+            Self::Checkpoint(checkpoint) => Some(checkpoint),
+            Self::Switching { from, .. } => from,
+        }
+    }
+
+    /// The checkpoint that the archive switches to.
+    #[must_use]
+    pub const fn next(&self) -> Option<CheckpointDigest> {
+        match *self {
+            Self::Switching { to, .. } => Some(to),
+            Self::None | Self::Checkpoint(_) => None,
+        }
+    }
+
+    /// Individuals that are embedded with the [next](Self::next) checkpoint on disk.
+    #[must_use]
+    pub const fn embedded(&self) -> u64 {
+        match *self {
+            Self::Switching { embedded, .. } => embedded,
+            Self::None | Self::Checkpoint(_) => 0,
+        }
+    }
+}

@@ -1,0 +1,47 @@
+//! The scripts that draw motions and maps, for a report and for a coordinator's pages.
+//!
+//! A report is opened as a file, and from files browsers load no modules: its page holds the scripts themselves
+//! (`INLINE`). A coordinator serves the same scripts as modules ([`MODULES`]).
+
+/// Every script, in the order in which they need each other, for one scope of a page.
+pub(crate) const INLINE: &str = concat!(
+    include_str!("scripts/words.js"),
+    include_str!("scripts/drawing.js"),
+    include_str!("scripts/plot.js"),
+    include_str!("scripts/playback.js"),
+);
+
+/// Each script as a module: its file name and its text.
+pub const MODULES: [(&str, &str); 4] = [
+    (
+        "words.js",
+        concat!(
+            include_str!("scripts/words.js"),
+            "export { counted, grouped, sentence };\n"
+        ),
+    ),
+    (
+        "drawing.js",
+        concat!(
+            include_str!("scripts/drawing.js"),
+            "export { Run, column, dotOf, drawSwarm, equalScale, fit, stamp };\n"
+        ),
+    ),
+    (
+        "plot.js",
+        concat!(
+            "import { dotOf, equalScale, fit, stamp } from \"./drawing.js\";\n",
+            include_str!("scripts/plot.js"),
+            "export { Plot };\n"
+        ),
+    ),
+    (
+        "playback.js",
+        concat!(
+            "import { drawSwarm } from \"./drawing.js\";\n",
+            "import { grouped } from \"./words.js\";\n",
+            include_str!("scripts/playback.js"),
+            "export { Playback };\n"
+        ),
+    ),
+];

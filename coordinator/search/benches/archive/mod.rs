@@ -1,0 +1,47 @@
+//! Behaviours to measure on, of five values each.
+
+use murmuration_proto::{Purpose, RandomStream};
+use murmuration_search::novelty::Behaviours;
+
+/// Clumps of differing width, as an archive has them.
+pub fn archive(points: usize) -> Behaviours {
+    behaviours(points, 1, |i, stream| {
+        let clump = (i % 12) as f64;
+        std::array::from_fn(|d| {
+            let centre = (clump * (d + 1) as f64 * 0.37) % 1.0;
+            centre + stream.between(-0.02, 0.02) * (1.0 + clump)
+        })
+    })
+}
+
+/// No clusters at all.
+#[allow(dead_code, reason = "not every benchmark asks for it")]
+pub fn uniform(points: usize) -> Behaviours {
+    behaviours(points, 2, |_, stream| std::array::from_fn(|_| stream.unit()))
+}
+
+/// A curved sheet with a dense core and a sparse tail.
+#[allow(dead_code, reason = "not every benchmark asks for it")]
+pub fn skewed(points: usize) -> Behaviours {
+    behaviours(points, 3, |_, stream| {
+        let (a, b) = (stream.unit().powi(4) * 6.0, stream.unit().powi(2) * 3.0);
+        let sheet = [2.0 * a.sin(), (a * b).cos(), b, a * 0.5, a * b * 0.2];
+        sheet.map(|value| value + stream.between(-0.05, 0.05))
+    })
+}
+
+#[expect(clippy::expect_used, reason = "the vectors are made to fit")]
+fn behaviours(
+    points: usize,
+    seed: u64,
+    mut point: impl FnMut(usize, &mut RandomStream) -> [f64; 5],
+) -> Behaviours {
+    let mut stream = RandomStream::derive(seed, Purpose::Start, points as u64);
+    let mut behaviours = Behaviours::new(5);
+    for i in 0..points {
+        behaviours
+            .push(&point(i, &mut stream))
+            .expect("five small values");
+    }
+    behaviours
+}

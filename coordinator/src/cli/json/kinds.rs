@@ -1,0 +1,91 @@
+//! Every kind of document, for `murmuration schema`.
+
+use super::{
+    Accuracy, AddedLabels, Agreement, Backup, BenchLabels, BenchSimulate, BenchTrain, Campaign, Certificates,
+    Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine,
+    Report, Run, Token, UntrainedAccuracy, schema_of,
+};
+use clap::ValueEnum;
+use schemars::Schema;
+
+/// A kind of document that commands print with `--json`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum Kind {
+    /// A campaign and its progress: list, show, watch, submit, pause, cancel
+    Campaign,
+    /// A controller and its behaviour: show --index, simulate
+    Individual,
+    /// The end of a campaign: run, resume, adopt, refine
+    Run,
+    /// The digest of an archive: digest
+    Digest,
+    /// Where a report was written: report
+    Report,
+    /// A checkpoint: checkpoints list, show, import
+    Checkpoint,
+    /// What was added: label
+    AddedLabels,
+    /// An answer: labels
+    Label,
+    /// A class: classes
+    Class,
+    /// How far two annotators agree: agreement
+    Agreement,
+    /// The accuracy of an embedding: accuracy
+    Accuracy,
+    /// The accuracy of untrained networks: accuracy --untrained
+    UntrainedAccuracy,
+    /// The agreement of the rule-based judge with people: judge
+    Judge,
+    /// The score of a controller: filter
+    FilterScore,
+    /// A backup: backup, restore
+    Backup,
+    /// The condition of a data directory: doctor
+    Doctor,
+    /// The machines in quarantine: quarantine
+    Quarantine,
+    /// The machine that left quarantine: quarantine --lift
+    LiftedQuarantine,
+    /// A new token: token
+    Token,
+    /// New certificates: certs
+    Certificates,
+    /// A speed of the simulator: bench simulate
+    BenchSimulate,
+    /// A speed of training: bench train
+    BenchTrain,
+    /// An accuracy after labels: bench labels
+    BenchLabels,
+}
+
+impl Kind {
+    /// The JSON Schema of the documents of this kind.
+    pub(in crate::cli) fn schema(self) -> Schema {
+        match self {
+            Self::Campaign => schema_of::<Campaign>(),
+            Self::Individual => schema_of::<Individual>(),
+            Self::Run => schema_of::<Run>(),
+            Self::Digest => schema_of::<Digest>(),
+            Self::Report => schema_of::<Report>(),
+            Self::Checkpoint => schema_of::<Checkpoint>(),
+            Self::AddedLabels => schema_of::<AddedLabels>(),
+            Self::Label => schema_of::<Label>(),
+            Self::Class => schema_of::<Class>(),
+            Self::Agreement => schema_of::<Agreement>(),
+            Self::Accuracy => schema_of::<Accuracy>(),
+            Self::UntrainedAccuracy => schema_of::<UntrainedAccuracy>(),
+            Self::Judge => schema_of::<Judge>(),
+            Self::FilterScore => schema_of::<FilterScore>(),
+            Self::Backup => schema_of::<Backup>(),
+            Self::Doctor => schema_of::<Doctor>(),
+            Self::Quarantine => schema_of::<Quarantine>(),
+            Self::LiftedQuarantine => schema_of::<LiftedQuarantine>(),
+            Self::Token => schema_of::<Token>(),
+            Self::Certificates => schema_of::<Certificates>(),
+            Self::BenchSimulate => schema_of::<BenchSimulate>(),
+            Self::BenchTrain => schema_of::<BenchTrain>(),
+            Self::BenchLabels => schema_of::<BenchLabels>(),
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! What is rolled back when workers were found wrong, so that it is done again by others. Each is one transaction, and says
+//! why. Datasets, archives and embeddings go; the label log stays, and says whose answers were about what is gone.
+
+use super::{
+    LabelError, Store, StoreError,
+    campaigns::number_of,
+    labels::insert,
+    numbers::clamped,
+    provenance::{ResultKind, add_notices, now_ms},
+};
+use murmuration_model::{
+    CampaignId,
+    labels::{Action, Change, Labels, RequestId},
+};
+use rusqlite::{Transaction, params};
+
+impl Store {
+    /// Rolls back the generations from `generation` on, with everything that they brought.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was rolled back.
+    pub fn roll_back_generations(
+        &self,
+        campaign: &CampaignId,
+        generation: u32,
+        why: &str,
+    ) -> Result<(), StoreError> {
+        self.roll_back(campaign, |transaction, number, labels| {
+            delete_generations(transaction, number, labels, generation)?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Rolls back the embeddings of an archive, those of a move that has not ended too, and the generations that came after
+    /// the first `kept` individuals were embedded: all that is left is embedded again.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was rolled back.
+    pub fn roll_back_embeddings(
+        &self,
+        campaign: &CampaignId,
+        kept: u64,
+        why: &str,
+    ) -> Result<(), StoreError> {
+        self.roll_back(campaign, |transaction, number, labels| {
+            let first: Option<u32> = transaction.query_row(
+                "SELECT min(generation) FROM individuals WHERE campaign = ?1 AND place >= ?2",
+                params![number, clamped(kept)],
+                |row| row.get(0),
+            )?;
+            if let Some(generation) = first {
+                delete_generations(transaction, number, labels, generation)?;
+            }
+            transaction.execute("DELETE FROM embeddings WHERE campaign = ?1", [number])?;
+            forget(transaction, number, ResultKind::Embedding, 0)?;
+            transaction.execute(
+                "UPDATE campaigns SET next_checkpoint = coalesce(next_checkpoint, checkpoint), checkpoint = NULL
+                 WHERE number = ?1",
+                [number],
+            )?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Rolls back everything but the first `pictures` of a campaign's dataset: it begins again, its embedder too.
+    ///
+    /// # Errors
+    /// If it cannot be written; then nothing was rolled back.
+    pub fn roll_back_dataset(
+        &self,
+        campaign: &CampaignId,
+        pictures: u64,
+        why: &str,
+    ) -> Result<(), StoreError> {
+        self.roll_back(campaign, |transaction, number, labels| {
+            delete_generations(transaction, number, labels, 0)?;
+            for table in ["embeddings", "trainings"] {
+                transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
+            }
+            forget(transaction, number, ResultKind::Embedding, 0)?;
+            forget(transaction, number, ResultKind::Picture, pictures)?;
+            transaction.execute(
+                "DELETE FROM pictures WHERE campaign = ?1 AND place >= ?2",
+                params![number, clamped(pictures)],
+            )?;
+            transaction.execute(
+                "UPDATE campaigns SET checkpoint = NULL, next_checkpoint = NULL WHERE number = ?1",
+                [number],
+            )?;
+            add_notices(transaction, number, &[why.to_owned()])
+        })
+    }
+
+    /// Runs a change that rolls back, in one transaction, and counts it.
+    fn roll_back(
+        &self,
+        campaign: &CampaignId,
+        change: impl FnOnce(&Transaction<'_>, i64, &mut Labels) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let rolled_back = self.add_to_log(campaign, |transaction, number, labels| {
+            change(transaction, number, labels)?;
+            let archive_version = "UPDATE campaigns SET rollbacks = rollbacks + 1 WHERE number = ?1";
+            transaction
+                .execute(archive_version, [number])
+                .map_err(StoreError::from)?;
+            Ok(())
+        });
+        rolled_back.map_err(|error| match error {
+            LabelError::Store(error) => error,
+            refused => StoreError::damaged(refused.to_string()),
+        })
+    }
+
+    /// How many individuals an archive had when it moved to the checkpoint that it is, or will be, embedded with; 0 if it
+    /// was begun with that.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn embedded_when_moved(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            let end: i64 = connection.query_row(
+                "SELECT coalesce(max(place + length(machines) / 8), 0) FROM provenance
+                 WHERE campaign = ?1 AND result = ?2",
+                params![number_of(connection, campaign)?, ResultKind::Embedding.name()],
+                |row| row.get(0),
+            )?;
+            Ok(end.unsigned_abs())
+        })
+    }
+}
+
+/// Deletes generations from an archive, and withdraws answers about their individuals.
+fn delete_generations(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    generation: u32,
+) -> Result<(), StoreError> {
+    let first: Option<i64> = transaction.query_row(
+        "SELECT min(place) FROM individuals WHERE campaign = ?1 AND generation >= ?2",
+        params![number, generation],
+        |row| row.get(0),
+    )?;
+    if let Some(first) = first {
+        withdraw_answers(transaction, number, labels, first.unsigned_abs())?;
+        forget(transaction, number, ResultKind::Evaluation, first.unsigned_abs())?;
+        for table in ["images", "embeddings"] {
+            let of_place = format!("DELETE FROM {table} WHERE campaign = ?1 AND place >= ?2");
+            transaction.execute(&of_place, params![number, first])?;
+        }
+    }
+    for table in ["individuals", "generations"] {
+        let of_generation = format!("DELETE FROM {table} WHERE campaign = ?1 AND generation >= ?2");
+        transaction.execute(&of_generation, params![number, generation])?;
+    }
+    transaction.execute("DELETE FROM taxonomies WHERE campaign = ?1", [number])?;
+    Ok(())
+}
+
+/// The individuals from `first` on will be others: nobody has said anything about them.
+fn withdraw_answers(
+    transaction: &Transaction<'_>,
+    number: i64,
+    labels: &mut Labels,
+    first: u64,
+) -> Result<(), StoreError> {
+    let about: Vec<_> = labels.standing().filter(|label| label.index >= first).collect();
+    let withdrawn = about.into_iter().map(|label| {
+        labels.record(Change {
+            annotator: label.annotator,
+            time_ms: now_ms().unsigned_abs(),
+            action: Action::Withdraw { index: label.index },
+        })
+    });
+    let withdrawn: Vec<_> = withdrawn
+        .collect::<Result<_, _>>()
+        .map_err(|refusal| StoreError::damaged(refusal.to_string()))?;
+    insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
+}
+
+/// Forgets who did the results from `first` on. Runs of them end where what is rolled back begins.
+fn forget(
+    transaction: &Transaction<'_>,
+    number: i64,
+    kind: ResultKind,
+    first: u64,
+) -> Result<(), StoreError> {
+    transaction.execute(
+        "DELETE FROM provenance WHERE campaign = ?1 AND result = ?2 AND place >= ?3",
+        params![number, kind.name(), clamped(first)],
+    )?;
+    transaction.execute(
+        "UPDATE provenance SET machines = substr(machines, 1, 8 * (?3 - place)),
+             kinds = substr(kinds, 1, 8 * (?3 - place))
+         WHERE campaign = ?1 AND result = ?2 AND place + length(machines) / 8 > ?3",
+        params![number, kind.name(), clamped(first)],
+    )?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests;

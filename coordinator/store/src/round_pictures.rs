@@ -1,0 +1,114 @@
+//! What a round learns from: labelled individuals, and pictures of their controllers from further starts, which lie in the
+//! table of the dataset, behind it.
+
+use super::{
+    ArchivedIndividual, Store, StoreError,
+    campaigns::number_of,
+    numbers::{clamped, floats_to_blob},
+};
+use murmuration_model::{CampaignRecord, TrainingPictures};
+use murmuration_proto::Controller;
+use rusqlite::params;
+use std::collections::BTreeMap;
+
+/// A picture that is learned from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RoundPicture {
+    /// That of an individual, which was labelled.
+    Individual(u64),
+    /// That of its controller from another start, at this place of the dataset's table.
+    Further(u64),
+}
+
+/// What a round learns from.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RoundPictures {
+    /// Each with its class.
+    pub pictures: Vec<(RoundPicture, u32)>,
+    /// Number of labels that they come from.
+    pub labels: u32,
+    /// Further starts that have no picture yet.
+    pub missing: Vec<FurtherStart>,
+}
+
+/// A labelled controller to be simulated from another start.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FurtherStart {
+    /// The controller.
+    pub controller: Controller,
+    /// Seed of the start.
+    pub seed: u64,
+    /// Seed of the start that was labelled.
+    pub labelled: u64,
+}
+
+impl Store {
+    /// What a campaign learns from by the first `cutoff` entries of its label log.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn round_pictures(&self, record: &CampaignRecord, cutoff: u64) -> Result<RoundPictures, StoreError> {
+        let labels = self.labels_until(&record.id, cutoff)?.numbered_classes();
+        let further = self.further_pictures(record)?;
+        let mut round = RoundPictures {
+            labels: labels.len() as u32,
+            ..RoundPictures::default()
+        };
+        let Some(feedback) = record.spec.feedback() else {
+            return Ok(round);
+        };
+        for (index, class) in labels {
+            round.pictures.push((RoundPicture::Individual(index), class));
+            let ArchivedIndividual {
+                controller,
+                seed: labelled,
+                ..
+            } = self.one(&record.id, record.spec.model(), index, false)?;
+            for seed in feedback.further_starts(record.spec.seed(), index) {
+                match further.get(&(seed, floats_to_blob(controller.genes()))) {
+                    Some(&place) => round.pictures.push((RoundPicture::Further(place), class)),
+                    None => round.missing.push(FurtherStart {
+                        controller,
+                        seed,
+                        labelled,
+                    }),
+                }
+            }
+        }
+        Ok(round)
+    }
+
+    /// The image of a picture that is learned from.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn round_image(&self, record: &CampaignRecord, picture: RoundPicture) -> Result<Vec<u8>, StoreError> {
+        let model = record.spec.model();
+        match picture {
+            RoundPicture::Individual(index) => {
+                let individual = self.individual(&record.id, model, index)?;
+                Ok(individual.image.unwrap_or_default())
+            }
+            RoundPicture::Further(place) => Ok(self.picture(&record.id, model, place)?.image),
+        }
+    }
+
+    /// Where the pictures of further starts are, by seed and controller.
+    fn further_pictures(&self, record: &CampaignRecord) -> Result<BTreeMap<(u64, Vec<u8>), u64>, StoreError> {
+        let first = TrainingPictures::of(record).in_dataset();
+        self.read(|connection| {
+            let number = number_of(connection, &record.id)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT seed, controller, place FROM pictures WHERE campaign = ?1 AND place >= ?2",
+            )?;
+            let rows = statement.query_map(params![number, clamped(first)], |row| {
+                let (seed, place): (i64, i64) = (row.get(0)?, row.get(2)?);
+                Ok(((seed.cast_unsigned(), row.get(1)?), place.unsigned_abs()))
+            })?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,182 @@
+//! The command line, as a program over a data directory; and workers and trainers as programs.
+
+use crate::{FaultyLibc, Running, binary, small_spec};
+use serde_json::Value;
+use std::{
+    ffi::OsString,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+/// A `murmuration` command line over one data directory.
+#[derive(Debug, Clone)]
+pub struct Murmuration {
+    data: PathBuf,
+    /// What its processes have in their environment besides.
+    environment: Vec<(&'static str, OsString)>,
+}
+
+/// A command that has ended.
+#[derive(Debug)]
+pub struct Finished {
+    /// Exit code; `None` if a signal ended it.
+    pub code: Option<i32>,
+    /// What it printed as data.
+    pub stdout: String,
+    /// What it said to people.
+    pub stderr: String,
+}
+
+impl Finished {
+    /// What it printed as JSON, a value a line. It must have succeeded.
+    #[must_use]
+    #[track_caller]
+    pub fn lines(&self) -> Vec<Value> {
+        assert_eq!(self.code, Some(0), "{}", self.stderr);
+        let lines = self.stdout.lines();
+        lines.map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    /// The last of its [`Finished::lines`].
+    #[must_use]
+    #[track_caller]
+    pub fn last_line(&self) -> Value {
+        self.lines().pop().expect("it printed something")
+    }
+}
+
+impl Murmuration {
+    /// Commands over the data directory `data`.
+    #[must_use]
+    pub fn over(data: &Path) -> Self {
+        Self {
+            data: data.to_owned(),
+            environment: Vec::new(),
+        }
+    }
+
+    /// Commands over a data directory in `folder` with a completed campaign, `small-1`, of 100 individuals.
+    #[must_use]
+    #[track_caller]
+    pub fn with_campaign(folder: &Path) -> Self {
+        let spec = folder.join("small.toml");
+        std::fs::write(&spec, small_spec("").to_toml()).unwrap();
+        let murmuration = Self::over(&folder.join("data"));
+        let run = murmuration.run(&["run", &spec.display().to_string()]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        murmuration
+    }
+
+    /// Starts a coordinator at `listen`, an address whose port may be 0, with further arguments of `serve`; its URL.
+    #[must_use]
+    pub fn serve(&self, listen: &str, more: &[&str]) -> (Running, String) {
+        let mut coordinator = self.start(&[&["serve", "--listen", listen], more].concat());
+        let said = coordinator.wait_for("serving");
+        let url = said.rsplit(' ').next().unwrap().to_owned();
+        (coordinator, url)
+    }
+
+    /// The same commands, subject to faults.
+    #[must_use]
+    pub fn under(mut self, faults: &FaultyLibc) -> Self {
+        self.environment.extend(faults.environment());
+        self
+    }
+
+    /// The newest campaign, as `show --json` prints it.
+    #[must_use]
+    #[track_caller]
+    pub fn latest(&self) -> Value {
+        self.run(&["show", "latest", "--json"]).last_line()
+    }
+
+    /// The newest campaign as soon as it `is` as wished. Panics after a minute.
+    #[track_caller]
+    pub fn latest_when(&self, is: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let shown = self.run(&["show", "latest", "--json"]);
+            // Until its coordinator listens there may be none.
+            let latest = (shown.code == Some(0)).then(|| shown.last_line());
+            if let Some(latest) = latest.as_ref().filter(|latest| is(latest)) {
+                return latest.clone();
+            }
+            assert!(
+                begun.elapsed() < Duration::from_secs(60),
+                "{latest:?} {}",
+                shown.stderr
+            );
+        }
+    }
+
+    /// The digest of the newest campaign.
+    #[must_use]
+    #[track_caller]
+    pub fn digest(&self) -> String {
+        let digest = self.run(&["digest", "latest"]);
+        assert_eq!(digest.code, Some(0), "{}", digest.stderr);
+        digest.stdout
+    }
+
+    /// Runs a command to its end.
+    #[must_use]
+    pub fn run(&self, arguments: &[&str]) -> Finished {
+        let output = self.command(arguments).output().unwrap();
+        Finished {
+            code: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Starts a command.
+    #[must_use]
+    pub fn start(&self, arguments: &[&str]) -> Running {
+        self.start_with(arguments, &[])
+    }
+
+    /// As [`Murmuration::start`], with these variables in its environment.
+    #[must_use]
+    pub fn start_with(&self, arguments: &[&str], variables: &[(&str, &str)]) -> Running {
+        let mut command = self.command(arguments);
+        command.envs(variables.iter().copied());
+        Running::start(command)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(binary("murmuration"));
+        command
+            .args(arguments)
+            .env("MURMURATION_DATA", &self.data)
+            .env("RUST_BACKTRACE", "0")
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
+            .stdin(Stdio::null());
+        command
+    }
+}
+
+/// Starts a worker process of one thread for the coordinator at `url`.
+#[must_use]
+pub fn start_worker(url: &str) -> Running {
+    let cache = std::env::temp_dir().join("murmuration-tests-cache");
+    start_worker_with(url, &[("MURMURATION_CACHE", &cache.display().to_string())])
+}
+
+/// As [`start_worker`], with these variables in its environment.
+#[must_use]
+pub fn start_worker_with(url: &str, variables: &[(&str, &str)]) -> Running {
+    let mut command = Command::new(binary("murmuration-worker"));
+    command
+        .args(["--coordinator", url, "--threads", "1"])
+        .envs(variables.iter().copied());
+    Running::start(command)
+}
+
+/// Starts a trainer process for the coordinator at `url`.
+#[must_use]
+pub fn start_trainer(url: &str) -> Running {
+    let mut command = Command::new(binary("murmuration-trainer"));
+    command.args(["--coordinator", url]);
+    Running::start(command)
+}

@@ -1,0 +1,341 @@
+//! A cluster of real processes: coordinator, workers and trainers can be killed, and started again where they were.
+
+use crate::{PATIENCE, Running, binary, page};
+use murmuration_proto::{
+    parts::whole,
+    v1::{self, campaign_service_client::CampaignServiceClient},
+};
+use std::{
+    ffi::OsString,
+    net::Ipv4Addr,
+    path::Path,
+    process::Command,
+    thread,
+    time::{Duration, Instant},
+};
+use tokio::runtime::Runtime;
+use tonic::{
+    Request, Status,
+    transport::{Channel, Endpoint},
+};
+
+/// What asks a coordinator; its connection is made anew when the coordinator is.
+pub type ProcessClient = CampaignServiceClient<Channel>;
+
+/// What processes find in their environment.
+pub type Environment = Vec<(&'static str, OsString)>;
+
+/// A coordinator over a data directory, and the processes that work for it.
+#[derive(Debug)]
+pub struct ProcessCluster {
+    folder: tempfile::TempDir,
+    environment: Environment,
+    address: String,
+    coordinator: Option<Running>,
+    /// Workers that were added.
+    pub workers: Vec<Running>,
+    started: u32,
+    runtime: Runtime,
+    client: ProcessClient,
+}
+
+impl ProcessCluster {
+    /// A coordinator that repeats one evaluation in ten on another worker, with `workers` workers of one thread, which have
+    /// joined.
+    pub fn start(workers: usize) -> Self {
+        Self::start_in(tempfile::tempdir().unwrap(), workers, Vec::new())
+    }
+
+    /// The same in a folder that is ready, where the data directory is `data`, and with more in the environment of every
+    /// process.
+    pub fn start_in(folder: tempfile::TempDir, workers: usize, environment: Environment) -> Self {
+        let mut coordinator = serve(folder.path(), "127.0.0.1:0", &environment);
+        coordinator.wait_for("  pages:");
+        let said = coordinator.said();
+        let (_, rest) = said.split_once("http://").unwrap();
+        let address = rest.split_whitespace().next().unwrap().to_owned();
+        let runtime = Runtime::new().unwrap();
+        let channel = {
+            let _inside = runtime.enter();
+            Endpoint::from_shared(format!("http://{address}"))
+                .unwrap()
+                .connect_lazy()
+        };
+        let mut cluster = Self {
+            folder,
+            environment,
+            address,
+            coordinator: Some(coordinator),
+            workers: Vec::new(),
+            started: 0,
+            runtime,
+            client: CampaignServiceClient::new(channel),
+        };
+        for _ in 0..workers {
+            cluster.add_worker();
+        }
+        cluster
+    }
+
+    /// Its URL.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// Its address and port.
+    #[must_use]
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// A client of its own.
+    pub fn client(&self) -> ProcessClient {
+        self.client.clone()
+    }
+
+    /// What its clients run on.
+    pub fn runtime(&self) -> &Runtime {
+        &self.runtime
+    }
+
+    /// The coordinator's process; panics while there is none.
+    pub fn coordinator(&self) -> &Running {
+        self.coordinator.as_ref().unwrap()
+    }
+
+    /// Kills the coordinator and starts it again where it was.
+    pub fn restart_coordinator(&mut self) {
+        self.kill_coordinator();
+        self.start_coordinator();
+    }
+
+    /// Kills the coordinator.
+    pub fn kill_coordinator(&mut self) {
+        self.coordinator.take().unwrap().kill();
+    }
+
+    /// SIGTERM; the coordinator must end well.
+    pub fn terminate_coordinator(&mut self) {
+        let (code, said) = self.coordinator.take().unwrap().terminate_and_hear();
+        assert_eq!(code, Some(0), "{said}");
+    }
+
+    /// Starts the coordinator again where it was.
+    pub fn start_coordinator(&mut self) {
+        let mut coordinator = serve(self.folder.path(), &self.address, &self.environment);
+        coordinator.wait_for("  pages:");
+        self.coordinator = Some(coordinator);
+    }
+
+    /// Adds a worker, on a machine of its own as far as the coordinator can tell.
+    pub fn add_worker(&mut self) {
+        let cache = self.folder.path().join("cache");
+        let worker = self.odd_worker(&cache, &[]);
+        self.workers.push(worker);
+    }
+
+    /// Starts a worker like those, with other variables in its environment and its checkpoints in `cache`.
+    pub fn odd_worker(&mut self, cache: &Path, variables: &[(&str, &str)]) -> Running {
+        let mut command = Command::new(binary("murmuration-worker"));
+        let [high, low] = (self.started as u16 + 1).to_be_bytes();
+        let machine = Ipv4Addr::new(127, 2, high, low).to_string();
+        command
+            .args(["--local-address", &machine])
+            .arg("--cache")
+            .arg(cache);
+        command.envs(variables.iter().copied());
+        self.start_worker(command, &self.url(), "murmuration-worker")
+    }
+
+    /// Starts a worker or trainer that looks for its coordinator at `url`, and waits until it has joined.
+    pub fn worker(&mut self, url: &str, name: &str) -> Running {
+        let mut command = Command::new(binary(name));
+        if name == "murmuration-worker" {
+            command.arg("--cache").arg(self.folder.path().join("cache"));
+        }
+        self.start_worker(command, url, name)
+    }
+
+    /// Starts a worker in a network namespace, and waits until it has joined.
+    pub fn worker_in(&mut self, namespace: &str, url: &str) -> Running {
+        let mut command = Command::new("ip");
+        let name = "murmuration-worker";
+        command.args(["netns", "exec", namespace]).arg(binary(name));
+        command.arg("--cache").arg(self.folder.path().join("cache"));
+        self.start_worker(command, url, name)
+    }
+
+    fn start_worker(&mut self, mut command: Command, url: &str, name: &str) -> Running {
+        self.started += 1;
+        command
+            .args(["--coordinator", url])
+            .envs(self.environment.clone());
+        if name == "murmuration-worker" {
+            command.args(["--threads", "1"]);
+            command.args(["--name", &format!("worker-{}", self.started)]);
+        }
+        let mut process = Running::start(command);
+        process.wait_until_joined();
+        process
+    }
+
+    /// Starts a campaign; its id.
+    pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
+        let request = v1::CreateCampaignRequest {
+            spec: Some(spec.into()),
+            weight: None,
+        };
+        let created = self.runtime.block_on(self.client.create_campaign(request));
+        created.unwrap().into_inner().id
+    }
+
+    /// The campaign as it stands, or why that cannot be known.
+    pub fn try_status(&mut self, campaign: &str) -> Result<v1::Campaign, Status> {
+        let request = v1::GetCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        Ok(self
+            .runtime
+            .block_on(self.client.get_campaign(request))?
+            .into_inner())
+    }
+
+    /// Pauses a campaign, which must be answered within a minute.
+    pub fn pause(&mut self, campaign: &str) -> v1::Campaign {
+        let mut request = Request::new(v1::PauseCampaignRequest {
+            campaign: campaign.to_owned(),
+        });
+        request.set_timeout(Duration::from_secs(60));
+        let paused = self.runtime.block_on(self.client.pause_campaign(request));
+        paused.unwrap().into_inner()
+    }
+
+    /// Resumes a campaign.
+    pub fn resume(&mut self, campaign: &str) -> v1::Campaign {
+        let request = v1::ResumeCampaignRequest {
+            campaign: campaign.to_owned(),
+        };
+        let resumed = self.runtime.block_on(self.client.resume_campaign(request));
+        resumed.unwrap().into_inner()
+    }
+
+    /// The taxonomy, or why there is none.
+    pub fn taxonomy(&mut self, campaign: &str) -> Result<v1::Taxonomy, Status> {
+        let request = v1::GetTaxonomyRequest {
+            campaign: campaign.to_owned(),
+        };
+        let parts = self.runtime.block_on(self.client.get_taxonomy(request))?;
+        self.runtime.block_on(whole(parts.into_inner()))
+    }
+
+    /// Looks at the campaign until `until` is so, or it has ended, or that takes too long.
+    pub fn wait_until(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
+        let mut begun = Instant::now();
+        let mut seen = None;
+        loop {
+            if let Ok(status) = self.try_status(campaign) {
+                if until(&status) || !matches!(status.state(), v1::CampaignState::Running) {
+                    return status;
+                }
+                let now = Some((
+                    status.stage,
+                    status.generations_done,
+                    status.dataset_done,
+                    status.training,
+                    (status.labelled, status.embedded),
+                ));
+                if seen != now {
+                    (seen, begun) = (now, Instant::now());
+                }
+            }
+            assert!(begun.elapsed() < PATIENCE, "no progress since {seen:?}");
+            thread::sleep(Duration::from_millis(3));
+        }
+    }
+
+    /// Waits until the campaign is as a fault needs it, and runs: what strikes afterwards strikes nothing.
+    pub fn wait_to_strike(&mut self, campaign: &str, until: impl Fn(&v1::Campaign) -> bool) -> v1::Campaign {
+        let status = self.wait_until(campaign, until);
+        assert_eq!(
+            status.state(),
+            v1::CampaignState::Running,
+            "it was over before the fault struck: {}",
+            status.error
+        );
+        status
+    }
+
+    /// The last proof that a fault strikes, or has struck, while the campaign runs.
+    pub fn check_running(&mut self, campaign: &str) -> v1::Campaign {
+        let status = self.try_status(campaign).unwrap();
+        assert_eq!(
+            status.state(),
+            v1::CampaignState::Running,
+            "it was over too early: {}",
+            status.error
+        );
+        status
+    }
+
+    /// Waits until the campaign is complete; its digest.
+    pub fn finish(&mut self, campaign: &str) -> String {
+        let last = self.wait_until(campaign, |_| false);
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        self.digest(campaign)
+    }
+
+    /// A number of the coordinator's metrics.
+    pub fn metric(&self, name: &str) -> f64 {
+        let page = page(&format!("{}/metrics", self.url()));
+        let value = page
+            .lines()
+            .find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        value.unwrap().parse().unwrap()
+    }
+
+    /// Waits until no task waits for a worker and none is with one.
+    pub fn wait_for_idleness(&self) {
+        let begun = Instant::now();
+        loop {
+            let page = page(&format!("{}/metrics", self.url()));
+            let idle = |gauge| page.contains(&format!("{gauge}{{peer=\"worker\"}} 0\n"));
+            if idle("murmuration_leases") && idle("murmuration_tasks_pending") {
+                return;
+            }
+            assert!(
+                begun.elapsed() < PATIENCE,
+                "leases or tasks of nobody are left:\n{page}"
+            );
+            thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// The digest of a campaign's archive.
+    pub fn digest(&mut self, campaign: &str) -> String {
+        let request = v1::GetDigestRequest {
+            campaign: campaign.to_owned(),
+        };
+        let answer = self.runtime.block_on(self.client.get_digest(request));
+        answer.unwrap().into_inner().digest
+    }
+}
+
+fn serve(folder: &Path, listen: &str, environment: &Environment) -> Running {
+    let mut command = Command::new(binary("murmuration"));
+    command
+        .args([
+            "serve",
+            "--workers",
+            "0",
+            "--trainers",
+            "0",
+            "--audit",
+            "0.1",
+            "--listen",
+            listen,
+        ])
+        .env("MURMURATION_DATA", folder.join("data"))
+        .envs(environment.clone());
+    Running::start(command)
+}

@@ -1,0 +1,203 @@
+//! Headless Chromium, driven through chromedriver.
+
+use murmuration_tests::requirements::chromium;
+use serde_json::{Value, json};
+use std::{
+    fs,
+    io::{BufRead as _, BufReader},
+    path::PathBuf,
+    process::{Child, Command, Stdio},
+    time::{Duration, Instant},
+};
+use thirtyfour::{Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilities, WebDriver, prelude::*};
+
+/// Long enough for a busy machine; nothing takes that long that works.
+const DRIVER_TIMEOUT: Duration = Duration::from_secs(60);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+
+/// chromedriver, ended with this.
+pub struct Driver {
+    process: Child,
+    url: String,
+    binary: String,
+}
+
+/// One browser with one window.
+pub struct Window {
+    pub driver: WebDriver,
+}
+
+impl Driver {
+    pub fn start() -> Self {
+        let (binary, driver) = chromium().expect("the harness asks first whether there is a browser");
+        let mut process = Command::new(driver)
+            .arg("--port=0")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let said = BufReader::new(process.stdout.take().unwrap());
+        let port = said
+            .lines()
+            .map(Result::unwrap)
+            .find_map(|line| {
+                let (_, port) = line.split_once("started successfully on port ")?;
+                port.trim_end_matches('.').parse::<u16>().ok()
+            })
+            .expect("chromedriver says where it listens");
+        Self {
+            process,
+            url: format!("http://127.0.0.1:{port}"),
+            binary,
+        }
+    }
+
+    /// A browser of its own, with nothing kept, at `url`.
+    pub async fn open(&self, url: &str) -> Window {
+        let mut chrome = DesiredCapabilities::chrome();
+        chrome.set_binary(&self.binary).unwrap();
+        for argument in [
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-dev-shm-usage",
+            "--disable-gpu",
+            "--no-first-run",
+            "--hide-scrollbars",
+            "--window-size=1280,900",
+        ] {
+            chrome.add_arg(argument).unwrap();
+        }
+        let driver = WebDriver::new(&self.url, Capabilities::from(chrome))
+            .await
+            .unwrap();
+        driver.goto(url).await.unwrap();
+        Window { driver }
+    }
+}
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+impl Window {
+    /// What a script returns.
+    pub async fn value(&self, script: &str) -> Value {
+        let answer = self.driver.execute(format!("return {script}"), vec![]).await;
+        answer.unwrap().json().clone()
+    }
+
+    /// The text of an element.
+    pub async fn text(&self, selector: &str) -> String {
+        let element = self.driver.find(By::Css(selector)).await.unwrap();
+        element.text().await.unwrap()
+    }
+
+    /// Waits until a script returns something true; panics with what the page shows if it never does.
+    pub async fn until(&self, script: &str) {
+        let begun = Instant::now();
+        let script = format!("Boolean({script})");
+        while self.value(&script).await != json!(true) {
+            if begun.elapsed() > DRIVER_TIMEOUT {
+                let shown = self.value("document.body.innerText").await;
+                let log = self.driver.browser_log().await;
+                panic!("never came true: {script}\nthe page shows {shown}\nits log: {log:?}");
+            }
+            tokio::time::sleep(POLL_INTERVAL).await;
+        }
+    }
+
+    /// Presses keys, one after the other, wherever the focus is.
+    pub async fn press(&self, keys: &str) {
+        let chain = self
+            .driver
+            .action_chain_with_delay(Some(Duration::ZERO), Some(Duration::ZERO));
+        chain.send_keys(keys).perform().await.unwrap();
+    }
+
+    pub async fn click(&self, selector: &str) {
+        let element = self.driver.find(By::Css(selector)).await.unwrap();
+        element.scroll_into_view().await.unwrap();
+        element.click().await.unwrap();
+    }
+
+    /// Gives an element the focus, as going there with keys does.
+    pub async fn focus(&self, selector: &str) {
+        let script = format!("document.querySelector({selector:?}).focus({{ focusVisible: true }})");
+        self.driver.execute(script, vec![]).await.unwrap();
+    }
+
+    /// Draws a line through points of an element, from its top left corner.
+    pub async fn draw(&self, selector: &str, line: &[(f64, f64)]) {
+        let place = self
+            .value(&format!(
+                "(() => {{ const e = document.querySelector({selector:?}); e.scrollIntoView({{ block: 'center' }}); \
+                 const b = e.getBoundingClientRect(); return [b.left, b.top]; }})()"
+            ))
+            .await;
+        let (left, top) = (place[0].as_f64().unwrap(), place[1].as_f64().unwrap());
+        let at = |point: &(f64, f64)| ((left + point.0).round() as i64, (top + point.1).round() as i64);
+        let mut chain = self
+            .driver
+            .action_chain_with_delay(Some(Duration::ZERO), Some(Duration::from_millis(10)));
+        let (x, y) = at(&line[0]);
+        chain = chain.move_to(x, y).click_and_hold();
+        for point in &line[1..] {
+            let (x, y) = at(point);
+            chain = chain.move_to(x, y);
+        }
+        chain.release().perform().await.unwrap();
+    }
+
+    /// As on a screen of this many pixels across, light or dark.
+    pub async fn resize(&self, width: u32, height: u32, dark: bool) {
+        let cdp = self.driver.cdp();
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        cdp.send_raw("Emulation.setDeviceMetricsOverride", metrics)
+            .await
+            .unwrap();
+        let scheme = if dark { "dark" } else { "light" };
+        let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+        cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    }
+
+    /// As on paper, or on a screen again.
+    pub async fn print(&self, prints: bool) {
+        let media = json!({ "media": if prints { "print" } else { "" } });
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    }
+
+    /// Has no page run scripts from now on.
+    pub async fn without_scripts(&self) {
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Emulation.setScriptExecutionDisabled", json!({ "value": true }))
+            .await
+            .unwrap();
+    }
+
+    /// A picture of the whole page, in `target/screenshots`.
+    pub async fn picture(&self, name: &str) {
+        let asked = json!({ "format": "png", "captureBeyondViewport": true });
+        let answer = self.driver.cdp().send_raw("Page.captureScreenshot", asked).await;
+        let answer = answer.unwrap();
+        let data = answer["data"].as_str().unwrap();
+        let bytes = base64::Engine::decode(&base64::engine::general_purpose::STANDARD, data).unwrap();
+        let folder = screenshots();
+        fs::create_dir_all(&folder).unwrap();
+        fs::write(folder.join(format!("{name}.png")), bytes).unwrap();
+    }
+
+    pub async fn close(self) {
+        self.driver.quit().await.unwrap();
+    }
+}
+
+fn screenshots() -> PathBuf {
+    // target/PROFILE/deps/TEST -> target/screenshots
+    let test = std::env::current_exe().unwrap();
+    test.ancestors().nth(3).unwrap().join("screenshots")
+}

@@ -1,0 +1,46 @@
+//! Fine-tuning on labels changes the map while a page is open.
+
+use crate::browser::{
+    driver::Driver,
+    scene::{Scene, answer, name, saved},
+};
+use murmuration_tests::small_latent_spec;
+
+const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
+
+pub async fn what_was_said_is_learned_and_the_map_changes() {
+    let driver = Driver::start();
+    let mut scene = Scene::of(&small_latent_spec(FEEDBACK)).await;
+    let before = scene.cluster.status("latest").await.checkpoint;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    name(&window, "milling").await;
+    name(&window, "wall").await;
+    for turn in 0..10 {
+        answer(&window, ["1", "2"][turn % 2]).await;
+    }
+    saved(&window).await;
+    window.click(".learn button").await;
+    // One generation of 20 more, placed by what was learned.
+    window
+        .until("document.getElementById('legend')?.textContent.includes('unnamed · 108')")
+        .await;
+    window
+        .until("document.getElementById('doing').textContent === ''")
+        .await;
+    assert_ne!(scene.cluster.status("latest").await.checkpoint, before);
+    window.picture("map-learned").await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn where_there_is_nothing_to_learn_from_the_page_says_so() {
+    let driver = Driver::start();
+    let scene = Scene::of(&small_latent_spec(FEEDBACK)).await;
+    let window = scene.visit(&driver, "/map", "Ana").await;
+    window.click(".learn button").await;
+    window
+        .until("document.querySelector('.lead').textContent.includes('at least 2 classes')")
+        .await;
+    window.close().await;
+    scene.cluster.stop().await;
+}

@@ -1,0 +1,189 @@
+//! A coordinator with a finished campaign, and a person at a page.
+
+use crate::browser::driver::{Driver, Window};
+use murmuration_proto::{
+    CampaignSpec,
+    parts::whole,
+    v1::{self, label_service_client::LabelServiceClient},
+};
+use murmuration_tests::{Cluster, small_spec};
+use std::collections::BTreeMap;
+use tempfile::TempDir;
+use tonic::transport::Channel;
+
+/// A finished campaign of 100 individuals.
+pub struct Scene {
+    folder: TempDir,
+    pub cluster: Cluster,
+    pub labels: Labels,
+}
+
+/// What a coordinator holds of a campaign's labels.
+pub struct Labels(LabelServiceClient<Channel>);
+
+impl Scene {
+    pub async fn set() -> Self {
+        Self::of(&small_spec("")).await
+    }
+
+    pub async fn of(spec: &CampaignSpec) -> Self {
+        let mut scene = Self::begun(spec).await;
+        let last = scene.cluster.finish("latest").await;
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        scene
+    }
+
+    /// A campaign that has only begun.
+    pub async fn begun(spec: &CampaignSpec) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), 2).await;
+        cluster.create(spec).await;
+        let labels = Labels(LabelServiceClient::new(cluster.channel().await));
+        Self {
+            folder,
+            cluster,
+            labels,
+        }
+    }
+
+    pub fn url(&self, page: &str) -> String {
+        format!("{}/campaigns/small-1{page}", self.cluster.url())
+    }
+
+    /// Somebody who has said their name, at a page.
+    pub async fn visit(&self, driver: &Driver, page: &str, name: &str) -> Window {
+        let window = driver.open(&self.url("/label")).await;
+        introduce(&window, name).await;
+        window.driver.goto(self.url(page)).await.unwrap();
+        window
+    }
+
+    /// The report, saved as a file and opened from there.
+    pub async fn report(&self, driver: &Driver) -> Window {
+        let text = reqwest::get(self.url("/report"))
+            .await
+            .unwrap()
+            .text()
+            .await
+            .unwrap();
+        let page = self.folder.path().join("report.html");
+        std::fs::write(&page, text).unwrap();
+        let window = driver.open(&format!("file://{}", page.display())).await;
+        // A pointer goes to where an element is, not to where it scrolls.
+        let at_once = "document.documentElement.style.scrollBehavior = 'auto'";
+        window.driver.execute(at_once, vec![]).await.unwrap();
+        window
+    }
+}
+
+impl Labels {
+    pub async fn at(url: &str) -> Self {
+        Self(LabelServiceClient::connect(url.to_owned()).await.unwrap())
+    }
+
+    /// What stands: by individual, the answer.
+    pub async fn standing(&mut self) -> BTreeMap<u64, String> {
+        let request = v1::ListLabelsRequest {
+            campaign: "latest".to_owned(),
+        };
+        let labels = self.0.list_labels(request).await.unwrap();
+        let labels = whole(labels.into_inner()).await.unwrap().labels;
+        let answers = labels.into_iter().filter_map(|label| label.answer);
+        answers.map(|answer| (answer.index, answer.answer)).collect()
+    }
+
+    /// Says of individuals what they are, as `annotator`.
+    pub async fn say(&mut self, annotator: &str, said: impl IntoIterator<Item = (u64, String)>) {
+        let answer = |(index, answer)| v1::Answer {
+            index,
+            answer,
+            time_ms: 0,
+            annotator: annotator.to_owned(),
+        };
+        let request = v1::AppendLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: format!("{annotator} says"),
+            answers: said.into_iter().map(answer).collect(),
+        };
+        self.0.append_labels(request).await.unwrap();
+    }
+
+    /// Has the synthetic annotator answer about `count` individuals.
+    pub async fn judge(&mut self, count: u32) {
+        let request = v1::AppendSyntheticLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: "the judge says".to_owned(),
+            strategy: v1::QueryStrategy::Random as i32,
+            count,
+        };
+        let said = self.0.append_synthetic_labels(request).await.unwrap();
+        let said = whole(said.into_inner()).await.unwrap().entries;
+        assert_eq!(said.len(), count as usize);
+    }
+
+    /// Undoes what `annotator` said last.
+    pub async fn undo(&mut self, annotator: &str) {
+        let request = v1::UndoLabelsRequest {
+            campaign: "latest".to_owned(),
+            request_id: format!("{annotator} undoes"),
+            annotator: annotator.to_owned(),
+        };
+        self.0.undo_labels(request).await.unwrap();
+    }
+
+    /// How many entries the log has.
+    pub async fn entries(&mut self) -> usize {
+        let request = v1::ListLabelEntriesRequest {
+            campaign: "latest".to_owned(),
+        };
+        let log = self.0.list_label_entries(request).await.unwrap();
+        whole(log.into_inner()).await.unwrap().entries.len()
+    }
+}
+
+/// Says who is there, where the page asks.
+pub async fn introduce(window: &Window, name: &str) {
+    window.until("!document.getElementById('who').hidden").await;
+    window.press(name).await;
+    window.press("\u{e007}").await;
+    window.until("document.getElementById('who').hidden").await;
+    asked(window).await;
+}
+
+/// Waits for a question; which individual it is about.
+pub async fn asked(window: &Window) -> u64 {
+    window
+        .until("/^Individual \\d+$/.test(document.getElementById('which')?.textContent)")
+        .await;
+    let said = window.text("#which").await;
+    said.trim_start_matches("Individual ").parse().unwrap()
+}
+
+/// Answers with a key, and waits for the next question.
+pub async fn answer(window: &Window, key: &str) -> u64 {
+    let index = asked(window).await;
+    window.press(key).await;
+    window
+        .until(&format!(
+            "document.getElementById('which').textContent !== 'Individual {index}'"
+        ))
+        .await;
+    index
+}
+
+/// Answers with a class by its name.
+pub async fn name(window: &Window, class: &str) -> u64 {
+    let index = asked(window).await;
+    window.press("n").await;
+    window.press(class).await;
+    window.press("\u{e007}").await;
+    saved(window).await;
+    index
+}
+
+/// Waits until everything that was said is acknowledged.
+pub async fn saved(window: &Window) {
+    window
+        .until("document.getElementById('status').textContent === 'All saved.'")
+        .await;
+}

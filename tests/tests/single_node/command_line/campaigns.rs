@@ -1,0 +1,206 @@
+//! Campaigns from a specification to a report, and running a report's specification again.
+
+use crate::command_line::Desk;
+use murmuration_proto::FEATURE_NAMES;
+use murmuration_tests::small_latent_spec;
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+#[test]
+fn a_run_ends_with_one_object_and_a_report() {
+    let desk = Desk::new();
+    let run = desk
+        .murmuration
+        .run(&["run", &desk.path("small.toml"), "--json"])
+        .last_line();
+    assert_eq!(
+        (&run["campaign"], &run["evaluations"]),
+        (&"small-1".into(), &100.into())
+    );
+    assert!(run["seconds"].as_f64().unwrap() > 0.0);
+    let page = run["report"].as_str().unwrap();
+    let text = fs::read_to_string(page).unwrap();
+    assert!(
+        text.contains(run["digest"].as_str().unwrap()),
+        "the report does not show the digest"
+    );
+    for beside in [
+        "archive.csv",
+        "taxonomy.csv",
+        "classes.csv",
+        "map.svg",
+        "novelty.svg",
+        "spec.toml",
+        "medoids/01-trajectory.png",
+    ] {
+        assert!(
+            Path::new(page).with_file_name("").join(beside).exists(),
+            "{beside} is missing"
+        );
+    }
+
+    let digest = desk.murmuration.run(&["digest", "small-1"]);
+    assert_eq!(digest.stdout.trim(), run["digest"]);
+    let listed = desk.murmuration.run(&["list", "--json"]).last_line();
+    assert_eq!(
+        (&listed["campaign"], &listed["state"]),
+        (&"small-1".into(), &"completed".into())
+    );
+    let novelty = &listed["novelty_of_the_last_generation"];
+    assert!(novelty["best"].as_f64().unwrap() >= novelty["mean"].as_f64().unwrap());
+    // Nobody labels in a stage that is over.
+    assert!(listed["labelled_in_this_stage"].is_null());
+    let shown = desk
+        .murmuration
+        .run(&["show", "latest", "--index", "99", "--json"])
+        .last_line();
+    assert_eq!((&shown["index"], &shown["generation"]), (&99.into(), &4.into()));
+    let out = desk.path("else/where");
+    let written = desk.murmuration.run(&["report", "latest", "--out", &out]);
+    assert_eq!(written.stdout.trim(), format!("{out}/report.html"));
+    assert_eq!(fs::read(written.stdout.trim()).unwrap().len(), text.len());
+
+    // What the report says about running it again is true.
+    let again = desk
+        .murmuration
+        .run(&["run", &format!("{out}/spec.toml"), "--json"])
+        .last_line();
+    assert_eq!(
+        (&again["digest"], &again["campaign"]),
+        (&run["digest"], &"small-2".into())
+    );
+}
+
+/// A table of a report, by its header.
+fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().map(|line| line.split(','));
+    let header: Vec<&str> = lines.next().unwrap().collect();
+    let row = |cells: std::str::Split<'_, char>| {
+        let named = header.iter().map(|name| (*name).to_owned());
+        named.zip(cells.map(str::to_owned)).collect()
+    };
+    lines.map(row).collect()
+}
+
+#[test]
+fn the_novelty_of_a_behaviour_is_measured_in_the_whole_archive() {
+    let desk = Desk::new();
+    desk.check(&["run", &desk.path("small.toml")], 0, "campaign small-1");
+    let folder = PathBuf::from(desk.path("data/reports/small-1"));
+    let archive = table(&folder.join("archive.csv"));
+    let features =
+        |row: &BTreeMap<String, String>| FEATURE_NAMES.map(|name| row[name].parse::<f64>().unwrap());
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    let mut moved = 0;
+    for row in table(&folder.join("taxonomy.csv")) {
+        let own = features(&row);
+        let distance = |other: &BTreeMap<String, String>| -> f64 {
+            let squares = own.iter().zip(features(other)).map(|(a, b)| (a - b) * (a - b));
+            squares.sum::<f64>().sqrt()
+        };
+        let mut distances: Vec<f64> = archive.iter().map(distance).collect();
+        distances.sort_by(f64::total_cmp);
+        let nearest = &distances[1..16];
+        let novelty = nearest.iter().sum::<f64>() / nearest.len() as f64;
+        let told: f64 = row["novelty"].parse().unwrap();
+        assert!((novelty - told).abs() < 1e-12, "{novelty} {told}");
+        let evaluated: f64 = row["novelty_when_evaluated"].parse().unwrap();
+        moved += usize::from((evaluated - told).abs() > 1e-9);
+
+        let index = row["index"].as_str();
+        let shown = desk
+            .murmuration
+            .run(&["show", "small-1", "--index", index])
+            .stdout;
+        assert!(
+            shown.contains(&format!(
+                "novelty when evaluated {}\n",
+                row["novelty_when_evaluated"]
+            )),
+            "{shown}"
+        );
+        let card = page
+            .split("<article")
+            .find(|card| card.contains(&format!("<dd>{index}</dd>")));
+        let card = card.unwrap().split_once("<dt>Novelty</dt><dd>").unwrap().1;
+        let card: f64 = card.split_once('<').unwrap().0.parse().unwrap();
+        // A card has two digits or more.
+        assert!((novelty - card).abs() <= 0.05 * novelty, "{novelty} {card}");
+    }
+    assert!(moved > 0, "none was measured anew");
+    assert!(page.contains("novelty when evaluated ${"));
+}
+
+#[test]
+fn an_individual_simulated_again_is_the_same_to_the_bit() {
+    let desk = Desk::new();
+    desk.check(&["run", &desk.path("small.toml")], 0, "campaign small-1");
+    let shown = desk
+        .murmuration
+        .run(&["show", "latest", "--index", "42", "--json"])
+        .last_line();
+    let (controller, seed) = (shown["controller"].to_string(), shown["seed"].to_string());
+    let spec = desk.path("small.toml");
+    let arguments = [
+        "simulate",
+        "--spec",
+        &spec,
+        "--controller",
+        &controller,
+        "--seed",
+        &seed,
+        "--json",
+    ];
+    let simulated = desk.murmuration.run(&arguments).last_line();
+    assert_eq!(
+        (&simulated["features"], &simulated["image"]),
+        (&shown["features"], &shown["image"])
+    );
+}
+
+#[test]
+fn a_latent_campaign_runs_unattended_and_moves_to_another_checkpoint() {
+    let desk = Desk::new();
+    let spec = desk.write("latent.toml", &small_latent_spec("").to_toml());
+    let first = desk.murmuration.run(&["run", &spec]);
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    let again = desk.murmuration.run(&["run", &spec, "--json"]).last_line();
+    assert!(
+        first.stdout.contains(again["digest"].as_str().unwrap()),
+        "{}",
+        first.stdout
+    );
+    let other = desk
+        .murmuration
+        .run(&["run", &spec, "--seed", "9", "--json"])
+        .last_line();
+    assert_ne!(other["digest"], again["digest"]);
+
+    let checkpoints = desk.murmuration.run(&["checkpoints", "list", "--json"]).lines();
+    assert_eq!(checkpoints.len(), 2, "one of each seed");
+    for metric in ["triplet_accuracy", "spread", "rank"] {
+        assert!(checkpoints[0]["metrics"][metric].as_f64().unwrap() > 0.0);
+    }
+    let second = checkpoints[1]["checkpoint"].as_str().unwrap();
+    desk.check(
+        &["adopt", "small-1", &second[..10]],
+        0,
+        "open the report in a browser",
+    );
+    let shown = desk.murmuration.run(&["show", "small-1", "--json"]).last_line();
+    assert_eq!(
+        (&shown["checkpoint"], &shown["state"]),
+        (&second.into(), &"completed".into())
+    );
+    let page = fs::read_to_string(desk.path("data/reports/small-1/report.html")).unwrap();
+    assert!(page.contains(second) && page.contains("learned embedding"));
+    desk.check(
+        &["adopt", "small-1", "0000"],
+        2,
+        "there is no checkpoint \"0000\"",
+    );
+}

@@ -1,0 +1,272 @@
+//! Errors name the problem, and exit codes distinguish usage errors from failures.
+
+use crate::command_line::Desk;
+use std::{fs, os::unix::fs::symlink, path::Path};
+
+#[test]
+fn bad_input_is_named_with_exit_code_2() {
+    let desk = Desk::new();
+    let minimal = "model = \"single-sensor\"\nmethod = \"random\"\n";
+    let specs = [
+        ("model = [", "TOML parse error at line 1"),
+        (
+            "method = \"random\"",
+            "model = nothing: must be \"single-sensor\" or \"two-sensor\"",
+        ),
+        (
+            "model = \"three-sensor\"\nmethod = \"random\"",
+            "model = \"three-sensor\": must be",
+        ),
+        (&format!("{minimal}[search]\npopulation = -1"), "line 4"),
+        (
+            &format!("{minimal}[search]\npopulation = 0"),
+            "search.population = 0: must be a whole number from 1 to 100000",
+        ),
+        (
+            &format!("{minimal}[world]\nradius = nan"),
+            "world.radius = NaN: must be",
+        ),
+        (
+            &format!("{minimal}[world]\nraduis = 5"),
+            "unknown field `raduis` in [world]: did you mean `radius`?",
+        ),
+        (
+            &format!("{minimal}[label]\npopulation = 5"),
+            "its `population` belongs in [search]",
+        ),
+        (
+            &format!("\u{feff}{minimal}[search]\npopulation = -1").replace('\n', "\r\n"),
+            "4 | population = -1\n  |              ^^\nsearch.population must be a whole number from 0 to 4294967295, not",
+        ),
+    ];
+    for (text, said) in specs {
+        desk.check(&["run", &desk.write("bad.toml", text)], 2, said);
+    }
+    let marked = format!("\u{feff}{minimal}[search]\r\npopulation = 5\r\ngenerations = 3\r\n");
+    let marked = desk.write("marked.toml", &marked);
+    desk.check(&["simulate", "--controller", "0,0,0,0", "--spec", &marked], 0, "");
+    desk.check(&["run", "missing.toml"], 2, "cannot read missing.toml");
+    desk.check(
+        &["run", &desk.path("small.toml"), "--workers", "0"],
+        2,
+        "--workers 0",
+    );
+    desk.check(&["list"], 2, "there is no data directory");
+    desk.check(&["nonsense"], 2, "unrecognized subcommand");
+    desk.check(
+        &["simulate", "--controller", "0.1,0.2,0.3"],
+        2,
+        "controller = 3 values: must be 4 wheel speeds",
+    );
+    desk.check(
+        &["simulate", "--controller", "0.1,0.2,0.3,nan"],
+        2,
+        "controller[3] = NaN: must be a number from -1 to 1",
+    );
+    desk.check(
+        &["simulate", "--controller", "0.1,0.2,0.3,1.5"],
+        2,
+        "controller[3] = 1.5",
+    );
+    let digits = format!("0,0,0,1{}", "0".repeat(300));
+    for (controller, said) in [
+        (
+            digits.as_str(),
+            "controller[3] = 1e300: must be a number from -1 to 1",
+        ),
+        ("[0,0,0,0", "with or without square brackets around the list"),
+        ("0 0 0 0", "separated by commas"),
+    ] {
+        desk.check(&["simulate", "--controller", controller], 2, said);
+    }
+    desk.check(
+        &["simulate", "--controller", "0,0,0,0", "--model", "two-sensor"],
+        2,
+        "must be 9 values for the two-sensor model",
+    );
+    desk.check(
+        &["simulate", "--controller", "0,0,0,0", "--model", "legs"],
+        2,
+        "single-sensor",
+    );
+    desk.check(
+        &["simulate", "--case", &desk.write("case.json", "{")],
+        2,
+        "case.json: not JSON",
+    );
+    desk.check(&["filter", "1,2"], 2, "controller = 2 values");
+    desk.check(&["label", "latest"], 2, "<--csv <FILE>|--synthetic <N>>");
+    desk.check(
+        &["submit", &desk.path("small.toml")],
+        2,
+        "there is no data directory",
+    );
+}
+
+#[test]
+fn a_file_that_never_ends_is_not_read_for_ever() {
+    let desk = Desk::new();
+    let endless = "/dev/zero";
+    let campaign = "cannot read /dev/zero: it is too long: a campaign file has at most 1,048,576 bytes";
+    let url = "https://127.0.0.1:9";
+    let cases = [
+        (vec!["run", endless], campaign),
+        (
+            vec!["simulate", "--controller", "0,0,0,0", "--spec", endless],
+            campaign,
+        ),
+        (
+            vec!["simulate", "--case", endless],
+            "a reference case has at most",
+        ),
+        (
+            vec!["filter", "--file", endless],
+            "a file of controllers has at most",
+        ),
+        (vec!["judge", "--labels", endless], "a file of labels has at most"),
+        (
+            vec!["label", "latest", "--csv", endless],
+            "a file of labels has at most",
+        ),
+        (
+            vec!["accuracy", "--features", "--labels", endless],
+            "a file of labels has at most",
+        ),
+        (
+            vec!["checkpoints", "import", endless],
+            "a checkpoint has at most 67,108,864 bytes",
+        ),
+        (vec!["serve", "--tokens", endless], "a tokens file has at most"),
+        (
+            vec!["list", "--coordinator", url, "--ca", endless],
+            "a PEM file has at most",
+        ),
+        (
+            vec!["list", "--coordinator", url, "--token-file", endless],
+            "a token's file has at most 4,096 bytes",
+        ),
+    ];
+    for (arguments, said) in cases {
+        desk.check(&arguments, 2, said);
+    }
+}
+
+#[test]
+fn a_picture_is_written_under_a_name_of_its_kind() {
+    let desk = Desk::new();
+    for (option, name, said) in [
+        (
+            "--gif",
+            "x.png",
+            "would hold an animated GIF: name a file that ends in .gif",
+        ),
+        (
+            "--png",
+            "x.gif",
+            "would hold a PNG picture: name a file that ends in .png",
+        ),
+        (
+            "--image",
+            "x.jpg",
+            "would hold a PNG picture: name a file that ends in .png",
+        ),
+    ] {
+        let path = desk.path(name);
+        let arguments = ["simulate", "--controller", "0,0,0,0", option, &path];
+        desk.check(&arguments, 2, &format!("{option} {path} {said}"));
+        assert!(!Path::new(&path).exists());
+    }
+    for (option, name) in [("--png", "x.PNG"), ("--image", "x")] {
+        let path = desk.path(name);
+        desk.check(
+            &["simulate", "--controller", "0,0,0,0", option, &path],
+            0,
+            &format!("wrote {path}"),
+        );
+    }
+}
+
+#[test]
+fn what_is_no_file_of_its_kind_is_named() {
+    let desk = Desk::new();
+    let data = desk.folder.path().join("odd");
+    fs::create_dir_all(data.join("murmuration.sqlite")).unwrap();
+    let spec = desk.path("small.toml");
+    for arguments in [
+        &["list"][..],
+        &["run", &spec],
+        &["doctor"],
+        &["backup", "elsewhere"],
+    ] {
+        let data = data.display().to_string();
+        desk.check(
+            &[arguments, &["--data", &data]].concat(),
+            1,
+            &format!("cannot open the database {data}/murmuration.sqlite: it is a folder, and no file"),
+        );
+    }
+    let certs = desk.folder.path().join("certs");
+    fs::create_dir(&certs).unwrap();
+    symlink(desk.path("unmounted"), certs.join("ca.pem")).unwrap();
+    desk.check(
+        &["certs", &certs.display().to_string()],
+        2,
+        "unmounted, which is not there",
+    );
+}
+
+#[test]
+fn what_fails_is_named_with_exit_code_1() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    assert_eq!(desk.murmuration.run(&["run", &spec]).code, Some(0));
+    desk.check(&["show", "small-9"], 2, "there is no campaign \"small-9\"");
+    desk.check(
+        &["show", "small-1", "--index", "100"],
+        2,
+        "small-1 has no individual 100: its archive holds 100",
+    );
+    desk.check(
+        &["resume", "small-1"],
+        1,
+        "cannot resume campaign small-1: it was already completed",
+    );
+    desk.check(
+        &["submit", &spec],
+        1,
+        "no coordinator runs over this data directory",
+    );
+    desk.check(
+        &["list", "--coordinator", "http://127.0.0.1:9"],
+        1,
+        "no coordinator answers at http://127.0.0.1:9",
+    );
+    desk.check(
+        &["simulate", "--controller", "0,0,0,0", "--png", "/dev/null/a.png"],
+        1,
+        "cannot write /dev/null/a.png",
+    );
+
+    let holder = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = holder.local_addr().unwrap().to_string();
+    desk.check(
+        &["serve", "--listen", &taken],
+        1,
+        &format!("cannot listen on {taken}"),
+    );
+
+    let blocked = desk.write("a-file", "");
+    desk.check(&["run", &spec, "--data", &blocked], 1, "a-file");
+    let damaged = desk.folder.path().join("damaged");
+    fs::create_dir(&damaged).unwrap();
+    fs::write(
+        damaged.join("murmuration.sqlite"),
+        "no database, but longer than a header ".repeat(9),
+    )
+    .unwrap();
+    desk.check(
+        &["list", "--data", &damaged.display().to_string()],
+        1,
+        "is damaged (file is not a database): `murmuration doctor` says what can be saved",
+    );
+}

@@ -1,0 +1,50 @@
+//! The command line: exit codes, messages, JSON.
+
+mod campaigns;
+mod commands;
+mod errors;
+mod json;
+mod output;
+mod serving;
+mod snapshots;
+mod transcripts;
+
+use murmuration_tests::{Finished, Murmuration, small_spec};
+use std::fs;
+use tempfile::TempDir;
+
+/// A data directory and a campaign file in it.
+struct Desk {
+    folder: TempDir,
+    murmuration: Murmuration,
+}
+
+impl Desk {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let murmuration = Murmuration::over(&folder.path().join("data"));
+        fs::write(folder.path().join("small.toml"), small_spec("").to_toml()).unwrap();
+        Self { folder, murmuration }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).display().to_string()
+    }
+
+    fn write(&self, name: &str, text: &str) -> String {
+        fs::write(self.folder.path().join(name), text).unwrap();
+        self.path(name)
+    }
+
+    #[track_caller]
+    fn check(&self, arguments: &[&str], code: i32, said: &str) {
+        let Finished {
+            code: got, stderr, ..
+        } = self.murmuration.run(arguments);
+        assert!(
+            got == Some(code) && stderr.contains(said),
+            "{arguments:?}: exit code {got:?}\n{stderr}\nnot {said:?}"
+        );
+        assert!(!stderr.contains("panicked"), "{stderr}");
+    }
+}

@@ -1,0 +1,187 @@
+//! A running coordinator, and the commands that find it.
+
+use crate::command_line::Desk;
+use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker};
+use serde_json::Value;
+
+#[test]
+fn a_second_process_is_told_who_holds_the_data_directory() {
+    let desk = Desk::new();
+    let mut serving = desk
+        .murmuration
+        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "1"]);
+    let line = serving.wait_for("serving");
+    let url = line.rsplit(' ').next().unwrap().to_owned();
+    let spec = desk.path("small.toml");
+    let refused = desk.murmuration.run(&["run", &spec, "--seed", "7"]);
+    assert_eq!(refused.code, Some(1));
+    let (_, told) = refused
+        .stderr
+        .split_once("to submit the campaign to that process: ")
+        .unwrap();
+    let told: Vec<&str> = told.split_whitespace().collect();
+    assert_eq!(told, ["murmuration", "submit", &spec, "--seed", "7"]);
+    desk.check(
+        &told[1..],
+        0,
+        "campaign small-1 submitted; next: murmuration watch small-1",
+    );
+    desk.check(
+        &["serve"],
+        1,
+        "only one coordinator can use a data directory: stop that process first",
+    );
+    desk.check(
+        &["doctor"],
+        1,
+        "stop that process first; or back up the data directory while it is in use",
+    );
+    let copy = desk.path("copy");
+    desk.check(&["backup", &copy], 0, "backed up");
+    desk.check(&["doctor", "--data", &copy], 0, "");
+    desk.check(
+        &["quarantine", "--lift", "5f0c3a9e12d4b687"],
+        1,
+        "stop that process first, and start it again afterwards",
+    );
+    desk.check(
+        &["watch", "small-1"],
+        0,
+        "campaign small-1 is completed; next: murmuration report small-1",
+    );
+    desk.check(&["report", "small-1"], 0, "");
+
+    // Other commands find the coordinator by the data directory.
+    let submitted = desk.murmuration.run(&["submit", &spec, "--json"]).last_line();
+    assert_eq!(submitted["campaign"], "small-2");
+    desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
+    let lines = desk
+        .murmuration
+        .run(&["watch", "small-2", "--json", "--coordinator", &url]);
+    assert_eq!(lines.last_line()["state"], "completed");
+    assert_eq!(serving.terminate(), Some(0));
+}
+
+#[test]
+fn pause_resume_and_cancel_survive_the_coordinator() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--workers", "0"];
+    let mut serving = desk.murmuration.start(&serve);
+    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    desk.check(
+        &["submit", &spec],
+        0,
+        "campaign small-1 submitted; next: murmuration watch small-1",
+    );
+    desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
+    desk.check(
+        &["pause", "small-1"],
+        0,
+        "campaign small-1 is paused; next: murmuration resume small-1",
+    );
+    desk.check(
+        &["watch", "small-1"],
+        0,
+        "campaign small-1 is paused; next: murmuration resume small-1",
+    );
+    desk.check(&["cancel", "small-2"], 0, "campaign small-2 is cancelled");
+    desk.check(
+        &["watch", "small-2"],
+        0,
+        "campaign small-2 is cancelled; next: murmuration list",
+    );
+    desk.check(
+        &["pause", "small-2"],
+        1,
+        "cannot pause campaign small-2: it was already cancelled",
+    );
+    serving.kill();
+
+    let listed = desk.murmuration.run(&["list", "--json"]).lines();
+    let states: Vec<Value> = listed.iter().map(|campaign| campaign["state"].clone()).collect();
+    assert_eq!(states, ["paused", "cancelled"]);
+    desk.check(&["list", "--coordinator", &url], 1, "no coordinator answers");
+    desk.check(
+        &["resume", "small-1"],
+        0,
+        "campaign small-1 continues with stage evolve after generation 0",
+    );
+    desk.check(&["watch", "small-1"], 0, "campaign small-1 is completed");
+}
+
+#[test]
+fn workers_of_their_own_processes_come_and_go() {
+    let desk = Desk::new();
+    let spec = desk.path("small.toml");
+    let undisturbed = desk.murmuration.run(&["run", &spec, "--json"]).last_line()["digest"].clone();
+
+    let mut serving = desk
+        .murmuration
+        .start(&["serve", "--listen", "127.0.0.1:0", "--workers", "0"]);
+    let url = serving.wait_for("serving").rsplit(' ').next().unwrap().to_owned();
+    let mut waits = desk.murmuration.start(&["report", "small-1"]);
+    let told = waits.wait_for("waiting");
+    assert!(
+        told.contains("start one with `murmuration-worker --coordinator URL`"),
+        "{told}"
+    );
+    let leaves = start_worker(&url);
+    desk.check(&["submit", &spec], 0, "campaign small-2 submitted");
+    desk.murmuration.latest_when(|latest| latest["workers"] == 1);
+    assert_eq!(leaves.terminate(), Some(0));
+    let killed = start_worker(&url);
+    killed.kill();
+    let _stays = start_worker(&url);
+    desk.check(&["watch", "small-2"], 0, "campaign small-2 is completed");
+    let digest = desk.murmuration.run(&["digest", "small-2"]);
+    assert_eq!(digest.stdout.trim(), undisturbed);
+}
+
+#[test]
+fn a_campaign_says_who_is_missing_to_go_on() {
+    let desk = Desk::new();
+    let spec = desk.write("latent.toml", &small_latent_spec("").to_toml());
+    let (serving, url) = desk.murmuration.serve("127.0.0.1:0", &["--workers", "0"]);
+    desk.check(&["submit", &spec], 0, "campaign small-1 submitted");
+    let page = |url: &str| murmuration_tests::page(&format!("{url}/campaigns/small-1"));
+    let waits = |latest: &Value, program: &str| {
+        let said = latest["waiting"].as_str().unwrap();
+        said.contains(&format!("start one with `{program} --coordinator URL`"))
+    };
+    let mut crew = Vec::new();
+    for (program, peer, comes) in [
+        (
+            "murmuration-worker",
+            "no worker",
+            start_worker as fn(&str) -> Running,
+        ),
+        ("murmuration-trainer", "no trainer", start_trainer),
+    ] {
+        desk.murmuration.latest_when(|latest| waits(latest, program));
+        let shown = page(&url);
+        assert!(
+            shown.contains("<strong>waiting</strong>") && shown.contains(program),
+            "{shown}"
+        );
+        assert!(!shown.contains("0 of 0"), "{shown}");
+        let told = desk.murmuration.run(&["show", "latest"]);
+        assert!(told.stdout.contains(program), "{}", told.stdout);
+        let listed = desk.murmuration.run(&["list"]);
+        assert!(listed.stdout.contains("waiting"), "{}", listed.stdout);
+        let mut watching = desk.murmuration.start(&["watch", "latest"]);
+        let line = watching.wait_for("waiting");
+        assert!(
+            line.contains(peer) && line.contains(program) && !line.contains("0/0"),
+            "{line}"
+        );
+        crew.push(comes(&url));
+    }
+    desk.check(
+        &["watch", "latest"],
+        0,
+        "next: murmuration report small-1; to add labels: murmuration label small-1 --csv FILE (or --synthetic N)",
+    );
+    assert_eq!(desk.murmuration.latest()["waiting"], "");
+    assert_eq!(serving.terminate(), Some(0));
+}

@@ -1,0 +1,317 @@
+//! The commands whose output is kept in `snapshots`, in the order in which they run.
+
+/// A command line, and what is known of it beforehand.
+pub struct Transcript {
+    /// The name of its snapshot.
+    pub name: &'static str,
+    /// Its arguments; `FOLDER` is the folder of its files, `MODELS` that of the models for tests.
+    pub arguments: &'static [&'static str],
+    /// Its exit code.
+    pub code: i32,
+    /// The kind of the documents that it prints, with --json.
+    pub kind: Option<&'static str>,
+    /// Whether it prints figures of this machine.
+    pub figures: bool,
+    /// Files that it finds in the folder.
+    pub files: &'static [(&'static str, &'static str)],
+}
+
+/// A command that succeeds.
+const fn done(name: &'static str, arguments: &'static [&'static str]) -> Transcript {
+    Transcript {
+        name,
+        arguments,
+        code: 0,
+        kind: None,
+        figures: false,
+        files: &[],
+    }
+}
+
+/// A command that prints documents of a kind.
+const fn json(name: &'static str, kind: &'static str, arguments: &'static [&'static str]) -> Transcript {
+    Transcript {
+        kind: Some(kind),
+        ..done(name, arguments)
+    }
+}
+
+/// A command that fails.
+const fn fails(name: &'static str, code: i32, arguments: &'static [&'static str]) -> Transcript {
+    Transcript {
+        code,
+        ..done(name, arguments)
+    }
+}
+
+impl Transcript {
+    const fn with_figures(self) -> Self {
+        Self {
+            figures: true,
+            ..self
+        }
+    }
+
+    const fn with_files(self, files: &'static [(&'static str, &'static str)]) -> Self {
+        Self { files, ..self }
+    }
+}
+
+const LABELS: &str = "id,class,annotator,time\n\
+    0,ring,ana,2026-11-21T12:00:00Z\n1,ring,ana,2026-11-21T12:00:01Z\n\
+    2,clump,ana,2026-11-21T12:00:02Z\n3,clump,ana,2026-11-21T12:00:03Z\n\
+    4,not sure,ana,2026-11-21T12:00:04Z\n\
+    0,ring,ben,2026-11-21T12:00:05Z\n1,clump,ben,2026-11-21T12:00:06Z\n";
+
+/// Of one campaign, from its run to its backup.
+pub const OUTPUTS: [Transcript; 50] = [
+    json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
+    done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
+    done("list", &["list"]),
+    json("list-json", "campaign", &["list", "--json"]),
+    done("show", &["show", "small-1"]),
+    json("show-json", "campaign", &["show", "small-1", "--json"]),
+    done("show-index", &["show", "small-1", "--index", "42"]),
+    json(
+        "show-index-json",
+        "individual",
+        &["show", "small-1", "--index", "42", "--json"],
+    ),
+    done("watch", &["watch", "small-1"]),
+    json("watch-json", "campaign", &["watch", "small-1", "--json"]),
+    done("digest", &["digest", "small-1"]),
+    json("digest-json", "digest", &["digest", "small-1", "--json"]),
+    done("report", &["report", "small-1", "--out", "FOLDER/report"]),
+    json(
+        "report-json",
+        "report",
+        &["report", "small-1", "--out", "FOLDER/report", "--json"],
+    ),
+    done("label", &["label", "small-1", "--csv", "FOLDER/mine.csv"]).with_files(&[("mine.csv", LABELS)]),
+    json(
+        "label-json",
+        "added-labels",
+        &["label", "small-1", "--synthetic", "2", "--json"],
+    ),
+    done("labels", &["labels", "small-1"]),
+    json("labels-json", "label", &["labels", "small-1", "--json"]),
+    done("labels-csv", &["labels", "small-1", "--csv", "FOLDER/out.csv"]),
+    done(
+        "labels-csv-force",
+        &["labels", "small-1", "--csv", "FOLDER/out.csv", "--force"],
+    ),
+    done("classes", &["classes", "small-1"]),
+    done("classes-create", &["classes", "small-1", "--create", "rings"]),
+    json("classes-json", "class", &["classes", "small-1", "--json"]),
+    done(
+        "agreement",
+        &["agreement", "small-1", "--annotators", "ana", "ben"],
+    ),
+    json(
+        "agreement-json",
+        "agreement",
+        &["agreement", "small-1", "--annotators", "ana", "ben", "--json"],
+    ),
+    done(
+        "accuracy",
+        &["accuracy", "--features", "--labels", "FOLDER/out.csv"],
+    ),
+    json(
+        "accuracy-json",
+        "accuracy",
+        &["accuracy", "--features", "--labels", "FOLDER/out.csv", "--json"],
+    ),
+    done(
+        "accuracy-untrained",
+        &["accuracy", "--untrained", "2", "--labels", "FOLDER/out.csv"],
+    )
+    .with_figures(),
+    json(
+        "accuracy-untrained-json",
+        "untrained-accuracy",
+        &[
+            "accuracy",
+            "--untrained",
+            "2",
+            "--labels",
+            "FOLDER/out.csv",
+            "--json",
+        ],
+    )
+    .with_figures(),
+    done("judge", &["judge", "--labels", "FOLDER/out.csv"]),
+    json(
+        "judge-json",
+        "judge",
+        &["judge", "--labels", "FOLDER/out.csv", "--json"],
+    ),
+    done("simulate", &["simulate", "--controller", "-0.7,0.3,1,1"]),
+    json(
+        "simulate-json",
+        "individual",
+        &["simulate", "--controller", "-0.7,0.3,1,1", "--json"],
+    ),
+    done("filter", &["filter", "-0.7,0.3,1,1", "0,0,0,0"]),
+    json(
+        "filter-json",
+        "filter-score",
+        &["filter", "-0.7,0.3,1,1", "0,0,0,0", "--json"],
+    ),
+    done(
+        "checkpoints-import",
+        &["checkpoints", "import", "MODELS/small.onnx"],
+    ),
+    done("checkpoints-list", &["checkpoints", "list"]),
+    json(
+        "checkpoints-list-json",
+        "checkpoint",
+        &["checkpoints", "list", "--json"],
+    ),
+    done("token", &["token", "ana", "--role", "annotator"]),
+    json(
+        "token-json",
+        "token",
+        &["token", "ana", "--role", "annotator", "--json"],
+    ),
+    done("certs", &["certs", "FOLDER/certs", "--host", "swarm.example"]),
+    json(
+        "certs-json",
+        "certificates",
+        &["certs", "FOLDER/certs", "--worker", "alpha", "--json"],
+    ),
+    done("quarantine", &["quarantine"]),
+    json("quarantine-json", "quarantine", &["quarantine", "--json"]),
+    done("doctor", &["doctor"]),
+    json(
+        "doctor-json",
+        "doctor",
+        &["doctor", "--salvage", "FOLDER/saved", "--json"],
+    ),
+    done("backup", &["backup", "FOLDER/backup"]),
+    json(
+        "restore-json",
+        "backup",
+        &["restore", "FOLDER/backup", "--data", "FOLDER/restored", "--json"],
+    ),
+    done("bench-simulate", &["bench", "simulate", "--seconds", "0.02"]).with_figures(),
+    json(
+        "bench-simulate-json",
+        "bench-simulate",
+        &["bench", "simulate", "--seconds", "0.02", "--json"],
+    )
+    .with_figures(),
+];
+
+/// What people meet most when something is wrong, first without a data directory, then about a campaign.
+pub const ERRORS: [Transcript; 38] = [
+    fails("error-no-data-directory", 2, &["list"]),
+    fails("error-unknown-command", 2, &["nonsense"]),
+    fails("error-mistyped-command", 2, &["rn", "small.toml"]),
+    fails("error-unknown-option", 2, &["list", "--jsn"]),
+    fails(
+        "error-no-coordinator",
+        1,
+        &["list", "--coordinator", "http://127.0.0.1:9"],
+    ),
+    fails("error-missing-file", 2, &["run", "missing.toml"]),
+    fails("error-syntax", 2, &["run", "FOLDER/bad.toml"]).with_files(&[("bad.toml", "model = [")]),
+    fails("error-unknown-field", 2, &["run", "FOLDER/bad.toml"]).with_files(&[(
+        "bad.toml",
+        "model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopluation = 20\n",
+    )]),
+    fails("error-wrong-type", 2, &["run", "FOLDER/bad.toml"]).with_files(&[(
+        "bad.toml",
+        "model = \"single-sensor\"\nmethod = \"latent\"\n[training]\nheld_out = true\n",
+    )]),
+    fails("error-out-of-range", 2, &["run", "FOLDER/bad.toml"]).with_files(&[(
+        "bad.toml",
+        "model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = 0\n",
+    )]),
+    fails(
+        "error-no-workers",
+        2,
+        &["run", "FOLDER/small.toml", "--workers", "0"],
+    ),
+    fails(
+        "error-controller",
+        2,
+        &["simulate", "--controller", "0.1,0.2,0.3"],
+    ),
+    fails("error-gene", 2, &["simulate", "--controller", "0.1,0.2,0.3,1.5"]),
+    fails(
+        "error-picture-name",
+        2,
+        &["simulate", "--controller", "0,0,0,0", "--gif", "FOLDER/a.png"],
+    ),
+    fails("error-no-answers", 2, &["label", "latest"]),
+    fails("error-token-role", 2, &["token", "ana", "--role", "king"]),
+    fails("error-insecure-listen", 2, &["serve", "--listen", "0.0.0.0:0"]),
+    fails("error-restore", 2, &["restore", "FOLDER/nothing"]),
+    fails("error-doctor-no-data-directory", 2, &["doctor"]),
+    done("campaign-for-errors", &["run", "FOLDER/small.toml"]),
+    fails("error-no-campaign", 2, &["show", "other-1"]),
+    fails("error-no-individual", 2, &["show", "small-1", "--index", "100"]),
+    fails("error-submit-alone", 1, &["submit", "FOLDER/small.toml"]),
+    fails("error-resume-completed", 1, &["resume", "small-1"]),
+    fails("error-pause-completed", 1, &["pause", "small-1"]),
+    fails("error-cancel-completed", 1, &["cancel", "small-1"]),
+    fails("error-refine-hand-crafted", 1, &["refine", "small-1"]),
+    fails("error-adopt-unknown", 2, &["adopt", "small-1", "0000"]),
+    fails("error-no-checkpoint", 2, &["checkpoints", "show", "0000"]),
+    fails(
+        "error-export",
+        2,
+        &["checkpoints", "export", "0000", "FOLDER/out.onnx"],
+    ),
+    fails(
+        "error-label-column",
+        2,
+        &["label", "small-1", "--csv", "FOLDER/bad.csv"],
+    )
+    .with_files(&[("bad.csv", "id,klass\n1,ring\n")]),
+    fails(
+        "error-label-row",
+        2,
+        &["label", "small-1", "--csv", "FOLDER/bad.csv"],
+    )
+    .with_files(&[("bad.csv", "id,class,annotator,time\n1,ring,ana,1763700000000\n")]),
+    fails(
+        "error-labels-csv-exists",
+        2,
+        &["labels", "small-1", "--csv", "FOLDER/bad.csv"],
+    ),
+    fails(
+        "error-class",
+        2,
+        &["classes", "small-1", "--rename", "ring", "mill"],
+    ),
+    fails(
+        "error-agreement",
+        2,
+        &["agreement", "small-1", "--annotators", "ana", "ben"],
+    ),
+    fails(
+        "error-quarantine-lift",
+        2,
+        &["quarantine", "--lift", "5f0c3a9e12d4b687"],
+    ),
+    fails("error-backup-within", 2, &["backup", "FOLDER/data/backup"]),
+    fails("error-health", 1, &["health"]),
+];
+
+/// To a coordinator that stays, without workers.
+pub const SERVED: [Transcript; 9] = [
+    done("health", &["health"]),
+    done("submit", &["submit", "FOLDER/small.toml"]),
+    json(
+        "submit-json",
+        "campaign",
+        &["submit", "FOLDER/small.toml", "--json"],
+    ),
+    done("pause", &["pause", "small-1"]),
+    done("resume-served", &["resume", "small-1"]),
+    done("cancel", &["cancel", "small-1"]),
+    fails("error-report-unfinished", 1, &["report", "small-2"]),
+    fails("error-data-directory-held", 1, &["run", "FOLDER/small.toml"]),
+    fails("error-doctor-held", 1, &["doctor"]),
+];

@@ -1,0 +1,22 @@
+//! No parser of outside input panics: the targets of `make fuzz` on valid inputs and on mutations of them.
+
+use murmuration_tests::fuzz_targets::{EDGES, dice, mutated};
+
+/// Changed inputs for each parser.
+const MUTATIONS: u64 = 20_000;
+
+#[test]
+fn whatever_comes_in_is_taken_or_refused() {
+    for (number, edge) in (0..).zip(EDGES) {
+        let seeds = (edge.seeds)();
+        assert!(!seeds.is_empty(), "{}", edge.name);
+        for seed in &seeds {
+            (edge.parse)(seed);
+        }
+        let mut dice = dice(number);
+        for _ in 0..MUTATIONS {
+            let seed = &seeds[dice.below(seeds.len() as u64) as usize];
+            (edge.parse)(&mutated(seed, &mut dice));
+        }
+    }
+}

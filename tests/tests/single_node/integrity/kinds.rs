@@ -1,0 +1,86 @@
+//! Machines of different kinds embed a picture nearly alike, and no audit calls either wrong.
+
+use crate::integrity::{Honest, LIAR, audited, connect, impossible, notices};
+use murmuration_dispatch::Options;
+use murmuration_embed::{Embedder, Runtime};
+use murmuration_link::{Coordinator, Credentials, fetch_checkpoint};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, World,
+    onnx::EmbedderModel, v1,
+};
+use murmuration_tests::{Cluster, small_latent_spec};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use std::time::Duration;
+use tonic::{Code, service::interceptor::InterceptedService};
+
+/// What a sound machine of another kind makes of a batch: embeddings that differ in the last bits.
+async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBatch) -> Vec<v1::Evaluation> {
+    let digest: CheckpointDigest = batch.checkpoint.parse().unwrap();
+    let coordinator: Coordinator =
+        InterceptedService::new(cluster.channel().await, Credentials::default().bearer());
+    let bytes = fetch_checkpoint(&coordinator, digest, lease).await.unwrap();
+    let model = EmbedderModel::read(&bytes).unwrap();
+    let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
+    let world = World::try_from(batch.world.unwrap()).unwrap();
+    let format = ImageFormat::for_world(batch.image.unwrap(), &world).unwrap();
+    let model = CapabilityModel::try_from(batch.model).unwrap();
+    let mut evaluator = Evaluator::new(&world, &format).unwrap();
+    let evaluated = batch.tasks.iter().map(|task| {
+        let controller = Controller::new(model, &task.controller).unwrap();
+        let evaluation = evaluator
+            .evaluate(&controller, &Start::seeded(task.seed))
+            .unwrap();
+        let embedding = embedder.embed(&[evaluation.image()]).unwrap().remove(0);
+        let other_kind: Vec<f32> = embedding.into_iter().map(f32::next_up).collect();
+        let dimensions = other_kind.len();
+        Evaluation::into(evaluation.embedded(other_kind, dimensions).unwrap())
+    });
+    evaluated.collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = small_latent_spec("").to_toml();
+    let spec = CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 40")).unwrap();
+    let options = Options {
+        // It is not heard while it computes.
+        silence_limit: Duration::from_secs(20),
+        ..audited("0")
+    };
+    let mut cluster = Cluster::start_with(folder.path(), 0, options).await;
+    let campaign = cluster.create(&spec).await;
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    let status = cluster
+        .watch_until(&campaign, |status| status.generations_done > 0)
+        .await;
+    assert_eq!(status.error, "");
+    worker.leave().await;
+
+    let mut other = connect(&cluster, LIAR).await.unwrap();
+    let until = cluster.status(&campaign).await.generations_done + 2;
+    let mut count = 0;
+    let (lease, batch) = loop {
+        let (lease, batch) = other.lease(20).await;
+        if cluster.status(&campaign).await.generations_done >= until {
+            break (lease, batch);
+        }
+        let evaluations = evaluate(&cluster, lease, batch).await;
+        count += evaluations.len();
+        other.answer_each(lease, evaluations).await;
+    };
+    // Then it breaks, and all that rests on its word is done again.
+    other.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(other.dismissed().await.code(), Code::InvalidArgument);
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let said = notices(&last);
+    assert!(count >= 20, "{count}");
+    assert!(
+        said.contains(&format!("none of {count} results was wrong")),
+        "{said}"
+    );
+    worker.leave().await;
+    cluster.stop().await;
+}

@@ -1,0 +1,355 @@
+//! Workers that compute wrongly, and tasks that kill workers: both are detected, and the outcome does not change.
+
+mod kinds;
+mod machines;
+
+use murmuration_dispatch::{Options, Share};
+use murmuration_link::Credentials;
+use murmuration_proto::{CampaignSpec, Purpose, RandomStream, v1};
+use murmuration_tests::{Cluster, FakeWorker, Murmuration, quick_dispatch, small_latent_spec, small_spec};
+use std::{net::Ipv4Addr, num::NonZeroUsize, path::Path, time::Duration};
+use tokio::{sync::watch, task::JoinHandle};
+use tonic::{Code, Status};
+
+/// The machine that lies, and the process of it that all connections of the liar are of unless a test says otherwise.
+const LIAR: (u8, u64) = (2, 42);
+
+fn audited(share: &str) -> Options {
+    Options {
+        audited: share.parse::<Share>().unwrap(),
+        ..quick_dispatch()
+    }
+}
+
+/// What no swarm does, in a form that any could have.
+fn lie() -> v1::Evaluation {
+    v1::Evaluation {
+        features: vec![0.123; 5],
+        image: vec![7; 2500],
+        embedding: Vec::new(),
+    }
+}
+
+/// A lie of its own for each start: pictures that are all alike teach nothing.
+fn lie_about(seed: u64) -> v1::Evaluation {
+    let mut noise = RandomStream::derive(seed, Purpose::Start, 0);
+    v1::Evaluation {
+        image: (0..2500).map(|_| noise.bits() as u8).collect(),
+        ..lie()
+    }
+}
+
+/// What gives a worker away.
+fn impossible() -> v1::Evaluation {
+    v1::Evaluation {
+        features: vec![f64::NAN; 5],
+        ..lie()
+    }
+}
+
+async fn connect(cluster: &Cluster, (machine, instance): (u8, u64)) -> Result<FakeWorker, Status> {
+    FakeWorker::connect_as(&cluster.url(), machine, instance).await
+}
+
+/// Lies about so many tasks, if no more than that are to be had.
+async fn tell_lies(liar: &mut FakeWorker, count: usize) {
+    let mut told = 0;
+    while told < count {
+        let (lease, batch) = liar.lease(20).await;
+        let lies: Vec<_> = batch.tasks.iter().map(|task| lie_about(task.seed)).collect();
+        told += lies.len();
+        liar.answer_each(lease, lies).await;
+    }
+}
+
+/// A worker that keeps to the rules.
+struct Honest {
+    stop: watch::Sender<bool>,
+    work: JoinHandle<()>,
+}
+
+impl Honest {
+    /// One on the machine 127.0.0.`machine`.
+    fn join(cluster: &Cluster, cache: &Path, machine: u8) -> Self {
+        let options = murmuration_worker::client::Options {
+            coordinator: cluster.url(),
+            credentials: Credentials::default(),
+            name: "honest".to_owned(),
+            local_address: Some(Ipv4Addr::new(127, 0, 0, machine).into()),
+            threads: NonZeroUsize::MIN,
+            cache: cache.to_owned(),
+            health: murmuration_link::Health::default(),
+        };
+        let (stop, stopped) = watch::channel(false);
+        let work = async { murmuration_worker::client::run(options, stopped).await.unwrap() };
+        let work = tokio::spawn(work);
+        Self { stop, work }
+    }
+
+    async fn leave(self) {
+        self.stop.send_replace(true);
+        self.work.await.unwrap();
+    }
+}
+
+/// A campaign of forty generations.
+fn longer() -> CampaignSpec {
+    let text = small_spec("").to_toml();
+    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 40")).unwrap()
+}
+
+/// The digest of the campaign that the tests disturb, undisturbed.
+async fn undisturbed(spec: &CampaignSpec) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let digest = cluster.run(spec).await;
+    cluster.stop().await;
+    digest
+}
+
+/// A cluster that audits everything and has a campaign, whose id comes with it, and no worker but the liar.
+async fn with_a_liar(data: &Path, spec: &CampaignSpec) -> (Cluster, String, FakeWorker) {
+    let options = Options {
+        // Time for the second honest worker to come.
+        silence_limit: Duration::from_secs(20),
+        ..audited("1")
+    };
+    let mut cluster = Cluster::start_with(data, 0, options).await;
+    let campaign = cluster.create(spec).await;
+    let liar = connect(&cluster, LIAR).await.unwrap();
+    (cluster, campaign, liar)
+}
+
+fn notices(status: &v1::Campaign) -> String {
+    let texts: Vec<_> = status.notices.iter().map(|notice| notice.text.as_str()).collect();
+    texts.join("\n")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_an_audit_finds_wrong_is_quarantined_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    // Long enough for the liar to get work beside the others.
+    let spec = longer();
+    let (mut cluster, campaign, mut liar) = with_a_liar(folder.path(), &spec).await;
+    let (lease, batch) = liar.lease(5).await;
+    // While it is the only one, nobody could contradict it.
+    let workers = [3, 4].map(|machine| Honest::join(&cluster, folder.path(), machine));
+    while cluster.status(&campaign).await.workers < 3 {
+        tokio::task::yield_now().await;
+    }
+    liar.answer(lease, lie(), batch.tasks.len()).await;
+    let (_, status) = liar.answer_all(&lie()).await;
+    assert_eq!(status.code(), Code::FailedPrecondition);
+    assert!(status.message().contains("quarantined"), "{status}");
+    // Nor does it come back as another process.
+    for instance in [LIAR.1, 43, 0] {
+        let again = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
+        assert!(again.message().contains("quarantined"), "{again}");
+    }
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
+    for worker in workers {
+        worker.leave().await;
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    tell_lies(&mut liar, 20).await;
+    // Nobody has noticed: the next generation is bred from lies.
+    let (lease, batch) = liar.lease(20).await;
+    assert_eq!(cluster.status(&campaign).await.generations_done, 1);
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let said =
+        "impostor at 127.0.0.2 returned wrong results and is quarantined: start a worker on another machine";
+    cluster
+        .watch_until(&campaign, |status| status.waiting.contains(said))
+        .await;
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let said = notices(&last);
+    assert!(
+        said.contains("individual 0 differs; the generations from 0 on"),
+        "{said}"
+    );
+    assert_eq!(
+        cluster.digest(&campaign).await,
+        undisturbed(&small_spec("")).await
+    );
+    worker.leave().await;
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wrong() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = small_spec("");
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&spec).await;
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    tell_lies(&mut liar, 20).await;
+    // A further lease shows that the lies are in the archive.
+    liar.lease(20).await;
+    drop(liar);
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    cluster.finish(&campaign).await;
+    let expected = undisturbed(&spec).await;
+    assert_ne!(cluster.digest(&campaign).await, expected);
+    worker.leave().await;
+    cluster.stop().await;
+
+    // Another coordinator knows who did what, and finds out over another campaign.
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let other = cluster.create(&small_spec("seed = 2")).await;
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let (lease, batch) = liar.lease(1).await;
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    cluster.finish(&other).await;
+    let said = loop {
+        let status = cluster.finish(&campaign).await;
+        if !status.notices.is_empty() && status.state() == v1::CampaignState::Completed {
+            break notices(&status);
+        }
+    };
+    assert!(
+        said.contains("individual 0 differs; the generations from 0 on"),
+        "{said}"
+    );
+    assert_eq!(cluster.digest(&campaign).await, expected);
+    worker.leave().await;
+    cluster.stop().await;
+
+    // And a third does not let it in.
+    let cluster = Cluster::start(folder.path(), 0).await;
+    for instance in [LIAR.1, 43] {
+        let refused = connect(&cluster, (LIAR.0, instance)).await.unwrap_err();
+        assert!(
+            refused.message().contains("murmuration quarantine --lift"),
+            "{refused}"
+        );
+    }
+    let murmuration = Murmuration::over(folder.path());
+    let listed = murmuration.run(&["quarantine", "--json"]).last_line();
+    let quarantined = &listed["machines"][0];
+    assert_eq!(quarantined["name"], "impostor at 127.0.0.2");
+    let lift = ["quarantine", "--lift", quarantined["machine"].as_str().unwrap()];
+    let held = murmuration.run(&lift);
+    assert!(
+        held.code == Some(1) && held.stderr.contains("stop that process first"),
+        "{}",
+        held.stderr
+    );
+    cluster.stop().await;
+
+    // Unless a person lifts the quarantine.
+    for code in [0, 2] {
+        let lifted = murmuration.run(&lift);
+        assert_eq!(lifted.code, Some(code), "{}", lifted.stderr);
+    }
+    let cluster = Cluster::start(folder.path(), 0).await;
+    connect(&cluster, LIAR).await.unwrap();
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_embedder_that_was_trained_on_lies_is_trained_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let spec = small_latent_spec("");
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let campaign = cluster.create(&spec).await;
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let pictures = 200;
+    tell_lies(&mut liar, pictures).await;
+    // The trainer learns from that, and the search begins. It takes longer than an impostor is heard that says nothing.
+    let searching = |status: &v1::Campaign| !status.checkpoint.is_empty();
+    let status = cluster.watch_until(&campaign, searching).await;
+    assert_eq!(status.error, "");
+    let mut liar = connect(&cluster, LIAR).await.unwrap();
+    let (lease, batch) = liar.lease(1).await;
+    liar.answer(lease, impossible(), batch.tasks.len()).await;
+    assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
+    let worker = Honest::join(&cluster, folder.path(), 3);
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let said = notices(&last);
+    assert!(said.contains("picture 0 of the dataset differs"), "{said}");
+    assert_eq!(cluster.digest(&campaign).await, undisturbed(&spec).await);
+    worker.leave().await;
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_that_differ_without_a_third_fail_the_campaign_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_with(folder.path(), 0, audited("1")).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    let mut first = connect(&cluster, (2, 1)).await.unwrap();
+    let mut second = connect(&cluster, (3, 1)).await.unwrap();
+    let (lease, batch) = first.lease(1).await;
+    first.answer(lease, lie(), batch.tasks.len()).await;
+    // What it says is heard in order: once it has another, it was heard.
+    first.lease(1).await;
+    let (lease, same) = second.lease(1).await;
+    assert_eq!(batch, same, "an audit comes first");
+    let other = v1::Evaluation {
+        features: vec![0.5; 5],
+        ..lie()
+    };
+    second.answer(lease, other, same.tasks.len()).await;
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Failed);
+    assert!(last.error.contains("disagree about task 0"), "{}", last.error);
+    let who = [
+        "(impostor at 127.0.0.2 and impostor at 127.0.0.3)",
+        "(impostor at 127.0.0.3 and impostor at 127.0.0.2)",
+    ];
+    assert!(who.iter().any(|who| last.error.contains(who)), "{}", last.error);
+    assert!(
+        last.error.contains("start a worker on another machine"),
+        "{}",
+        last.error
+    );
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_takes_three_workers_is_poisoned_and_the_campaign_goes_on() {
+    let spec = small_spec("");
+    let mut digests = Vec::new();
+    for _ in 0..2 {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), 0).await;
+        let campaign = cluster.create(&spec).await;
+        for (victim, expected) in [(1, 5), (2, 1), (3, 1)] {
+            let mut victim = connect(&cluster, (2, victim)).await.unwrap();
+            let (_, batch) = victim.lease(5).await;
+            assert_eq!(batch.tasks.len(), expected, "after the first, it goes out alone");
+            drop(victim);
+            while cluster.status(&campaign).await.workers > 0 {
+                tokio::task::yield_now().await;
+            }
+        }
+        let worker = Honest::join(&cluster, folder.path(), 3);
+        let last = cluster.finish(&campaign).await;
+        assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+        let said = notices(&last);
+        assert!(said.contains("the task of individual 0 was poisoned"), "{said}");
+        assert!(said.contains("3 workers were lost during it"), "{said}");
+        assert_eq!(said.matches("impostor at 127.0.0.2").count(), 3, "{said}");
+        digests.push(cluster.digest(&campaign).await);
+        worker.leave().await;
+        cluster.stop().await;
+    }
+    assert_eq!(digests[0], digests[1], "what takes its place is always the same");
+    assert_ne!(digests[0], undisturbed(&small_spec("")).await);
+}

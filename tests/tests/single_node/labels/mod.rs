@@ -1,0 +1,17 @@
+//! Labels: kept once acknowledged, stored once however often they are sent; no two people are asked the same query.
+
+mod annotator;
+mod counts;
+mod durability;
+mod files;
+mod service;
+
+use murmuration_tests::Murmuration;
+use tempfile::TempDir;
+
+/// A data directory with a completed campaign of 100 individuals, and a folder beside it.
+fn campaign() -> (TempDir, Murmuration) {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::with_campaign(folder.path());
+    (folder, murmuration)
+}

@@ -1,0 +1,223 @@
+//! Latent campaigns: the same outcome on every cluster, and never two behaviour spaces in one archive.
+
+use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_tests::{Cluster, small_latent_spec};
+use tonic::Code;
+
+/// Runs a campaign to its end; its id, its last status and its digest.
+async fn run(cluster: &mut Cluster, spec: &CampaignSpec) -> (String, v1::Campaign, String) {
+    let id = cluster.create(spec).await;
+    let last = cluster.finish(&id).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
+    let digest = cluster.digest(&id).await;
+    (id, last, digest)
+}
+
+async fn archive(cluster: &mut Cluster, campaign: &str) -> Vec<v1::Individual> {
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: true,
+    };
+    let mut chunks = cluster.client.get_archive(request).await.unwrap().into_inner();
+    let mut individuals = Vec::new();
+    while let Some(chunk) = chunks.message().await.unwrap() {
+        individuals.extend(chunk.individuals);
+    }
+    individuals
+}
+
+async fn taxonomy(cluster: &mut Cluster, campaign: &str) -> v1::Taxonomy {
+    let request = v1::GetTaxonomyRequest {
+        campaign: campaign.to_owned(),
+    };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    whole(taxonomy.into_inner()).await.unwrap()
+}
+
+async fn adopt(cluster: &mut Cluster, campaign: &str, checkpoint: &str) -> Result<(), tonic::Status> {
+    let request = v1::AdoptCheckpointRequest {
+        campaign: campaign.to_owned(),
+        checkpoint: checkpoint.to_owned(),
+    };
+    cluster.client.adopt_checkpoint(request).await.map(drop)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_checkpoint_and_the_archive_do_not_depend_on_the_cluster() {
+    let spec = small_latent_spec("filter = true");
+    let mut outcomes = Vec::new();
+    for workers in [1, 3] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), workers).await;
+        let (_, last, digest) = run(&mut cluster, &spec).await;
+        cluster.stop().await;
+        outcomes.push((last.checkpoint, digest));
+    }
+    assert_eq!(outcomes[0], outcomes[1]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_individual_is_embedded_and_novelty_is_measured_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    for (method, dimensions) in [("latent", 5), ("untrained", 5), ("concatenate", 5)] {
+        let spec = match method {
+            "untrained" => small_latent_spec("").to_toml(),
+            _ => small_latent_spec("")
+                .to_toml()
+                .replace("\"latent\"", &format!("\"{method}\"")),
+        };
+        let spec = match method {
+            "untrained" => untrained(&spec),
+            _ => CampaignSpec::from_toml(&spec).unwrap(),
+        };
+        let (id, last, _) = run(&mut cluster, &spec).await;
+        assert_eq!(last.checkpoint.len(), 64);
+        let individuals = archive(&mut cluster, &id).await;
+        assert_eq!(individuals.len(), 100);
+        assert!(
+            individuals
+                .iter()
+                .all(|individual| individual.embedding.len() == dimensions)
+        );
+        // The novelty of the last generation can be counted again from what the archive holds.
+        let behaviour = |individual: &v1::Individual| {
+            let features = individual.features.as_slice().try_into().unwrap();
+            spec.method().behaviour(&features, &individual.embedding)
+        };
+        let behaviours: Vec<Vec<f64>> = individuals.iter().map(behaviour).collect();
+        for individual in &individuals[80..] {
+            let own = behaviour(individual);
+            let distance = |other: &Vec<f64>| -> f64 {
+                own.iter()
+                    .zip(other)
+                    .map(|(a, b)| (a - b) * (a - b))
+                    .sum::<f64>()
+                    .sqrt()
+            };
+            let mut distances: Vec<f64> = behaviours.iter().map(distance).collect();
+            distances.sort_by(f64::total_cmp);
+            let novelty = distances[1..16].iter().sum::<f64>() / 15.0;
+            assert!((novelty - individual.novelty).abs() < 1e-9, "{method}");
+        }
+    }
+    cluster.stop().await;
+}
+
+/// The same without training.
+fn untrained(spec: &str) -> CampaignSpec {
+    let mut table: toml::Table = spec.parse().unwrap();
+    table.insert("method".into(), "untrained".into());
+    table.remove("training");
+    CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn there_and_back_to_a_checkpoint_is_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let (_, other, _) = run(&mut cluster, &untrained(&small_latent_spec("").to_toml())).await;
+    let (id, first, digest) = run(&mut cluster, &small_latent_spec("")).await;
+    let (individuals, clusters) = (
+        archive(&mut cluster, &id).await,
+        taxonomy(&mut cluster, &id).await,
+    );
+
+    adopt(&mut cluster, &id, &other.checkpoint).await.unwrap();
+    let moved = cluster.finish(&id).await;
+    assert_eq!(moved.state(), v1::CampaignState::Completed, "{}", moved.error);
+    assert_eq!(
+        (moved.checkpoint, moved.next_checkpoint.as_str()),
+        (other.checkpoint, "")
+    );
+    let there = archive(&mut cluster, &id).await;
+    for (before, after) in individuals.iter().zip(&there) {
+        assert_eq!(
+            (&before.controller, &before.image),
+            (&after.controller, &after.image)
+        );
+        assert!(before.embedding != after.embedding && before.novelty != after.novelty);
+    }
+    assert_ne!(taxonomy(&mut cluster, &id).await, clusters);
+
+    adopt(&mut cluster, &id, &first.checkpoint).await.unwrap();
+    cluster.finish(&id).await;
+    assert_eq!(archive(&mut cluster, &id).await, individuals);
+    assert_eq!(taxonomy(&mut cluster, &id).await, clusters);
+    assert_eq!(cluster.digest(&id).await, digest);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_can_start_from_a_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let (_, trained, digest) = run(&mut cluster, &small_latent_spec("")).await;
+    let mut table: toml::Table = small_latent_spec("").to_toml().parse().unwrap();
+    table.remove("training");
+    table.remove("dataset");
+    table.insert("checkpoint".into(), trained.checkpoint.clone().into());
+    let spec = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
+    let (_, last, again) = run(&mut cluster, &spec).await;
+    assert_eq!((last.dataset_done, again), (0, digest));
+    assert_eq!(last.checkpoint, trained.checkpoint);
+
+    table.insert("checkpoint".into(), "0".repeat(64).into());
+    let absent = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&absent).into()),
+        weight: None,
+    };
+    let refused = cluster.client.create_campaign(request).await.unwrap_err();
+    assert_eq!(refused.code(), Code::NotFound, "{refused}");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let (id, first, digest) = run(&mut cluster, &small_latent_spec("")).await;
+    let smaller = small_latent_spec("[image]\nresolution = 40");
+    let (other, small, _) = run(&mut cluster, &smaller).await;
+    let refused = adopt(&mut cluster, &id, &small.checkpoint).await.unwrap_err();
+    assert!(
+        refused.message().contains("embeds pictures of 40 x 40"),
+        "{refused}"
+    );
+    let refused = adopt(&mut cluster, &other, &"0".repeat(64)).await.unwrap_err();
+    assert_eq!(refused.code(), Code::NotFound, "{refused}");
+    let (features, _, _) = run(&mut cluster, &murmuration_tests::small_spec("")).await;
+    let refused = adopt(&mut cluster, &features, &first.checkpoint)
+        .await
+        .unwrap_err();
+    assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
+    assert!(refused.message().contains("hand-crafted"), "{refused}");
+    assert_eq!(cluster.digest(&id).await, digest);
+    assert_eq!(cluster.status(&id).await.state(), v1::CampaignState::Completed);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_training_that_is_cancelled_leaves_its_trainer_to_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let endless = small_latent_spec("")
+        .to_toml()
+        .replace("epochs = 3", "epochs = 100000");
+    let endless = endless.replace("patience = 8", "patience = 100000");
+    let endless = cluster.create(&CampaignSpec::from_toml(&endless).unwrap()).await;
+    while cluster.status(&endless).await.training.is_none() {
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
+    }
+    let request = v1::CancelCampaignRequest {
+        campaign: endless.clone(),
+    };
+    cluster.client.cancel_campaign(request).await.unwrap();
+    assert_eq!(
+        cluster.status(&endless).await.state(),
+        v1::CampaignState::Cancelled
+    );
+    run(&mut cluster, &small_latent_spec("")).await;
+    cluster.stop().await;
+}

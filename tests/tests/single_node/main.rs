@@ -1,0 +1,19 @@
+//! A whole cluster on this machine, in one process or as the real programs, that needs nothing besides this repository and
+//! ONNX Runtime (`make runtime`).
+
+mod accuracy;
+mod command_line;
+mod feedback;
+mod fuzz_targets;
+mod golden;
+mod integrity;
+mod interruption;
+mod judge;
+mod labels;
+mod latent;
+mod observability;
+mod search;
+mod security;
+mod stages;
+mod web;
+mod wire;

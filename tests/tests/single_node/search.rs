@@ -1,0 +1,210 @@
+//! Campaigns over gRPC: the same specification gives the same digest on every cluster.
+
+use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_tests::{Cluster, small_spec};
+use tonic::Code;
+
+async fn digest_with(spec: &CampaignSpec, workers: usize) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), workers).await;
+    let digest = cluster.run(spec).await;
+    cluster.stop().await;
+    digest
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_two_and_four_workers_give_one_digest() {
+    let spec = small_spec("filter = true");
+    let one = digest_with(&spec, 1).await;
+    assert_eq!(one, digest_with(&spec, 2).await);
+    assert_eq!(one, digest_with(&spec, 4).await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_part_of_a_specification_matters() {
+    let mut digests = Vec::new();
+    for more in ["", "seed = 2", "filter = true"] {
+        digests.push(digest_with(&small_spec(more), 2).await);
+    }
+    let random = small_spec("").to_toml().replace("hand-crafted", "random");
+    digests.push(digest_with(&CampaignSpec::from_toml(&random).unwrap(), 2).await);
+    let two = small_spec("")
+        .to_toml()
+        .replace("\"single-sensor\"", "\"two-sensor\"");
+    digests.push(digest_with(&CampaignSpec::from_toml(&two).unwrap(), 2).await);
+    for (i, digest) in digests.iter().enumerate() {
+        assert!(
+            !digests[..i].contains(digest),
+            "two different specifications share a digest"
+        );
+    }
+}
+
+/// A campaign of 200 generations, so that there is something to interrupt.
+fn longer() -> CampaignSpec {
+    let text = small_spec("seed = 3").to_toml();
+    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap()
+}
+
+/// Watches a campaign until more than so many generations are done, and not all.
+async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32 {
+    let begun = |status: &v1::Campaign| status.generations_done > after;
+    let status = cluster.watch_until(campaign, begun).await;
+    assert_eq!(
+        status.state(),
+        v1::CampaignState::Running,
+        "it was over too early"
+    );
+    assert!((after + 1..200).contains(&status.generations_done));
+    status.generations_done
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
+    let spec = longer();
+    let undisturbed = digest_with(&spec, 2).await;
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let campaign = cluster.create(&spec).await;
+    let seen = in_the_middle(&mut cluster, &campaign, 2).await;
+    cluster.stop().await;
+
+    // Nobody works on it yet: it is where it was.
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let stopped = cluster.status(&campaign).await;
+    assert_eq!(
+        (stopped.state(), stopped.active),
+        (v1::CampaignState::Running, true)
+    );
+    assert!((seen..200).contains(&stopped.generations_done), "{stopped:?}");
+    cluster.stop().await;
+
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let last = cluster.finish(&campaign).await;
+    assert_eq!(last.state(), v1::CampaignState::Completed);
+    assert_eq!(cluster.digest(&campaign).await, undisturbed);
+    cluster.stop().await;
+}
+
+async fn archive(cluster: &mut Cluster, campaign: &str) -> Vec<v1::Individual> {
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: true,
+    };
+    let mut chunks = cluster.client.get_archive(request).await.unwrap().into_inner();
+    let mut archive = Vec::new();
+    while let Some(chunk) = chunks.message().await.unwrap() {
+        archive.extend(chunk.individuals);
+    }
+    archive
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pause_resume_and_cancel_keep_the_archive() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let campaign = cluster.create(&longer()).await;
+    let pause = || v1::PauseCampaignRequest {
+        campaign: campaign.clone(),
+    };
+    let resume = || v1::ResumeCampaignRequest {
+        campaign: campaign.clone(),
+    };
+    let cancel = || v1::CancelCampaignRequest {
+        campaign: campaign.clone(),
+    };
+
+    in_the_middle(&mut cluster, &campaign, 2).await;
+    let paused = cluster.client.pause_campaign(pause()).await.unwrap().into_inner();
+    assert_eq!(
+        (paused.state(), paused.active),
+        (v1::CampaignState::Paused, false)
+    );
+    let at_pause = archive(&mut cluster, &campaign).await;
+    assert_eq!(at_pause.len(), 20 * paused.generations_done as usize);
+    assert!(paused.generations_done > 2);
+    let error = cluster.client.pause_campaign(pause()).await.unwrap_err();
+    assert_eq!(
+        (error.code(), error.message()),
+        (
+            Code::FailedPrecondition,
+            "cannot pause campaign small-1: it is paused"
+        )
+    );
+    let resumed = cluster
+        .client
+        .resume_campaign(resume())
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(
+        (resumed.state(), resumed.active),
+        (v1::CampaignState::Running, true)
+    );
+    in_the_middle(&mut cluster, &campaign, paused.generations_done).await;
+    cluster.client.cancel_campaign(cancel()).await.unwrap();
+    let at_cancel = archive(&mut cluster, &campaign).await;
+    assert!(at_cancel.len() > at_pause.len() && at_cancel.starts_with(&at_pause));
+    let error = cluster.client.resume_campaign(resume()).await.unwrap_err();
+    assert_eq!(
+        error.message(),
+        "cannot resume campaign small-1: it was already cancelled"
+    );
+    cluster.stop().await;
+
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    assert!(archive(&mut cluster, &campaign).await == at_cancel);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_archive_the_taxonomy_and_the_replays_fit_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let campaign = cluster.create(&small_spec("")).await;
+    cluster.finish(&campaign).await;
+
+    let archive = archive(&mut cluster, &campaign).await;
+    assert_eq!(archive.len(), 100);
+    assert!(
+        archive
+            .iter()
+            .enumerate()
+            .all(|(i, individual)| individual.index == i as u64)
+    );
+
+    let request = v1::GetTaxonomyRequest {
+        campaign: campaign.clone(),
+    };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    assert_eq!((taxonomy.medoids.len(), taxonomy.clusters.len()), (4, 100));
+    assert_eq!(
+        taxonomy
+            .medoids
+            .iter()
+            .map(|medoid| medoid.cluster_size)
+            .sum::<u64>(),
+        100
+    );
+    let total: f64 = taxonomy
+        .medoids
+        .iter()
+        .map(|medoid| medoid.mean_distance * medoid.cluster_size as f64)
+        .sum();
+    assert!((total - taxonomy.loss).abs() < 1e-9);
+    for medoid in taxonomy.medoids {
+        let medoid = medoid.individual.unwrap();
+        assert_eq!(medoid, archive[medoid.index as usize]);
+    }
+
+    let request = v1::GetReplayRequest {
+        campaign,
+        index: 7,
+        stride: 50,
+    };
+    let replay = cluster.client.get_replay(request).await.unwrap();
+    let replay = whole(replay.into_inner()).await.unwrap();
+    assert_eq!((replay.steps, replay.agents), (vec![0, 50, 100, 150, 200], 24));
+    cluster.stop().await;
+}

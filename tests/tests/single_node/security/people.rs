@@ -1,0 +1,100 @@
+//! Tokens of people, over gRPC.
+
+use crate::security::Secrets;
+use murmuration_link::{Coordinator, Credentials};
+use murmuration_proto::v1::{
+    self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient,
+};
+use murmuration_tests::{Cluster, small_spec};
+use tonic::{Code, service::interceptor::InterceptedService};
+
+/// A channel to the cluster's front door that shows these.
+pub(crate) async fn channel(cluster: &Cluster, credentials: &Credentials) -> Coordinator {
+    let endpoint = credentials.endpoint(&cluster.url()).unwrap();
+    InterceptedService::new(endpoint.connect().await.unwrap(), credentials.bearer())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_role_may_do_its_own_and_no_more() {
+    let secrets = Secrets::new();
+    // The crew gets in by itself, and runs the campaign.
+    let mut cluster = secrets.cluster(1).await;
+    cluster.run(&small_spec("")).await;
+
+    let submit = async |channel: &Coordinator| {
+        let request = v1::CreateCampaignRequest {
+            spec: Some((&small_spec("")).into()),
+            weight: None,
+        };
+        let created = CampaignServiceClient::new(channel.clone())
+            .create_campaign(request)
+            .await;
+        created.map_or_else(|status| status.code(), |_| Code::Ok)
+    };
+    let label = async |channel: &Coordinator| {
+        let answer = v1::Answer {
+            index: 3,
+            answer: "ring".to_owned(),
+            annotator: "somebody else".to_owned(),
+            ..Default::default()
+        };
+        let request = v1::AppendLabelsRequest {
+            campaign: "small-1".to_owned(),
+            request_id: format!("{channel:p}"),
+            answers: vec![answer],
+        };
+        let said = LabelServiceClient::new(channel.clone())
+            .append_labels(request)
+            .await;
+        said.map_or_else(|status| status.code(), |_| Code::Ok)
+    };
+    let look = async |channel: &Coordinator| {
+        let mut client = CampaignServiceClient::new(channel.clone());
+        let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await;
+        listed.map_or_else(|status| status.code(), |_| Code::Ok)
+    };
+    let (ok, denied, unknown) = (Code::Ok, Code::PermissionDenied, Code::Unauthenticated);
+    let stranger = murmuration_link::Token::generate().unwrap();
+    let people = &secrets.people;
+    let cases = [
+        (Some(people.viewer.as_str()), [ok, denied, denied]),
+        (Some(people.annotator.as_str()), [ok, ok, denied]),
+        (Some(people.operator.as_str()), [ok, ok, ok]),
+        (Some(stranger.reveal()), [unknown; 3]),
+        (None, [unknown; 3]),
+    ];
+    for (token, expected) in cases {
+        let channel = channel(&cluster, &secrets.credentials(token, None)).await;
+        let got = [
+            look(&channel).await,
+            label(&channel).await,
+            submit(&channel).await,
+        ];
+        assert_eq!(got, expected, "{token:?}");
+    }
+    // A machine's certificate makes nobody a person.
+    let worker = secrets.credentials(None, Some(&secrets.path("certs/worker")));
+    assert_eq!(look(&channel(&cluster, &worker).await).await, unknown);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_refusal_says_what_to_do() {
+    let secrets = Secrets::new();
+    let cluster = secrets.cluster(0).await;
+    let said = async |token: Option<&str>| {
+        let channel = channel(&cluster, &secrets.credentials(token, None)).await;
+        let request = v1::PauseCampaignRequest {
+            campaign: "small-1".to_owned(),
+        };
+        let refused = CampaignServiceClient::new(channel).pause_campaign(request).await;
+        refused.unwrap_err().message().to_owned()
+    };
+    assert!(said(None).await.contains("MURMURATION_TOKEN_FILE"));
+    let viewer = said(Some(&secrets.people.viewer)).await;
+    assert_eq!(
+        viewer,
+        "this needs the role operator; the token of \"ana the viewer\" has the role viewer"
+    );
+    cluster.stop().await;
+}

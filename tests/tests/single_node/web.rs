@@ -1,0 +1,417 @@
+//! The pages over HTTP, on the port of gRPC.
+
+use murmuration_proto::{
+    parts::whole,
+    v1::{self, label_service_client::LabelServiceClient},
+};
+use murmuration_tests::{Cluster, small_spec};
+use reqwest::{Client, Response, StatusCode, redirect};
+use serde_json::Value;
+use std::time::{Duration, Instant};
+use tonic::Code;
+
+/// A browser at one coordinator; status codes are answers, not errors, and redirects are not followed.
+#[derive(Clone)]
+struct Browser {
+    client: Client,
+    url: String,
+}
+
+impl Browser {
+    fn at(cluster: &Cluster) -> Self {
+        let client = Client::builder().redirect(redirect::Policy::none());
+        Self {
+            client: client.build().unwrap(),
+            url: cluster.url(),
+        }
+    }
+
+    async fn get(&self, path: &str) -> Response {
+        let request = self.client.get(format!("{}{path}", self.url));
+        request.send().await.unwrap()
+    }
+
+    async fn page(&self, path: &str) -> String {
+        let answer = self.get(path).await;
+        assert_eq!(answer.status(), StatusCode::OK, "{path}");
+        answer.text().await.unwrap()
+    }
+
+    /// What a script posts about `small-1`, as JSON; the answer where it is one.
+    async fn tell(&self, path: &str, said: &str, status: StatusCode) -> Value {
+        let request = self
+            .client
+            .post(format!("{}/campaigns/small-1/{path}", self.url))
+            .header("Origin", &self.url)
+            .header("Content-Type", "application/json");
+        let answer = request.body(said.to_owned()).send().await.unwrap();
+        let got = answer.status();
+        let told = answer.text().await.unwrap();
+        assert_eq!(got, status, "{path} {said}: {told}");
+        serde_json::from_str(&told).unwrap_or_default()
+    }
+
+    async fn post(&self, path: &str, form: &[(&str, &str)], origin: Option<&str>) -> Response {
+        let mut request = self.client.post(format!("{}{path}", self.url));
+        if let Some(origin) = origin {
+            request = request.header("Origin", origin);
+        }
+        request.form(form).send().await.unwrap()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_finished_campaign_shows_its_behaviours() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    assert!(browser.page("/").await.contains("There are no campaigns yet"));
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    let list = browser.page("/").await;
+    assert!(
+        list.contains("/campaigns/small-1") && list.contains("100 of 100 evaluations"),
+        "{list}"
+    );
+    let page = browser.page("/campaigns/small-1").await;
+    assert!(
+        page.contains("<dt>Best novelty of the last generation</dt>"),
+        "{page}"
+    );
+    assert!(
+        page.contains("4 behaviours") && page.contains("<strong>completed</strong>"),
+        "{page}"
+    );
+
+    let request = v1::GetTaxonomyRequest { campaign: id };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    // The novelty of its day is of an archive that was emptier.
+    let cards = browser.page("/campaigns/small-1/taxonomy").await;
+    for medoid in &taxonomy.medoids {
+        let size = format!("cluster of {}<", medoid.cluster_size);
+        assert!(cards.contains(&size), "{size} {cards}");
+        let shown = format!("<dt>Novelty</dt><dd>{:.4}</dd>", medoid.novelty);
+        assert!(cards.contains(&shown), "{shown} {cards}");
+    }
+    let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
+    // Under an address that a campaign of another data directory will not have, it may be kept for ever.
+    let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
+    let created = cluster.status("small-1").await.created_ms;
+    let lasting = format!("{path}?created={created}");
+    assert!(page.contains(&lasting), "{page}");
+    for (path, kept) in [
+        (&lasting, "private, max-age=31536000, immutable"),
+        (&path, "private, no-cache"),
+        (&format!("{path}?created=1"), "private, no-cache"),
+        (&format!("{path}/motion"), "private, no-cache"),
+    ] {
+        assert_eq!(browser.get(path).await.headers()["cache-control"], kept, "{path}");
+    }
+    let picture = browser.get(&lasting).await;
+    assert_eq!(picture.headers()["content-type"], "image/png");
+    let bytes = picture.bytes().await.unwrap();
+    let decoder = png::Decoder::new(std::io::Cursor::new(bytes))
+        .read_info()
+        .unwrap();
+    assert_eq!(decoder.info().size(), (150, 150));
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_is_started_and_cancelled_with_buttons() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    let own = Some(browser.url.clone());
+    let started = browser
+        .post("/", &[("example", "quick-latent")], own.as_deref())
+        .await;
+    assert_eq!(started.status(), StatusCode::SEE_OTHER);
+    assert_eq!(started.headers()["location"], "/campaigns/quick-latent-1");
+    let page = browser.page("/campaigns/quick-latent-1").await;
+    assert!(
+        page.contains("Pause") && page.contains("Cancel") && !page.contains("Resume"),
+        "{page}"
+    );
+    let cancelled = browser
+        .post("/campaigns/quick-latent-1/cancel", &[], own.as_deref())
+        .await;
+    assert_eq!(cancelled.status(), StatusCode::SEE_OTHER);
+    let status = cluster.status("quick-latent-1").await;
+    assert_eq!(status.state(), v1::CampaignState::Cancelled);
+    let again = browser
+        .post("/campaigns/quick-latent-1/pause", &[], own.as_deref())
+        .await;
+    assert_eq!(again.status(), StatusCode::CONFLICT);
+    let unknown = browser.post("/", &[("example", "nothing")], own.as_deref()).await;
+    assert_eq!(unknown.status(), StatusCode::BAD_REQUEST);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_scripts_say_is_checked_and_said_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let ring = r#"{"request_id":"1","annotator":"ana","answers":[{"index":3,"answer":"ring"}]}"#;
+    for _ in 0..2 {
+        let told = browser.tell("labels", ring, StatusCode::OK).await;
+        assert_eq!(
+            (&told["classes"][0]["name"], &told["classes"][0]["labels"]),
+            (&"ring".into(), &1.into())
+        );
+    }
+    let ask = |strategy: &str, again: &str| {
+        format!(
+            r#"{{"annotator":"ana","session":"1","strategy":"{strategy}","count":4,"agreement":false,"again":[{again}]}}"#
+        )
+    };
+    let asked = browser
+        .tell("questions", &ask("medoids", ""), StatusCode::OK)
+        .await;
+    assert_eq!(
+        (asked["queries"].as_array().unwrap().len(), &asked["answered"]),
+        (4, &1.into())
+    );
+
+    let undone = browser
+        .tell("undo", r#"{"request_id":"2","annotator":"ana"}"#, StatusCode::OK)
+        .await;
+    assert_eq!(
+        (&undone["individuals"], &undone["classes"]),
+        (&serde_json::json!([3]), &serde_json::json!([]))
+    );
+    let wall = r#"{"request_id":"4","annotator":"ana","class":"wall"}"#;
+    let made = browser.tell("classes", wall, StatusCode::OK).await;
+    assert_eq!(made["classes"][0]["name"], "wall");
+    let asked = browser
+        .tell("questions", &ask("medoids", "3"), StatusCode::OK)
+        .await;
+    assert_eq!(asked["queries"][0]["index"], 3);
+
+    let refused = [
+        (
+            "labels",
+            r#"{"request_id":"1","annotator":"ana","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::CONFLICT,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[{"index":100,"answer":"ring"}]}"#,
+            StatusCode::NOT_FOUND,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"","answers":[{"index":4,"answer":"ring"}]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
+        (
+            "labels",
+            r#"{"request_id":"3","annotator":"ana","answers":[]}"#,
+            StatusCode::BAD_REQUEST,
+        ),
+        ("labels", "{", StatusCode::BAD_REQUEST),
+        (
+            "labels",
+            r#"{"answers":"many"}"#,
+            StatusCode::UNPROCESSABLE_ENTITY,
+        ),
+        (
+            "undo",
+            r#"{"request_id":"3","annotator":"ana"}"#,
+            StatusCode::CONFLICT,
+        ),
+        ("questions", &ask("clairvoyance", ""), StatusCode::BAD_REQUEST),
+        (
+            "classes",
+            r#"{"request_id":"3","annotator":"ana","class":"Wall"}"#,
+            StatusCode::CONFLICT,
+        ),
+    ];
+    for (path, said, status) in refused {
+        browser.tell(path, said, status).await;
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_the_machine_said_is_told_apart_from_what_people_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let request = v1::GetTaxonomyRequest {
+        campaign: "small-1".to_owned(),
+    };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    let medoid = |place: usize| taxonomy.medoids[place].individual.as_ref().unwrap().index;
+    let (first, second) = (medoid(0), medoid(1));
+    let marks = async || {
+        let cards = browser.page("/campaigns/small-1/taxonomy").await;
+        cards.matches("by the rule-based judge, not by a person.").count()
+    };
+    // It is asked about the first medoids.
+    let synthetic = v1::AppendSyntheticLabelsRequest {
+        campaign: "small-1".to_owned(),
+        request_id: "1".to_owned(),
+        count: 2,
+        strategy: v1::QueryStrategy::Medoids as i32,
+    };
+    let mut labels = LabelServiceClient::connect(cluster.url()).await.unwrap();
+    let said = labels.append_synthetic_labels(synthetic).await.unwrap();
+    assert_eq!(whole(said.into_inner()).await.unwrap().entries.len(), 2);
+    assert_eq!(marks().await, 2);
+    let said =
+        format!(r#"{{"request_id":"2","annotator":"ben","answers":[{{"index":{second},"answer":"ring"}}]}}"#);
+    browser.tell("labels", &said, StatusCode::OK).await;
+    assert_eq!(marks().await, 1);
+    let labels: Value = serde_json::from_str(&browser.page("/campaigns/small-1/labels").await).unwrap();
+    let machine = labels["machine"].as_str().unwrap();
+    let expected: &str = if first < second { "AQA=" } else { "AAE=" };
+    assert_eq!(machine, expected);
+    let ask =
+        r#"{"annotator":"ana","session":"1","strategy":"random","count":1,"agreement":false,"again":[]}"#;
+    let asked = browser.tell("questions", ask, StatusCode::OK).await;
+    let counts = ["answered", "own", "synthetic", "individuals"].map(|count| asked[count].as_u64().unwrap());
+    assert_eq!(counts, [2, 0, 1, 100]);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_are_given_motions_and_maps() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    let browser = Browser::at(&cluster);
+    let look = async |path: &str| -> Value {
+        serde_json::from_str(&browser.page(&format!("/campaigns/small-1/{path}")).await).unwrap()
+    };
+    let motion = look("individuals/7/motion").await;
+    assert_eq!(
+        (&motion["run"]["agents"], &motion["run"]["steps"][200]),
+        (&24.into(), &200.into())
+    );
+    let points = look("points").await;
+    assert_eq!(
+        (&points["count"], points["medoids"].as_array().unwrap().len()),
+        (&100.into(), 4)
+    );
+    // 100 numbers of two bytes, four characters for three bytes.
+    assert_eq!(look("points/axes").await["x"].as_str().unwrap().len(), 268);
+    for path in ["individuals/100/motion", "points/nothing"] {
+        let answer = browser.get(&format!("/campaigns/small-1/{path}")).await;
+        assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_takes_workers_says_at_once_that_there_are_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    cluster.stop().await;
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    let said = "no worker is connected: start one with `murmuration-worker --coordinator URL`";
+    let begun = Instant::now();
+    for (path, begins) in [
+        ("/campaigns/small-1/report", "<!DOCTYPE html>"),
+        ("/campaigns/small-1/individuals/0/motion", "no worker"),
+    ] {
+        let answer = browser.get(path).await;
+        assert_eq!(answer.status(), StatusCode::SERVICE_UNAVAILABLE, "{path}");
+        let text = answer.text().await.unwrap();
+        assert!(text.contains(said) && text.starts_with(begins), "{path}: {text}");
+    }
+    assert!(begun.elapsed() < Duration::from_secs(10));
+    // A link that names the file would have browsers take the words for it.
+    let page = browser.page("/campaigns/small-1/taxonomy").await;
+    assert!(
+        page.contains("Export the report") && !page.contains(" download"),
+        "{page}"
+    );
+
+    // Programs wait a little, for workers that were only restarted.
+    let campaign = || "small-1".to_owned();
+    let replay = v1::GetReplayRequest {
+        campaign: campaign(),
+        index: 0,
+        stride: 1,
+    };
+    let mut labels = LabelServiceClient::new(cluster.channel().await);
+    let synthetic = v1::AppendSyntheticLabelsRequest {
+        campaign: campaign(),
+        request_id: "1".to_owned(),
+        strategy: v1::QueryStrategy::Medoids as i32,
+        count: 2,
+    };
+    let (replay, labelled) = tokio::join!(
+        cluster.client.get_replay(replay),
+        labels.append_synthetic_labels(synthetic)
+    );
+    for refused in [replay.unwrap_err(), labelled.unwrap_err()] {
+        assert_eq!((refused.code(), refused.message()), (Code::Unavailable, said));
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_sites_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    for origin in [None, Some("http://evil.example"), Some("null")] {
+        let answer = browser.post("/", &[("example", "quick-latent")], origin).await;
+        assert_eq!(answer.status(), StatusCode::FORBIDDEN, "{origin:?}");
+        assert!(
+            answer.headers()["content-security-policy"]
+                .to_str()
+                .unwrap()
+                .contains("default-src 'none'")
+        );
+    }
+    assert_eq!(cluster.campaigns().await, []);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_not_there_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    for path in [
+        "/nothing",
+        "/campaigns/nobody-7",
+        "/campaigns/nobody-7/individuals/0",
+    ] {
+        let answer = browser.get(path).await;
+        assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_follows_what_happens() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let mut events = Browser::at(&cluster).get("/events").await;
+    assert_eq!(events.headers()["content-type"], "text/event-stream");
+    let mut heard = String::new();
+    hear(&mut events, &mut heard, "There are no campaigns yet").await;
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    hear(&mut events, &mut heard, "completed").await;
+    cluster.stop().await;
+}
+
+/// Reads on until `sign` has come.
+async fn hear(events: &mut Response, heard: &mut String, sign: &str) {
+    while !heard.contains(sign) {
+        let chunk = events.chunk().await.unwrap().expect("the stream goes on");
+        heard.push_str(str::from_utf8(&chunk).unwrap());
+    }
+}

@@ -1,0 +1,178 @@
+//! Evaluations: their bits, whatever they are made with, and what is refused.
+
+use super::*;
+use crate::simulate;
+use murmuration_proto::{CapabilityModel, v1};
+use proptest::prelude::*;
+use std::thread;
+
+fn world(horizon: u32) -> World {
+    let message = v1::World {
+        horizon: Some(horizon),
+        ..World::default().into()
+    };
+    World::try_from(message).unwrap()
+}
+
+fn controllers() -> Vec<Controller> {
+    let two = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0];
+    vec![
+        Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),
+        Controller::new(CapabilityModel::TwoSensor, &two).unwrap(),
+    ]
+}
+
+/// Each controller from two starts, the way `evaluate` does it.
+fn all(mut evaluate: impl FnMut(&Controller, &Start) -> Evaluation) -> Vec<Evaluation> {
+    let mut outcomes = Vec::new();
+    for controller in controllers() {
+        outcomes.extend([0, 1].map(|seed| evaluate(&controller, &Start::seeded(seed))));
+    }
+    outcomes
+}
+
+fn assert_same(left: &[Evaluation], right: &[Evaluation]) {
+    assert_eq!(left.len(), right.len());
+    assert!(left.iter().zip(right).all(|(a, b)| a.same_bits(b)));
+}
+
+#[test]
+fn the_bits_depend_neither_on_the_evaluator_nor_on_the_cpu_nor_on_the_thread() {
+    let (world, format) = (world(400), ImageFormat::default());
+    let fresh = all(|controller, start| evaluate(controller, &world, &format, start).unwrap());
+    let reused = |arch| {
+        let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
+        all(|controller, start| evaluator.evaluate(controller, start).unwrap())
+    };
+    assert_same(&reused(Arch::Scalar), &fresh);
+    thread::scope(|scope| {
+        let threads = [(); 4].map(|()| scope.spawn(|| reused(Arch::new())));
+        for thread in threads {
+            assert_same(&thread.join().unwrap(), &fresh);
+        }
+    });
+    assert!(!fresh[0].same_bits(&fresh[1]), "the start matters");
+}
+
+#[test]
+fn a_horizon_shorter_than_the_window_shows_every_step() {
+    let format = ImageFormat::default();
+    let controller = &controllers()[0];
+    for horizon in [1, 7, 99, 100, 101, 158, 159] {
+        let world = world(horizon);
+        let evaluation = evaluate(controller, &world, &format, &Start::seeded(2)).unwrap();
+        let mut swarm = Swarm::new(controller, &world, &Start::seeded(2)).unwrap();
+        let mut rasteriser = Rasteriser::new(&world, &format).unwrap();
+        let mut features = FeatureMeans::new(&world);
+        for step in 1..=horizon {
+            swarm.step();
+            rasteriser.draw(&swarm);
+            if step + FEATURE_STEPS > horizon {
+                features.observe(&swarm);
+            }
+        }
+        assert_eq!(evaluation.image(), rasteriser.image(), "{horizon}");
+        assert_eq!(evaluation.features(), &features.means(), "{horizon}");
+    }
+}
+
+#[test]
+fn a_picture_larger_than_the_world_is_refused() {
+    let format = ImageFormat::for_world(v1::ImageFormat::default(), &World::default()).unwrap();
+    let small = v1::World {
+        width: Some(45.5),
+        ..World::default().into()
+    };
+    let error = Evaluator::new(&World::try_from(small).unwrap(), &format).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "image.resolution = 50: must be a whole number from 1 to 45"
+    );
+}
+
+#[test]
+fn a_number_that_is_not_finite_is_an_error() {
+    let speck = v1::World {
+        radius: Some(1e-308),
+        dt: Some(1000.0),
+        ..World::default().into()
+    };
+    let world = World::try_from(speck).unwrap();
+    let error = evaluate(
+        &controllers()[0],
+        &world,
+        &ImageFormat::default(),
+        &Start::seeded(1),
+    )
+    .unwrap_err();
+    assert!(error.field.starts_with("features."), "{error}");
+}
+
+/// A picture that every one of `simulate::tests::worlds` has room for.
+fn small_picture() -> ImageFormat {
+    let message = v1::ImageFormat {
+        resolution: Some(10),
+        ..ImageFormat::default().into()
+    };
+    ImageFormat::for_world(message, &World::default()).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn many_at_once_have_the_bits_that_each_has_alone(
+        controllers in prop::collection::vec(simulate::tests::controllers(), 1..30),
+        world in simulate::tests::worlds(1..=70u32),
+        horizon in 1u32..300,
+        seed: u64,
+    ) {
+        let message = v1::World { horizon: Some(horizon), ..world.into() };
+        let (world, format) = (World::try_from(message).unwrap(), small_picture());
+        let starts = (0..).map(|i| Start::seeded(seed.wrapping_add(i)));
+        // Those of one model come together, as in a campaign.
+        let (single, two): (Vec<_>, Vec<_>) = controllers
+            .into_iter()
+            .zip(starts)
+            .partition(|(controller, _)| controller.model() == CapabilityModel::SingleSensor);
+        let tasks = [single, two].concat();
+        let mut scalar = Evaluator::on(Arch::Scalar, &world, &format).unwrap();
+        let alone: Vec<_> =
+            tasks.iter().map(|(controller, start)| scalar.evaluate(controller, start).unwrap()).collect();
+        for arch in simulate::tests::arches() {
+            let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
+            let together = evaluator.evaluate_all(&tasks).unwrap();
+            prop_assert_eq!(together.len(), alone.len());
+            for (i, (one, other)) in together.iter().zip(&alone).enumerate() {
+                prop_assert!(one.same_bits(other), "{:?} task {}: {:?} {:?}", arch, i, one, other);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_papers_swarms_have_the_same_bits_at_once_and_alone() {
+    let (world, format) = (World::default(), ImageFormat::default());
+    for controller in controllers() {
+        let tasks: Vec<_> = (0..8).map(|seed| (controller, Start::seeded(seed))).collect();
+        for arch in simulate::tests::arches() {
+            let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
+            let together = evaluator.evaluate_all(&tasks).unwrap();
+            for ((controller, start), one) in tasks.iter().zip(together) {
+                assert!(
+                    one.same_bits(&evaluator.evaluate(controller, start).unwrap()),
+                    "{arch:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_wrong_with_one_of_many_is_an_error() {
+    let mut tasks = vec![(controllers()[0], Start::seeded(1)); 8];
+    tasks[5].1 = Start::at(vec![[1.0; 3]; 3]).unwrap();
+    let mut evaluator = Evaluator::new(&world(2), &ImageFormat::default()).unwrap();
+    assert_eq!(evaluator.evaluate_all(&tasks).unwrap_err().field, "initial");
+    assert!(evaluator.evaluate_all(&[]).unwrap().is_empty());
+}

@@ -1,0 +1,99 @@
+//! Vectors that hold one number of each of several swarms, a swarm a lane.
+//!
+//! No function here takes a closure, or maps an array: what is not inlined is not compiled for the CPU at hand.
+
+use pulp::{Simd, bytemuck};
+use std::slice;
+
+/// A point or a direction in the plane.
+pub(crate) type Planar<S> = [<S as Simd>::f64s; 2];
+
+/// A value that begins a cache line: no vector in it straddles two.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub(crate) struct Aligned<T>(pub(crate) T);
+
+/// The numbers in the lanes of a vector.
+#[inline(always)]
+pub(crate) fn lanes<S: Simd>(vector: &S::f64s) -> &[f64] {
+    bytemuck::cast_slice(slice::from_ref(vector))
+}
+
+/// As [`lanes`], to be changed.
+#[inline(always)]
+pub(crate) fn lanes_mut<S: Simd>(vector: &mut S::f64s) -> &mut [f64] {
+    bytemuck::cast_slice_mut(slice::from_mut(vector))
+}
+
+/// As [`lanes`], of a vector of whole numbers.
+#[inline(always)]
+pub(crate) fn words<S: Simd>(vector: &S::u64s) -> &[u64] {
+    bytemuck::cast_slice(slice::from_ref(vector))
+}
+
+/// The point in one lane.
+#[inline(always)]
+pub(crate) fn point<S: Simd>(points: &Planar<S>, lane: usize) -> [f64; 2] {
+    [lanes::<S>(&points[0])[lane], lanes::<S>(&points[1])[lane]]
+}
+
+/// The vectors whose lanes hold these points.
+pub(crate) fn gathered<S: Simd>(simd: S, points: impl Iterator<Item = [f64; 2]>) -> Planar<S> {
+    let mut vectors = splat(simd, [0.0; 2]);
+    let [xs, ys] = &mut vectors;
+    let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
+    for ((to_x, to_y), [x, y]) in slots.zip(points) {
+        (*to_x, *to_y) = (x, y);
+    }
+    vectors
+}
+
+/// The same point in every lane.
+#[inline(always)]
+pub(crate) fn splat<S: Simd>(simd: S, [x, y]: [f64; 2]) -> Planar<S> {
+    [simd.splat_f64s(x), simd.splat_f64s(y)]
+}
+
+#[inline(always)]
+pub(crate) fn dot<S: Simd>(simd: S, a: Planar<S>, b: Planar<S>) -> S::f64s {
+    simd.add_f64s(simd.mul_f64s(a[0], b[0]), simd.mul_f64s(a[1], b[1]))
+}
+
+#[inline(always)]
+pub(crate) fn plus<S: Simd>(simd: S, a: Planar<S>, b: Planar<S>) -> Planar<S> {
+    [simd.add_f64s(a[0], b[0]), simd.add_f64s(a[1], b[1])]
+}
+
+#[inline(always)]
+pub(crate) fn minus<S: Simd>(simd: S, a: Planar<S>, b: Planar<S>) -> Planar<S> {
+    [simd.sub_f64s(a[0], b[0]), simd.sub_f64s(a[1], b[1])]
+}
+
+#[inline(always)]
+pub(crate) fn scaled<S: Simd>(simd: S, [x, y]: Planar<S>, factor: S::f64s) -> Planar<S> {
+    [simd.mul_f64s(x, factor), simd.mul_f64s(y, factor)]
+}
+
+/// `vector` turned by an angle given as its (cos, sin).
+#[inline(always)]
+pub(crate) fn rotate<S: Simd>(simd: S, [x, y]: Planar<S>, [cos, sin]: Planar<S>) -> Planar<S> {
+    [
+        simd.sub_f64s(simd.mul_f64s(x, cos), simd.mul_f64s(y, sin)),
+        simd.add_f64s(simd.mul_f64s(x, sin), simd.mul_f64s(y, cos)),
+    ]
+}
+
+/// `a` in the lanes of `mask`, `b` in the others.
+#[inline(always)]
+pub(crate) fn select<S: Simd>(simd: S, mask: S::m64s, a: Planar<S>, b: Planar<S>) -> Planar<S> {
+    [
+        simd.select_f64s(mask, a[0], b[0]),
+        simd.select_f64s(mask, a[1], b[1]),
+    ]
+}
+
+/// Whether the mask has a lane.
+#[inline(always)]
+pub(crate) fn any<S: Simd>(simd: S, mask: S::m64s) -> bool {
+    simd.first_true_m64s(mask) < S::F64_LANES
+}
