@@ -23,7 +23,7 @@ const CA: &str = "ca.pem";
 const TOKEN: &str = "operator.token";
 
 /// Containers of deploy/compose.yaml.
-pub struct Cluster {
+pub struct ComposeCluster {
     /// Images that the Dockerfile builds on: to build, and to run.
     bases: (String, String),
     project: String,
@@ -34,7 +34,7 @@ pub struct Cluster {
     murmuration: Murmuration,
 }
 
-impl Cluster {
+impl ComposeCluster {
     /// Builds the image, and starts a coordinator, a trainer and so many workers.
     pub fn up(workers: usize) -> Self {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -167,7 +167,7 @@ impl Cluster {
     }
 }
 
-impl Drop for Cluster {
+impl Drop for ComposeCluster {
     fn drop(&mut self) {
         if thread::panicking() {
             let logs = self.try_compose(&["logs", "--no-color", "--tail", "40"]);

@@ -6,7 +6,7 @@
 mod compose;
 mod debian_source;
 
-use compose::{Cluster, compose_file};
+use compose::{ComposeCluster, compose_file};
 use murmuration_tests::{Murmuration, Requirement, run, test};
 use std::{collections::BTreeSet, fs, process::ExitCode};
 
@@ -85,7 +85,7 @@ fn killed_containers_change_nothing() {
     fs::write(&spec, SPEC).unwrap();
     let spec = spec.to_str().unwrap();
 
-    let cluster = Cluster::up(3);
+    let cluster = ComposeCluster::up(3);
     cluster.wait_until_healthy();
     cluster.check_confined("coordinator");
     cluster.check_confined("worker");

@@ -17,7 +17,7 @@ export class Palette {
     this.said = new Map();
     // Pairs of classes of which somebody here said that they differ.
     this.differ = new Set();
-    this.doubt = null;
+    this.similar = null;
     this.classes = [];
     // By key, less one: the class that it means.
     this.keys = new Array(KEYS).fill(null);
@@ -97,11 +97,11 @@ export class Palette {
     const pairs = classes.flatMap(({ name, near }) => near.map((other) => [name, other]));
     const open = pairs.filter((pair) => !this.differ.has(String([...pair].sort())));
     const own = open.filter(([name]) => this.said.has(name));
-    this.doubt = own.at(-1) ?? open[0] ?? null;
+    this.similar = own.at(-1) ?? open[0] ?? null;
     const hint = this.root.querySelector(".near");
-    hint.hidden = this.doubt === null;
-    if (!this.doubt) return;
-    const [name, other] = this.doubt;
+    hint.hidden = this.similar === null;
+    if (!this.similar) return;
+    const [name, other] = this.similar;
     hint.querySelector("p").textContent = `“${name}” and “${other}” are separate classes. Did you mean the same class?`;
     const instead = hint.querySelector("[data-do=instead]");
     instead.hidden = own.length === 0;
@@ -110,14 +110,14 @@ export class Palette {
 
   // What was called by a name that was typed wrongly is called by the other.
   instead() {
-    const [name, other] = this.doubt;
+    const [name, other] = this.similar;
     const indices = this.said.get(name);
     this.said.delete(name);
     this.outbox.answer(indices, other);
   }
 
   keep() {
-    this.differ.add(String([...this.doubt].sort()));
+    this.differ.add(String([...this.similar].sort()));
     this.warn(this.classes);
   }
 

@@ -2,7 +2,7 @@
 
 use crate::browser::{
     driver::Driver,
-    scene::{Labels, Scene, answer, asked, introduce, name, saved},
+    scene::{LabelClient, Scene, answer, asked, introduce, name, saved},
 };
 use murmuration_tests::Murmuration;
 use std::collections::BTreeSet;
@@ -103,7 +103,7 @@ pub async fn a_killed_coordinator_loses_no_answer() {
     saved(&window).await;
     seen.push(answer(&window, "1").await);
     saved(&window).await;
-    let standing = Labels::at(&url).await.standing().await;
+    let standing = LabelClient::at(&url).await.standing().await;
     assert_eq!(
         standing.into_keys().collect::<BTreeSet<_>>(),
         seen.into_iter().collect()
@@ -167,7 +167,7 @@ pub async fn a_window_without_its_coordinator_says_so_where_it_is_seen() {
     saved(&window).await;
     asked(&window).await;
     window.until(&format!("{note}.hidden")).await;
-    assert_eq!(Labels::at(&url).await.standing().await.len(), answers + 1);
+    assert_eq!(LabelClient::at(&url).await.standing().await.len(), answers + 1);
     window.close().await;
     assert_eq!(coordinator.terminate(), Some(0));
 }

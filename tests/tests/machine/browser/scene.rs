@@ -15,11 +15,11 @@ use tonic::transport::Channel;
 pub struct Scene {
     folder: TempDir,
     pub cluster: Cluster,
-    pub labels: Labels,
+    pub labels: LabelClient,
 }
 
 /// What a coordinator holds of a campaign's labels.
-pub struct Labels(LabelServiceClient<Channel>);
+pub struct LabelClient(LabelServiceClient<Channel>);
 
 impl Scene {
     pub async fn set() -> Self {
@@ -38,7 +38,7 @@ impl Scene {
         let folder = tempfile::tempdir().unwrap();
         let mut cluster = Cluster::start(folder.path(), 2).await;
         cluster.create(spec).await;
-        let labels = Labels(LabelServiceClient::new(cluster.channel().await));
+        let labels = LabelClient(LabelServiceClient::new(cluster.channel().await));
         Self {
             folder,
             cluster,
@@ -76,7 +76,7 @@ impl Scene {
     }
 }
 
-impl Labels {
+impl LabelClient {
     pub async fn at(url: &str) -> Self {
         Self(LabelServiceClient::connect(url.to_owned()).await.unwrap())
     }
