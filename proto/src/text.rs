@@ -103,15 +103,18 @@ pub fn quoted(text: &str) -> String {
     format!("\"{}\"", beginning(text, 80).escape_debug())
 }
 
-/// A URL without the user name and password that it may hold, for messages and logs: `s3://***@bucket`.
+/// A URL without the user name, password and query that it may hold, for messages and logs: `s3://***@bucket`. A password
+/// may hold any character: everything up to the last `@` is left out.
 #[must_use]
 pub fn masked_url(url: &str) -> String {
     let begin = url.find("://").map_or(0, |colon| colon + 3);
     let (scheme, rest) = url.split_at(begin);
-    let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
-    match authority.rfind('@') {
-        Some(at) => format!("{scheme}***{}", &rest[at..]),
-        None => url.to_owned(),
+    let masked = rest
+        .rfind('@')
+        .map_or_else(|| rest.to_owned(), |at| format!("***{}", &rest[at..]));
+    match masked.split_once('?') {
+        Some((before, _)) => format!("{scheme}{before}?***"),
+        None => format!("{scheme}{masked}"),
     }
 }
 
@@ -202,9 +205,11 @@ mod tests {
     fn a_url_is_shown_without_its_password() {
         for (url, shown) in [
             ("http://ana:secret@10.0.0.7:7700", "http://***@10.0.0.7:7700"),
-            ("s3://key:se@cret@bucket/a@b?c", "s3://***@bucket/a@b?c"),
+            ("s3://key:se@cret@bucket/a?token=c", "s3://***@bucket/a?***"),
+            ("http://ana:sec/ret@10.0.0.7", "http://***@10.0.0.7"),
+            ("http://ana:sec?r@e#t@10.0.0.7", "http://***@10.0.0.7"),
             ("ana:secret@10.0.0.7", "***@10.0.0.7"),
-            ("s3://bucket/a@b", "s3://bucket/a@b"),
+            ("s3://bucket/a@b", "s3://***@b"),
             ("http://127.0.0.1:7700", "http://127.0.0.1:7700"),
             ("", ""),
         ] {

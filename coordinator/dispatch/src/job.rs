@@ -1,5 +1,6 @@
 //! What campaigns hand to the dispatcher, and what they are told of it.
 
+use super::LeasedTraining;
 use murmuration_model::{
     CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
@@ -78,10 +79,15 @@ pub struct TrainingJob {
 }
 
 impl TrainingJob {
-    /// Most bytes of the training, put aside; 0 if its network does not suit its pictures, and nothing can be trained.
-    pub(super) fn saved_bytes(&self) -> usize {
+    /// What it can come to.
+    pub(super) fn leased(&self) -> LeasedTraining {
         let bytes = self.configuration.saved_bytes(self.side as usize);
-        bytes.unwrap_or(0)
+        LeasedTraining {
+            configuration: self.configuration.clone(),
+            parent: self.fine_tuning.map(|from| from.parent),
+            // Where the network does not suit the pictures, nothing can be trained.
+            snapshot_bytes: bytes.unwrap_or(0),
+        }
     }
 }
 

@@ -21,7 +21,7 @@ pub use metrics::{DispatchMetrics, Families, PeerKind, WorkKind};
 pub use trainers::Trainers;
 
 use murmuration_model::{CampaignId, MachineId, Maker, Origin, Quarantined, SavedTraining};
-use murmuration_proto::{EmbeddingKind, Invalid, Replay, v1};
+use murmuration_proto::{CheckpointDigest, EmbeddingKind, Invalid, Replay, training::Configuration, v1};
 use service::Service;
 use std::{fmt, str::FromStr, sync::Arc, time::Duration};
 use submitted::{AnyJob, Submitted};
@@ -177,15 +177,26 @@ pub enum WorkerReport {
     Gone,
 }
 
-/// How large a training may be that somebody puts aside.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Room {
-    /// Under a lease that it holds: at most so many bytes.
-    Bytes(usize),
-    /// Under a lease that is over: nobody wants it any more.
+/// The training under a lease that a trainer names.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TrainingLease {
+    /// The trainer holds the lease.
+    Held(Box<LeasedTraining>),
+    /// The lease is over: nobody wants its training any more.
     Over,
-    /// Under a lease that it was never given.
+    /// The trainer was never given the lease.
     Never,
+}
+
+/// What a training can come to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LeasedTraining {
+    /// How it is trained.
+    pub configuration: Configuration,
+    /// The checkpoint that it goes on from; `None` if from scratch.
+    pub parent: Option<CheckpointDigest>,
+    /// Maximum number of bytes of its snapshots.
+    pub snapshot_bytes: usize,
 }
 
 #[derive(Debug)]
@@ -208,11 +219,11 @@ enum Request {
         worker: WorkerId,
         report: WorkerReport,
     },
-    Room {
+    TrainingLease {
         worker: WorkerId,
         epoch: u64,
         lease: LeaseNumber,
-        reply: oneshot::Sender<Room>,
+        reply: oneshot::Sender<TrainingLease>,
     },
     LeasedTraining {
         machine: MachineId,
@@ -346,10 +357,10 @@ impl Dispatch {
             .await;
     }
 
-    /// How large the training under a lease, given in this epoch of the coordinator's, may be that is put aside.
-    pub async fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+    /// The training under a lease that was given in this epoch of the coordinator's.
+    pub async fn training_lease(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> TrainingLease {
         let (reply, answer) = oneshot::channel();
-        let request = Request::Room {
+        let request = Request::TrainingLease {
             worker,
             epoch,
             lease,
@@ -357,8 +368,8 @@ impl Dispatch {
         };
         // A dispatcher that has ended wants nothing any more.
         match self.commands.send(Command::Work(request)).await {
-            Ok(()) => answer.await.unwrap_or(Room::Over),
-            Err(_) => Room::Over,
+            Ok(()) => answer.await.unwrap_or(TrainingLease::Over),
+            Err(_) => TrainingLease::Over,
         }
     }
 

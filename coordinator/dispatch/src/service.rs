@@ -3,7 +3,8 @@
 mod results;
 
 use super::{
-    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, Room, TrainingJob, WorkerReport,
+    Command, JobProgress, JoinError, JoinRequest, Options, Outbox, Request, TrainingJob, TrainingLease,
+    WorkerReport,
     submitted::{AnyJob, Vote},
 };
 use crate::{
@@ -151,14 +152,14 @@ impl Service {
                 self.jobs.insert(id, job);
             }
             Request::Join { join_request, reply } => self.welcome(join_request, reply),
-            Request::Room {
+            Request::TrainingLease {
                 worker,
                 epoch,
                 lease,
                 reply,
             } => {
                 // Whoever asked may be gone.
-                let _ = reply.send(self.room(worker, epoch, lease));
+                let _ = reply.send(self.training_lease(worker, epoch, lease));
             }
             Request::LeasedTraining {
                 machine,
@@ -359,8 +360,8 @@ impl Service {
         }
     }
 
-    /// How large the training under a lease may be that is put aside.
-    fn room(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> Room {
+    /// The training under a lease that a trainer names.
+    fn training_lease(&self, worker: WorkerId, epoch: u64, lease: LeaseNumber) -> TrainingLease {
         let given = self
             .workers
             .get(&worker)
@@ -368,9 +369,9 @@ impl Service {
         let job = self.table.leased(worker, lease).filter(|_| given);
         let job = job.and_then(|id| self.jobs.get(&id));
         match job.and_then(Job::training) {
-            Some(training) => Room::Bytes(training.saved_bytes()),
-            None if given => Room::Over,
-            None => Room::Never,
+            Some(training) => TrainingLease::Held(Box::new(training.leased())),
+            None if given => TrainingLease::Over,
+            None => TrainingLease::Never,
         }
     }
 

@@ -2,7 +2,7 @@
 //! kept.
 
 use super::lease_id::lease_id;
-use murmuration_dispatch::{Dispatch, LeaseNumber, Room, WorkerId, WorkerReport};
+use murmuration_dispatch::{Dispatch, LeaseNumber, TrainingLease, WorkerId, WorkerReport};
 use murmuration_model::SavedTraining;
 use murmuration_proto::{Invalid, PART_BYTES, v1};
 
@@ -34,7 +34,8 @@ impl Snapshots {
     /// Adds a part: the whole, if it was the last, else a sign of life.
     ///
     /// # Errors
-    /// At the first part, where this stream was never given the lease; and where there is more than such a training has.
+    /// At the first part, where this stream was never given the lease, or such a training has no such epoch; and where there
+    /// is more than such a training has.
     pub(super) async fn add(&mut self, part: v1::TrainingSnapshot) -> Result<WorkerReport, Invalid> {
         let (epoch, lease) = lease_id(part.lease, "snapshot.lease")?;
         if part.data.len() > PART_BYTES {
@@ -77,11 +78,18 @@ impl Snapshots {
     }
 
     async fn begin(&self, of: (u64, LeaseNumber, u64)) -> Result<Arriving, Invalid> {
-        let (epoch, lease, _) = of;
-        let room = match self.dispatch.room(self.worker, epoch, lease).await {
-            Room::Bytes(most) => Some(most),
-            Room::Over => None,
-            Room::Never => {
+        let (epoch, lease, epochs_done) = of;
+        let room = match self.dispatch.training_lease(self.worker, epoch, lease).await {
+            TrainingLease::Held(training) => {
+                let most = training.configuration.recipe().epochs();
+                if !(1..=most).contains(&epochs_done) {
+                    let allowed = format!("from 1 to {most}, the epochs of this training");
+                    return Err(Invalid::new("snapshot.epoch", epochs_done, allowed));
+                }
+                Some(training.snapshot_bytes)
+            }
+            TrainingLease::Over => None,
+            TrainingLease::Never => {
                 let value = format!("{epoch}-{}", lease.0);
                 let allowed = "the lease of a training that this trainer was given";
                 return Err(Invalid::new("snapshot.lease", value, allowed));

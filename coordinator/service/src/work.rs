@@ -3,10 +3,10 @@
 use super::{lease_id::lease_id, snapshots::Snapshots, unreadable::blamed};
 use crate::status::OrStatus as _;
 use murmuration_access::origin;
-use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, WorkerId, WorkerReport};
+use murmuration_dispatch::{Dispatch, JoinRequest, OUTBOX, TrainingLease, WorkerId, WorkerReport};
 use murmuration_engine::blocking::blocking;
 use murmuration_model::Origin;
-use murmuration_proto::{CheckpointDigest, Invalid, SIMULATOR_VERSION, Text, text, v1};
+use murmuration_proto::{CheckpointDigest, Invalid, Lineage, SIMULATOR_VERSION, Text, text, v1};
 use murmuration_store::{Store, StoreError};
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -135,7 +135,7 @@ async fn pass_on(
                 return Err(Invalid::new("message", "about a training", allowed).into());
             }
             (Some(Message::Snapshot(part)), Peer::Trainer(_)) => snapshots.add(part).await?,
-            (message, Peer::Trainer(store)) => published(report(message)?, store).await?,
+            (message, Peer::Trainer(store)) => published(report(message)?, (dispatch, worker), store).await?,
             (message, Peer::Worker) => report(message)?,
         };
         dispatch.report(worker, report).await;
@@ -143,9 +143,13 @@ async fn pass_on(
     Ok(())
 }
 
-/// The same report; but a checkpoint that was never published is no checkpoint, and what the dispatcher takes in is then
-/// as impossible as any other result that cannot be.
-async fn published(report: WorkerReport, store: &Store) -> Result<WorkerReport, Status> {
+/// The same report; but a checkpoint that was never published, or that is of another training, is no checkpoint, and what
+/// the dispatcher takes in is then as impossible as any other result that cannot be.
+async fn published(
+    report: WorkerReport,
+    (dispatch, worker): (&Dispatch, WorkerId),
+    store: &Store,
+) -> Result<WorkerReport, Status> {
     use v1::batch_result::Outcome;
     let WorkerReport::Result {
         epoch,
@@ -161,7 +165,15 @@ async fn published(report: WorkerReport, store: &Store) -> Result<WorkerReport, 
             let found = blocking(move || store.checkpoint(named)).await.or_status()?;
             match found {
                 Err(StoreError::NoCheckpoint(_)) => Outcome::Checkpoint(format!("unpublished {digest}")),
-                found => found.or_status().map(|_| Outcome::Checkpoint(digest))?,
+                found => {
+                    let lineage = found.or_status()?.lineage;
+                    let lease = dispatch.training_lease(worker, epoch, lease).await;
+                    Outcome::Checkpoint(if is_of(&lineage, &lease) {
+                        digest
+                    } else {
+                        format!("of another training: {digest}")
+                    })
+                }
             }
         }
         // The dispatcher says what is wrong with it.
@@ -172,6 +184,15 @@ async fn published(report: WorkerReport, store: &Store) -> Result<WorkerReport, 
         lease,
         outcome,
     })
+}
+
+/// Whether a checkpoint can be what the training under a lease came to. The dispatcher says what is wrong with a lease that
+/// is not held.
+fn is_of(lineage: &Lineage, lease: &TrainingLease) -> bool {
+    let TrainingLease::Held(training) = lease else {
+        return true;
+    };
+    lineage.parent == training.parent && lineage.configuration == training.configuration.to_toml()
 }
 
 /// What a message says that is no part of a snapshot.
@@ -202,7 +223,7 @@ fn report(message: Option<v1::worker_message::Message>) -> Result<WorkerReport, 
             Ok(WorkerReport::Training {
                 epoch,
                 lease,
-                progress: finite(report.progress.unwrap_or_default()),
+                progress: believable(report.progress.unwrap_or_default()),
             })
         }
         Some(Message::Heartbeat(_)) => Ok(WorkerReport::Heartbeat),
@@ -225,17 +246,18 @@ fn cleaned(outcome: v1::batch_result::Outcome) -> v1::batch_result::Outcome {
     }
 }
 
-/// Progress is shown to people: a loss that is no number any more is shown as none.
-fn finite(progress: v1::TrainingProgress) -> v1::TrainingProgress {
+/// Progress is shown to people: a loss that is no number any more, and a figure that no training has, are shown as none.
+fn believable(progress: v1::TrainingProgress) -> v1::TrainingProgress {
+    let within = |value: Option<f64>, most: f64| value.filter(|value| (0.0..=most).contains(value));
     let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
     v1::TrainingProgress {
         epoch: progress.epoch,
         epochs: progress.epochs,
         loss: finite(progress.loss),
-        learning_rate: finite(progress.learning_rate),
-        triplets_per_second: finite(progress.triplets_per_second),
-        seconds_left: finite(progress.seconds_left),
-        triplet_accuracy: finite(progress.triplet_accuracy),
+        learning_rate: within(progress.learning_rate, 1e3),
+        triplets_per_second: within(progress.triplets_per_second, 1e15),
+        seconds_left: within(progress.seconds_left, 1e10),
+        triplet_accuracy: within(progress.triplet_accuracy, 1.0),
         spread: finite(progress.spread),
         rank: finite(progress.rank),
     }

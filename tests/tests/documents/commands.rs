@@ -41,7 +41,7 @@ pub fn of_the_readme() {
 
 pub fn of_the_page_on_commands() {
     Script::of("docs/commands.md")
-        .replace("3f9ac41b", "$OTHER")
+        .replace("latest CHECKPOINT", "latest $OTHER")
         .rule("murmuration run examples/two-sensor-latent.toml", NotRun(LONG))
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule(

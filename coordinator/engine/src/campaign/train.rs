@@ -8,7 +8,7 @@ use super::{
 use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
-use murmuration_proto::{CheckpointDigest, training::Configuration};
+use murmuration_proto::{CheckpointDigest, training::Configuration, v1};
 use murmuration_store::{Store, StoreError};
 use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
@@ -20,6 +20,7 @@ pub(super) async fn train(
     (configuration, fine_tuning): (Configuration, Option<FineTuningParams>),
     handle: &mut RunHandle,
 ) -> Result<Option<CheckpointDigest>, CampaignError> {
+    let epochs = configuration.recipe().epochs();
     let (progress, mut reports) = watch::channel(None);
     let (saved, snapshots) = watch::channel(None);
     let job = TrainingJob {
@@ -44,7 +45,14 @@ pub(super) async fn train(
                 biased;
                 () = handle.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
-                Ok(()) = reports.changed() => handle.training(*reports.borrow_and_update()),
+                Ok(()) = reports.changed() => {
+                    let told = *reports.borrow_and_update();
+                    handle.training(told.map(|told| v1::TrainingProgress {
+                        epoch: told.epoch.min(epochs),
+                        epochs,
+                        ..told
+                    }));
+                }
                 _ = tick.tick() => {
                     let missing = trainers.missing(Instant::now());
                     handle.waiting(held_up_by(missing, job_progress.trouble()));
@@ -59,7 +67,11 @@ pub(super) async fn train(
     let Some(checkpoint) = trained.transpose()? else {
         return Ok(None);
     };
-    context.checkpoints.describe(checkpoint).await?;
+    // Before the campaign moves to it: of pictures of another size it could not move on.
+    context
+        .checkpoints
+        .embedder(checkpoint, record.spec.image())
+        .await?;
     Ok(Some(checkpoint))
 }
 

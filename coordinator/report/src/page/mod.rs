@@ -90,11 +90,10 @@ fn header(report: &Report) -> Markup {
                         "This campaign learned from the classes of " (counted(round.labels, "individual")) " which behaviours are alike. It tried "
                     },
                 }
-                (counted(report.individuals.len() as u64, "controller")) " and grouped the behaviours of the swarms; "
-                @match report.medoids.len() {
-                    1 => { "this one represents all of them." },
-                    count => { "these " (counted(count as u64, "behaviour")) " represent all of them." },
-                }
+                (counted(report.individuals.len() as u64, "controller")) " and sorted the behaviours of their swarms into "
+                (counted(report.medoids.len() as u64, "cluster"))
+                ", as many as its file asks for. Each picture shows the behaviour in the middle of a cluster; two clusters may show \
+                 behaviours that look alike."
             }
             (facts(report))
         }

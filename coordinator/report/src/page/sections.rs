@@ -22,8 +22,8 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
             p.lead {
                 "Every point is one controller. Colours show the clusters, and numbers the behaviours above. The behaviour space has "
                 (counted(dimensions(report) as u64, "dimension"))
-                "; the map shows the two directions in which it varies most, both at the same scale, so points that are close here may "
-                "be far apart in the space. "
+                "; the map shows the two directions in which it varies most, both at the same scale. The titles of the axes say how "
+                "much of the variance they hold; points that are close here may be far apart in the rest. "
                 @if shown < count { (grouped(shown as u64)) " of " (counted(count as u64, "point")) " are drawn, evenly chosen. " }
                 span.scripted { "Point at a cluster, a number or a card to highlight its cluster." }
             }

@@ -94,7 +94,7 @@ impl StatusLine {
         say(progress.loss, |loss| format!("loss {}", figure(loss)));
         say(progress.learning_rate, |rate| format!("learning rate {rate:.5}"));
         say(progress.triplet_accuracy, |share| {
-            format!("held-out triplets {:.1} %", 100.0 * share)
+            format!("accuracy on held-out triplets {:.1} %", 100.0 * share)
         });
         say(progress.triplets_per_second, |rate| {
             format!("{} triplets/s", grouped(rate as u64))
@@ -104,7 +104,7 @@ impl StatusLine {
             format!("at most {} left", HumanDuration(left))
         });
         if status.active && status.training.is_none() && status.trainers > 0 {
-            parts.push("no trainer has started yet".to_owned());
+            parts.push("the trainer begins".to_owned());
         }
         Self {
             done: progress.epoch,
@@ -122,7 +122,7 @@ impl StatusLine {
             + u64::from(status.evaluated_in_generation);
         let done = done.min(total);
         let mut parts = vec![format!(
-            "generation {}/{}",
+            "{} of {} generations",
             grouped(status.generations_done.into()),
             grouped(generations.into())
         )];

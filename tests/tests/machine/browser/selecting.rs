@@ -189,11 +189,7 @@ pub async fn medoids_are_named_and_the_report_is_taken_away() {
         "attachment; filename=\"small-1.html\""
     );
     let report = report.text().await.unwrap();
-    for said in [
-        "these 4 behaviours represent all of them",
-        ">milling</span>",
-        "milling · 1",
-    ] {
+    for said in ["into 4 clusters", ">milling</span>", "milling · 1"] {
         assert!(report.contains(said), "{said}");
     }
     scene.cluster.stop().await;

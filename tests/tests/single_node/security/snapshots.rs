@@ -168,6 +168,53 @@ async fn a_trainer_that_names_what_it_never_published_is_quarantined_until_a_per
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_trainer_that_names_a_checkpoint_of_another_training_is_quarantined_and_the_campaign_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+    let imported = Murmuration::over(folder.path()).run(&["checkpoints", "import", model]);
+    assert_eq!(imported.code, Some(0), "{}", imported.stderr);
+    let other = imported.stdout.trim().to_owned();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let campaign = cluster.create(&small_latent_spec("")).await;
+    let mut trainer = Trainer::connect(&cluster.url()).await;
+    let lease = trainer.lease().await;
+    let result = v1::BatchResult {
+        lease: Some(lease),
+        outcome: Some(v1::batch_result::Outcome::Checkpoint(other)),
+    };
+    trainer.send(Message::Result(result)).await;
+    let dismissed = trainer.dismissed().await;
+    assert!(dismissed.message().contains("another training"), "{dismissed}");
+    let status = cluster.status(&campaign).await;
+    assert_eq!(status.state(), v1::CampaignState::Running);
+    assert_eq!(status.checkpoint, "");
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_snapshot_of_an_epoch_that_the_training_does_not_have_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    cluster.create(&small_latent_spec("")).await;
+    for epoch in [0, 4, u64::MAX] {
+        let mut trainer = Trainer::connect(&cluster.url()).await;
+        let lease = trainer.lease().await;
+        trainer
+            .send(Message::Snapshot(v1::TrainingSnapshot {
+                lease: Some(lease),
+                epoch,
+                data: Vec::new(),
+                last: true,
+            }))
+            .await;
+        let status = trainer.dismissed().await;
+        let said = format!("snapshot.epoch = {epoch}: must be from 1 to 3");
+        assert!(status.message().starts_with(&said), "{status}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_worker_puts_no_training_aside() {
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 0).await;
