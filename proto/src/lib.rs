@@ -79,4 +79,4 @@ pub const SIMULATOR_VERSION: &str = "1";
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
 /// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
-pub const TRAINER_VERSION: &str = "4";
+pub const TRAINER_VERSION: &str = "5";

@@ -97,6 +97,32 @@ fn one_epoch(
     })
 }
 
+/// Steps of the default recipe on the default network and pictures of 50 x 50 pixels, for benchmarks.
+#[derive(Debug)]
+pub struct Steps {
+    training: Training,
+    anchors: usize,
+}
+
+impl Steps {
+    /// A training before its first step, with so many anchors in a step, 2 to 256 (the default of campaigns).
+    ///
+    /// # Errors
+    /// If the default configuration cannot be trained.
+    pub fn new(anchors: usize) -> Result<Self, BenchError> {
+        let pictures = Arc::new(made_up(300)?);
+        Ok(Self {
+            training: Training::new(&Configuration::default(), pictures)?,
+            anchors,
+        })
+    }
+
+    /// Takes a step: augmentation, both passes, loss and optimiser. Every step has the same behaviours.
+    pub fn step(&mut self) {
+        self.training.step_on_first(self.anchors);
+    }
+}
+
 /// Pictures as dark as those of trajectories: a few short lines on black.
 fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
     const SIDE: usize = 50;

@@ -25,5 +25,6 @@ mod pytorch;
 pub mod quality;
 mod real;
 pub mod training;
+mod vectors;
 
 pub use real::Real;

@@ -30,10 +30,10 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    fn activate<T: Real>(&self, values: &mut [T]) {
-        if let Some(activation) = self.activation.and_then(Activation::of) {
-            activation.forward(values);
-        }
+    /// The activation, unless the operation's own passes contain it.
+    fn separate_activation(&self) -> Option<Activation> {
+        let activation = self.activation.filter(|_| !self.operation.is_fused());
+        activation.and_then(Activation::of)
     }
 }
 
@@ -133,7 +133,9 @@ impl<T: Real> Network<T> {
             stage
                 .operation
                 .forward(parameters, input, output, &mut notes[i], &mut room.scratch);
-            stage.activate(output);
+            if let Some(activation) = stage.separate_activation() {
+                activation.forward(output);
+            }
         }
         tape.embeddings()
     }
@@ -161,7 +163,7 @@ impl<T: Real> Network<T> {
         d_output[..d_embeddings.len()].copy_from_slice(d_embeddings);
         for (i, stage) in self.stages.iter().enumerate().rev() {
             let d_here = &mut d_output[..outputs[i].len()];
-            if let Some(activation) = stage.activation.and_then(Activation::of) {
+            if let Some(activation) = stage.separate_activation() {
                 activation.backward(&outputs[i], d_here);
             }
             let input = if i == 0 { images } else { &outputs[i - 1] };
@@ -265,6 +267,7 @@ fn stages(architecture: &Architecture) -> Vec<Stage> {
             start = end;
         } else if let Some(stage) = stages.last_mut() {
             stage.activation = Some(layer);
+            stage.operation.fuse(layer);
         }
     }
     stages

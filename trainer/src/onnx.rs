@@ -108,11 +108,11 @@ impl Graph {
 
     fn stage(&mut self, index: usize, stage: &Stage, weights: &[f32]) {
         let name = &stage_name(index, &stage.operation);
-        match stage.operation {
-            Operation::Convolution(layer) => self.convolution(name, &layer, weights),
-            Operation::GroupNormalisation(layer) => self.group_normalisation(name, layer, weights),
-            Operation::AveragePooling(layer) => self.average_pooling(name, layer),
-            Operation::Dense(layer) => self.dense(name, layer, weights),
+        match &stage.operation {
+            Operation::Convolution(layer) => self.convolution(name, layer, weights),
+            Operation::GroupNormalisation(layer) => self.group_normalisation(name, *layer, weights),
+            Operation::AveragePooling(layer) => self.average_pooling(name, *layer),
+            Operation::Dense(layer) => self.dense(name, *layer, weights),
         }
         let output = format!("activation_{index}");
         match stage.activation {

@@ -1,5 +1,6 @@
 //! The two kinds of real numbers of networks: f32 for use, f64 for tests of gradients.
 
+use crate::vectors::Vectors;
 use ndarray::{ArrayView2, ArrayViewMut2, LinalgScalar, linalg::general_mat_mul};
 use std::{
     fmt::Debug,
@@ -7,7 +8,9 @@ use std::{
 };
 
 /// f32 or f64.
-pub trait Real: LinalgScalar + PartialOrd + Neg<Output = Self> + AddAssign + Send + Sync + Debug {
+pub trait Real:
+    Vectors + LinalgScalar + PartialOrd + Neg<Output = Self> + AddAssign + Send + Sync + Debug
+{
     /// The nearest value to `value`.
     fn of(value: f64) -> Self;
 

@@ -6,7 +6,7 @@ use murmuration_proto::training::Layer;
 /// x, or `slope` x where x is negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Activation {
-    slope: f64,
+    pub(super) slope: f64,
 }
 
 impl Activation {

@@ -1,29 +1,55 @@
-//! Convolutions, by copying the patch under every position of the kernel into a row of a matrix.
+//! Convolutions, directly on pictures: a matrix of patches would be twice as large as its picture and more, to be written and
+//! read again in each of three passes.
+
+mod kernels;
+mod meetings;
+#[cfg(test)]
+mod tests;
 
 use super::{Backward, plane};
-use crate::real::{Real, matrix, multiply};
+use crate::real::Real;
+use kernels::{Gather, Products, WIDTH};
+use meetings::{Geometry, Meetings};
 use murmuration_proto::training::Shape;
+use pulp::Arch;
+use std::sync::Arc;
 
 /// Parameters: one row of weights per output channel (row, column, channel of the kernel), then the biases.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Convolution {
     pub(crate) input: Shape,
     pub(crate) output: Shape,
     pub(crate) kernel: usize,
     pub(crate) stride: usize,
     pub(crate) padding: usize,
+    meetings: Arc<Meetings>,
 }
 
-/// Number of values of the matrix of patches that fit in a core's cache together with the factors.
-const PATCHES_AT_ONCE: usize = 1 << 16;
-
 impl Convolution {
+    pub(crate) fn new(input: Shape, output: Shape, kernel: usize, stride: usize, padding: usize) -> Self {
+        let geometry = Geometry {
+            input,
+            output,
+            kernel,
+            stride,
+            padding,
+        };
+        Self {
+            input,
+            output,
+            kernel,
+            stride,
+            padding,
+            meetings: Arc::new(Meetings::new(geometry)),
+        }
+    }
+
     /// Number of values under one position of the kernel.
     pub(crate) const fn patch(&self) -> usize {
         self.kernel * self.kernel * self.input.channels
     }
 
-    /// The kernel, if pictures can be convolved in place, without a matrix.
+    /// The kernel, if pictures of one channel can be convolved with it row by row.
     fn plane<'a, T>(&self, weights: &'a [T]) -> Option<plane::Kernel<'a, T>> {
         let is_plane =
             self.input.channels == 1 && self.output.channels == 1 && self.stride == 1 && self.padding == 0;
@@ -46,16 +72,29 @@ impl Convolution {
             plane::correlate(kernel, biases[0], self.input.side, input, output);
             return;
         }
-        for pixel in output.chunks_exact_mut(channels) {
-            pixel.copy_from_slice(biases);
-        }
-        let weights = matrix(channels, patch, weights);
-        let block = self.samples_at_once();
-        let blocks = input.chunks(block * self.input.len());
-        for (input, output) in blocks.zip(output.chunks_mut(block * self.output.len())) {
-            let places = output.len() / channels;
-            let patches = self.patches(input, places, scratch);
-            multiply(matrix(places, patch, patches), weights.t(), true, output);
+        let first = scratch_of(scratch, 0);
+        first.extend_from_slice(biases);
+        first.resize(channels.next_multiple_of(WIDTH), T::zero());
+        let begun = first.len();
+        pack(
+            channels,
+            patch,
+            |channel, row| weights[channel * patch + row],
+            first,
+        );
+        let (first, weights) = scratch.split_at(begun);
+        let samples = self.meetings.samples;
+        let blocks = input.chunks(samples * self.input.len());
+        for (input, output) in blocks.zip(output.chunks_mut(samples * self.output.len())) {
+            Arch::new().dispatch(Gather {
+                groups: &self.meetings.outputs,
+                samples: input.len() / self.input.len(),
+                source: input,
+                weights,
+                first,
+                channels,
+                target: output,
+            });
         }
     }
 
@@ -72,88 +111,106 @@ impl Convolution {
             }
             return;
         }
-        for pixel in pass.d_output.chunks_exact(channels) {
-            for (sum, &value) in d_biases.iter_mut().zip(pixel) {
-                *sum += value;
-            }
-        }
-        let mut d_input = pass.d_input;
-        if let Some(d_input) = d_input.as_deref_mut() {
-            d_input.fill(T::zero());
-        }
-        let block = self.samples_at_once();
-        let weights = matrix(channels, patch, weights);
-        let blocks = pass.input.chunks(block * self.input.len());
-        let d_outputs = pass.d_output.chunks(block * self.output.len());
-        for (i, (input, d_output)) in blocks.zip(d_outputs).enumerate() {
-            let places = d_output.len() / channels;
-            let d_output = matrix(places, channels, d_output);
-            let patches = self.patches(input, places, pass.scratch);
-            multiply(d_output.t(), matrix(places, patch, patches), true, d_weights);
-            if let Some(d_input) = d_input.as_deref_mut() {
-                multiply(d_output, weights, false, patches);
-                let start = i * block * self.input.len();
-                self.add_patches(patches, &mut d_input[start..start + input.len()]);
-            }
+        self.add_parameter_gradient(pass.input, pass.d_output, d_weights, d_biases, pass.scratch);
+        if let Some(d_input) = pass.d_input {
+            self.input_gradient(weights, pass.d_output, d_input, pass.scratch);
         }
     }
 
-    fn samples<'a, T>(&self, input: &'a [T]) -> impl Iterator<Item = &'a [T]> + use<'a, T> {
-        input.chunks_exact(self.input.len())
-    }
-
-    fn samples_at_once(&self) -> usize {
-        (PATCHES_AT_ONCE / (self.output.pixels() * self.patch())).max(1)
-    }
-
-    /// The patches of some samples, one per row.
-    fn patches<'a, T: Real>(&self, input: &[T], places: usize, scratch: &'a mut Vec<T>) -> &'a mut [T] {
-        scratch.clear();
-        scratch.resize(places * self.patch(), T::zero());
-        let rows = self.output.pixels() * self.patch();
-        for (input, rows) in self.samples(input).zip(scratch.chunks_exact_mut(rows)) {
-            self.for_each_run(|pixel, place, len| {
-                rows[place..place + len].copy_from_slice(&input[pixel..pixel + len]);
-            });
-        }
-        scratch
-    }
-
-    /// The reverse: adds every patch to its original place.
-    fn add_patches<T: Real>(&self, patches: &[T], d_input: &mut [T]) {
-        let rows = self.output.pixels() * self.patch();
-        for (d_input, rows) in d_input
-            .chunks_exact_mut(self.input.len())
-            .zip(patches.chunks_exact(rows))
-        {
-            self.for_each_run(|pixel, place, len| {
-                for (sum, &value) in d_input[pixel..pixel + len].iter_mut().zip(&rows[place..]) {
-                    *sum += value;
-                }
-            });
-        }
-    }
-
-    /// Visits the rows of every patch of a sample, with their offsets in the picture and in the matrix, and their lengths.
-    /// Leaves out the padding.
-    fn for_each_run(&self, mut visit: impl FnMut(usize, usize, usize)) {
-        let (side, channels) = (self.input.side, self.input.channels);
-        let inside = |from: usize| {
-            let first = self.padding.saturating_sub(from);
-            let end = (side + self.padding).saturating_sub(from).min(self.kernel);
-            first..end
+    fn add_parameter_gradient<T: Real>(
+        &self,
+        input: &[T],
+        d_output: &[T],
+        d_weights: &mut [T],
+        d_biases: &mut [T],
+        scratch: &mut Vec<T>,
+    ) {
+        let (patch, channels) = (self.patch(), self.output.channels);
+        let wide = channels.next_multiple_of(WIDTH);
+        let padded = if wide == channels {
+            0
+        } else {
+            d_output.len() / channels * wide
         };
-        for row in 0..self.output.side {
-            for column in 0..self.output.side {
-                let (top, left) = (row * self.stride, column * self.stride);
-                let columns = inside(left);
-                let place = (row * self.output.side + column) * self.patch();
-                for i in inside(top) {
-                    let pixel = (top + i - self.padding) * side + left + columns.start - self.padding;
-                    let from = place + (i * self.kernel + columns.start) * channels;
-                    visit(pixel * channels, from, columns.len() * channels);
-                }
+        let (sums, rest) = scratch_of(scratch, (patch + 1) * wide + padded).split_at_mut(patch * wide);
+        let (alone, gradient) = rest.split_at_mut(wide);
+        for (wide, own) in gradient
+            .chunks_exact_mut(wide)
+            .zip(d_output.chunks_exact(channels))
+        {
+            wide[..channels].copy_from_slice(own);
+        }
+        let gradient = if wide == channels { d_output } else { gradient };
+        let samples = self.meetings.samples;
+        let blocks = input.chunks(samples * self.input.len());
+        for (input, gradient) in blocks.zip(gradient.chunks(samples * self.output.pixels() * wide)) {
+            Arch::new().dispatch(Products {
+                strips: &self.meetings.strips,
+                samples: input.len() / self.input.len(),
+                values: input,
+                gradient,
+                channels: wide,
+                sums,
+                alone,
+            });
+        }
+        for (row, sums) in sums.chunks_exact(wide).enumerate() {
+            for (weights, &sum) in d_weights.chunks_exact_mut(patch).zip(sums) {
+                weights[row] += sum;
             }
+        }
+        for (d_bias, &sum) in d_biases.iter_mut().zip(&*alone) {
+            *d_bias += sum;
+        }
+    }
+
+    fn input_gradient<T: Real>(
+        &self,
+        weights: &[T],
+        d_output: &[T],
+        d_input: &mut [T],
+        scratch: &mut Vec<T>,
+    ) {
+        let (patch, channels, outputs) = (self.patch(), self.input.channels, self.output.channels);
+        let first = scratch_of(scratch, channels.next_multiple_of(WIDTH));
+        let begun = first.len();
+        let weight = |channel: usize, row: usize| {
+            let (part, output) = (row / outputs, row % outputs);
+            weights[output * patch + part * channels + channel]
+        };
+        pack(channels, self.kernel * self.kernel * outputs, weight, first);
+        let (first, weights) = scratch.split_at(begun);
+        let samples = self.meetings.samples;
+        let blocks = d_output.chunks(samples * self.output.len());
+        for (d_output, d_input) in blocks.zip(d_input.chunks_mut(samples * self.input.len())) {
+            Arch::new().dispatch(Gather {
+                groups: &self.meetings.inputs,
+                samples: d_output.len() / self.output.len(),
+                source: d_output,
+                weights,
+                first,
+                channels,
+                target: d_input,
+            });
+        }
+    }
+}
+
+/// The scratch buffer with so many zeros.
+fn scratch_of<T: Real>(scratch: &mut Vec<T>, zeros: usize) -> &mut Vec<T> {
+    scratch.clear();
+    scratch.resize(zeros, T::zero());
+    scratch
+}
+
+/// Appends the weights of `channels` in rows of [`WIDTH`] channels, all rows of the first channels before those of the next.
+fn pack<T: Real>(channels: usize, rows: usize, weight: impl Fn(usize, usize) -> T, to: &mut Vec<T>) {
+    for from in (0..channels).step_by(WIDTH) {
+        for row in 0..rows {
+            let own = from..channels.min(from + WIDTH);
+            let missing = WIDTH - own.len();
+            to.extend(own.map(|channel| weight(channel, row)));
+            to.extend(std::iter::repeat_n(T::zero(), missing));
         }
     }
 }

@@ -1,9 +1,12 @@
-//! Group normalisation (Wu & He 2018). It uses no statistics of the batch, so chunks of images are independent, and training
-//! and inference behave alike.
+//! Group normalisation (Wu & He 2018) and the activation behind it. It uses no statistics of the batch, so chunks of images are
+//! independent, and training and inference behave alike.
+//!
+//! Values are visited in lines of a few pixels, because the channels of one pixel are too few for a loop of vectors.
 
-use super::Backward;
+use super::{Activation, Backward};
 use crate::real::Real;
 use murmuration_proto::training::Shape;
+use pulp::{Arch, Simd, WithSimd};
 
 /// Added to every variance.
 pub(crate) const EPSILON: f64 = 1e-5;
@@ -14,78 +17,38 @@ pub(crate) const EPSILON: f64 = 1e-5;
 pub(crate) struct GroupNormalisation {
     pub(crate) shape: Shape,
     pub(crate) groups: usize,
+    /// What is done to the normalised values.
+    pub(crate) activation: Option<Activation>,
 }
+
+/// Least number of values of a line.
+const LINE: usize = 128;
+/// Number of lines that are summed separately before their sum is added to the total, because a long sum of small numbers
+/// loses precision.
+const SUMMED_TOGETHER: usize = 64;
 
 impl GroupNormalisation {
     pub(crate) fn forward<T: Real>(self, parameters: &[T], input: &[T], output: &mut [T], notes: &mut [T]) {
-        let channels = self.shape.channels;
-        let (scales, shifts) = parameters.split_at(channels);
-        let mut factors = vec![T::zero(); channels];
-        let mut terms = vec![T::zero(); channels];
-        let samples = input
-            .chunks_exact(self.shape.len())
-            .zip(output.chunks_exact_mut(self.shape.len()));
-        for ((input, output), notes) in samples.zip(notes.chunks_exact_mut(2 * self.groups)) {
-            self.note_statistics(input, &mut terms, notes);
-            for channel in 0..channels {
-                let [mean, rate] = self.noted(notes, channel);
-                factors[channel] = scales[channel] * rate;
-                terms[channel] = shifts[channel] - mean * factors[channel];
-            }
-            for (input, output) in input
-                .chunks_exact(channels)
-                .zip(output.chunks_exact_mut(channels))
-            {
-                let coefficients = factors.iter().zip(&terms);
-                for ((output, &input), (&factor, &term)) in output.iter_mut().zip(input).zip(coefficients) {
-                    *output = input * factor + term;
-                }
-            }
-        }
+        Arch::new().dispatch(Forward {
+            layer: self,
+            parameters,
+            input,
+            output,
+            notes,
+        });
     }
 
     pub(crate) fn backward<T: Real>(self, pass: Backward<T>) {
         let Some(d_input) = pass.d_input else { return };
-        let (channels, len) = (self.shape.channels, self.shape.len());
-        let scales = &pass.parameters[..channels];
-        let (d_scales, d_shifts) = pass.d_parameters.split_at_mut(channels);
-        let count = T::of((len / self.groups) as f64);
-        let mut line = vec![[T::zero(); 3]; channels];
-        let samples = pass.input.chunks_exact(len).zip(pass.d_output.chunks_exact(len));
-        let notes = pass.notes.chunks_exact(2 * self.groups);
-        for (((input, d_output), d_input), notes) in samples.zip(d_input.chunks_exact_mut(len)).zip(notes) {
-            let sums = self.sums(input, d_output);
-            // The gradient by the normalised values, summed over each group, alone and times those values.
-            let mut group_sums = vec![[T::zero(); 2]; self.groups];
-            for channel in 0..channels {
-                let [mean, rate] = self.noted(notes, channel);
-                let [alone, times_input] = sums[channel];
-                let times_normalised = (times_input - mean * alone) * rate;
-                d_shifts[channel] += alone;
-                d_scales[channel] += times_normalised;
-                let group = &mut group_sums[self.group(channel)];
-                group[0] += alone * scales[channel];
-                group[1] += times_normalised * scales[channel];
-            }
-            for (channel, line) in line.iter_mut().enumerate() {
-                let [mean, rate] = self.noted(notes, channel);
-                let [alone, times_normalised] = group_sums[self.group(channel)];
-                let slope = -(rate * rate * times_normalised / count);
-                *line = [
-                    rate * scales[channel],
-                    slope,
-                    -(rate * alone / count) - mean * slope,
-                ];
-            }
-            let pixels = input.chunks_exact(channels).zip(d_output.chunks_exact(channels));
-            for ((input, d_output), d_input) in pixels.zip(d_input.chunks_exact_mut(channels)) {
-                let values = input.iter().zip(d_output).zip(&line);
-                for (d_input, ((&input, &d_output), &[factor, slope, term])) in d_input.iter_mut().zip(values)
-                {
-                    *d_input = d_output * factor + input * slope + term;
-                }
-            }
-        }
+        Arch::new().dispatch(Back {
+            layer: self,
+            parameters: pass.parameters,
+            input: pass.input,
+            notes: pass.notes,
+            d_output: pass.d_output,
+            d_input,
+            d_parameters: pass.d_parameters,
+        });
     }
 
     const fn group(self, channel: usize) -> usize {
@@ -98,58 +61,232 @@ impl GroupNormalisation {
         [notes[2 * group], notes[2 * group + 1]]
     }
 
-    /// Computes the statistics of one sample's groups; `sums` is a buffer of one value per channel.
-    fn note_statistics<T: Real>(self, input: &[T], sums: &mut [T], notes: &mut [T]) {
-        let (channels, members) = (self.shape.channels, self.shape.channels / self.groups);
+    /// Values of a line: whole pixels.
+    const fn line(self) -> usize {
+        LINE.next_multiple_of(self.shape.channels)
+    }
+
+    /// What the values of a line are negative times.
+    fn slope<T: Real>(self) -> T {
+        T::of(self.activation.map_or(1.0, |activation| activation.slope))
+    }
+
+    /// Writes the mean of `sums`, which are by channel, over each group to every second note from `note` on.
+    fn note_means<T: Real>(self, sums: &[T], notes: &mut [T], note: usize) {
         let count = T::of((self.shape.len() / self.groups) as f64);
-        let mean_of = |sums: &[T]| sums.iter().fold(T::zero(), |total, &sum| total + sum) / count;
-        sum_by_channel(input, sums, |_, value| value);
+        let members = self.shape.channels / self.groups;
         for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
-            notes[0] = mean_of(sums);
-        }
-        let means: Vec<T> = (0..channels)
-            .map(|channel| self.noted(notes, channel)[0])
-            .collect();
-        sum_by_channel(input, sums, |channel, value| {
-            (value - means[channel]) * (value - means[channel])
-        });
-        for (notes, sums) in notes.chunks_exact_mut(2).zip(sums.chunks_exact(members)) {
-            notes[1] = T::one() / (mean_of(sums) + T::of(EPSILON)).root();
+            notes[note] = sums.iter().fold(T::zero(), |total, &sum| total + sum) / count;
         }
     }
 
-    /// For every channel of one sample: the sum of the gradients, and of the gradients times the inputs.
-    fn sums<T: Real>(self, input: &[T], d_output: &[T]) -> Vec<[T; 2]> {
+    /// Writes what a line's values are multiplied by, and what is added.
+    fn coefficients<T: Real>(self, parameters: &[T], notes: &[T], factors: &mut [T], terms: &mut [T]) {
         let channels = self.shape.channels;
-        let mut sums = vec![[T::zero(); 2]; channels];
-        for (input, d_output) in input.chunks_exact(channels).zip(d_output.chunks_exact(channels)) {
-            for ((sums, &input), &d_output) in sums.iter_mut().zip(input).zip(d_output) {
-                sums[0] += d_output;
-                sums[1] += d_output * input;
-            }
+        for channel in 0..channels {
+            let [mean, rate] = self.noted(notes, channel);
+            factors[channel] = parameters[channel] * rate;
+            terms[channel] = parameters[channels + channel] - mean * factors[channel];
         }
-        sums
+        repeat(factors, channels);
+        repeat(terms, channels);
     }
 }
 
-/// Number of pixels that are summed separately before their sum is added to the total, because a long sum of small numbers
-/// loses precision.
-const SUMMED_TOGETHER: usize = 32;
+struct Forward<'a, T> {
+    layer: GroupNormalisation,
+    parameters: &'a [T],
+    input: &'a [T],
+    output: &'a mut [T],
+    notes: &'a mut [T],
+}
 
-/// Writes the sum of `term(channel, value)` over all pixels to `sums`, one per channel.
-fn sum_by_channel<T: Real>(input: &[T], sums: &mut [T], term: impl Fn(usize, T) -> T) {
-    let channels = sums.len();
-    let mut part = vec![T::zero(); channels];
-    sums.fill(T::zero());
-    for pixels in input.chunks(SUMMED_TOGETHER * channels) {
-        part.fill(T::zero());
-        for pixel in pixels.chunks_exact(channels) {
-            for (channel, (part, &value)) in part.iter_mut().zip(pixel).enumerate() {
-                *part += term(channel, value);
+impl<T: Real> WithSimd for Forward<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let layer = self.layer;
+        let (len, line) = (layer.shape.len(), layer.line());
+        let mut lines = Lines::new(line, layer.shape.channels);
+        let (mut factors, mut terms) = (vec![T::zero(); line], vec![T::zero(); line]);
+        let slope = layer.slope();
+        let samples = self
+            .input
+            .chunks_exact(len)
+            .zip(self.output.chunks_exact_mut(len));
+        for ((input, output), notes) in samples.zip(self.notes.chunks_exact_mut(2 * layer.groups)) {
+            terms.fill(T::zero());
+            layer.note_means(lines.sum(input, &terms, false), notes, 0);
+            for (channel, mean) in terms.iter_mut().take(layer.shape.channels).enumerate() {
+                *mean = layer.noted(notes, channel)[0];
+            }
+            repeat(&mut terms, layer.shape.channels);
+            layer.note_means(lines.sum(input, &terms, true), notes, 1);
+            for notes in notes.chunks_exact_mut(2) {
+                notes[1] = T::one() / (notes[1] + T::of(EPSILON)).root();
+            }
+            layer.coefficients(self.parameters, notes, &mut factors, &mut terms);
+            for (input, output) in input.chunks(line).zip(output.chunks_mut(line)) {
+                let values = input.iter().zip(&factors).zip(&terms);
+                for (output, ((&input, &factor), &term)) in output.iter_mut().zip(values) {
+                    let value = input * factor + term;
+                    *output = if value > T::zero() { value } else { value * slope };
+                }
             }
         }
-        for (sum, &part) in sums.iter_mut().zip(&part) {
-            *sum += part;
+    }
+}
+
+struct Back<'a, T> {
+    layer: GroupNormalisation,
+    parameters: &'a [T],
+    input: &'a [T],
+    notes: &'a [T],
+    d_output: &'a [T],
+    d_input: &'a mut [T],
+    d_parameters: &'a mut [T],
+}
+
+impl<T: Real> WithSimd for Back<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let layer = self.layer;
+        let (len, line, channels) = (layer.shape.len(), layer.line(), layer.shape.channels);
+        let count = T::of((len / layer.groups) as f64);
+        let (d_scales, d_shifts) = self.d_parameters.split_at_mut(channels);
+        let [mut alone, mut times_input] = [(); 2].map(|()| Lines::new(line, channels));
+        let [mut factors, mut terms, mut rates, mut slopes, mut rests] =
+            [(); 5].map(|()| vec![T::zero(); line]);
+        let mut by_group = vec![[T::zero(); 2]; layer.groups];
+        let slope = layer.slope();
+        let samples = self.input.chunks_exact(len).zip(self.d_output.chunks_exact(len));
+        let notes = self.notes.chunks_exact(2 * layer.groups);
+        for (((input, d_output), d_input), notes) in
+            samples.zip(self.d_input.chunks_exact_mut(len)).zip(notes)
+        {
+            layer.coefficients(self.parameters, notes, &mut factors, &mut terms);
+            // The gradient by the normalised values waits in `d_input`.
+            let parts = SUMMED_TOGETHER * line;
+            let chunks = input.chunks(parts).zip(d_output.chunks(parts));
+            for ((input, d_output), d_input) in chunks.zip(d_input.chunks_mut(parts)) {
+                let values = input.chunks(line).zip(d_output.chunks(line));
+                for ((input, d_output), d_input) in values.zip(d_input.chunks_mut(line)) {
+                    let sums = alone.part.iter_mut().zip(&mut times_input.part);
+                    let values = input.iter().zip(d_output).zip(factors.iter().zip(&terms));
+                    for ((d_input, ((&input, &d_output), (&factor, &term))), (alone, times_input)) in
+                        d_input.iter_mut().zip(values).zip(sums)
+                    {
+                        let value = input * factor + term;
+                        let slope = if value > T::zero() { T::one() } else { slope };
+                        let gradient = d_output * slope;
+                        *d_input = gradient;
+                        *alone += gradient;
+                        *times_input += gradient * input;
+                    }
+                }
+                alone.flush();
+                times_input.flush();
+            }
+            // Summed over each group, alone and times the normalised values.
+            by_group.fill([T::zero(); 2]);
+            let sums = alone.total().iter().zip(times_input.total());
+            for (channel, (&alone, &times_input)) in sums.enumerate() {
+                let [mean, rate] = layer.noted(notes, channel);
+                let times_normalised = (times_input - mean * alone) * rate;
+                d_shifts[channel] += alone;
+                d_scales[channel] += times_normalised;
+                let group = &mut by_group[layer.group(channel)];
+                group[0] += alone * self.parameters[channel];
+                group[1] += times_normalised * self.parameters[channel];
+            }
+            let lines = rates.iter_mut().zip(&mut slopes).zip(&mut rests);
+            for (channel, ((factor, slope), rest)) in lines.take(channels).enumerate() {
+                let [mean, rate] = layer.noted(notes, channel);
+                let [alone, times_normalised] = by_group[layer.group(channel)];
+                *factor = rate * self.parameters[channel];
+                *slope = -(rate * rate * times_normalised / count);
+                *rest = -(rate * alone / count) - mean * *slope;
+            }
+            for line in [&mut rates, &mut slopes, &mut rests] {
+                repeat(line, channels);
+            }
+            for (input, d_input) in input.chunks(line).zip(d_input.chunks_mut(line)) {
+                let values = input.iter().zip(&rates).zip(slopes.iter().zip(&rests));
+                for (d_input, ((&input, &factor), (&slope, &rest))) in d_input.iter_mut().zip(values) {
+                    *d_input = *d_input * factor + input * slope + rest;
+                }
+            }
         }
+    }
+}
+
+/// Repeats the first pixel of a line to its end.
+fn repeat<T: Real>(line: &mut [T], channels: usize) {
+    let (first, rest) = line.split_at_mut(channels);
+    for pixel in rest.chunks_exact_mut(channels) {
+        pixel.copy_from_slice(first);
+    }
+}
+
+/// Sums by place in a line, then by channel.
+struct Lines<T> {
+    part: Vec<T>,
+    sums: Vec<T>,
+    by_channel: Vec<T>,
+}
+
+impl<T: Real> Lines<T> {
+    fn new(line: usize, channels: usize) -> Self {
+        Self {
+            part: vec![T::zero(); line],
+            sums: vec![T::zero(); line],
+            by_channel: vec![T::zero(); channels],
+        }
+    }
+
+    /// The sum by channel of the values, or of the squares of their differences from `means`.
+    #[inline(always)]
+    fn sum(&mut self, values: &[T], means: &[T], squared: bool) -> &[T] {
+        let line = self.part.len();
+        for lines in values.chunks(SUMMED_TOGETHER * line) {
+            for values in lines.chunks(line) {
+                if squared {
+                    for ((sum, &value), &mean) in self.part.iter_mut().zip(values).zip(means) {
+                        *sum += (value - mean) * (value - mean);
+                    }
+                } else {
+                    for (sum, &value) in self.part.iter_mut().zip(values) {
+                        *sum += value;
+                    }
+                }
+            }
+            self.flush();
+        }
+        self.total()
+    }
+
+    /// Adds the part to the sums, and begins another.
+    #[inline(always)]
+    fn flush(&mut self) {
+        for (sum, part) in self.sums.iter_mut().zip(&mut self.part) {
+            *sum += *part;
+            *part = T::zero();
+        }
+    }
+
+    /// The sums by channel; new sums begin.
+    #[inline(always)]
+    fn total(&mut self) -> &[T] {
+        self.by_channel.fill(T::zero());
+        for pixel in self.sums.chunks_exact_mut(self.by_channel.len()) {
+            for (total, sum) in self.by_channel.iter_mut().zip(pixel) {
+                *total += *sum;
+                *sum = T::zero();
+            }
+        }
+        &self.by_channel
     }
 }

@@ -23,7 +23,7 @@ use crate::real::Real;
 use murmuration_proto::training::{Layer, Shape};
 
 /// A layer with its own output (activations change values in place instead).
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) enum Operation {
     Convolution(Convolution),
     GroupNormalisation(GroupNormalisation),
@@ -57,21 +57,30 @@ impl Operation {
                 stride,
                 padding,
                 ..
-            } => Some(Self::Convolution(Convolution {
-                input,
-                output,
-                kernel,
-                stride,
-                padding,
-            })),
+            } => Some(Self::Convolution(Convolution::new(
+                input, output, kernel, stride, padding,
+            ))),
             Layer::GroupNormalisation { groups } => Some(Self::GroupNormalisation(GroupNormalisation {
                 shape: input,
                 groups,
+                activation: None,
             })),
             Layer::AveragePooling { .. } => Some(Self::AveragePooling(AveragePooling { input, output })),
             Layer::Dense { units } => Some(Self::Dense(Dense { input, units })),
             Layer::LeakyRelu { .. } | Layer::Relu => None,
         }
+    }
+
+    /// Takes the activation behind it into its own passes, if it can.
+    pub(crate) const fn fuse(&mut self, activation: Layer) {
+        if let Self::GroupNormalisation(layer) = self {
+            layer.activation = Activation::of(activation);
+        }
+    }
+
+    /// Whether the activation behind it is part of its own passes.
+    pub(crate) const fn is_fused(&self) -> bool {
+        matches!(self, Self::GroupNormalisation(layer) if layer.activation.is_some())
     }
 
     /// Number of values per sample that it keeps for the backward pass.

@@ -2,7 +2,10 @@
 
 use super::{EpochLoss, Training};
 use crate::{augment::Augmentation, loss::in_batch};
-use murmuration_proto::{Purpose, RandomStream, training::InBatch};
+use murmuration_proto::{
+    Purpose, RandomStream,
+    training::{InBatch, Recipe},
+};
 use rayon::prelude::*;
 
 /// Images in a chunk.
@@ -23,6 +26,19 @@ pub(super) fn epoch(training: &mut Training, recipe: &InBatch, stream: &mut Rand
     EpochLoss {
         mean: total / steps as f64,
         triplets: (steps * batch * (batch - 1)) as u64,
+    }
+}
+
+impl Training {
+    /// One step of the in-batch recipe on the same behaviours each time; nothing with another recipe. For benchmarks.
+    pub(crate) fn step_on_first(&mut self, anchors: usize) {
+        let Recipe::InBatch(recipe) = self.configuration.recipe().clone() else {
+            return;
+        };
+        let mut behaviours = self.held_out.trained_on().to_vec();
+        behaviours.truncate(anchors);
+        let mut stream = RandomStream::derive(self.configuration.seed(), Purpose::Train, 0);
+        step(self, &recipe, &behaviours, &mut stream);
     }
 }
 
