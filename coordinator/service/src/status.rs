@@ -45,7 +45,9 @@ impl IntoStatus for StoreError {
             | StoreError::Newer { .. }
             | StoreError::Unreleased { .. }
             | StoreError::Superseded(_) => Status::failed_precondition(said),
-            StoreError::File { .. } | StoreError::Sqlite { .. } => Status::internal(said),
+            StoreError::File { .. } | StoreError::Compression(_) | StoreError::Sqlite { .. } => {
+                Status::internal(said)
+            }
         }
     }
 }

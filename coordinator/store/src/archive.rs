@@ -3,6 +3,7 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
+    compression::{Compressor, Decompressor},
     numbers::{blob_to_floats, blob_to_numbers, clamped, floats_to_blob, numbers_to_blob},
     provenance::{ResultKind, add_provenance, suspects},
 };
@@ -104,6 +105,8 @@ impl Store {
         individuals: &[ArchivedIndividual],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
+        // Before the connection is taken, so that nobody waits for it.
+        let images = compressed(individuals)?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
@@ -129,7 +132,7 @@ impl Store {
                 "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
                  VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
             )?;
-            for row in individuals {
+            for (row, pixels) in individuals.iter().zip(&images) {
                 let index = row.index as i64;
                 individual.execute(params![
                     number,
@@ -140,7 +143,7 @@ impl Store {
                     floats_to_blob(&row.features),
                     row.novelty,
                 ])?;
-                if let Some(pixels) = &row.image {
+                if let Some(pixels) = pixels {
                     image.execute(params![number, index, pixels])?;
                 }
                 if !row.embedding.is_empty() {
@@ -173,10 +176,14 @@ impl Store {
                  WHERE i.campaign = ?1 AND i.place >= ?2 AND i.place < ?3 ORDER BY i.place",
             )?;
             let bounds = params![number, clamped(range.start), clamped(range.end), with_images];
+            let mut images = match with_images {
+                true => Some(Decompressor::of(connection, number)?),
+                false => None,
+            };
             let mut rows = statement.query(bounds)?;
             let mut individuals = Vec::new();
             while let Some(row) = rows.next()? {
-                individuals.push(individual(row, model)?);
+                individuals.push(individual(row, model, images.as_mut())?);
             }
             Ok(individuals)
         })
@@ -333,11 +340,29 @@ fn stored_taxonomy(row: &Row<'_>) -> rusqlite::Result<StoredTaxonomy> {
     })
 }
 
-fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividual, StoreError> {
+/// The value of the column for the image of each, if it has one.
+fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    let mut compressor = Compressor::new()?;
+    let images = individuals.iter().map(|individual| individual.image.as_ref());
+    images
+        .map(|image| image.map(|image| compressor.compress(image)).transpose())
+        .collect()
+}
+
+/// The individual in a row, with its image if there is something to decompress that with.
+fn individual(
+    row: &Row<'_>,
+    model: CapabilityModel,
+    images: Option<&mut Decompressor>,
+) -> Result<ArchivedIndividual, StoreError> {
     let index: i64 = row.get(0)?;
     let damaged = |what: &dyn std::fmt::Display| StoreError::damaged(format!("individual {index}: {what}"));
     let genes = blob_to_floats(&row.get::<_, Vec<u8>>(2)?);
     let features = blob_to_floats(&row.get::<_, Vec<u8>>(4)?);
+    let column = row.get_ref(6)?.as_blob_or_null().map_err(rusqlite::Error::from)?;
+    let image = images
+        .zip(column)
+        .map(|(images, column)| images.decompress(column));
     Ok(ArchivedIndividual {
         index: index.unsigned_abs(),
         generation: row.get(1)?,
@@ -345,7 +370,9 @@ fn individual(row: &Row<'_>, model: CapabilityModel) -> Result<ArchivedIndividua
         seed: row.get::<_, i64>(3)?.cast_unsigned(),
         features: Features::try_from(features).map_err(|_| damaged(&"not five features"))?,
         novelty: row.get(5)?,
-        image: row.get(6)?,
+        image: image
+            .transpose()
+            .map_err(|error| damaged(&format_args!("its picture is {error}")))?,
         embedding: blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default()),
     })
 }

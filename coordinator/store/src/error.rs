@@ -118,6 +118,9 @@ pub enum StoreError {
     /// A run of a campaign is over, and may not change it any more.
     #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]
     Superseded(CampaignId),
+    /// There is no memory to compress or decompress images with.
+    #[error("pictures cannot be compressed: {0}")]
+    Compression(io::Error),
     /// Anything else that SQLite reports.
     #[error("{path}: {source}")]
     Sqlite {

@@ -8,6 +8,7 @@ pub mod backup;
 mod campaigns;
 mod checkpoint_rows;
 pub mod checkpoints;
+mod compression;
 mod data_directory;
 pub mod digest;
 pub mod doctor;

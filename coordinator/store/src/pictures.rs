@@ -3,6 +3,7 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
+    compression::{Compressor, Decompressor},
     numbers::{blob_to_floats, clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance},
 };
@@ -34,18 +35,22 @@ impl Store {
         pictures: &[Picture],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
+        let mut compressor = Compressor::new()?;
+        let images = pictures.iter().map(|picture| compressor.compress(&picture.image));
+        // Before the connection is taken, so that nobody waits for it.
+        let images = images.collect::<Result<Vec<_>, _>>()?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
             let mut statement = transaction.prepare(
                 "INSERT INTO pictures (campaign, place, controller, seed, image) VALUES (?1, ?2, ?3, ?4, ?5)",
             )?;
-            for (place, picture) in (place..).zip(pictures) {
+            for (place, (picture, image)) in (place..).zip(pictures.iter().zip(&images)) {
                 statement.execute(params![
                     number,
                     clamped(place),
                     floats_to_blob(picture.controller.genes()),
                     picture.seed.cast_signed(),
-                    picture.image,
+                    image,
                 ])?;
             }
             add_provenance(transaction, number, (ResultKind::Picture, place), provenance)
@@ -63,18 +68,29 @@ impl Store {
         place: u64,
     ) -> Result<Picture, StoreError> {
         self.read(|connection| {
-            let (genes, seed, image) = connection.query_row(
+            let number = number_of(connection, campaign)?;
+            let mut images = Decompressor::of(connection, number)?;
+            let damaged = |what: &dyn std::fmt::Display| {
+                StoreError::damaged(format!("picture {place} of {campaign}: {what}"))
+            };
+            let (genes, seed, column) = connection.query_row(
                 "SELECT controller, seed, image FROM pictures WHERE campaign = ?1 AND place = ?2",
-                params![number_of(connection, campaign)?, clamped(place)],
-                |row| Ok((row.get::<_, Vec<u8>>(0)?, row.get::<_, i64>(1)?, row.get(2)?)),
+                params![number, clamped(place)],
+                |row| {
+                    Ok((
+                        row.get::<_, Vec<u8>>(0)?,
+                        row.get::<_, i64>(1)?,
+                        row.get::<_, Vec<u8>>(2)?,
+                    ))
+                },
             )?;
-            let controller = Controller::new(model, &blob_to_floats(&genes))
-                .map_err(|error| StoreError::damaged(format!("picture {place} of {campaign}: {error}")))?;
-            let seed = seed.cast_unsigned();
             Ok(Picture {
-                controller,
-                seed,
-                image,
+                controller: Controller::new(model, &blob_to_floats(&genes))
+                    .map_err(|error| damaged(&error))?,
+                seed: seed.cast_unsigned(),
+                image: images
+                    .decompress(&column)
+                    .map_err(|error| damaged(&format_args!("it is {error}")))?,
             })
         })
     }
@@ -91,13 +107,19 @@ impl Store {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                "SELECT image FROM pictures WHERE campaign = ?1 AND place >= ?2 AND place < ?3 ORDER BY place",
+                "SELECT place, image FROM pictures WHERE campaign = ?1 AND place >= ?2 AND place < ?3 ORDER BY place",
             )?;
             let bounds = params![number, clamped(range.start), clamped(range.end)];
+            let mut decompressor = Decompressor::of(connection, number)?;
             let mut rows = statement.query(bounds)?;
             let mut images = Vec::new();
             while let Some(row) = rows.next()? {
-                images.extend_from_slice(row.get_ref(0)?.as_blob().map_err(rusqlite::Error::from)?);
+                let column = row.get_ref(1)?.as_blob().map_err(rusqlite::Error::from)?;
+                let image = decompressor.decompress(column).map_err(|error| {
+                    let place = row.get::<_, i64>(0).unwrap_or_default();
+                    StoreError::damaged(format!("picture {place} of {campaign}: it is {error}"))
+                })?;
+                images.extend(image);
             }
             Ok(images)
         })

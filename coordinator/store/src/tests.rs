@@ -1,5 +1,6 @@
 //! The store as its users see it: what was committed is there, what was not is not, and bad files are named.
 
+mod size;
 mod switches;
 
 use super::*;
@@ -26,7 +27,7 @@ fn individual(index: u64) -> ArchivedIndividual {
     ArchivedIndividual {
         index,
         generation: (index / 2) as u32,
-        controller: Controller::new(MODEL, &[0.1, -0.2, 0.3, index as f64 / 10.0]).unwrap(),
+        controller: Controller::new(MODEL, &[0.1, -0.2, 0.3, (index % 10) as f64 / 10.0]).unwrap(),
         seed: u64::MAX - index,
         features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
         embedding: Vec::new(),
@@ -290,13 +291,17 @@ fn a_full_disk_is_called_that_and_loses_nothing() {
     store
         .write(|c| Ok(c.pragma_update(None, "max_page_count", pages)?))
         .unwrap();
-    assert!(matches!(commit(&store, &id, 1), Err(StoreError::DiskFull { .. })));
-    assert_eq!(store.archive_len(&id).unwrap(), 2);
+    // As many as the pages that are there have room for.
+    let (refused, error) = (1..1000)
+        .find_map(|generation| Some(generation).zip(commit(&store, &id, generation).err()))
+        .unwrap();
+    assert!(matches!(error, StoreError::DiskFull { .. }), "{error}");
+    assert_eq!(store.archive_len(&id).unwrap(), u64::from(refused) * 2);
     store
         .write(|c| Ok(c.pragma_update(None, "max_page_count", pages + 100)?))
         .unwrap();
-    commit(&store, &id, 1).unwrap();
-    assert_eq!(store.archive_len(&id).unwrap(), 4);
+    commit(&store, &id, refused).unwrap();
+    assert_eq!(store.archive_len(&id).unwrap(), u64::from(refused) * 2 + 2);
 }
 
 #[test]
@@ -327,7 +332,7 @@ fn a_dataset_and_its_training_read_back() {
     let picture = |index: u64| Picture {
         controller: individual(0).controller,
         seed: u64::MAX - index,
-        image: vec![index as u8; 4],
+        image: vec![index as u8; 2500],
     };
     store
         .add_pictures(&id, 0, &[picture(0), picture(1)], &Provenance::default())
@@ -341,7 +346,8 @@ fn a_dataset_and_its_training_read_back() {
             .is_err()
     );
     assert_eq!(store.campaign(id.as_str()).unwrap().pictures_done, 3);
-    assert_eq!(store.dataset_images(&id, 1..9).unwrap(), [1, 1, 1, 1, 2, 2, 2, 2]);
+    let images = [vec![1; 2500], vec![2; 2500]].concat();
+    assert_eq!(store.dataset_images(&id, 1..9).unwrap(), images);
 
     assert_eq!(store.saved_training(&id).unwrap(), None);
     let training = |epoch: u64| SavedTraining {

@@ -143,13 +143,12 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
     let mut length = None;
     let mut wrong = |individual: &ArchivedIndividual, index: u64| {
         let length = *length.get_or_insert(individual.embedding.len());
-        let picture = individual.image.as_ref().map(Vec::len);
         if individual.index != index {
             Some("it is missing")
         } else if u64::from(individual.generation) != index / population {
             Some("it is of another generation")
-        } else if picture != Some(record.spec.image().pixels()) {
-            Some("its picture is missing or cut off")
+        } else if individual.image.is_none() {
+            Some("its picture is missing")
         } else if individual.embedding.len() != length
             || record.embedder.checkpoint().is_some() != (length > 0)
         {
@@ -176,7 +175,8 @@ fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
     };
     match first_fault(record.individuals(), check) {
         Some((index, fault)) => {
-            problems.push(format!("individual {index}: {fault}"));
+            let name = format!("individual {index}");
+            problems.push(format!("{name}: {}", without(&name, &fault)));
             index
         }
         None => record.individuals(),
@@ -192,20 +192,22 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
         let images = store.dataset_images(&record.id, range.clone())?;
         let whole = range.start + (images.len() / record.spec.image().pixels()) as u64;
         // Where one is missing, those after it follow at once: only the whole range tells.
-        Ok((whole < range.end).then(|| {
-            (
-                range.start,
-                "a picture after this is missing or cut off".to_owned(),
-            )
-        }))
+        Ok((whole < range.end).then(|| (range.start, "a picture after this is missing".to_owned())))
     };
     match first_fault(record.pictures_done, check) {
         Some((place, fault)) => {
+            let fault = without(&format!("picture {place} of {}", record.id), &fault);
             problems.push(format!("picture {place} of its dataset: {fault}"));
             place - place % u64::from(dataset.starts())
         }
         None => record.pictures_done,
     }
+}
+
+/// A fault without the name of what has it, which the store says where something cannot be read.
+fn without<'a>(name: &str, fault: &'a str) -> &'a str {
+    let rest = fault.strip_prefix(name);
+    rest.and_then(|rest| rest.strip_prefix(": ")).unwrap_or(fault)
 }
 
 /// Whether its taxonomy is there and about its archive.

@@ -1,7 +1,7 @@
 //! Rows that are damaged one by one: what is said of them, and what is saved.
 
 use super::*;
-use crate::{ArchivedIndividual, GenerationRecord, Provenance};
+use crate::{ArchivedIndividual, GenerationRecord, Picture, Provenance};
 use murmuration_model::{
     CampaignId, CampaignState, Weight,
     labels::{Action, Answer, Change, RequestId},
@@ -109,16 +109,27 @@ async fn an_archive_is_saved_up_to_the_first_generation_that_is_not_whole() {
     let failed = |generations| (generations, 3, CampaignState::Failed);
     check(
         "DELETE FROM images WHERE place = 3",
-        "individual 3: its picture",
+        "individual 3: its picture is missing",
         failed(1),
     )
     .await;
-    check(
-        "UPDATE images SET image = x'00' WHERE place = 4",
-        "individual 4: its picture",
-        failed(2),
-    )
-    .await;
+    for (value, fault) in [
+        ("x'00'", "not of 2500 pixels"),
+        // The beginning of a frame of one pixel.
+        ("x'28B52FFD2401'", "not of 2500 pixels"),
+        ("substr(image, 1, length(image) - 1)", "damaged"),
+        (
+            "CAST(substr(image, 1, length(image) - 1) || x'00' AS BLOB)",
+            "damaged",
+        ),
+    ] {
+        check(
+            &format!("UPDATE images SET image = {value} WHERE place = 4"),
+            &format!("individual 4: its picture is {fault}"),
+            failed(2),
+        )
+        .await;
+    }
     check(
         "DELETE FROM individuals WHERE place = 0",
         "individual 0: it is missing",
@@ -143,6 +154,44 @@ async fn an_archive_is_saved_up_to_the_first_generation_that_is_not_whole() {
         failed(1),
     )
     .await;
+}
+
+#[tokio::test]
+async fn a_damaged_picture_of_a_dataset_is_named_and_what_is_before_it_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    let held = DataDirectory::hold(folder.path()).unwrap();
+    let store = Store::open(&held).unwrap();
+    let text = "model = \"single-sensor\"\nmethod = \"latent\"";
+    let id = store
+        .create_campaign(&CampaignSpec::from_toml(text).unwrap(), Weight::default(), 0)
+        .unwrap();
+    let pictures = [1, 2, 3, 4].map(|grey| Picture {
+        controller: ArchivedIndividual::still(0, 0).controller,
+        seed: 0,
+        image: vec![grey; 2500],
+    });
+    store
+        .add_pictures(&id, 0, &pictures, &Provenance::default())
+        .unwrap();
+    drop((store, held));
+    let connection = Connection::open(folder.path().join(Store::FILE)).unwrap();
+    let damage = "UPDATE pictures SET image = substr(image, 1, length(image) - 1) WHERE place = 2";
+    connection.execute_batch(damage).unwrap();
+    drop(connection);
+    let found = examine(folder.path(), None).await.unwrap();
+    assert_eq!(
+        found.campaigns[0].problems,
+        ["picture 2 of its dataset: it is damaged"]
+    );
+    assert_eq!(found.campaigns[0].remains.pictures, 2);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let target = elsewhere.path().join("saved");
+    salvage(folder.path(), None, &target).await.unwrap();
+    let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
+    assert_eq!(
+        store.dataset_images(&id, 0..9).unwrap(),
+        [vec![1; 2500], vec![2; 2500]].concat()
+    );
 }
 
 #[tokio::test]

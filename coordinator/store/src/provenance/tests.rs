@@ -24,7 +24,7 @@ pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     let picture = |seed| Picture {
         controller: Controller::new(CapabilityModel::SingleSensor, &[0.5; 4]).unwrap(),
         seed,
-        image: vec![seed as u8; 4],
+        image: vec![seed as u8; 2500],
     };
     for place in [0, 2] {
         let pictures = [picture(place), picture(place + 1)];
@@ -35,7 +35,7 @@ pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     for generation in 0..3 {
         let first = 2 * u64::from(generation);
         let individuals = [first, first + 1].map(|index| ArchivedIndividual {
-            image: Some(vec![index as u8; 4]),
+            image: Some(vec![index as u8; 2500]),
             ..ArchivedIndividual::still(index, generation)
         });
         let record = GenerationRecord::of(generation, &[0.0], 0);

@@ -38,7 +38,7 @@ fn generations_that_are_rolled_back_are_gone_and_can_be_made_again() {
     );
     let again = GenerationRecord::of(1, &[0.0], 0);
     let individuals = [2, 3].map(|index| ArchivedIndividual {
-        image: Some(vec![0; 4]),
+        image: Some(vec![0; 2500]),
         ..ArchivedIndividual::still(index, 1)
     });
     store

@@ -44,7 +44,7 @@ const COMMITS: [(&str, Commit); 11] = [
         let picture = Picture {
             controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
             seed: 1,
-            image: vec![0; 4],
+            image: vec![0; 2500],
         };
         store.add_pictures(id, 0, &[picture], &Provenance::default())
     }),

@@ -73,7 +73,7 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
     };
     store.switch(&id, &switch).unwrap();
     let later = ArchivedIndividual {
-        image: Some(vec![0; 4]),
+        image: Some(vec![0; 2500]),
         ..ArchivedIndividual::still(2, 1)
     };
     let generation = GenerationRecord::of(1, &[0.0], 0);

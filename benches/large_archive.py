@@ -1,0 +1,162 @@
+#!/usr/bin/env python3
+"""What the programs take for a large archive: seconds, and the peak of resident memory of each process.
+
+    cargo build --release --workspace --bins --example fill
+    python3 benches/large_archive.py [--count 100000 1000000] [--folder DIR] [--programs target/release]
+
+It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation, and
+prints a table. Each item is a fresh process. `serve` finishes the campaign: it is killed with SIGKILL once it answers, and
+started again. The page is asked for ten times a second while the map is made: the longest wait says who holds up whom.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import pathlib
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+CAMPAIGN = "/campaigns/filled-1"
+
+
+def row(item, seconds, cpu, mebibytes, note=""):
+    print(f"| {item} | {seconds:.1f} | {cpu:.1f} | {mebibytes:.0f} | {note} |", flush=True)
+
+
+def run(item, *command):
+    """Runs a command to its end; a row for it."""
+    begun = time.perf_counter()
+    process = subprocess.Popen([str(part) for part in command], stdout=subprocess.PIPE, text=True)
+    said = process.stdout.read()
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    seconds = time.perf_counter() - begun
+    if process.returncode:
+        sys.exit(f"{item}: exit code {process.returncode}")
+    row(item, seconds, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, said.strip().splitlines()[-1][:70] if said.strip() else "")
+
+
+def peak(process):
+    """Peak of resident memory so far, in MiB."""
+    status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
+    return int(status.split("VmHWM:")[1].split()[0]) / 1024
+
+
+def cpu(process):
+    """Seconds of CPU time so far."""
+    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def get(url):
+    """Seconds until the whole answer is here, and the answer."""
+    begun = time.perf_counter()
+    with urllib.request.urlopen(url, timeout=3600) as answer:
+        body = answer.read()
+    return time.perf_counter() - begun, body
+
+
+@contextlib.contextmanager
+def serving(programs, data, workers):
+    with socket.socket() as listener:
+        listener.bind(("127.0.0.1", 0))
+        address = "127.0.0.1:%d" % listener.getsockname()[1]
+    command = [programs / "murmuration", "serve", "--data", data, "--listen", address, "--workers", str(workers)]
+    begun = time.perf_counter()
+    process = subprocess.Popen([str(part) for part in command], stderr=subprocess.DEVNULL)
+    try:
+        while True:
+            try:
+                get(f"http://{address}{CAMPAIGN}")
+                break
+            except OSError:
+                if process.poll() is not None:
+                    sys.exit("serve ended")
+                time.sleep(0.02)
+        yield process, f"http://{address}", time.perf_counter() - begun
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+        process.wait()
+
+
+def state(programs, url):
+    command = [programs / "murmuration", "list", "--coordinator", url, "--json"]
+    said = json.loads(subprocess.check_output([str(part) for part in command]))
+    return said["state"]
+
+
+def longest_wait(url, ended):
+    """Asks for the campaign's page until `ended`; the longest that one took."""
+    longest = 0.0
+    while not ended.is_set():
+        longest = max(longest, get(url + CAMPAIGN)[0])
+        time.sleep(0.1)
+    return longest
+
+
+def while_asking(url, path):
+    """Seconds that `path` took, the longest that the page took meanwhile, bytes of the answer."""
+    ended, waited = threading.Event(), []
+    asking = threading.Thread(target=lambda: waited.append(longest_wait(url, ended)))
+    asking.start()
+    seconds, body = get(url + CAMPAIGN + path)
+    ended.set()
+    asking.join()
+    return seconds, waited[0], len(body)
+
+
+def measure(programs, count, folder):
+    data = folder / "data"
+    print(f"\n{count:,} individuals\n\n| item | s | CPU, s | MiB | |\n|---|--:|--:|--:|---|")
+    if not data.exists():
+        run("fill", programs / "examples/fill", data, count)
+    database = data / "murmuration.sqlite"
+    run("digest", programs / "murmuration", "digest", "latest", "--data", data)
+    run("doctor", programs / "murmuration", "doctor", "--data", data)
+    run("backup", programs / "murmuration", "backup", folder / "backup", "--data", data)
+    shutil.rmtree(folder / "backup")
+    with serving(programs, data, 1) as (process, url, seconds):
+        row("serve: the first page", seconds, cpu(process), peak(process))
+        time.sleep(1)
+        process.kill()
+    with serving(programs, data, 1) as (process, url, seconds):
+        begun = time.perf_counter()
+        while state(programs, url) == "running":
+            time.sleep(0.2)
+        if state(programs, url) != "completed":
+            sys.exit(f"the campaign is {state(programs, url)}")
+        seconds = time.perf_counter() - begun
+        row("after SIGKILL: last generation and taxonomy", seconds, cpu(process), peak(process))
+    with serving(programs, data, 0) as (process, url, seconds):
+        row("serve, completed: the first page", seconds, cpu(process), peak(process))
+        for path in ["/taxonomy", "/points", "/points/axes", "/points/neighbours"]:
+            before = cpu(process)
+            seconds, waited, size = while_asking(url, path)
+            row(path, seconds, cpu(process) - before, peak(process), f"{size:,} bytes; the page meanwhile: {waited:.2f} s at most")
+    run("report", programs / "murmuration", "report", "latest", "--data", data, "--out", folder / "report")
+    print(f"\n{database.stat().st_size / count:.0f} bytes on disk an individual")
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    arguments.add_argument("--count", type=int, nargs="+", default=[100_000])
+    arguments.add_argument("--folder", type=pathlib.Path, help="where to put the data directories")
+    arguments.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
+    options = arguments.parse_args()
+    for count in options.count:
+        with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+            measure(options.programs, count, pathlib.Path(folder))
+
+
+if __name__ == "__main__":
+    main()

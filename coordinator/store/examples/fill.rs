@@ -1,0 +1,109 @@
+//! Fills a new data directory with a campaign of any number of individuals, whose behaviours and pictures are made up:
+//! what the rest of the system does with a large archive can then be measured without evaluating one.
+//!
+//! `fill DIR INDIVIDUALS [POPULATION]`. The last generation is left out and the campaign is running, so that a coordinator
+//! goes on with it. A picture shows 24 arcs, up to 384 pixels that are not black, and takes no fewer bytes than a real one.
+//! Holds one generation in memory at a time, and prints what was written.
+
+use murmuration_model::{MachineId, Maker, Weight};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, EmbeddingKind, Purpose, RandomStream};
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
+use std::{
+    env, error::Error, f64::consts::TAU, io::Write as _, path::Path, process::ExitCode, time::Instant,
+};
+
+const SIDE: usize = 50;
+const SEED: u64 = 1;
+
+/// The picture of 24 robots, each on an arc of its own.
+fn picture(stream: &mut RandomStream) -> Vec<u8> {
+    let mut image = vec![0; SIDE * SIDE];
+    for _ in 0..24 {
+        let (x, y) = (stream.between(5.0, 45.0), stream.between(5.0, 45.0));
+        let (radius, begin) = (stream.between(1.0, 5.0), stream.between(0.0, TAU));
+        for step in 0..16 {
+            let (sine, cosine) = (begin + f64::from(step) / radius).sin_cos();
+            let place = (x + radius * cosine) as usize * SIDE + (y + radius * sine) as usize;
+            // Where a robot stays long it leaves more than where it passes.
+            image[place] = stream.between(3.0, 60.0) as u8;
+        }
+    }
+    image
+}
+
+fn individual(index: u64, generation: u32) -> Result<ArchivedIndividual, Box<dyn Error>> {
+    let mut stream = RandomStream::derive(SEED, Purpose::Start, index);
+    let genes = [(); 4].map(|()| stream.below(21) as f64 / 10.0 - 1.0);
+    let features = [(); 5].map(|()| stream.unit());
+    Ok(ArchivedIndividual {
+        seed: stream.bits(),
+        features,
+        novelty: stream.unit(),
+        image: Some(picture(&mut stream)),
+        ..ArchivedIndividual::unmeasured(
+            index,
+            generation,
+            Controller::new(CapabilityModel::SingleSensor, &genes)?,
+        )
+    })
+}
+
+fn fill(folder: &Path, individuals: u64, population: u64) -> Result<(), Box<dyn Error>> {
+    let generations = individuals / population;
+    let spec = CampaignSpec::from_toml(&format!(
+        "name = \"filled\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
+         [search]\npopulation = {population}\ngenerations = {generations}"
+    ))?;
+    let held = DataDirectory::hold(folder)?;
+    let store = Store::open(&held)?;
+    let id = store.create_campaign(&spec, Weight::default(), 0)?;
+    let maker = Maker {
+        kind: EmbeddingKind::UNKNOWN,
+        unaudited: Some(MachineId(7)),
+    };
+    let provenance = Provenance {
+        makers: vec![maker; population as usize],
+        notices: Vec::new(),
+    };
+    let begun = Instant::now();
+    for generation in 0..generations.saturating_sub(1) {
+        let first = generation * population;
+        let made = (first..first + population)
+            .map(|index| individual(index, generation as u32))
+            .collect::<Result<Vec<_>, _>>()?;
+        let novelty: Vec<f64> = made.iter().map(|individual| individual.novelty).collect();
+        let record = GenerationRecord::of(generation as u32, &novelty, 0);
+        store.commit_generation(&id, &record, &made, &provenance)?;
+    }
+    let seconds = begun.elapsed().as_secs_f64();
+    drop((store, held));
+    let written = individuals - population;
+    let bytes = folder.join(Store::FILE).metadata()?.len();
+    writeln!(
+        std::io::stdout(),
+        "{written} individuals of {id} in {seconds:.1} s, {} bytes each",
+        bytes / written.max(1),
+    )?;
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let number = |place: usize, otherwise: u64| {
+        let given = arguments.get(place).map(|given| given.parse());
+        given.unwrap_or(Ok(otherwise)).ok().filter(|&number| number > 0)
+    };
+    let (Some(folder), Some(individuals), Some(population)) =
+        (arguments.first(), number(1, 100_000), number(2, 1000))
+    else {
+        let _ = writeln!(std::io::stderr(), "usage: fill DIR INDIVIDUALS [POPULATION]");
+        return ExitCode::from(2);
+    };
+    match fill(Path::new(folder), individuals, population) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let _ = writeln!(std::io::stderr(), "fill: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

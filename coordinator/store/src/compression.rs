@@ -1,0 +1,108 @@
+//! Images as they stand in columns: compressed, since most pixels of a behaviour's picture are black.
+//!
+//! Each is a zstd frame of its own, so that one can be read without others. The frame says how large the image is, and ends
+//! with a checksum of it. Limits: knows images only, not whose they are.
+
+use super::StoreError;
+use murmuration_proto::CampaignSpec;
+use rusqlite::Connection;
+use std::fmt;
+use zstd::{
+    bulk,
+    zstd_safe::{self, CParameter},
+};
+
+/// Higher levels save less than a tenth of the bytes and take twice the time and more (docs/performance.md).
+const LEVEL: i32 = 1;
+
+/// Compresses images, one after the other.
+pub(super) struct Compressor(bulk::Compressor<'static>);
+
+impl Compressor {
+    /// Ready for any number of images.
+    ///
+    /// # Errors
+    /// [`StoreError::Compression`] if there is no memory for it.
+    pub(super) fn new() -> Result<Self, StoreError> {
+        let mut compressor = bulk::Compressor::new(LEVEL).map_err(StoreError::Compression)?;
+        compressor
+            .set_parameter(CParameter::ChecksumFlag(true))
+            .map_err(StoreError::Compression)?;
+        Ok(Self(compressor))
+    }
+
+    /// The column's value for an image.
+    ///
+    /// # Errors
+    /// [`StoreError::Compression`] if there is no memory for it.
+    pub(super) fn compress(&mut self, image: &[u8]) -> Result<Vec<u8>, StoreError> {
+        self.0.compress(image).map_err(StoreError::Compression)
+    }
+}
+
+/// Decompresses the images of one campaign, all of which are of one size.
+pub(super) struct Decompressor {
+    frames: bulk::Decompressor<'static>,
+    pixels: usize,
+}
+
+/// Why the value of a column is no image of the campaign, in words for behind "it is".
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum NoImage {
+    /// The frame does not say that it is of this many pixels, or it is no frame.
+    Size {
+        /// Pixels of each image of the campaign.
+        pixels: usize,
+    },
+    /// The frame cannot be decompressed, or what comes out does not have its checksum.
+    Damaged,
+}
+
+impl fmt::Display for NoImage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Size { pixels } => write!(formatter, "not of {pixels} pixels"),
+            Self::Damaged => write!(formatter, "damaged"),
+        }
+    }
+}
+
+impl Decompressor {
+    /// For the images of the campaign with this number.
+    ///
+    /// # Errors
+    /// If the campaign's specification cannot be read, and [`StoreError::Compression`] if there is no memory.
+    pub(super) fn of(connection: &Connection, campaign: i64) -> Result<Self, StoreError> {
+        let mut statement = connection.prepare_cached("SELECT spec FROM campaigns WHERE number = ?1")?;
+        let spec: String = statement.query_row([campaign], |row| row.get(0))?;
+        let spec = CampaignSpec::from_toml(&spec).map_err(|error| StoreError::damaged(error.to_string()))?;
+        Self::new(spec.image().pixels())
+    }
+
+    fn new(pixels: usize) -> Result<Self, StoreError> {
+        let frames = bulk::Decompressor::new().map_err(StoreError::Compression)?;
+        Ok(Self { frames, pixels })
+    }
+
+    /// The image in the value of a column. Takes no memory for more pixels than an image of the campaign has, whatever the
+    /// value says.
+    ///
+    /// # Errors
+    /// See [`NoImage`].
+    pub(super) fn decompress(&mut self, column: &[u8]) -> Result<Vec<u8>, NoImage> {
+        let pixels = self.pixels;
+        match zstd_safe::get_frame_content_size(column) {
+            Ok(Some(said)) if said == pixels as u64 => {}
+            _ => return Err(NoImage::Size { pixels }),
+        }
+        let image = self.frames.decompress(column, pixels);
+        let image = image.map_err(|_| NoImage::Damaged)?;
+        match image.len() == pixels {
+            true => Ok(image),
+            false => Err(NoImage::Damaged),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,86 @@
+//! What comes out is what went in, or nothing does.
+
+use super::*;
+use proptest::prelude::*;
+
+const PIXELS: usize = 2500;
+
+fn compressed(image: &[u8]) -> Vec<u8> {
+    Compressor::new().unwrap().compress(image).unwrap()
+}
+
+fn decompressed(column: &[u8]) -> Result<Vec<u8>, NoImage> {
+    Decompressor::new(PIXELS).unwrap().decompress(column)
+}
+
+/// A picture of which so many pixels are not black.
+fn sparse() -> impl Strategy<Value = Vec<u8>> {
+    proptest::collection::vec((0..PIXELS, 1..=255_u8), 0..600).prop_map(|pixels| {
+        let mut image = vec![0; PIXELS];
+        pixels.into_iter().for_each(|(place, grey)| image[place] = grey);
+        image
+    })
+}
+
+proptest! {
+    #[test]
+    fn an_image_comes_out_as_it_went_in(image in prop_oneof![
+        sparse(),
+        proptest::collection::vec(any::<u8>(), PIXELS),
+    ]) {
+        prop_assert_eq!(decompressed(&compressed(&image)).unwrap(), image);
+    }
+
+    #[test]
+    fn a_changed_bit_is_noticed(image in sparse(), place in any::<prop::sample::Index>(), bit in 0..8_u8) {
+        let mut column = compressed(&image);
+        let place = place.index(column.len());
+        column[place] ^= 1_u8 << bit;
+        // A bit of the header that means nothing may change.
+        if let Ok(same) = decompressed(&column) {
+            prop_assert_eq!(same, image);
+        }
+    }
+
+    #[test]
+    fn anything_is_an_image_of_the_size_or_none(column in proptest::collection::vec(any::<u8>(), 0..200)) {
+        if let Ok(image) = decompressed(&column) {
+            prop_assert_eq!(image.len(), PIXELS);
+        }
+    }
+}
+
+#[test]
+fn black_takes_a_few_bytes_and_noise_little_more_than_itself() {
+    assert!(compressed(&[0; PIXELS]).len() < 30);
+    let noise: Vec<u8> = (0..PIXELS as u64)
+        .flat_map(|place| blake3::hash(&place.to_le_bytes()).as_bytes()[..1].to_vec())
+        .collect();
+    assert!(compressed(&noise).len() < PIXELS + 30);
+}
+
+#[test]
+fn an_image_of_another_size_is_none() {
+    let size = Err(NoImage::Size { pixels: PIXELS });
+    for pixels in [0, 1, PIXELS - 1, PIXELS + 1, 1 << 20] {
+        assert_eq!(decompressed(&compressed(&vec![0; pixels])), size, "{pixels}");
+    }
+    assert_eq!(decompressed(b""), size);
+    assert_eq!(decompressed(&[0; PIXELS]), size);
+    // What is cut off, and two frames one after the other, of which the first is as it should be.
+    let whole = compressed(&[7; PIXELS]);
+    assert_eq!(decompressed(&whole[..whole.len() - 1]), Err(NoImage::Damaged));
+    assert_eq!(
+        decompressed(&[whole.clone(), whole].concat()),
+        Err(NoImage::Damaged)
+    );
+}
+
+#[test]
+fn a_frame_that_holds_more_than_it_says_is_damaged() {
+    let (small, large) = (compressed(&[0; PIXELS]), compressed(&[0; 60_000]));
+    // Behind 4 bytes that every frame begins with and one of flags, 256 less than the size.
+    assert_eq!(large[5..7], (60_000_u16 - 256).to_le_bytes());
+    let lying = [&small[..7], &large[7..]].concat();
+    assert_eq!(decompressed(&lying), Err(NoImage::Damaged));
+}

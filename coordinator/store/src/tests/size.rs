@@ -1,0 +1,66 @@
+//! What an individual takes on disk.
+
+use super::*;
+use murmuration_proto::{Purpose, RandomStream};
+
+const INDIVIDUALS: u64 = 2000;
+
+/// 24 robots that pass twelve pixels each: as many as in the mean picture of a uniform controller, of any grey.
+fn picture(index: u64) -> Vec<u8> {
+    let mut stream = RandomStream::derive(1, Purpose::Start, index);
+    let mut image = vec![0; 2500];
+    for _ in 0..24 {
+        let (mut place, step) = (
+            stream.below(2500) as usize,
+            [1, 49, 50, 51][stream.below(4) as usize],
+        );
+        for _ in 0..12 {
+            image[place] = 1 + stream.below(255) as u8;
+            place = (place + step) % 2500;
+        }
+    }
+    image
+}
+
+#[test]
+fn an_individual_of_a_latent_campaign_takes_at_most_1000_bytes_with_all_that_belongs_to_it() {
+    let (_folder, store, id, _) = embedded();
+    let maker = Maker {
+        kind: EmbeddingKind::of("a"),
+        unaudited: Some(MachineId(7)),
+    };
+    let provenance = Provenance {
+        makers: vec![maker; 100],
+        notices: Vec::new(),
+    };
+    let pages = || -> i64 {
+        let pages = store.read(|c| Ok(c.pragma_query_value(None, "page_count", |row| row.get(0))?));
+        pages.unwrap()
+    };
+    let before = pages();
+    for generation in 1..=(INDIVIDUALS / 100) as u32 {
+        let first = 2 + u64::from(generation - 1) * 100;
+        let individuals: Vec<_> = (first..first + 100)
+            .map(|index| ArchivedIndividual {
+                generation,
+                embedding: (0..5).map(|value| (index + value) as f32).collect(),
+                image: Some(picture(index)),
+                ..individual(index)
+            })
+            .collect();
+        let record = GenerationRecord::of(generation, &[0.1], 0);
+        store
+            .commit_generation(&id, &record, &individuals, &provenance)
+            .unwrap();
+    }
+    let each = (pages() - before) as u64 * 4096 / INDIVIDUALS;
+    assert!(each <= 1000, "{each} bytes");
+    // The pictures are no easier than real ones, of which the mean takes 459 bytes.
+    let pictures: i64 = store
+        .read(|c| Ok(c.query_row("SELECT sum(length(image)) FROM images", [], |row| row.get(0))?))
+        .unwrap();
+    assert!(
+        pictures as u64 / INDIVIDUALS >= 459,
+        "{pictures} bytes of pictures"
+    );
+}
