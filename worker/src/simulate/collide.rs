@@ -48,6 +48,16 @@ impl Collisions {
         self.reach
     }
 
+    /// Two radii.
+    pub(super) const fn diameter(&self) -> f64 {
+        self.diameter
+    }
+
+    /// Whether a push may draw random numbers.
+    pub(super) const fn jitters(&self) -> bool {
+        self.jitter.is_some()
+    }
+
     pub(super) const fn jitter_events(&self) -> u64 {
         self.jitter_events
     }
