@@ -104,7 +104,7 @@ fn timed(work: impl FnOnce()) -> f64 {
     now() - begun
 }
 
-/// The paper's controllers, those that clump, and uniform samples.
+/// The paper's controllers, those that clump, uniform samples, those that the filter passes, and an evolved generation.
 fn populations() -> Vec<(&'static str, Vec<Tasks>)> {
     let milling = [0.6, 1.0, 0.4, 0.5];
     let aggregation = [-0.7, -1.0, 1.0, -1.0];
@@ -114,8 +114,12 @@ fn populations() -> Vec<(&'static str, Vec<Tasks>)> {
         ("one sensor, milling", vec![same(single, &milling)]),
         ("one sensor, aggregation", vec![same(single, &aggregation)]),
         ("one sensor, uniform", uniform(single)),
+        ("one sensor, filtered", listed("filtered", "single", single)),
+        ("one sensor, evolved", listed("evolved", "single", single)),
         ("two sensors, nested cycle", vec![same(two, &nested)]),
         ("two sensors, uniform", uniform(two)),
+        ("two sensors, filtered", listed("filtered", "two", two)),
+        ("two sensors, evolved", listed("evolved", "two", two)),
     ]
 }
 
@@ -133,6 +137,24 @@ fn uniform(model: CapabilityModel) -> Vec<Tasks> {
     (0..DRAWS)
         .map(|number| (0..SWARMS).map(|i| draw(number * SWARMS + i)).collect())
         .collect()
+}
+
+/// The controllers of `controllers.txt` with these two words before their genes.
+fn listed(kind: &str, name: &str, model: CapabilityModel) -> Vec<Tasks> {
+    let list = include_str!("controllers.txt").lines();
+    let genes = list.filter_map(|line| line.strip_prefix(kind)?.strip_prefix(' ')?.strip_prefix(name));
+    let controllers: Vec<_> = genes
+        .map(|genes| {
+            let genes: Vec<f64> = genes
+                .split_whitespace()
+                .map(|gene| gene.parse().unwrap())
+                .collect();
+            Controller::new(model, &genes).unwrap()
+        })
+        .collect();
+    let starts = (0..).map(Start::seeded);
+    let tasks: Tasks = controllers.into_iter().zip(starts).collect();
+    tasks.chunks(SWARMS as usize).map(<[_]>::to_vec).collect()
 }
 
 /// The same tasks in a process of Python.

@@ -52,45 +52,43 @@ impl Brush {
 
     /// Draws an agent over what is there; pixels outside the canvas are dropped.
     #[inline(always)]
-    pub(super) fn draw<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: Lines<SENSORS>) {
-        if self.stamp(canvas, lines).is_none() {
-            self.draw_pixels(canvas, &lines);
-        }
+    pub(super) fn draw<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
+        self.erase_rays(canvas, lines);
+        self.paint_body(canvas, lines);
     }
 
-    /// Draws it with stamps, if there are stamps for it.
+    /// The first half of [`Brush::draw`].
     #[inline(always)]
-    fn stamp<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: Lines<SENSORS>) -> Option<()> {
-        let centre = lines.centre;
-        if !canvas.contains(centre) {
-            return None;
+    pub(super) fn erase_rays<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
+        for &end in &lines.rays {
+            match self.rays.get(offset(end, lines.centre)) {
+                Some(stamp) if canvas.contains(lines.centre) => canvas.stamp_black(stamp, lines.centre),
+                _ => erase_pixels(canvas, lines.centre, end),
+            }
         }
-        let mut rays = [self.rays.get(offset(lines.rays[0], centre))?; SENSORS];
-        if let (Some(second), Some(&end)) = (rays.get_mut(1), lines.rays.get(1)) {
-            *second = self.rays.get(offset(end, centre))?;
-        }
-        let body = self.bodies.get(offset(lines.heading, centre))?;
-        for ray in rays {
-            canvas.stamp_black(ray, centre);
-        }
-        canvas.stamp_white(body, centre);
-        Some(())
     }
 
-    /// Draws it pixel by pixel.
-    #[inline(never)]
-    fn draw_pixels<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
-        let [cx, cy] = lines.centre;
-        for &ray in &lines.rays {
-            canvas.erase(shapes::line(lines.centre, ray));
+    /// The second half of [`Brush::draw`].
+    #[inline(always)]
+    pub(super) fn paint_body<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
+        match self.bodies.get(offset(lines.heading, lines.centre)) {
+            Some(stamp) if canvas.contains(lines.centre) => canvas.stamp_white(stamp, lines.centre),
+            _ => self.paint_pixels(canvas, lines.centre, lines.heading),
         }
-        canvas.paint(
-            self.outline
-                .iter()
-                .map(|&[x, y]| [cx.wrapping_add(x), cy.wrapping_add(y)]),
-        );
-        canvas.paint(shapes::line(lines.centre, lines.heading));
     }
+
+    #[inline(never)]
+    fn paint_pixels(&self, canvas: &mut Canvas, centre: [i32; 2], heading: [i32; 2]) {
+        let [cx, cy] = centre;
+        let outline = self.outline.iter();
+        canvas.paint(outline.map(|&[x, y]| [cx.wrapping_add(x), cy.wrapping_add(y)]));
+        canvas.paint(shapes::line(centre, heading));
+    }
+}
+
+#[inline(never)]
+fn erase_pixels(canvas: &mut Canvas, centre: [i32; 2], end: [i32; 2]) {
+    canvas.erase(shapes::line(centre, end));
 }
 
 #[inline(always)]
@@ -192,10 +190,11 @@ mod tests {
             for (position, angles) in agents {
                 let rays = angles.map(|angle| [angle.cos(), angle.sin()]);
                 let lines = Ends::new(Scalar::new(), &brush, position, rays[0], rays).lane(0);
-                brush.draw(&mut stamped, lines);
-                brush.draw_pixels(&mut by_pixel, &lines);
+                brush.draw(&mut stamped, &lines);
+                lines.rays.iter().for_each(|&end| erase_pixels(&mut by_pixel, lines.centre, end));
+                brush.paint_pixels(&mut by_pixel, lines.centre, lines.heading);
             }
-            for band in 0..2 {
+            for band in 0..8 {
                 prop_assert_eq!(stamped.band(band), by_pixel.band(band));
             }
         }

@@ -2,22 +2,22 @@
 
 use super::stamps::{SIDE, Stamp};
 
-/// Pixels in a word.
-const WORD: usize = u64::BITS as usize;
+/// Rows in a band: as many as a stamp has.
+pub(super) const BAND: usize = u16::BITS as usize;
 /// Columns on either side that are never looked at, so that a stamp about a pixel of the canvas stays within.
 const MARGIN: usize = SIDE;
 
 /// A bitmap: small enough for the first-level cache at the paper's 500 x 500, for memory at 10,000 x 10,000.
 ///
-/// A word holds 64 pixels of a column, one below the other; such words of neighbouring columns follow each other, in
-/// bands. A band above the canvas and one below are never looked at.
+/// A word holds 16 pixels of a column, one below the other; such words of neighbouring columns follow each other, in
+/// bands. A stamp is then half a cache line of each of two bands. A band above the canvas and one below are never looked at.
 #[derive(Debug, Clone)]
 pub(super) struct Canvas {
     width: u32,
     height: u32,
     /// Words in a band.
     pitch: usize,
-    words: Vec<u64>,
+    words: Vec<u16>,
 }
 
 impl Canvas {
@@ -28,7 +28,7 @@ impl Canvas {
             width: width as u32,
             height: height as u32,
             pitch,
-            words: vec![0; pitch * (height.div_ceil(WORD) + 2)],
+            words: vec![0; pitch * (height.div_ceil(BAND) + 2)],
         }
     }
 
@@ -46,12 +46,12 @@ impl Canvas {
         self.update(pixels, |word, bit| word & !bit);
     }
 
-    fn update(&mut self, pixels: impl Iterator<Item = [i32; 2]>, change: impl Fn(u64, u64) -> u64) {
+    fn update(&mut self, pixels: impl Iterator<Item = [i32; 2]>, change: impl Fn(u16, u16) -> u16) {
         for pixel in pixels {
             if self.contains(pixel) {
                 let [x, y] = pixel.map(|value| value as usize);
-                let word = &mut self.words[(y / WORD + 1) * self.pitch + MARGIN + x];
-                *word = change(*word, 1 << (y % WORD));
+                let word = &mut self.words[(y / BAND + 1) * self.pitch + MARGIN + x];
+                *word = change(*word, 1 << (y % BAND));
             }
         }
     }
@@ -86,10 +86,10 @@ impl Canvas {
     }
 
     #[inline(always)]
-    fn stamp(&mut self, stamp: &Stamp, centre: [i32; 2], change: impl Fn(u64, u64) -> u64) {
+    fn stamp(&mut self, stamp: &Stamp, centre: [i32; 2], change: impl Fn(u16, u16) -> u16) {
         let x = (centre[0] + i32::from(stamp.corner[0]) + MARGIN as i32) as usize;
-        let y = (centre[1] + i32::from(stamp.corner[1]) + WORD as i32) as usize;
-        let (first, shift) = (y / WORD * self.pitch + x, y % WORD);
+        let y = (centre[1] + i32::from(stamp.corner[1]) + BAND as i32) as usize;
+        let (first, shift) = (y / BAND * self.pitch + x, y % BAND);
         let Some((upper, lower)) =
             self.words[first..first + self.pitch + SIDE].split_at_mut_checked(self.pitch)
         else {
@@ -97,14 +97,14 @@ impl Canvas {
         };
         // Both bands, though most stamps lie in one: which do cannot be predicted.
         for ((above, below), &bits) in upper.iter_mut().zip(lower).zip(&stamp.columns) {
-            let bits = u64::from(bits);
             *above = change(*above, bits << shift);
-            *below = change(*below, bits >> 1 >> (WORD - 1 - shift));
+            *below = change(*below, bits >> 1 >> (BAND - 1 - shift));
         }
     }
 
-    /// The words of a band of 64 rows, one a column; none beyond the canvas. What they hold of rows below it is anything.
-    pub(super) fn band(&self, band: usize) -> &[u64] {
+    /// The words of a band of 16 rows, one a column; none beyond the canvas. What they hold of rows below it is anything.
+    #[inline(always)]
+    pub(super) fn band(&self, band: usize) -> &[u16] {
         let first = (band + 1) * self.pitch + MARGIN;
         self.words
             .get(first..first + self.width as usize)
@@ -122,7 +122,7 @@ mod tests {
     fn white(canvas: &Canvas) -> BTreeSet<[i32; 2]> {
         let is_white = |&[x, y]: &[i32; 2]| {
             let (x, y) = (x as usize, y as usize);
-            canvas.band(y / WORD)[x] >> (y % WORD) & 1 == 1
+            canvas.band(y / BAND)[x] >> (y % BAND) & 1 == 1
         };
         let pixels = (0..canvas.width as i32).flat_map(|x| (0..canvas.height as i32).map(move |y| [x, y]));
         pixels.filter(is_white).collect()

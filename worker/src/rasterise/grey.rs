@@ -1,24 +1,30 @@
 //! From white pixels to grey values: averages of cells, and the stretch to the full range.
 
-use super::canvas::Canvas;
+use super::canvas::{BAND, Canvas};
 use pulp::{Arch, Simd, WithSimd};
+
+/// Columns that are looked at in one word of a machine.
+const ABREAST: usize = 4;
+/// A bit for the first row of each of them.
+const FIRST_ROWS: u64 = 0x0001_0001_0001_0001;
 
 /// The cells of a picture: pixel p of a side of `size` pixels belongs to cell floor(p * resolution / size).
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     resolution: usize,
-    /// Cell of each x.
-    column: Vec<u32>,
-    /// What the words of each band hold of the cells of a column.
+    /// First x of each cell, and one for the end.
+    columns: Vec<usize>,
+    /// What each band holds of the cells of a column.
     bands: Vec<Vec<Part>>,
     /// Pixels across each cell, by axis.
     extent: [Vec<u32>; 2],
 }
 
-/// The pixels of one cell in a word of 64 rows.
+/// The pixels of one row of cells in a band.
 #[derive(Debug, Clone, Copy)]
 struct Part {
     row: usize,
+    /// Its rows in each of the columns abreast.
     mask: u64,
 }
 
@@ -37,10 +43,11 @@ impl Cells {
             }
             extent
         });
+        let columns = (0..=resolution).map(|cell| column.partition_point(|&of| (of as usize) < cell));
         Self {
             resolution,
-            bands: row.chunks(u64::BITS as usize).map(parts).collect(),
-            column,
+            columns: columns.collect(),
+            bands: row.chunks(BAND).map(parts).collect(),
             extent,
         }
     }
@@ -58,14 +65,17 @@ impl Cells {
     }
 }
 
-/// The parts of a word whose rows belong to these cells.
+/// The parts of a band whose rows belong to these cells.
 fn parts(rows: &[u32]) -> Vec<Part> {
     let mut parts: Vec<Part> = Vec::new();
     for (bit, &row) in rows.iter().enumerate() {
         let row = row as usize;
         match parts.last_mut() {
-            Some(part) if part.row == row => part.mask |= 1 << bit,
-            _ => parts.push(Part { row, mask: 1 << bit }),
+            Some(part) if part.row == row => part.mask |= FIRST_ROWS << bit,
+            _ => parts.push(Part {
+                row,
+                mask: FIRST_ROWS << bit,
+            }),
         }
     }
     parts
@@ -86,12 +96,20 @@ impl WithSimd for Count<'_> {
         let resolution = self.cells.resolution;
         let mut white = vec![0u32; resolution * resolution];
         for (band, parts) in self.cells.bands.iter().enumerate() {
-            for (&word, &column) in self.canvas.band(band).iter().zip(&self.cells.column) {
-                if word != 0 {
-                    let first = column as usize * resolution;
-                    let column = &mut white[first..first + resolution];
+            let band = self.canvas.band(band);
+            let ends = self.cells.columns.iter().zip(self.cells.columns.iter().skip(1));
+            for (column, (&first, &end)) in white.chunks_exact_mut(resolution).zip(ends) {
+                let words = band.get(first..end).unwrap_or_default();
+                let (fours, rest) = words.as_chunks::<ABREAST>();
+                let mut last = [0; ABREAST];
+                last[..rest.len()].copy_from_slice(rest);
+                for &four in fours.iter().chain([&last]) {
+                    let four = four
+                        .iter()
+                        .rev()
+                        .fold(0, |word, &rows| word << BAND | u64::from(rows));
                     for part in parts {
-                        column[part.row] += (word & part.mask).count_ones();
+                        column[part.row] += (four & part.mask).count_ones();
                     }
                 }
             }

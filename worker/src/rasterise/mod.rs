@@ -89,8 +89,12 @@ impl Rasteriser {
         {
             let rays = batch.sensor_directions(simd, heading);
             let ends = Ends::new(simd, &self.brush, position, heading, rays);
+            // All lanes in between: a load of what was stored just before, at another address, would wait for the store.
             for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                self.brush.draw(canvas, ends.lane(lane));
+                self.brush.erase_rays(canvas, &ends.lane(lane));
+            }
+            for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
+                self.brush.paint_body(canvas, &ends.lane(lane));
             }
         }
     }
@@ -133,10 +137,10 @@ impl WithSimd for Drawing<'_> {
             let first = directions.next().unwrap_or(agent.heading);
             if let Some(second) = directions.next() {
                 let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first, second]);
-                self.brush.draw(self.canvas, ends.lane(0));
+                self.brush.draw(self.canvas, &ends.lane(0));
             } else {
                 let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first]);
-                self.brush.draw(self.canvas, ends.lane(0));
+                self.brush.draw(self.canvas, &ends.lane(0));
             }
         }
     }

@@ -1,10 +1,6 @@
 //! Collisions: the agent that has just moved is pushed out of those it touches; the others stay.
 
-use super::{
-    Start,
-    positions::{LANES, Positions},
-    sight::Reach,
-};
+use super::{Start, others::Others, sight::Reach};
 use murmuration_proto::{Purpose, RandomStream, World};
 use pulp::Simd;
 
@@ -48,6 +44,16 @@ impl Collisions {
         self.reach
     }
 
+    /// Two radii.
+    pub(super) const fn diameter(&self) -> f64 {
+        self.diameter
+    }
+
+    /// Whether a push may draw random numbers.
+    pub(super) const fn jitters(&self) -> bool {
+        self.jitter.is_some()
+    }
+
     pub(super) const fn jitter_events(&self) -> u64 {
         self.jitter_events
     }
@@ -57,55 +63,22 @@ impl Collisions {
     pub(super) fn push_out<S: Simd>(
         &mut self,
         simd: S,
-        positions: &Positions,
+        others: &impl Others,
         me: usize,
         mut at: [f64; 2],
     ) -> [f64; 2] {
         let mut touched = std::mem::take(&mut self.touched);
         for _ in 0..PASSES {
-            self.list_touched(simd, &mut touched, positions, me, at);
+            others.list_touched(simd, &mut touched, me, at, self.reach);
             if touched.is_empty() {
                 break;
             }
             for &other in &touched {
-                at = self.pushed(at, positions.get(other));
+                at = self.pushed(at, others.get(other));
             }
         }
         self.touched = touched;
         at
-    }
-
-    /// Lists the agents that touch one at `at`, in index order.
-    #[inline(always)]
-    fn list_touched<S: Simd>(
-        &self,
-        simd: S,
-        list: &mut Vec<usize>,
-        positions: &Positions,
-        me: usize,
-        at: [f64; 2],
-    ) {
-        list.clear();
-        let [x, y] = at.map(|value| simd.splat_f64s(value));
-        let touch = simd.splat_f64s(self.reach.touch);
-        for (b, block) in positions.blocks().iter().enumerate() {
-            for (v, lanes) in block.vectors(simd, me.wrapping_sub(b * LANES)).enumerate() {
-                let [ex, ey] = [simd.sub_f64s(lanes.x, x), simd.sub_f64s(lanes.y, y)];
-                let squared = simd.add_f64s(simd.mul_f64s(ex, ex), simd.mul_f64s(ey, ey));
-                let near = simd.and_m64s(lanes.other, simd.less_than_f64s(squared, touch));
-                if simd.first_true_m64s(near) < S::F64_LANES {
-                    let first = b * LANES + v * S::F64_LANES;
-                    let near = |&i: &usize| i != me && self.touches(positions.get(i), at);
-                    list.extend((first..first + S::F64_LANES).filter(near));
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn touches(&self, other: [f64; 2], at: [f64; 2]) -> bool {
-        let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
-        ex * ex + ey * ey < self.reach.touch
     }
 
     /// Where an agent at `at` ends that is pushed out of one at `other`, if they touch.

@@ -6,6 +6,8 @@
 mod batch;
 mod collide;
 mod drive;
+mod grid;
+mod others;
 mod positions;
 mod sight;
 mod start;
@@ -18,7 +20,9 @@ pub(crate) use batch::{Agents, Batch, MOST_AGENTS};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::{Gait, rotate};
+use grid::Grid;
 use murmuration_proto::{Controller, Invalid, World};
+use others::Others;
 use positions::Positions;
 pub use pulp::Arch;
 use pulp::{Simd, WithSimd};
@@ -33,14 +37,28 @@ const RENORMALISE_EVERY: u32 = 256;
 #[derive(Debug, Clone)]
 pub struct Swarm {
     arch: Arch,
-    walls: Walls,
-    gaits: [Gait; 4],
     /// (cos, sin) of the second sensor's angle.
     second_sensor: Option<[f64; 2]>,
+    robots: Robots,
+    others: Lookup,
+}
+
+/// What a step needs but for where the others are.
+#[derive(Debug, Clone)]
+struct Robots {
+    walls: Walls,
+    gaits: [Gait; 4],
     collisions: Collisions,
-    positions: Positions,
     bodies: Vec<Body>,
     steps: u32,
+}
+
+/// Where all agents are.
+#[derive(Debug, Clone)]
+enum Lookup {
+    /// To be looked at one and all.
+    All(Positions),
+    Near(Grid),
 }
 
 /// An agent as it is between two steps.
@@ -89,16 +107,37 @@ impl Swarm {
     /// # Errors
     /// As [`Swarm::new`].
     pub fn on(arch: Arch, controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
+        let mut swarm = Self::pairwise(arch, controller, world, start)?;
+        if world.agents() >= grid::WORTH {
+            let positions: Vec<_> = swarm.agents().map(|agent| agent.position).collect();
+            swarm.others = Lookup::Near(Grid::new(world, &positions));
+        }
+        Ok(swarm)
+    }
+
+    /// As [`Swarm::on`], every agent looking at every other however many there are: the bits are the same. It is there to be
+    /// compared with.
+    ///
+    /// # Errors
+    /// As [`Swarm::new`].
+    pub fn pairwise(
+        arch: Arch,
+        controller: &Controller,
+        world: &World,
+        start: &Start,
+    ) -> Result<Self, Invalid> {
         let poses = start.poses_for(world)?;
         Ok(Self {
             arch,
-            walls: Walls::of(world),
-            gaits: drive::gaits(controller, world),
             second_sensor: controller.angle().map(drive::direction),
-            collisions: Collisions::new(world, start),
-            positions: poses.iter().map(|&[x, y, _]| [x, y]).collect(),
-            bodies: poses.iter().map(Body::at).collect(),
-            steps: 0,
+            robots: Robots {
+                walls: Walls::of(world),
+                gaits: drive::gaits(controller, world),
+                collisions: Collisions::new(world, start),
+                bodies: poses.iter().map(Body::at).collect(),
+                steps: 0,
+            },
+            others: Lookup::All(poses.iter().map(|&[x, y, _]| [x, y]).collect()),
         })
     }
 
@@ -109,30 +148,21 @@ impl Swarm {
 
     /// Steps every agent `steps` times.
     pub fn advance(&mut self, steps: u32) {
-        let arch = self.arch;
-        match self.second_sensor {
-            None => arch.dispatch(Run {
-                swarm: self,
-                steps,
-                rays: |heading| [heading],
-            }),
-            Some(angle) => arch.dispatch(Run {
-                swarm: self,
-                steps,
-                rays: |heading| [heading, rotate(heading, angle)],
-            }),
+        match &mut self.others {
+            Lookup::All(others) => self.robots.advance(self.arch, self.second_sensor, others, steps),
+            Lookup::Near(others) => self.robots.advance(self.arch, self.second_sensor, others, steps),
         }
     }
 
     /// Steps done since the start.
     #[must_use]
     pub const fn steps(&self) -> u32 {
-        self.steps
+        self.robots.steps
     }
 
     /// The agents, in index order.
     pub fn agents(&self) -> impl ExactSizeIterator<Item = Agent> + Clone {
-        self.bodies.iter().map(|body| Agent {
+        self.robots.bodies.iter().map(|body| Agent {
             position: body.position,
             heading: body.heading,
             theta: body.theta,
@@ -150,19 +180,39 @@ impl Swarm {
     /// How often a push was one that the authors' simulator adds its jitter to, whether or not the world has it.
     #[must_use]
     pub const fn jitter_events(&self) -> u64 {
-        self.collisions.jitter_events()
+        self.robots.collisions.jitter_events()
+    }
+}
+
+impl Robots {
+    fn advance(&mut self, arch: Arch, second_sensor: Option<[f64; 2]>, others: &mut impl Others, steps: u32) {
+        match second_sensor {
+            None => arch.dispatch(Run {
+                robots: self,
+                others,
+                steps,
+                rays: |heading| [heading],
+            }),
+            Some(angle) => arch.dispatch(Run {
+                robots: self,
+                others,
+                steps,
+                rays: |heading| [heading, rotate(heading, angle)],
+            }),
+        }
     }
 
     #[inline(always)]
     fn run<S: Simd, const SENSORS: usize>(
         &mut self,
         simd: S,
+        others: &mut impl Others,
         steps: u32,
         rays: impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
     ) {
         for _ in 0..steps {
             for i in 0..self.bodies.len() {
-                self.step_agent(simd, i, &rays);
+                self.step_agent(simd, others, i, &rays);
             }
             self.steps += 1;
             if self.steps.is_multiple_of(RENORMALISE_EVERY) {
@@ -177,6 +227,7 @@ impl Swarm {
     fn step_agent<S: Simd, const SENSORS: usize>(
         &mut self,
         simd: S,
+        others: &mut impl Others,
         i: usize,
         rays: &impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
     ) {
@@ -193,38 +244,40 @@ impl Swarm {
             rays: rays(body.heading),
         };
         let reach = self.collisions.reach();
-        body.sensed = match observer.sense_unless_touched(simd, &self.positions, reach) {
+        body.sensed = match others.sense_unless_touched(simd, observer, reach) {
             Some(sensed) => sensed,
             None => {
-                at = self.collisions.push_out(simd, &self.positions, i, at);
+                at = self.collisions.push_out(simd, others, i, at);
                 observer.at = at;
-                observer.sense(simd, &self.positions, reach)
+                others.sense(simd, observer, reach)
             }
         };
         body.position = at;
         body.displacement = [at[0] - before[0], at[1] - before[1]];
-        self.positions.set(simd, i, at);
+        others.set(simd, i, at);
     }
 }
 
 /// Some steps of a swarm, as something that can be compiled for several kinds of CPU.
 ///
 /// Everything below it is inlined by force: only what is inlined is compiled for the kind at hand.
-struct Run<'a, R> {
-    swarm: &'a mut Swarm,
+struct Run<'a, O, R> {
+    robots: &'a mut Robots,
+    others: &'a mut O,
     steps: u32,
     rays: R,
 }
 
-impl<const SENSORS: usize, R> WithSimd for Run<'_, R>
+impl<const SENSORS: usize, O, R> WithSimd for Run<'_, O, R>
 where
+    O: Others,
     R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
 {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.swarm.run(simd, self.steps, self.rays);
+        self.robots.run(simd, self.others, self.steps, self.rays);
     }
 }
 

@@ -25,6 +25,22 @@ impl Reach {
             touch: diameter * diameter,
         }
     }
+
+    /// Whether agents at these places touch.
+    #[inline(always)]
+    pub(super) fn touches(&self, other: [f64; 2], at: [f64; 2]) -> bool {
+        let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
+        ex * ex + ey * ey < self.touch
+    }
+
+    /// Whether the ray from `at` along the unit vector `ray` meets an agent at `other`: what [`Observer::look`] computes.
+    #[inline(always)]
+    pub(super) fn meets(&self, other: [f64; 2], at: [f64; 2], ray: [f64; 2]) -> bool {
+        let (ex, ey) = (other[0] - at[0], other[1] - at[1]);
+        let inside = self.body - (ex * ex + ey * ey);
+        let along = ex * ray[0] + ey * ray[1];
+        along >= 0.0 && inside + along * along >= 0.0
+    }
 }
 
 /// An agent that looks at all others.

@@ -109,6 +109,27 @@ proptest! {
         }
     }
 
+    /// Worlds of few and of many, sparse and so crowded that all touch; starts beyond the walls too.
+    #[test]
+    fn a_grid_changes_no_bit(
+        controller in controllers(),
+        world in worlds(100..=400u32),
+        seed: u64,
+        spread in prop_oneof![Just(1.0), 0.0..3.0_f64],
+    ) {
+        let poses = Start::seeded(seed).poses_for(&world).unwrap().into_owned();
+        let start = Start::at(poses.iter().map(|&[x, y, theta]| [spread * x - 0.3 * x, spread * y, theta]).collect()).unwrap();
+        let mut all = Swarm::pairwise(Arch::new(), &controller, &world, &start).unwrap();
+        let mut near = all.clone();
+        let positions: Vec<_> = near.agents().map(|agent| agent.position).collect();
+        near.others = Lookup::Near(Grid::new(&world, &positions));
+        for swarm in [&mut all, &mut near] {
+            swarm.advance(40);
+        }
+        prop_assert_eq!(bits(&near), bits(&all));
+        prop_assert_eq!(near.jitter_events(), all.jitter_events());
+    }
+
     #[test]
     fn the_bits_do_not_depend_on_how_the_steps_are_grouped(
         controller in controllers(),
@@ -258,7 +279,7 @@ fn jitter_is_seeded_and_only_where_it_is_asked_for() {
         let poses = Start::seeded(9).poses_for(&world).unwrap().into_owned();
         let mut swarm =
             Swarm::new(&single([0.6, 1.0, 0.4, 0.5]), &world, &Start::at(poses).unwrap()).unwrap();
-        swarm.collisions = Collisions::new(&world, &Start::seeded(seed));
+        swarm.robots.collisions = Collisions::new(&world, &Start::seeded(seed));
         swarm.advance(20);
         assert!(swarm.jitter_events() > 0);
         bits(&swarm)

@@ -1,80 +1,132 @@
-//! What one agent of each swarm has in its sensors' lines of sight, and how near the nearest other is.
+//! What one agent of each swarm has in its sensors' lines of sight, and whether another touches it.
 
 use crate::{
-    lanes::{Aligned, Planar, dot, minus},
+    lanes::{Aligned, Planar, any, dot, minus},
     simulate::sight::Reach,
 };
 use pulp::Simd;
 
+/// Largest rounding error of what [`glance`] computes, and of what [`look_apart`] does, together: so many times the squares
+/// of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+
 /// What a look at all others shows.
+#[derive(Clone, Copy)]
 pub(super) struct Seen<S: Simd, const SENSORS: usize> {
-    /// Square of the distance to the nearest.
-    pub(super) nearest: S::f64s,
-    /// Whether each sensor hits.
+    /// Whether another touches.
+    pub(super) touched: S::m64s,
+    /// Whether each sensor hits; where another touches, and nothing else is said, anything.
     pub(super) hits: [S::m64s; SENSORS],
 }
 
-/// A look from `at` along `rays` at `others`, where nobody touches: lanes in which somebody does have `nearest`
-/// right and `hits` wrong.
-///
-/// With e from here to another's centre, a ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0. Where nobody touches, r^2 - e.e
-/// is negative: r^2 - e.e + (e.u)|e.u| is negative too where e.u is, and the same number otherwise. So its sign alone decides, and the
-/// largest of all agents decides for all.
-#[inline(always)]
-pub(super) fn look_apart<S: Simd, const SENSORS: usize>(
-    simd: S,
-    others: &[Aligned<Planar<S>>],
-    at: Planar<S>,
-    rays: [Planar<S>; SENSORS],
-    reach: Reach,
-) -> Seen<S, SENSORS> {
-    let zero = simd.splat_f64s(0.0);
-    let body = simd.splat_f64s(reach.body);
-    let mut nearest = simd.splat_f64s(f64::INFINITY);
-    let mut deepest = [simd.splat_f64s(-1.0); SENSORS];
-    for other in others {
-        let e = minus(simd, other.0, at);
-        let squared = dot(simd, e, e);
-        nearest = simd.min_f64s(nearest, squared);
-        let inside = simd.sub_f64s(body, squared);
-        for (ray, deepest) in rays.iter().zip(&mut deepest) {
-            let along = dot(simd, e, *ray);
-            let depth = simd.add_f64s(inside, simd.mul_f64s(along, simd.abs_f64s(along)));
-            *deepest = simd.max_f64s(*deepest, depth);
-        }
-    }
-    let mut hits = [simd.less_than_f64s(zero, zero); SENSORS];
-    for (hit, deepest) in hits.iter_mut().zip(deepest) {
-        *hit = simd.greater_than_or_equal_f64s(deepest, zero);
-    }
-    Seen { nearest, hits }
+/// An agent of each swarm, about to look.
+#[derive(Clone, Copy)]
+pub(super) struct Viewer<S: Simd, const SENSORS: usize> {
+    pub(super) at: Planar<S>,
+    /// Unit vectors along which its sensors look.
+    pub(super) rays: [Planar<S>; SENSORS],
+    pub(super) reach: Reach,
 }
 
-/// As [`look_apart`], right in every lane.
-#[inline(always)]
-pub(super) fn look<S: Simd, const SENSORS: usize>(
-    simd: S,
-    others: &[Aligned<Planar<S>>],
-    at: Planar<S>,
-    rays: [Planar<S>; SENSORS],
-    reach: Reach,
-) -> Seen<S, SENSORS> {
-    let zero = simd.splat_f64s(0.0);
-    let body = simd.splat_f64s(reach.body);
-    let mut nearest = simd.splat_f64s(f64::INFINITY);
-    let mut hits = [simd.less_than_f64s(zero, zero); SENSORS];
-    for other in others {
-        let e = minus(simd, other.0, at);
-        let squared = dot(simd, e, e);
-        nearest = simd.min_f64s(nearest, squared);
-        let inside = simd.sub_f64s(body, squared);
-        for (ray, hit) in rays.iter().zip(&mut hits) {
-            let along = dot(simd, e, *ray);
-            let ahead = simd.greater_than_or_equal_f64s(along, zero);
-            let depth = simd.add_f64s(inside, simd.mul_f64s(along, along));
-            let met = simd.greater_than_or_equal_f64s(depth, zero);
-            *hit = simd.or_m64s(*hit, simd.and_m64s(ahead, met));
+impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
+    /// A look at `others`, none of whom is farther from the origin than `far` along an axis, nor is the viewer. `hits` are
+    /// right only where nobody touches.
+    #[inline(always)]
+    pub(super) fn look(self, simd: S, others: &[Aligned<Planar<S>>], far: S::f64s) -> Seen<S, SENSORS> {
+        match self.glance(simd, others, far) {
+            Some(seen) => seen,
+            None => self.look_apart(simd, others),
         }
     }
-    Seen { nearest, hits }
+
+    /// [`Viewer::look_apart`] with fused multiply-add, unless that rounds too near to a decision to be sure of it.
+    ///
+    /// With e from here to another's centre, what decides is how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u|
+    /// from 0; the difference between two ways to compute them is within [`ROUNDING`] of what e.e can be.
+    #[inline(always)]
+    fn glance(self, simd: S, others: &[Aligned<Planar<S>>], far: S::f64s) -> Option<Seen<S, SENSORS>> {
+        let zero = simd.splat_f64s(0.0);
+        let body = simd.splat_f64s(-self.reach.body);
+        let mut backwards = self.rays;
+        for ray in &mut backwards {
+            *ray = [simd.neg_f64s(ray[0]), simd.neg_f64s(ray[1])];
+        }
+        let mut nearest = simd.splat_f64s(f64::INFINITY);
+        let mut deepest = [nearest; SENSORS];
+        for other in others {
+            let e = minus(simd, other.0, self.at);
+            let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
+            nearest = simd.min_f64s(nearest, outside);
+            for (ray, deepest) in backwards.iter().zip(&mut deepest) {
+                let along = simd.mul_add_e_f64s(e[0], ray[0], simd.mul_f64s(e[1], ray[1]));
+                let depth = simd.mul_add_e_f64s(along, simd.abs_f64s(along), outside);
+                *deepest = simd.min_f64s(*deepest, depth);
+            }
+        }
+        // e is at most 2 far along each axis, and so e.e at most 8 far^2.
+        let margin = simd.mul_add_e_f64s(
+            simd.mul_f64s(far, far),
+            simd.splat_f64s(8.0 * ROUNDING),
+            simd.splat_f64s(4.0 * ROUNDING * self.reach.body),
+        );
+        let nearest = simd.sub_f64s(nearest, simd.splat_f64s(self.reach.touch - self.reach.body));
+        let mut sure = simd.greater_than_f64s(simd.abs_f64s(nearest), margin);
+        let mut hits = [sure; SENSORS];
+        for (hit, deepest) in hits.iter_mut().zip(deepest) {
+            sure = simd.and_m64s(sure, simd.greater_than_f64s(simd.abs_f64s(deepest), margin));
+            *hit = simd.less_than_f64s(deepest, zero);
+        }
+        let touched = simd.less_than_f64s(nearest, zero);
+        (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
+    }
+
+    /// [`Viewer::look`] by the operations that the definition has.
+    ///
+    /// A ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0. Where nobody touches, r^2 - e.e is negative:
+    /// r^2 - e.e + (e.u)|e.u| is negative too where e.u is, and the same number otherwise. So its sign alone decides, and
+    /// the largest of all agents decides for all.
+    #[inline(never)]
+    fn look_apart(self, simd: S, others: &[Aligned<Planar<S>>]) -> Seen<S, SENSORS> {
+        let zero = simd.splat_f64s(0.0);
+        let body = simd.splat_f64s(self.reach.body);
+        let mut nearest = simd.splat_f64s(f64::INFINITY);
+        let mut deepest = [simd.splat_f64s(-1.0); SENSORS];
+        for other in others {
+            let e = minus(simd, other.0, self.at);
+            let squared = dot(simd, e, e);
+            nearest = simd.min_f64s(nearest, squared);
+            let inside = simd.sub_f64s(body, squared);
+            for (ray, deepest) in self.rays.iter().zip(&mut deepest) {
+                let along = dot(simd, e, *ray);
+                let depth = simd.add_f64s(inside, simd.mul_f64s(along, simd.abs_f64s(along)));
+                *deepest = simd.max_f64s(*deepest, depth);
+            }
+        }
+        let touched = simd.less_than_f64s(nearest, simd.splat_f64s(self.reach.touch));
+        let mut hits = [touched; SENSORS];
+        for (hit, deepest) in hits.iter_mut().zip(deepest) {
+            *hit = simd.greater_than_or_equal_f64s(deepest, zero);
+        }
+        Seen { touched, hits }
+    }
+
+    /// Whether each sensor hits, where others may touch.
+    #[inline(always)]
+    pub(super) fn look_among(self, simd: S, others: &[Aligned<Planar<S>>]) -> [S::m64s; SENSORS] {
+        let zero = simd.splat_f64s(0.0);
+        let body = simd.splat_f64s(self.reach.body);
+        let mut hits = [simd.less_than_f64s(zero, zero); SENSORS];
+        for other in others {
+            let e = minus(simd, other.0, self.at);
+            let inside = simd.sub_f64s(body, dot(simd, e, e));
+            for (ray, hit) in self.rays.iter().zip(&mut hits) {
+                let along = dot(simd, e, *ray);
+                let ahead = simd.greater_than_or_equal_f64s(along, zero);
+                let depth = simd.add_f64s(inside, simd.mul_f64s(along, along));
+                let met = simd.greater_than_or_equal_f64s(depth, zero);
+                *hit = simd.or_m64s(*hit, simd.and_m64s(ahead, met));
+            }
+        }
+        hits
+    }
 }

@@ -14,7 +14,8 @@ use super::{
     sight::Reach,
 };
 use crate::lanes::{Aligned, Planar, any, dot, gathered, minus, plus, rotate, scaled, select, splat};
-use look::{look, look_apart};
+use collide::Touched;
+use look::Viewer;
 use murmuration_proto::{Controller, Invalid, World};
 use pulp::Simd;
 
@@ -32,6 +33,8 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize> {
     /// Where each agent is, and after the last each once more: [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
     bodies: Vec<Aligned<Body<S, SENSORS>>>,
+    /// No agent's x or y was ever larger in magnitude.
+    far: S::f64s,
     steps: u32,
 }
 
@@ -42,6 +45,8 @@ struct Body<S: Simd, const SENSORS: usize> {
     displacement: Planar<S>,
     /// Whether each sensor hit.
     sensed: [S::m64s; SENSORS],
+    /// Whether it touched another in its last step, in any lane.
+    crowded: bool,
 }
 
 /// The motion of one step: that of [`drive::Gait`] less the change of theta, which nothing reads here.
@@ -83,8 +88,13 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
         let position = |i: usize| gathered(simd, poses.iter().map(|poses| [poses[i][0], poses[i][1]]));
         let heading = |i: usize| gathered(simd, poses.iter().map(|poses| drive::direction(poses[i][2])));
         let agents = 0..world.agents() as usize;
+        let mut far = none[0];
+        for [x, y] in agents.clone().map(position) {
+            far = simd.max_f64s(far, simd.max_f64s(simd.abs_f64s(x), simd.abs_f64s(y)));
+        }
         Ok(Self {
             walls: Walls::of(world),
+            far,
             reach: Reach::of(world),
             gaits: std::array::from_fn(|state| Gait {
                 ahead: gathered(simd, gaits.iter().map(|gaits| [gaits[state].ahead, 0.0]))[0],
@@ -106,6 +116,7 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
                         heading: heading(i),
                         displacement: none,
                         sensed: [never; SENSORS],
+                        crowded: false,
                     })
                 })
                 .collect(),
@@ -162,33 +173,50 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
         let gait = chosen(simd, &self.gaits, body.sensed);
         let before = self.positions[i].0;
         let ahead = scaled(simd, body.heading, gait.ahead);
-        let mut at = self.walls.clamp_lanes(simd, plus(simd, before, ahead));
+        let at = self.walls.clamp_lanes(simd, plus(simd, before, ahead));
         body.heading = rotate(simd, body.heading, gait.rotation);
 
-        let rays = self.sensor_directions(simd, body.heading);
+        let mut viewer = Viewer {
+            at,
+            rays: self.sensor_directions(simd, body.heading),
+            reach: self.reach,
+        };
         let touch = simd.splat_f64s(self.reach.touch);
-        let mut seen = look_apart(simd, self.others(i), at, rays, self.reach);
         let mut passes = 0;
-        while passes < PASSES && any(simd, simd.less_than_f64s(seen.nearest, touch)) {
-            at = collide::pass(
-                simd,
-                &mut self.collisions,
-                &self.positions[..agents],
-                i,
-                at,
-                touch,
-            );
-            seen = look_apart(simd, self.others(i), at, rays, self.reach);
-            passes += 1;
-        }
-        if passes == PASSES {
-            seen = look(simd, self.others(i), at, rays, self.reach);
-        }
-        body.sensed = seen.hits;
+        body.sensed = loop {
+            // Who was crowded a step ago is likely to be so now, and the look in vain.
+            if passes > 0 || !body.crowded {
+                let far = self.farther(simd, viewer.at);
+                let seen = viewer.look(simd, self.others(i), far);
+                if !any(simd, seen.touched) {
+                    break seen.hits;
+                }
+                if passes == PASSES {
+                    break viewer.look_among(simd, self.others(i));
+                }
+            }
+            let positions = &self.positions[..agents];
+            let touched = Touched::by(simd, positions, i, viewer.at, touch);
+            body.crowded = any(simd, touched.lanes(simd));
+            if body.crowded {
+                viewer.at = collide::pass(simd, &mut self.collisions, positions, touched, viewer.at);
+                passes += 1;
+            }
+        };
+        body.crowded = passes > 0;
+        let at = viewer.at;
         body.displacement = minus(simd, at, before);
         self.bodies[i].0 = body;
         self.positions[i].0 = at;
         self.positions[agents + i].0 = at;
+    }
+
+    /// The largest coordinate so far, `at` included.
+    #[inline(always)]
+    fn farther(&mut self, simd: S, at: Planar<S>) -> S::f64s {
+        let here = simd.max_f64s(simd.abs_f64s(at[0]), simd.abs_f64s(at[1]));
+        self.far = simd.max_f64s(self.far, here);
+        self.far
     }
 
     /// The positions of all agents but `i`, as a run of the same length for each: the end of a loop whose length changes

@@ -1,0 +1,223 @@
+//! Where the agents of a large swarm are, by cells of a grid: who touches one, and whether a ray meets one, is asked of a few
+//! cells and not of all agents.
+//!
+//! The cells only choose whom to ask: every answer comes from the operations of [`sight`](super::sight), so the bits do not
+//! depend on there being a grid.
+
+use super::sight::{Observer, Reach};
+use murmuration_proto::World;
+
+/// Fewest agents that a grid is faster for: `cargo bench -p murmuration-worker --bench many_robots`.
+pub(super) const WORTH: u32 = 512;
+/// Cells for each agent, about.
+const CELLS_AN_AGENT: f64 = 0.25;
+/// Room for what is rounded, as a part of the largest coordinate c. A ray is a unit vector up to 10^-12, and squares of
+/// distances, at most 8 c^2, are off by less: roots of that are below 3 * 10^-6 c.
+const ROUNDING: f64 = 1e-5;
+
+/// The agents of a swarm by cells. Cells at the border hold what is beyond it too.
+#[derive(Debug, Clone)]
+pub(super) struct Grid {
+    /// Length of a cell's side, and its inverse: a division is slow.
+    side: f64,
+    inverse: f64,
+    /// Columns and rows.
+    cells: [usize; 2],
+    /// By column, then row.
+    members: Vec<Vec<Member>>,
+    positions: Vec<[f64; 2]>,
+    /// No coordinate was ever below or above, by axis.
+    range: [[f64; 2]; 2],
+    radius: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Member {
+    agent: usize,
+    at: [f64; 2],
+}
+
+/// A ray as a function of its main axis, the one that it advances along faster.
+#[derive(Debug, Clone, Copy)]
+struct Course {
+    main: usize,
+    from: [f64; 2],
+    /// Whether the main coordinate grows.
+    grows: bool,
+    /// Change across for each unit along the main axis.
+    slope: f64,
+    /// How far from the ray, across, a centre can be that it meets.
+    breadth: f64,
+}
+
+impl Grid {
+    /// The grid of agents at `positions`.
+    pub(super) fn new(world: &World, positions: &[[f64; 2]]) -> Self {
+        let size = [world.width(), world.height()];
+        let share = (size[0] * size[1] / (CELLS_AN_AGENT * positions.len() as f64)).sqrt();
+        let side = share.max(2.0 * world.radius());
+        let cells = size.map(|length| ((length / side).ceil() as usize).max(1));
+        let mut grid = Self {
+            side,
+            inverse: side.recip(),
+            cells,
+            members: vec![Vec::new(); cells[0] * cells[1]],
+            positions: positions.to_vec(),
+            range: [[0.0, size[0]], [0.0, size[1]]],
+            radius: world.radius(),
+        };
+        for (agent, &at) in positions.iter().enumerate() {
+            grid.widen(at);
+            let cell = grid.cell_of(at);
+            grid.members[cell].push(Member { agent, at });
+        }
+        grid
+    }
+
+    /// Where agent `i` is.
+    pub(super) fn get(&self, i: usize) -> [f64; 2] {
+        self.positions[i]
+    }
+
+    /// Moves agent `i`.
+    pub(super) fn set(&mut self, i: usize, at: [f64; 2]) {
+        self.widen(at);
+        let (old, new) = (self.cell_of(self.positions[i]), self.cell_of(at));
+        self.positions[i] = at;
+        if let Some(place) = self.members[old].iter().position(|member| member.agent == i) {
+            if old == new {
+                self.members[old][place].at = at;
+            } else {
+                self.members[old].swap_remove(place);
+                self.members[new].push(Member { agent: i, at });
+            }
+        }
+    }
+
+    /// Lists the agents other than `me` that touch one at `at`, in index order.
+    pub(super) fn list_touched(&self, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
+        list.clear();
+        list.extend(self.touching(me, at, reach));
+        list.sort_unstable();
+    }
+
+    /// Whether an agent other than `me` touches one at `at`.
+    pub(super) fn touches_any(&self, me: usize, at: [f64; 2], reach: Reach) -> bool {
+        self.touching(me, at, reach).next().is_some()
+    }
+
+    fn touching(&self, me: usize, at: [f64; 2], reach: Reach) -> impl Iterator<Item = usize> {
+        let room = 2.0 * self.radius + self.slack();
+        let [columns, rows] = [0, 1].map(|axis| self.span(axis, at[axis] - room, at[axis] + room));
+        let cells = (columns.0..=columns.1).flat_map(move |column| {
+            let first = column * self.cells[1];
+            self.members[first + rows.0..=first + rows.1].iter().flatten()
+        });
+        let touching = cells.filter(move |member| member.agent != me && reach.touches(member.at, at));
+        touching.map(|member| member.agent)
+    }
+
+    /// The sensor state of `observer`: 0 or 1, with two sensors 2 S1 + S2.
+    pub(super) fn sense<const SENSORS: usize>(&self, observer: &Observer<SENSORS>, reach: Reach) -> u8 {
+        let hit = |ray: &[f64; 2]| u8::from(self.meets(observer.index, observer.at, *ray, reach));
+        observer.rays.iter().fold(0, |state, ray| 2 * state + hit(ray))
+    }
+
+    /// Whether the ray from `at` along the unit vector `ray` meets an agent other than `me`.
+    fn meets(&self, me: usize, at: [f64; 2], ray: [f64; 2], reach: Reach) -> bool {
+        let course = Course::new(at, ray, self.radius);
+        let slack = self.slack();
+        let last = self.cells[course.main] - 1;
+        let behind = self.radius + slack;
+        let begin = at[course.main] + if course.grows { -behind } else { behind };
+        let mut slice = self.cell(course.main, begin);
+        loop {
+            let across = course.across(self.bounds(course.main, slice), slack);
+            let rows = self.span(1 - course.main, across[0], across[1]);
+            for row in rows.0..=rows.1 {
+                let cell = if course.main == 0 {
+                    slice * self.cells[1] + row
+                } else {
+                    row * self.cells[1] + slice
+                };
+                let mut members = self.members[cell].iter();
+                if members.any(|member| member.agent != me && reach.meets(member.at, at, ray)) {
+                    return true;
+                }
+            }
+            match (course.grows, slice) {
+                (true, slice) if slice == last => return false,
+                (false, 0) => return false,
+                (true, _) => slice += 1,
+                (false, _) => slice -= 1,
+            }
+        }
+    }
+
+    /// More than anything computed from coordinates here is off by.
+    fn slack(&self) -> f64 {
+        let [x, y] = self.range.map(|[low, high]| high.max(-low));
+        ROUNDING * x.max(y)
+    }
+
+    fn widen(&mut self, at: [f64; 2]) {
+        for (range, value) in self.range.iter_mut().zip(at) {
+            *range = [range[0].min(value), range[1].max(value)];
+        }
+    }
+
+    /// Least and largest coordinate of agents in the cells with this number along an axis.
+    fn bounds(&self, axis: usize, number: usize) -> [f64; 2] {
+        let [low, high] = self.range[axis];
+        [
+            if number == 0 {
+                low
+            } else {
+                number as f64 * self.side
+            },
+            if number + 1 == self.cells[axis] {
+                high
+            } else {
+                (number + 1) as f64 * self.side
+            },
+        ]
+    }
+
+    fn cell_of(&self, at: [f64; 2]) -> usize {
+        self.cell(0, at[0]) * self.cells[1] + self.cell(1, at[1])
+    }
+
+    /// Number of the cell that a coordinate is in along an axis.
+    fn cell(&self, axis: usize, value: f64) -> usize {
+        // A negative number becomes 0.
+        ((value * self.inverse) as usize).min(self.cells[axis] - 1)
+    }
+
+    /// Numbers of the first and the last cell between two coordinates along an axis.
+    fn span(&self, axis: usize, low: f64, high: f64) -> (usize, usize) {
+        (self.cell(axis, low), self.cell(axis, high))
+    }
+}
+
+impl Course {
+    fn new(from: [f64; 2], ray: [f64; 2], radius: f64) -> Self {
+        let main = usize::from(ray[1].abs() > ray[0].abs());
+        let slope = ray[1 - main] / ray[main];
+        Self {
+            main,
+            from,
+            grows: ray[main] > 0.0,
+            slope,
+            // A strip about the ray, cut across at an angle; its half width a little more than the radius.
+            breadth: 1.000_001 * radius * (1.0 + slope * slope).sqrt(),
+        }
+    }
+
+    /// Least and largest coordinate across of centres that the ray meets where their main coordinate is in `bounds`.
+    fn across(&self, bounds: [f64; 2], slack: f64) -> [f64; 2] {
+        let at = |main: f64| self.from[1 - self.main] + self.slope * (main - self.from[self.main]);
+        let ends = bounds.map(at);
+        let room = self.breadth + 2.0 * slack;
+        [ends[0].min(ends[1]) - room, ends[0].max(ends[1]) + room]
+    }
+}

@@ -1,0 +1,105 @@
+//! The other agents, as one that moves asks for them: all of them, or those near in a grid. The answers are the same.
+
+use super::{
+    grid::Grid,
+    positions::{LANES, Positions},
+    sight::{Observer, Reach},
+};
+use pulp::Simd;
+
+/// Where all agents are.
+pub(super) trait Others {
+    /// Position of agent `i`.
+    fn get(&self, i: usize) -> [f64; 2];
+
+    /// Moves agent `i`.
+    fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]);
+
+    /// Lists the agents other than `me` that touch one at `at`, in index order.
+    fn list_touched<S: Simd>(&self, simd: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach);
+
+    /// The sensor state of `observer`.
+    fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8;
+
+    /// Its sensor state if nobody touches it.
+    fn sense_unless_touched<S: Simd, const SENSORS: usize>(
+        &self,
+        simd: S,
+        observer: Observer<SENSORS>,
+        reach: Reach,
+    ) -> Option<u8>;
+}
+
+impl Others for Positions {
+    #[inline(always)]
+    fn get(&self, i: usize) -> [f64; 2] {
+        self.get(i)
+    }
+
+    #[inline(always)]
+    fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]) {
+        self.set(simd, i, at);
+    }
+
+    #[inline(always)]
+    fn list_touched<S: Simd>(&self, simd: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
+        list.clear();
+        let [x, y] = at.map(|value| simd.splat_f64s(value));
+        let touch = simd.splat_f64s(reach.touch);
+        for (b, block) in self.blocks().iter().enumerate() {
+            for (v, lanes) in block.vectors(simd, me.wrapping_sub(b * LANES)).enumerate() {
+                let [ex, ey] = [simd.sub_f64s(lanes.x, x), simd.sub_f64s(lanes.y, y)];
+                let squared = simd.add_f64s(simd.mul_f64s(ex, ex), simd.mul_f64s(ey, ey));
+                let near = simd.and_m64s(lanes.other, simd.less_than_f64s(squared, touch));
+                if simd.first_true_m64s(near) < S::F64_LANES {
+                    let first = b * LANES + v * S::F64_LANES;
+                    let near = |&i: &usize| i != me && reach.touches(self.get(i), at);
+                    list.extend((first..first + S::F64_LANES).filter(near));
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8 {
+        observer.sense(simd, self, reach)
+    }
+
+    #[inline(always)]
+    fn sense_unless_touched<S: Simd, const SENSORS: usize>(
+        &self,
+        simd: S,
+        observer: Observer<SENSORS>,
+        reach: Reach,
+    ) -> Option<u8> {
+        observer.sense_unless_touched(simd, self, reach)
+    }
+}
+
+impl Others for Grid {
+    fn get(&self, i: usize) -> [f64; 2] {
+        self.get(i)
+    }
+
+    fn set<S: Simd>(&mut self, _: S, i: usize, at: [f64; 2]) {
+        self.set(i, at);
+    }
+
+    fn list_touched<S: Simd>(&self, _: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
+        self.list_touched(list, me, at, reach);
+    }
+
+    fn sense<S: Simd, const SENSORS: usize>(&self, _: S, observer: Observer<SENSORS>, reach: Reach) -> u8 {
+        self.sense(&observer, reach)
+    }
+
+    fn sense_unless_touched<S: Simd, const SENSORS: usize>(
+        &self,
+        _: S,
+        observer: Observer<SENSORS>,
+        reach: Reach,
+    ) -> Option<u8> {
+        let touched = self.touches_any(observer.index, observer.at, reach);
+        (!touched).then(|| self.sense(&observer, reach))
+    }
+}
