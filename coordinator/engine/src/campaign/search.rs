@@ -327,3 +327,52 @@ impl Search {
         Ok((clustering, measures))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{
+        future::{pending, ready},
+        sync::atomic::{AtomicBool, Ordering},
+    };
+    use tokio::task::yield_now;
+
+    #[tokio::test]
+    async fn what_is_evaluated_counts_once_the_generation_before_is_on_disk() {
+        let on_disk = AtomicBool::new(false);
+        let committing = async {
+            yield_now().await;
+            on_disk.store(true, Ordering::Relaxed);
+            Ok(Some(()))
+        };
+        let evaluated = once_committed(committing, ready(Ok(Some(7)))).await;
+        assert!(matches!(evaluated, Ok(Some(7))) && on_disk.load(Ordering::Relaxed));
+    }
+
+    #[tokio::test]
+    async fn a_commit_is_awaited_where_evaluations_fail_or_stop() {
+        for evaluated in [Ok(None::<u32>), Err(CampaignError::Broken)] {
+            let on_disk = AtomicBool::new(false);
+            let committing = async {
+                yield_now().await;
+                on_disk.store(true, Ordering::Relaxed);
+                Ok(Some(()))
+            };
+            let fails = evaluated.is_err();
+            let ended = once_committed(committing, ready(evaluated)).await;
+            assert_eq!(ended.is_err(), fails);
+            assert!(on_disk.load(Ordering::Relaxed));
+        }
+    }
+
+    #[tokio::test]
+    async fn what_cannot_be_committed_ends_the_evaluations_of_its_children() {
+        let refused = once_committed(
+            ready(Err(CampaignError::Broken)),
+            pending::<Result<Option<u32>, _>>(),
+        );
+        assert!(refused.await.is_err());
+        let stopped = once_committed(ready(Ok(None)), pending::<Result<Option<u32>, _>>());
+        assert!(matches!(stopped.await, Ok(None)));
+    }
+}
