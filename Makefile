@@ -52,6 +52,7 @@ install: build runtime
 # Performance figures of this machine, each with a baseline from the same run.
 bench: build runtime
 	./target/release/murmuration bench simulate
+	./target/release/murmuration bench cluster
 	./target/release/murmuration bench train
 	$(CARGO) bench --workspace
 

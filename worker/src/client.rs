@@ -96,6 +96,7 @@ impl Peer for Worker {
                 let credits = v1::Credits {
                     evaluations: wanted as u32,
                 };
+                self.pool.asked();
                 link.send(worker_message::Message::Credits(credits)).await?;
             }
             tokio::select! {

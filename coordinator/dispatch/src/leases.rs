@@ -20,6 +20,7 @@ mod job;
 mod params;
 mod quarantine;
 mod queues;
+mod roster;
 mod task;
 mod turns;
 mod workers;
@@ -30,15 +31,17 @@ pub use params::JobParams;
 use job::Job;
 use murmuration_model::MachineId;
 use queues::Queues;
+use roster::Roster;
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
 };
 use task::Task;
-use workers::Worker;
 
 /// Most tasks in one batch.
 pub const MAX_BATCH: usize = 64;
+/// Tasks that a worker's thread does at once where it can: a swarm for each lane of the widest vectors.
+pub const AT_ONCE: usize = 8;
 /// Workers that a task may take with it before it is poisoned.
 pub const MOST_LOST: usize = 3;
 /// Shortest and longest time after which a lease is also given to an idle worker.
@@ -161,7 +164,7 @@ enum Back {
 #[derive(Debug)]
 pub struct LeaseTable<R> {
     jobs: BTreeMap<JobId, Job<R>>,
-    workers: BTreeMap<WorkerId, Worker>,
+    workers: Roster,
     leases: BTreeMap<LeaseNumber, Lease>,
     quarantined: BTreeSet<MachineId>,
     events: Vec<Event<R>>,
@@ -191,7 +194,7 @@ impl<R: Agree> LeaseTable<R> {
         Self {
             dispute_timeout,
             jobs: BTreeMap::new(),
-            workers: BTreeMap::new(),
+            workers: Roster::new(),
             leases: BTreeMap::new(),
             quarantined: BTreeSet::new(),
             events: Vec::new(),
@@ -221,6 +224,9 @@ impl<R: Agree> LeaseTable<R> {
             cost: params.cost.max(1),
             speculative: params.speculative,
             embeds: params.embeds,
+            leases: BTreeSet::new(),
+            rested: BTreeSet::new(),
+            lost_with: BTreeMap::new(),
         };
         self.jobs.insert(id, job);
         id
@@ -228,14 +234,15 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Forgets a job and all its leases; results that still come are refused.
     pub fn forget(&mut self, job: JobId) {
-        let over: Vec<_> = self.of_job(job).map(|(&number, _)| number).collect();
-        for number in over {
+        let Some(over) = self.jobs.remove(&job) else {
+            return;
+        };
+        for number in over.leases {
             self.release(number);
             self.leases.remove(&number);
         }
-        self.jobs.remove(&job);
-        for worker in self.workers.values_mut() {
-            worker.rests.remove(&job);
+        for worker in over.rested {
+            self.workers.change(worker, |worker| worker.rests.remove(&job));
         }
     }
 
@@ -247,8 +254,8 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Leases that are with a worker.
     #[must_use]
-    pub fn out(&self) -> usize {
-        self.workers.values().map(|worker| worker.holds.len()).sum()
+    pub const fn out(&self) -> usize {
+        self.workers.out()
     }
 
     /// What happened since it was last asked.
@@ -268,8 +275,7 @@ impl<R: Agree> LeaseTable<R> {
         now: Instant,
     ) -> Result<(), Refused> {
         let lease = self.leases.get(&number).ok_or(Refused::UnknownLease)?;
-        let worker = self.workers.get_mut(&worker).ok_or(Refused::UnknownLease)?;
-        let process = worker.process;
+        let process = self.process(worker).ok_or(Refused::UnknownLease)?;
         if lease.process != process {
             return Err(Refused::NotYours);
         }
@@ -279,14 +285,19 @@ impl<R: Agree> LeaseTable<R> {
                 wanted: lease.tasks.len(),
             });
         }
-        worker.rests.remove(&lease.job);
-        worker.active = now;
-        let took = now.saturating_duration_since(lease.given);
+        let (id, took) = (lease.job, now.saturating_duration_since(lease.given));
+        self.workers.change(worker, |worker| {
+            worker.rests.remove(&id);
+            worker.active = now;
+        });
         self.learn_turnaround(took);
         let held = self.release(number);
-        let Some(Lease { job: id, tasks, .. }) = self.leases.remove(&number) else {
+        let Some(Lease { tasks, .. }) = self.leases.remove(&number) else {
             return Err(Refused::UnknownLease);
         };
+        if let Some(job) = self.jobs.get_mut(&id) {
+            job.leases.remove(&number);
+        }
         let mut wrong = BTreeSet::new();
         for (place, result) in tasks.into_iter().zip(results) {
             if let Some(job) = self.jobs.get_mut(&id) {
@@ -304,8 +315,9 @@ impl<R: Agree> LeaseTable<R> {
         let Some(job) = self.leased(worker, number) else {
             return;
         };
-        if let Some(worker) = self.workers.get_mut(&worker) {
-            worker.rest_from(job, now);
+        self.workers.change(worker, |worker| worker.rest_from(job, now));
+        if let Some(job) = self.jobs.get_mut(&job) {
+            job.rested.insert(worker);
         }
         self.come_back(number, Back::Returned);
     }
@@ -383,7 +395,8 @@ impl<R: Agree> LeaseTable<R> {
             self.events.push(Event::Progress { job: id, settled });
             return;
         }
-        let tasks = self.jobs.remove(&id).map(|job| job.tasks).unwrap_or_default();
+        let tasks = self.jobs.get_mut(&id).map(|job| std::mem::take(&mut job.tasks));
+        let tasks = tasks.unwrap_or_default();
         self.forget(id);
         let results = tasks.into_iter().filter_map(Task::into_settled).collect();
         self.events.push(Event::Done { job: id, results });
@@ -397,11 +410,12 @@ impl<R: Agree> LeaseTable<R> {
         let Some(holder) = lease.holder.take() else {
             return false;
         };
-        if let Some(worker) = self.workers.get_mut(&holder) {
+        let tasks = lease.tasks.len();
+        self.workers.change(holder, |worker| {
             worker.holds.remove(&number);
-            worker.tasks -= lease.tasks.len();
+            worker.tasks -= tasks;
             worker.alone = false;
-        }
+        });
         true
     }
 

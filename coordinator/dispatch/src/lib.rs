@@ -5,7 +5,7 @@
 
 mod job;
 mod job_progress;
-mod leases;
+pub mod leases;
 mod metrics;
 mod service;
 mod submitted;
@@ -231,6 +231,18 @@ enum Request {
         lease: LeaseNumber,
         reply: oneshot::Sender<Option<CampaignId>>,
     },
+}
+
+impl Request {
+    const fn is_sign_of_life(&self) -> bool {
+        matches!(
+            self,
+            Self::Report {
+                report: WorkerReport::Heartbeat,
+                ..
+            }
+        )
+    }
 }
 
 impl Dispatch {

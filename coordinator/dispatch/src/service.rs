@@ -117,7 +117,14 @@ impl Service {
             tokio::select! {
                 command = inbox.recv() => match command {
                     None | Some(Command::Stop) => break,
-                    Some(Command::Work(request)) => self.take(request),
+                    Some(Command::Work(request)) => {
+                        // Most messages of a large cluster are signs of life: they change nobody's turn.
+                        let is_sign_of_life = request.is_sign_of_life();
+                        self.take(request);
+                        if is_sign_of_life {
+                            continue;
+                        }
+                    }
                 },
                 _ = tick.tick() => self.lose_silent_workers(),
             }

@@ -1,9 +1,10 @@
 //! `bench`: what this machine does, and what labels bring.
 
+mod cluster;
 mod labels;
 
 use super::{
-    CliError, json,
+    CliError, Global, json,
     table::{Table, left, right},
 };
 use murmuration_link::errln;
@@ -29,6 +30,8 @@ pub(super) enum Bench {
         #[arg(long, default_value_t = 2.0)]
         seconds: f64,
     },
+    /// Measure a campaign with its coordinator against its evaluations alone, and the coordinator alone
+    Cluster(cluster::ClusterBench),
     /// Measure the time of a training step and epoch on all cores, and peak memory
     Train {
         /// Number of behaviours to train on; a campaign trains on 10,000
@@ -40,9 +43,11 @@ pub(super) enum Bench {
 }
 
 impl Bench {
-    pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let as_json = global.json;
         match self {
             Self::Simulate { seconds } => simulations(seconds, as_json),
+            Self::Cluster(cluster) => cluster.execute(global).await,
             Self::Train { behaviours } => trainings(behaviours, as_json),
             Self::Labels(labels) => labels.execute(as_json),
         }

@@ -17,7 +17,7 @@ pub(super) use machines::{
     Certificate, Certificates, LiftedQuarantine, Quarantine, QuarantinedMachine, Token,
 };
 pub(super) use measures::{
-    Accuracy, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, PatternCounts, Set,
+    Accuracy, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, PatternCounts, Set,
     UntrainedAccuracy,
 };
 

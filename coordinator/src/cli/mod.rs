@@ -270,7 +270,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Restore(restore) => restore.execute(&global).await,
         Command::Doctor(doctor) => doctor.execute(&global).await,
         Command::Quarantine(quarantine) => quarantine.execute(&global),
-        Command::Bench(bench) => bench.execute(global.json),
+        Command::Bench(bench) => bench.execute(&global).await,
         Command::Schema { kind } => Ok(outln!("{:#}", kind.schema().as_value())?),
         Command::Completions { shell } => {
             // To memory first: it panics where it cannot write.

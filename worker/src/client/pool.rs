@@ -8,6 +8,7 @@ use super::{
 use murmuration_link::follow;
 use murmuration_proto::v1;
 use std::{
+    collections::VecDeque,
     io,
     num::NonZeroUsize,
     sync::{
@@ -20,8 +21,14 @@ use std::{
 };
 use tokio::sync::mpsc;
 
-/// The work that one thread should have queued: enough until the next lease arrives.
-const WORK_IN_HAND: Duration = Duration::from_millis(100);
+/// The most work that one thread should have queued: enough until the next lease arrives from far away.
+const MOST_WORK_IN_HAND: Duration = Duration::from_millis(100);
+/// Work in hand, as a multiple of the time until a lease arrives: a lease that is done and one that waits, each with as much to
+/// spare.
+const LATENCIES_IN_HAND: u32 = 4;
+/// Evaluations in hand that are worth waiting a little longer for the last of a job: two full vectors of swarms, of which one is
+/// simulated while the next is sent.
+const TWO_VECTORS: usize = 16;
 /// Number of evaluations that one thread accepts: at first, and at most.
 const FIRST_CREDITS: usize = 4;
 const MOST_CREDITS: usize = 64;
@@ -35,6 +42,7 @@ pub(super) struct Pool {
     outstanding: usize,
     /// Mean time of recent evaluations.
     cost: Option<Duration>,
+    latency: Latency,
 }
 
 struct Finished {
@@ -67,18 +75,22 @@ impl Pool {
             threads: threads.get(),
             outstanding: 0,
             cost: None,
+            latency: Latency::default(),
         })
     }
 
     /// Number of evaluations that it can accept now. A picture to embed counts as one, although it takes far less.
     pub(super) fn room(&self) -> usize {
         let each = self.cost.map_or(FIRST_CREDITS, |cost| {
-            let fitting = WORK_IN_HAND.as_nanos() / cost.as_nanos().max(1);
-            usize::try_from(fitting)
-                .unwrap_or(MOST_CREDITS)
-                .clamp(2, MOST_CREDITS)
+            let latency = self.latency.usual().unwrap_or(MOST_WORK_IN_HAND);
+            credits_for(cost, latency)
         });
         (each * self.threads).saturating_sub(self.outstanding)
+    }
+
+    /// Work was asked for.
+    pub(super) fn asked(&mut self) {
+        self.latency.asked.get_or_insert_with(Instant::now);
     }
 
     /// Number of unfinished evaluations.
@@ -88,6 +100,7 @@ impl Pool {
 
     /// Queues a lease.
     pub(super) fn take(&mut self, lease: Lease) {
+        self.latency.answered(Instant::now());
         self.outstanding += lease.work.len();
         // The threads live as long as the pool.
         let _ = self.leases.send(lease);
@@ -113,6 +126,48 @@ impl Pool {
     /// From now on queued leases are returned undone.
     pub(super) fn begin_nothing_more(&self) {
         self.draining.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Evaluations that one thread should have in hand, if each takes `cost` and a lease arrives `latency` after it was asked for.
+fn credits_for(cost: Duration, latency: Duration) -> usize {
+    let fitting = |span: Duration| {
+        let fitting = span.as_nanos() / cost.as_nanos().max(1);
+        usize::try_from(fitting).unwrap_or(MOST_CREDITS)
+    };
+    let most = fitting(MOST_WORK_IN_HAND);
+    let enough = fitting(latency.saturating_mul(LATENCIES_IN_HAND));
+    enough.max(TWO_VECTORS).min(most).clamp(2, MOST_CREDITS)
+}
+
+/// How long leases take to arrive.
+#[derive(Debug, Default)]
+struct Latency {
+    /// When the first request was made that no lease has answered yet.
+    asked: Option<Instant>,
+    recent: VecDeque<Duration>,
+}
+
+impl Latency {
+    /// Leases that are remembered.
+    const REMEMBERED: usize = 32;
+
+    /// A lease arrived.
+    fn answered(&mut self, now: Instant) {
+        let Some(asked) = self.asked.take() else {
+            return;
+        };
+        if self.recent.len() == Self::REMEMBERED {
+            self.recent.pop_front();
+        }
+        self.recent.push_back(now.saturating_duration_since(asked));
+    }
+
+    /// The lower quartile: a lease may have waited for work, or been on its way before it was asked for.
+    fn usual(&self) -> Option<Duration> {
+        let mut recent: Vec<_> = self.recent.iter().copied().collect();
+        recent.sort_unstable();
+        recent.get(recent.len() / 4).copied()
     }
 }
 
@@ -146,5 +201,55 @@ fn work_until_closed(
         if outcomes.send(finished).is_err() {
             return;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    #[test]
+    fn a_thread_has_in_hand_what_it_does_until_the_next_lease_arrives() {
+        // Cheap evaluations beside the coordinator: two vectors of swarms, so that others get the rest.
+        assert_eq!(
+            credits_for(Duration::from_micros(500), Duration::from_micros(300)),
+            16
+        );
+        // The same far away.
+        assert_eq!(credits_for(Duration::from_micros(500), ms(5)), 40);
+        assert_eq!(credits_for(Duration::from_micros(500), ms(60)), MOST_CREDITS);
+        // Long ones: never more than a tenth of a second, but for one in work and one that waits.
+        assert_eq!(credits_for(ms(20), Duration::from_micros(300)), 5);
+        assert_eq!(credits_for(ms(2_000), ms(60)), 2);
+        assert_eq!(credits_for(Duration::ZERO, ms(1)), MOST_CREDITS);
+    }
+
+    #[test]
+    fn a_lease_that_waited_for_work_says_nothing_of_how_long_leases_take() {
+        let begun = Instant::now();
+        let mut latency = Latency::default();
+        for (asked, answered) in [
+            (0, 900),
+            (1_000, 1_002),
+            (1_100, 1_700),
+            (2_000, 2_003),
+            (2_100, 2_900),
+        ] {
+            latency.asked = Some(begun + ms(asked));
+            latency.answered(begun + ms(answered));
+            // It was asked for once.
+            latency.answered(begun + ms(answered));
+        }
+        assert_eq!(latency.usual(), Some(ms(3)));
+        assert_eq!(latency.recent.len(), 5);
+        for _ in 0..Latency::REMEMBERED {
+            latency.asked = Some(begun);
+            latency.answered(begun + ms(7));
+        }
+        assert_eq!(latency.usual(), Some(ms(7)), "what was long ago is forgotten");
     }
 }

@@ -1,20 +1,20 @@
 //! Which leases are with whom, and what they are on.
 
-use super::{Agree, JobId, Lease, LeaseNumber, LeaseTable, WorkerId};
+use super::{Agree, JobId, LeaseNumber, LeaseTable, WorkerId};
 use murmuration_model::MachineId;
 
 impl<R: Agree> LeaseTable<R> {
     /// The leases of a job that are with a worker.
     pub fn held(&self, job: JobId) -> impl Iterator<Item = (WorkerId, LeaseNumber)> {
-        self.of_job(job)
-            .filter_map(|(&number, lease)| Some((lease.holder?, number)))
+        let leases = self.jobs.get(&job).into_iter().flat_map(|job| &job.leases);
+        leases.filter_map(|number| Some((self.leases.get(number)?.holder?, *number)))
     }
 
     /// The job of a lease that was given to this worker, if it is not over.
     #[must_use]
     pub fn leased(&self, worker: WorkerId, lease: LeaseNumber) -> Option<JobId> {
         let lease = self.leases.get(&lease)?;
-        (lease.process == self.workers.get(&worker)?.process).then_some(lease.job)
+        (lease.process == self.process(worker)?).then_some(lease.job)
     }
 
     /// The job of a lease that is with a worker of this machine.
@@ -29,9 +29,5 @@ impl<R: Agree> LeaseTable<R> {
     pub fn tasks(&self, lease: LeaseNumber) -> &[usize] {
         let lease = self.leases.get(&lease);
         lease.map_or(&[], |lease| &lease.tasks)
-    }
-
-    pub(super) fn of_job(&self, job: JobId) -> impl Iterator<Item = (&LeaseNumber, &Lease)> {
-        self.leases.iter().filter(move |(_, lease)| lease.job == job)
     }
 }

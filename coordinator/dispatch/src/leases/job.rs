@@ -1,11 +1,12 @@
 //! The tasks of one job: what is heard of them changes where they wait, and how many are settled.
 
 use super::{
-    Agree, WorkerProcessId,
+    Agree, LeaseNumber, WorkerId, WorkerProcessId,
     queues::Queues,
     task::{Task, TaskState},
 };
 use murmuration_model::MachineId;
+use std::collections::{BTreeMap, BTreeSet};
 
 #[derive(Debug)]
 pub(super) struct Job<R> {
@@ -19,6 +20,12 @@ pub(super) struct Job<R> {
     pub(super) speculative: bool,
     /// Whether only workers that embed can do it.
     pub(super) embeds: bool,
+    /// Its leases, also those that nobody holds any more.
+    pub(super) leases: BTreeSet<LeaseNumber>,
+    /// Workers that gave leases of it back.
+    pub(super) rested: BTreeSet<WorkerId>,
+    /// The tasks that each process was lost with.
+    pub(super) lost_with: BTreeMap<WorkerProcessId, BTreeSet<usize>>,
 }
 
 impl<R: Agree> Job<R> {
@@ -48,13 +55,14 @@ impl<R: Agree> Job<R> {
         task.out -= 1;
         if let Some(process) = broke {
             task.lose(process);
+            self.lost_with.entry(process).or_default().insert(place);
         }
         self.file(place, before);
     }
 
     /// A worker that was given up for lost is back: no task took it.
     pub(super) fn acquit(&mut self, process: WorkerProcessId) {
-        for place in 0..self.tasks.len() {
+        for place in self.lost_with.remove(&process).unwrap_or_default() {
             let before = self.tasks[place].state();
             if self.tasks[place].acquit(process) {
                 self.file(place, before);

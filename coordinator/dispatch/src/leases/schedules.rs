@@ -194,7 +194,7 @@ impl SimulatedCluster {
         let Some(worker) = self.processes.get_mut(&id).unwrap().worker.take() else {
             return;
         };
-        for lease in &self.table.workers[&worker].holds {
+        for lease in &self.table.workers.get(worker).unwrap().holds {
             let Lease { job, tasks, .. } = &self.table.leases[lease];
             let lost = &mut self.jobs.get_mut(job).unwrap().lost;
             for &place in tasks {
@@ -340,7 +340,7 @@ impl SimulatedCluster {
 
     /// Honest machines come for as long as there is work: all of it ends.
     fn finish(&mut self) {
-        let leaves = |worker: WorkerId| self.table.workers[&worker].capacity == 0;
+        let leaves = |worker: WorkerId| self.table.workers.get(worker).unwrap().capacity == 0;
         let leaving = self
             .processes
             .iter()

@@ -1,11 +1,10 @@
 //! Who is next: which task of a job, which job, and which worker for it.
 
 use super::{
-    Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY, WorkerId,
-    job::Job, workers::Worker,
+    AT_ONCE, Agree, Event, Grant, JobId, LATE, Lease, LeaseNumber, LeaseTable, MAX_BATCH, SPECULATION_DELAY,
+    WorkerId, job::Job, workers::Worker,
 };
 use std::{
-    cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
     time::{Duration, Instant},
 };
@@ -17,11 +16,33 @@ struct Choice {
     alone: bool,
 }
 
+/// How many of the tasks that wait a worker is leased at a time, where all workers run `capacity` at once.
+///
+/// Half an even share, so that batches shrink towards the end of a job; half of what the worker takes for each that it runs at
+/// once, so that it has a batch in hand while it is sent the next. Whole groups of [`AT_ONCE`], for as long as there are enough
+/// of them for all.
+fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
+    let capacity = capacity.max(1);
+    let even = waiting.div_ceil(2 * capacity);
+    let in_hand = (worker.credits + worker.tasks).div_ceil(2 * worker.capacity.max(1));
+    let wanted = if waiting >= capacity * AT_ONCE * 3 / 4 {
+        even.max(AT_ONCE)
+    } else {
+        even
+    };
+    let most = wanted.min(in_hand).min(worker.credits).clamp(1, MAX_BATCH);
+    if most > AT_ONCE {
+        most - most % AT_ONCE
+    } else {
+        most
+    }
+}
+
 impl<R: Agree> LeaseTable<R> {
     /// Leases the next batch, if there is work and a worker with credits for it.
     ///
-    /// The job whose leased tasks have cost least is next. A batch is half an even share of what its job has waiting, so that
-    /// batches shrink towards a job's end; where nothing waits, an idle worker gets what is late with another.
+    /// The job whose leased tasks have cost least is next. Batches shrink towards a job's end; where nothing waits, an idle
+    /// worker gets what is late with another.
     pub fn grant(&mut self, now: Instant) -> Option<Grant> {
         self.decide_without_others(now);
         let mut turns: Vec<(u64, JobId)> = self
@@ -42,8 +63,8 @@ impl<R: Agree> LeaseTable<R> {
     }
 
     fn lease(&mut self, id: JobId, choice: Choice, now: Instant) -> Option<Grant> {
+        let process = self.process(choice.worker)?;
         let job = self.jobs.get_mut(&id)?;
-        let worker = self.workers.get_mut(&choice.worker)?;
         for &place in &choice.tasks {
             job.queues.remove(place);
             job.tasks[place].out += 1;
@@ -54,14 +75,17 @@ impl<R: Agree> LeaseTable<R> {
             .saturating_add(job.cost.saturating_mul(choice.tasks.len() as u64));
         let lease = LeaseNumber(self.next);
         self.next += 1;
-        worker.credits -= choice.tasks.len();
-        worker.alone = choice.alone;
-        worker.holds.insert(lease);
-        worker.tasks += choice.tasks.len();
+        job.leases.insert(lease);
+        self.workers.change(choice.worker, |worker| {
+            worker.credits -= choice.tasks.len();
+            worker.alone = choice.alone;
+            worker.holds.insert(lease);
+            worker.tasks += choice.tasks.len();
+        });
         let entry = Lease {
             job: id,
             tasks: choice.tasks.clone(),
-            process: worker.process,
+            process,
             given: now,
             holder: Some(choice.worker),
         };
@@ -82,13 +106,11 @@ impl<R: Agree> LeaseTable<R> {
             return Some(choice);
         }
         let waiting = job.queues.ready_len();
-        let (worker, Worker { credits, .. }) = self.free(id, reserved, now, |_| waiting > 0)?;
-        let suitable = self.workers.values().filter(|worker| worker.suits(job));
-        let capacity: usize = suitable.map(|worker| worker.capacity).sum();
-        let share = waiting.div_ceil(2 * capacity.max(1)).clamp(1, MAX_BATCH);
+        let (id, worker) = self.free(id, reserved, now, |_| waiting > 0)?;
+        let share = share(waiting, self.workers.capacity(job.embeds), worker);
         Some(Choice {
-            worker,
-            tasks: job.queues.ready().take(share.min(*credits)).collect(),
+            worker: id,
+            tasks: job.queues.ready().take(share).collect(),
             alone: false,
         })
     }
@@ -119,13 +141,14 @@ impl<R: Agree> LeaseTable<R> {
 
     /// Who gets a task that may take its worker with it.
     fn choose_alone(&self, id: JobId, job: &Job<R>, now: Instant) -> Option<Choice> {
-        let idle = |worker: &Worker| worker.holds.is_empty();
-        if job.queues.alone.is_empty() || self.free(id, None, now, idle).is_none() {
+        let idle = || self.workers.idle(job.embeds);
+        if job.queues.alone.is_empty() || idle().next().is_none() {
             return None;
         }
         job.queues.alone.iter().find_map(|&place| {
-            let fits = |worker: &Worker| idle(worker) && job.tasks[place].wants(worker.machine());
-            let (worker, _) = self.free(id, None, now, fits)?;
+            let wants = |worker: &Worker| job.tasks[place].wants(worker.machine());
+            let mut fitting = idle().filter(|(_, worker)| !worker.rests(id, now) && wants(worker));
+            let (worker, _) = fitting.next()?;
             Some(Choice {
                 worker,
                 tasks: vec![place],
@@ -208,9 +231,9 @@ impl<R: Agree> LeaseTable<R> {
         });
         alone.find_map(|(job, task)| {
             let fits = |worker: &Worker| worker.suits(job) && task.wants(worker.machine());
-            let fitting = self.workers.iter().filter(|(_, worker)| fits(worker));
-            let (&id, _) =
-                fitting.min_by_key(|(id, worker)| (self.is_behind(worker, now), worker.holds.len(), **id))?;
+            let fitting = || self.workers.by_leases().filter(|(_, worker)| fits(worker));
+            let on_time = fitting().find(|(_, worker)| !self.is_behind(worker, now));
+            let (id, _) = on_time.or_else(|| fitting().next())?;
             Some(id)
         })
     }
@@ -224,17 +247,17 @@ impl<R: Agree> LeaseTable<R> {
         fits: impl Fn(&Worker) -> bool,
     ) -> Option<(WorkerId, &Worker)> {
         let job = self.jobs.get(&id)?;
-        self.workers
-            .iter()
-            .map(|(&worker, known)| (worker, known))
-            .filter(|(worker, known)| {
-                let may = known.credits > 0 && !known.alone && reserved != Some(*worker);
-                may && known.suits(job) && !known.rests(id, now) && fits(known)
-            })
-            .min_by_key(|(worker, known)| {
-                let behind = self.is_behind(known, now);
-                (behind, known.load(), Reverse(known.credits), *worker)
-            })
+        let mut behind = None;
+        for (worker, known) in self.workers.free(job.embeds) {
+            if reserved == Some(worker) || known.rests(id, now) || !fits(known) {
+                continue;
+            }
+            if !self.is_behind(known, now) {
+                return Some((worker, known));
+            }
+            behind = behind.or(Some((worker, known)));
+        }
+        behind
     }
 
     /// Decides about tasks that want another machine where none is there that could say anything soon: an audit is waived;
@@ -331,7 +354,7 @@ impl<R: Agree> LeaseTable<R> {
         };
         let ends_the_job = task.is_disputed() || !task.refused.is_empty();
         let gives_back = |worker: &Worker| !ends_the_job && worker.gave_back(id);
-        self.workers.values().any(|worker| {
+        self.workers.iter().any(|(_, worker)| {
             let could = worker.suits(job) && task.wants(worker.machine());
             could && !is_no_help(worker) && !gives_back(worker)
         })

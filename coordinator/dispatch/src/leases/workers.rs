@@ -15,7 +15,7 @@ pub(super) struct Worker {
     pub(super) process: WorkerProcessId,
     /// Tasks that it runs at once; 0 once it takes no more.
     pub(super) capacity: usize,
-    embeds: bool,
+    pub(super) embeds: bool,
     pub(super) credits: usize,
     pub(super) heard: Instant,
     /// When it came, or was last done with a lease.
@@ -116,41 +116,40 @@ impl<R: Agree> LeaseTable<R> {
 
     /// A worker gave a sign of life.
     pub fn keep_alive(&mut self, worker: WorkerId, now: Instant) {
-        if let Some(worker) = self.workers.get_mut(&worker) {
-            worker.heard = now;
-        }
+        self.workers.hear(worker, now);
     }
 
     /// A worker is ready for `count` further tasks.
     pub fn add_credits(&mut self, worker: WorkerId, count: usize) {
-        if let Some(worker) = self.workers.get_mut(&worker).filter(|worker| worker.capacity > 0) {
-            worker.credits = worker.credits.saturating_add(count);
+        if self.takes_work(worker) {
+            let add = |worker: &mut Worker| worker.credits = worker.credits.saturating_add(count);
+            self.workers.change(worker, add);
         }
     }
 
     /// A worker takes no further leases; those it holds stay with it.
     pub fn drain(&mut self, worker: WorkerId) {
-        if let Some(worker) = self.workers.get_mut(&worker) {
+        self.workers.change(worker, |worker| {
             worker.credits = 0;
             worker.capacity = 0;
-        }
+        });
     }
 
     /// A worker is gone: its leases come back undone. One that had said that it would leave was not taken by them.
     pub fn lose(&mut self, worker: WorkerId) {
         let leaving = self
             .workers
-            .get(&worker)
+            .get(worker)
             .is_some_and(|worker| worker.capacity == 0);
         self.drop_worker(worker, if leaving { Back::Returned } else { Back::Broken });
     }
 
     pub(super) fn drop_worker(&mut self, worker: WorkerId, how: Back) {
-        let holds = self.workers.get(&worker).map(|worker| worker.holds.clone());
+        let holds = self.workers.get(worker).map(|worker| worker.holds.clone());
         for lease in holds.unwrap_or_default() {
             self.come_back(lease, how);
         }
-        self.workers.remove(&worker);
+        self.workers.remove(worker);
     }
 
     /// Workers that have been silent for longer than `limit`. Whoever asks must [`lose`](Self::lose) them.
@@ -159,39 +158,32 @@ impl<R: Agree> LeaseTable<R> {
         self.workers
             .iter()
             .filter(|(_, worker)| silent(worker))
-            .map(|(&id, _)| id)
+            .map(|(id, _)| id)
             .collect()
     }
 
     /// Whether a worker is there and takes work.
     #[must_use]
     pub fn takes_work(&self, worker: WorkerId) -> bool {
-        self.workers
-            .get(&worker)
-            .is_some_and(|worker| worker.capacity > 0)
+        self.workers.get(worker).is_some_and(|worker| worker.capacity > 0)
     }
 
     /// Number of workers that take work.
     #[must_use]
-    pub fn workers(&self) -> usize {
-        self.workers.values().filter(|worker| worker.capacity > 0).count()
+    pub const fn workers(&self) -> usize {
+        self.workers.working()
     }
 
     /// Whether workers are there, and none of them embeds.
     #[must_use]
-    pub fn lacks_embedders(&self) -> bool {
-        let mut workers = self
-            .workers
-            .values()
-            .filter(|worker| worker.capacity > 0)
-            .peekable();
-        workers.peek().is_some() && workers.all(|worker| !worker.embeds)
+    pub const fn lacks_embedders(&self) -> bool {
+        self.workers.working() > 0 && self.workers.embedders() == 0
     }
 
     /// The process at the other end of a connection.
     #[must_use]
     pub fn process(&self, worker: WorkerId) -> Option<WorkerProcessId> {
-        self.workers.get(&worker).map(|worker| worker.process)
+        self.workers.get(worker).map(|worker| worker.process)
     }
 
     pub(super) fn of_machine(&self, machine: MachineId) -> Vec<WorkerId> {
@@ -199,6 +191,6 @@ impl<R: Agree> LeaseTable<R> {
             .workers
             .iter()
             .filter(|(_, worker)| worker.machine() == machine);
-        of.map(|(&id, _)| id).collect()
+        of.map(|(id, _)| id).collect()
     }
 }

@@ -5,7 +5,7 @@ use super::{
     context::{Outcome, StageContext},
     evaluate::{Done, Placed, evaluate},
     metrics::CampaignMetrics,
-    run_handle::RunHandle,
+    run_handle::{Disk, RunHandle},
 };
 use crate::{blocking::blocking, taxonomy};
 use murmuration_dispatch::EvaluationJob;
@@ -59,13 +59,14 @@ pub(super) async fn evolve(
     let generations = record.generations();
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
+    // The generation before the one that is evaluated: it goes to disk meanwhile.
+    let mut evaluated = None;
     loop {
         // What they did may be in this archive: that is looked at between stages.
-        if quarantined.borrow().len() != seen {
-            return Ok(Outcome::Done);
-        }
-        if search.next_generation >= generations {
-            return Ok(Outcome::Done);
+        let is_over = quarantined.borrow().len() != seen || search.next_generation >= generations;
+        if is_over {
+            let committed = commit(context, &handle.disk(), &search, evaluated).await?;
+            return Ok(Outcome::of(committed));
         }
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
@@ -73,34 +74,70 @@ pub(super) async fn evolve(
         })
         .await?;
         search = unchanged;
-        let proposal = proposal?;
+        let proposal = match proposal {
+            Ok(proposal) => proposal,
+            Err(error) => {
+                commit(context, &handle.disk(), &search, evaluated).await?;
+                return Err(error.into());
+            }
+        };
         let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
         let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
-        let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
+        let disk = handle.disk();
+        let committing = commit(context, &disk, &search, evaluated.take());
+        let evaluating = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
         });
-        let Some(done) = evaluated.await? else {
+        let Some(done) = once_committed(committing, evaluating).await? else {
             return Ok(Outcome::Stopped);
         };
-        let count = done.evaluations.len() as u64;
+        handle.finished(done.evaluations.len() as u64);
         let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
-        search = absorbed;
-        let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
-        let commit = move |store: &Store| {
-            let begun = Instant::now();
-            let Generation {
-                record,
-                individuals,
-                provenance,
-            } = &generation;
-            store.commit_generation(&id, record, individuals, provenance)?;
-            metrics.generation_committed(begun.elapsed());
-            Ok::<_, StoreError>(())
-        };
-        if context.commit(handle, commit).await?.is_none() {
-            return Ok(Outcome::Stopped);
-        }
-        handle.committed(count);
+        (search, evaluated) = (absorbed, Some(generation));
+    }
+}
+
+/// Commits a generation, if there is one; `None` if the campaign is to stop.
+async fn commit(
+    context: &StageContext,
+    disk: &Disk,
+    search: &Search,
+    generation: Option<Generation>,
+) -> Result<Option<()>, CampaignError> {
+    let Some(generation) = generation else {
+        return Ok(Some(()));
+    };
+    let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
+    let commit = move |store: &Store| {
+        let begun = Instant::now();
+        let Generation {
+            record,
+            individuals,
+            provenance,
+        } = &generation;
+        store.commit_generation(&id, record, individuals, provenance)?;
+        metrics.generation_committed(begun.elapsed());
+        Ok::<_, StoreError>(())
+    };
+    context.commit(disk, commit).await
+}
+
+/// What `evaluating` comes to, once `committing` is over too: a commit is never left in the air. What cannot be committed
+/// ends the evaluations of the generation that was bred from it.
+async fn once_committed<T>(
+    committing: impl Future<Output = Result<Option<()>, CampaignError>>,
+    evaluating: impl Future<Output = Result<Option<T>, CampaignError>>,
+) -> Result<Option<T>, CampaignError> {
+    tokio::pin!(committing, evaluating);
+    tokio::select! {
+        committed = &mut committing => match committed? {
+            Some(()) => evaluating.await,
+            None => Ok(None),
+        },
+        evaluated = &mut evaluating => match committing.await? {
+            Some(()) => evaluated,
+            None => Ok(None),
+        },
     }
 }
 
@@ -115,7 +152,7 @@ pub(super) async fn complete(
     let id = search.campaign.id.clone();
     let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
     let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
-    context.commit(handle, complete).await
+    context.commit(&handle.disk(), complete).await
 }
 
 /// Numbers in a behaviour vector.
@@ -288,5 +325,54 @@ impl Search {
         let neighbours = spec.search().neighbours() as usize;
         let measures = taxonomy::measure(&self.behaviours, &clustering, neighbours, interrupt)?;
         Ok((clustering, measures))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::{
+        future::{pending, ready},
+        sync::atomic::{AtomicBool, Ordering},
+    };
+    use tokio::task::yield_now;
+
+    #[tokio::test]
+    async fn what_is_evaluated_counts_once_the_generation_before_is_on_disk() {
+        let on_disk = AtomicBool::new(false);
+        let committing = async {
+            yield_now().await;
+            on_disk.store(true, Ordering::Relaxed);
+            Ok(Some(()))
+        };
+        let evaluated = once_committed(committing, ready(Ok(Some(7)))).await;
+        assert!(matches!(evaluated, Ok(Some(7))) && on_disk.load(Ordering::Relaxed));
+    }
+
+    #[tokio::test]
+    async fn a_commit_is_awaited_where_evaluations_fail_or_stop() {
+        for evaluated in [Ok(None::<u32>), Err(CampaignError::Broken)] {
+            let on_disk = AtomicBool::new(false);
+            let committing = async {
+                yield_now().await;
+                on_disk.store(true, Ordering::Relaxed);
+                Ok(Some(()))
+            };
+            let fails = evaluated.is_err();
+            let ended = once_committed(committing, ready(evaluated)).await;
+            assert_eq!(ended.is_err(), fails);
+            assert!(on_disk.load(Ordering::Relaxed));
+        }
+    }
+
+    #[tokio::test]
+    async fn what_cannot_be_committed_ends_the_evaluations_of_its_children() {
+        let refused = once_committed(
+            ready(Err(CampaignError::Broken)),
+            pending::<Result<Option<u32>, _>>(),
+        );
+        assert!(refused.await.is_err());
+        let stopped = once_committed(ready(Ok(None)), pending::<Result<Option<u32>, _>>());
+        assert!(matches!(stopped.await, Ok(None)));
     }
 }

@@ -39,11 +39,12 @@ pub(super) async fn train(
         let training = context.trainers.train(job, job_progress.clone());
         tokio::pin!(training);
         let mut trainers = Hands::trainers(context.trainers.connected());
+        let disk = handle.disk();
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
-                () = handle.stopped() => break None,
+                () = disk.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
                 Ok(()) = reports.changed() => {
                     let told = *reports.borrow_and_update();

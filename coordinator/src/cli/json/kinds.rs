@@ -1,9 +1,9 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    Accuracy, AddedLabels, Agreement, Backup, BenchLabels, BenchSimulate, BenchTrain, Campaign, Certificates,
-    Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine,
-    Report, Run, Token, UntrainedAccuracy, schema_of,
+    Accuracy, AddedLabels, Agreement, Backup, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, Campaign,
+    Certificates, Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label, LiftedQuarantine,
+    Quarantine, Report, Run, Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -53,6 +53,8 @@ pub(in crate::cli) enum Kind {
     Certificates,
     /// A speed of the simulator: bench simulate
     BenchSimulate,
+    /// A speed of a cluster: bench cluster
+    BenchCluster,
     /// A speed of training: bench train
     BenchTrain,
     /// An accuracy after labels: bench labels
@@ -84,6 +86,7 @@ impl Kind {
             Self::Token => schema_of::<Token>(),
             Self::Certificates => schema_of::<Certificates>(),
             Self::BenchSimulate => schema_of::<BenchSimulate>(),
+            Self::BenchCluster => schema_of::<BenchCluster>(),
             Self::BenchTrain => schema_of::<BenchTrain>(),
             Self::BenchLabels => schema_of::<BenchLabels>(),
         }

@@ -126,6 +126,28 @@ pub(in crate::cli) struct BenchSimulate {
     pub(in crate::cli) ratio_to_scalar: f64,
 }
 
+/// A speed of a cluster in one process.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct BenchCluster {
+    /// What was measured.
+    pub(in crate::cli) what: &'static str,
+    /// Workers of one thread each.
+    pub(in crate::cli) workers: u16,
+    /// Evaluations of a round.
+    pub(in crate::cli) results: u64,
+    /// Evaluations on disk a second, in the best round.
+    pub(in crate::cli) results_per_second: f64,
+    /// CPU time of an evaluation, in the best round: of coordinator and workers, or of the coordinator alone for null
+    /// evaluations.
+    pub(in crate::cli) cpu_seconds_per_result: f64,
+    /// Evaluations a second of a plain loop on as many threads; null for null evaluations.
+    pub(in crate::cli) loop_results_per_second: Option<f64>,
+    /// CPU time of an evaluation in the plain loop; null for null evaluations.
+    pub(in crate::cli) loop_cpu_seconds_per_result: Option<f64>,
+    /// The speed divided by that of the plain loop; null for null evaluations.
+    pub(in crate::cli) ratio_to_loop: Option<f64>,
+}
+
 /// A speed of training.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct BenchTrain {

@@ -63,8 +63,19 @@ const LABELS: &str = "id,class,annotator,time\n\
     4,not sure,ana,2026-11-21T12:00:04Z\n\
     0,ring,ben,2026-11-21T12:00:05Z\n1,clump,ben,2026-11-21T12:00:06Z\n";
 
+const BENCH_CLUSTER: [&str; 8] = [
+    "bench",
+    "cluster",
+    "--generations",
+    "1",
+    "--null-generations",
+    "1",
+    "--rounds",
+    "1",
+];
+
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 50] = [
+pub const OUTPUTS: [Transcript; 52] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -198,6 +209,23 @@ pub const OUTPUTS: [Transcript; 50] = [
         "bench-simulate-json",
         "bench-simulate",
         &["bench", "simulate", "--seconds", "0.02", "--json"],
+    )
+    .with_figures(),
+    done("bench-cluster", &BENCH_CLUSTER).with_figures(),
+    json(
+        "bench-cluster-json",
+        "bench-cluster",
+        &[
+            "bench",
+            "cluster",
+            "--generations",
+            "1",
+            "--null-generations",
+            "1",
+            "--rounds",
+            "1",
+            "--json",
+        ],
     )
     .with_figures(),
 ];

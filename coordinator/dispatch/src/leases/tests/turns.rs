@@ -1,6 +1,7 @@
 //! Who is next.
 
 use super::*;
+use std::collections::VecDeque;
 
 #[test]
 fn a_late_lease_is_also_given_to_an_idle_worker() {
@@ -98,4 +99,39 @@ fn silence_is_noticed() {
     assert_eq!(table.silent(later, Duration::from_secs(30)), [worker]);
     table.keep_alive(worker, later);
     assert_eq!(table.silent(later, Duration::from_secs(30)), []);
+}
+
+/// Sizes of the batches of a job, where every worker answers in turn and asks for as much again.
+fn sizes(table: &mut LeaseTable<u64>, tasks: usize) -> Vec<usize> {
+    table.submit(params(tasks));
+    let (mut sizes, mut out) = (Vec::new(), VecDeque::new());
+    loop {
+        while let Some(grant) = table.grant(now()) {
+            sizes.push(grant.tasks.len());
+            out.push_back(grant);
+        }
+        let Some(grant) = out.pop_front() else {
+            return sizes;
+        };
+        table
+            .complete(grant.worker, grant.lease, answers(&grant), now())
+            .unwrap();
+        table.add_credits(grant.worker, grant.tasks.len());
+    }
+}
+
+#[test]
+fn batches_are_whole_vectors_for_as_long_as_there_are_enough_for_all() {
+    let (mut table, [_, _]) = workers([16, 16]);
+    let whole = [AT_ONCE; 12];
+    assert_eq!(sizes(&mut table, 100), [&whole[..], &[1; 4]].concat());
+    let (mut table, [_]) = workers([64]);
+    assert_eq!(sizes(&mut table, 100), [32, 32, 16, 8, 8, 2, 1, 1]);
+}
+
+#[test]
+fn where_workers_are_many_each_gets_little() {
+    let (mut table, _) = workers([16; 40]);
+    let sizes = sizes(&mut table, 100);
+    assert_eq!(&sizes[..40], [vec![2; 10], vec![1; 30]].concat());
 }

@@ -1,0 +1,181 @@
+//! Who is connected, in an order that says at once whose turn it is: no question here takes longer the more workers there are,
+//! but for those that go through all of them.
+
+use super::{WorkerId, workers::Worker};
+use std::{
+    cmp::Reverse,
+    collections::{BTreeMap, BTreeSet},
+    time::Instant,
+};
+
+/// Whose turn it is: the least in hand first, then the most credits, then who came first.
+type Turn = (usize, Reverse<usize>, WorkerId);
+
+/// The connected workers.
+#[derive(Debug)]
+pub(super) struct Roster {
+    workers: BTreeMap<WorkerId, Worker>,
+    /// Those that may be given more.
+    free: BTreeSet<Turn>,
+    /// Those of them that embed.
+    free_embedders: BTreeSet<Turn>,
+    /// All, those with the fewest leases first.
+    by_leases: BTreeSet<(usize, WorkerId)>,
+    all: Staff,
+    embedders: Staff,
+    /// Leases that are with somebody.
+    out: usize,
+}
+
+/// Workers that take work, and how many tasks they run at once.
+#[derive(Debug, Clone, Copy, Default)]
+struct Staff {
+    workers: usize,
+    capacity: usize,
+}
+
+impl Staff {
+    fn add(&mut self, worker: &Worker) {
+        self.workers += usize::from(worker.capacity > 0);
+        self.capacity += worker.capacity;
+    }
+
+    fn take_away(&mut self, worker: &Worker) {
+        self.workers -= usize::from(worker.capacity > 0);
+        self.capacity -= worker.capacity;
+    }
+}
+
+impl Worker {
+    /// Its turn, if it may be given more.
+    fn turn(&self, id: WorkerId) -> Option<Turn> {
+        let may = self.credits > 0 && !self.alone && self.capacity > 0;
+        may.then(|| (self.load(), Reverse(self.credits), id))
+    }
+}
+
+impl Roster {
+    pub(super) const fn new() -> Self {
+        let nobody = Staff {
+            workers: 0,
+            capacity: 0,
+        };
+        Self {
+            workers: BTreeMap::new(),
+            free: BTreeSet::new(),
+            free_embedders: BTreeSet::new(),
+            by_leases: BTreeSet::new(),
+            all: nobody,
+            embedders: nobody,
+            out: 0,
+        }
+    }
+
+    pub(super) fn get(&self, id: WorkerId) -> Option<&Worker> {
+        self.workers.get(&id)
+    }
+
+    /// Everybody, in the order in which they came.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        self.workers.iter().map(|(&id, worker)| (id, worker))
+    }
+
+    /// Those that may be given more, whose turn is next first: all of them, or those that embed.
+    pub(super) fn free(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        let free = if embeds { &self.free_embedders } else { &self.free };
+        free.iter()
+            .filter_map(|&(_, _, id)| Some((id, self.workers.get(&id)?)))
+    }
+
+    /// Those of the free that hold no lease.
+    pub(super) fn idle(&self, embeds: bool) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        // One of a thousand threads has no load either with one task.
+        self.free(embeds)
+            .take_while(|(_, worker)| worker.load() == 0)
+            .filter(|(_, worker)| worker.holds.is_empty())
+    }
+
+    /// Everybody, those with the fewest leases first.
+    pub(super) fn by_leases(&self) -> impl Iterator<Item = (WorkerId, &Worker)> {
+        self.by_leases
+            .iter()
+            .filter_map(|&(_, id)| Some((id, self.workers.get(&id)?)))
+    }
+
+    /// Number of workers that take work.
+    pub(super) const fn working(&self) -> usize {
+        self.all.workers
+    }
+
+    /// Number of workers that take work and embed.
+    pub(super) const fn embedders(&self) -> usize {
+        self.embedders.workers
+    }
+
+    /// Tasks that all run at once, or those that embed.
+    pub(super) const fn capacity(&self, embeds: bool) -> usize {
+        if embeds {
+            self.embedders.capacity
+        } else {
+            self.all.capacity
+        }
+    }
+
+    /// Leases that are with somebody.
+    pub(super) const fn out(&self) -> usize {
+        self.out
+    }
+
+    pub(super) fn insert(&mut self, id: WorkerId, worker: Worker) {
+        self.enter(id, &worker);
+        self.workers.insert(id, worker);
+    }
+
+    pub(super) fn remove(&mut self, id: WorkerId) {
+        if let Some(worker) = self.workers.remove(&id) {
+            self.strike(id, &worker);
+        }
+    }
+
+    /// The only way to change a worker, as its turn may change with it; `None` if it is not there.
+    pub(super) fn change<T>(&mut self, id: WorkerId, change: impl FnOnce(&mut Worker) -> T) -> Option<T> {
+        let mut worker = self.workers.remove(&id)?;
+        self.strike(id, &worker);
+        let changed = change(&mut worker);
+        self.enter(id, &worker);
+        self.workers.insert(id, worker);
+        Some(changed)
+    }
+
+    /// A sign of life changes nobody's turn.
+    pub(super) fn hear(&mut self, id: WorkerId, now: Instant) {
+        if let Some(worker) = self.workers.get_mut(&id) {
+            worker.heard = now;
+        }
+    }
+
+    fn enter(&mut self, id: WorkerId, worker: &Worker) {
+        self.all.add(worker);
+        self.out += worker.holds.len();
+        self.by_leases.insert((worker.holds.len(), id));
+        let turn = worker.turn(id);
+        self.free.extend(turn);
+        if worker.embeds {
+            self.embedders.add(worker);
+            self.free_embedders.extend(turn);
+        }
+    }
+
+    fn strike(&mut self, id: WorkerId, worker: &Worker) {
+        self.all.take_away(worker);
+        self.out -= worker.holds.len();
+        self.by_leases.remove(&(worker.holds.len(), id));
+        if worker.embeds {
+            self.embedders.take_away(worker);
+        }
+        if let Some(turn) = worker.turn(id) {
+            self.free.remove(&turn);
+            self.free_embedders.remove(&turn);
+        }
+    }
+}

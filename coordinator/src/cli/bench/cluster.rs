@@ -1,0 +1,236 @@
+//! `bench cluster`: what the coordinator, the network and the disk cost beside the evaluations themselves.
+
+mod campaign;
+mod cpu_time;
+mod null_worker;
+mod plain_loop;
+
+use super::super::{
+    CliError,
+    files::read,
+    json,
+    table::{Table, left, right},
+};
+use crate::{cli::Global, local::InProcess};
+use campaign::{BenchCampaign, Finished};
+use cpu_time::CpuTime;
+use murmuration_link::{InputKind, OutputError, errln};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
+use null_worker::NullWorker;
+use plain_loop::PlainLoop;
+use std::{path::PathBuf, time::Duration};
+
+/// Arguments of `bench cluster`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Two kinds of figures:
+- A campaign at the paper's size, with workers of this process over loopback gRPC and a database in the folder for \
+temporary files (TMPDIR), from its start to the commit of its last generation. Beside it, in turns, the same controllers in \
+a plain loop on as many threads, without a coordinator. The CPU time of the campaign is that of workers and coordinator.
+- Null evaluations: one worker answers at once with results that cost it nothing, so that the coordinator alone is \
+measured. Its CPU time includes breeding, novelty, network and database, and leaves out the thread of that worker.
+
+Each figure is the best of all rounds.
+
+Example:
+  murmuration bench cluster --rounds 5 --checkpoint embedder.onnx")]
+pub(in crate::cli) struct ClusterBench {
+    /// Workers of the campaign, and threads of the plain loop
+    #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
+    workers: u16,
+    /// Generations of the campaign, of 100 controllers each
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    generations: u32,
+    /// Generations of null evaluations, of 1,000 each
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    null_generations: u32,
+    /// Measurements of each kind
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    rounds: u16,
+    /// ONNX file of an embedder: measure a campaign whose workers embed, too
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+}
+
+/// How long some evaluations took.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Took {
+    wall: Duration,
+    cpu: CpuTime,
+}
+
+/// The best of several rounds, and how many evaluations each had.
+#[derive(Debug, Clone, Copy)]
+struct Best {
+    results: u64,
+    wall: Duration,
+    cpu: CpuTime,
+}
+
+impl Best {
+    fn of(results: u64, rounds: &[Took]) -> Self {
+        let walls = rounds.iter().map(|took| took.wall);
+        let cpus = rounds.iter().map(|took| took.cpu);
+        Self {
+            results,
+            wall: walls.min().unwrap_or_default(),
+            cpu: cpus.min().unwrap_or_default(),
+        }
+    }
+
+    fn per_second(self) -> f64 {
+        self.results as f64 / self.wall.as_secs_f64()
+    }
+
+    fn cpu_seconds_each(self) -> f64 {
+        self.cpu.as_secs_f64() / self.results as f64
+    }
+}
+
+impl ClusterBench {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let mut table = Table::new([
+            left("WHAT"),
+            right("RESULTS"),
+            right("RESULTS/S"),
+            right("LOOP/S"),
+            right("RATIO"),
+            right("CPU µS/RESULT"),
+            right("LOOP CPU µS"),
+        ]);
+        let mut told = |what: &'static str, workers: u16, best: Best, plain: Option<Best>| {
+            errln!("measured: {what}");
+            tell(
+                &mut table,
+                global.json,
+                Figures {
+                    what,
+                    workers,
+                    best,
+                    plain,
+                },
+            )
+        };
+        let (campaign, plain) = self.beside_loop(&self.hand_crafted()?, None).await?;
+        told("campaign", self.workers, campaign, Some(plain))?;
+        if let Some(file) = &self.checkpoint {
+            let model = read(file, InputKind::Checkpoint)?;
+            let spec = self.latent(CheckpointDigest::of(&model))?;
+            let (campaign, plain) = self.beside_loop(&spec, Some(model)).await?;
+            told("campaign that embeds", self.workers, campaign, Some(plain))?;
+        }
+        let best = self.null_evaluations().await?;
+        told("null evaluations", 1, best, None)?;
+        if !global.json {
+            table.print()?;
+        }
+        Ok(())
+    }
+
+    /// The same controllers in a campaign and in a plain loop, in turns.
+    async fn beside_loop(
+        &self,
+        spec: &CampaignSpec,
+        model: Option<Vec<u8>>,
+    ) -> Result<(Best, Best), CliError> {
+        let crew = InProcess {
+            workers: self.workers.into(),
+            trainers: 0,
+        };
+        let (mut campaigns, mut loops, mut results) = (Vec::new(), Vec::new(), 0);
+        for round in 1..=self.rounds {
+            let bench = BenchCampaign::start(crew, model.clone()).await?;
+            let Finished { took, tasks } = bench.run(spec).await?;
+            let plain = PlainLoop::new(spec, model.as_deref(), self.workers.into())?;
+            let alone = plain.run(&tasks)?;
+            errln!(
+                "round {round}: campaign {:.3} s, plain loop {:.3} s",
+                took.wall.as_secs_f64(),
+                alone.wall.as_secs_f64()
+            );
+            results = tasks.len() as u64;
+            campaigns.push(took);
+            loops.push(alone);
+        }
+        Ok((Best::of(results, &campaigns), Best::of(results, &loops)))
+    }
+
+    /// A campaign whose evaluations cost nothing: what the coordinator takes.
+    async fn null_evaluations(&self) -> Result<Best, CliError> {
+        let spec = spec(&format!(
+            "method = \"hand-crafted\"\n[search]\npopulation = 1000\ngenerations = {}\n",
+            self.null_generations
+        ))?;
+        let mut rounds = Vec::new();
+        for _ in 0..self.rounds {
+            let bench = BenchCampaign::start(InProcess::NONE, None).await?;
+            let worker = NullWorker::start(bench.way(), spec.image())?;
+            let Finished { took, .. } = bench.run(&spec).await?;
+            let cpu = took.cpu.without(worker.end()?);
+            rounds.push(Took { cpu, ..took });
+        }
+        Ok(Best::of(spec.evaluations(), &rounds))
+    }
+
+    fn hand_crafted(&self) -> Result<CampaignSpec, CliError> {
+        spec(&format!(
+            "method = \"hand-crafted\"\n[search]\npopulation = 100\ngenerations = {}\n",
+            self.generations
+        ))
+    }
+
+    fn latent(&self, checkpoint: CheckpointDigest) -> Result<CampaignSpec, CliError> {
+        spec(&format!(
+            "method = \"latent\"\n[search]\npopulation = 100\ngenerations = {}\n[training]\ncheckpoint = \"{checkpoint}\"\n",
+            self.generations
+        ))
+    }
+}
+
+fn spec(text: &str) -> Result<CampaignSpec, CliError> {
+    let text = format!("name = \"bench\"\nmodel = \"single-sensor\"\n{text}");
+    CampaignSpec::from_toml(&text).map_err(|error| CliError::Failed(error.to_string()))
+}
+
+/// What is printed in one row.
+struct Figures {
+    what: &'static str,
+    workers: u16,
+    best: Best,
+    plain: Option<Best>,
+}
+
+fn tell(table: &mut Table, as_json: bool, figures: Figures) -> Result<(), OutputError> {
+    let Figures {
+        what,
+        workers,
+        best,
+        plain,
+    } = figures;
+    let ratio = plain.map(|plain| best.per_second() / plain.per_second());
+    if as_json {
+        return json::print(json::BenchCluster {
+            what,
+            workers,
+            results: best.results,
+            results_per_second: best.per_second(),
+            cpu_seconds_per_result: best.cpu_seconds_each(),
+            loop_results_per_second: plain.map(Best::per_second),
+            loop_cpu_seconds_per_result: plain.map(Best::cpu_seconds_each),
+            ratio_to_loop: ratio,
+        });
+    }
+    let or_none = |figure: Option<String>| figure.unwrap_or_else(|| "-".to_owned());
+    let micros = |best: Best| format!("{:.1}", 1e6 * best.cpu_seconds_each());
+    let rate = |best: Best| grouped(best.per_second().round() as u64);
+    table.row([
+        what.to_owned(),
+        grouped(best.results),
+        rate(best),
+        or_none(plain.map(rate)),
+        or_none(ratio.map(|ratio| format!("{ratio:.3}"))),
+        micros(best),
+        or_none(plain.map(micros)),
+    ]);
+    Ok(())
+}

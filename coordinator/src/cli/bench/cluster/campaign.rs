@@ -1,0 +1,115 @@
+//! One campaign in a cluster of this process, over a folder that lasts as long as it does.
+
+use super::{CliError, CpuTime, Took};
+use crate::{
+    cli::connection,
+    local::{InProcess, LocalCluster},
+    server::{LocalWay, Options},
+};
+use murmuration_access::ListenConfig;
+use murmuration_dispatch as dispatch;
+use murmuration_proto::{
+    CampaignSpec, Controller, Lineage,
+    v1::{
+        self, campaign_service_client::CampaignServiceClient,
+        checkpoint_service_client::CheckpointServiceClient,
+    },
+};
+use murmuration_store::{DataDirectory, Store};
+use murmuration_worker::simulate::Start;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// Shortest and longest pause between two questions of how far the campaign is.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_millis(200));
+
+/// A cluster without campaigns.
+pub(super) struct BenchCampaign {
+    folder: TempDir,
+    cluster: LocalCluster,
+}
+
+/// A campaign whose last generation is on disk.
+pub(super) struct Finished {
+    /// From the request to create it to the commit of its last generation.
+    pub(super) took: Took,
+    /// What was evaluated, in the order of the archive.
+    pub(super) tasks: Vec<(Controller, Start)>,
+}
+
+impl BenchCampaign {
+    /// Starts a cluster with this crew, which has the checkpoint `model` if there is one.
+    pub(super) async fn start(crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
+        let folder = tempfile::tempdir()
+            .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
+        let options = Options {
+            data: DataDirectory::hold(folder.path())?,
+            listen: ListenConfig::loopback(0),
+            resume: false,
+            checkpoints: None,
+            tries_checkpoints: false,
+            dispatch: dispatch::Options::default(),
+        };
+        let cluster = LocalCluster::start(options, crew).await?;
+        let bench = Self { folder, cluster };
+        if let Some(model) = model {
+            let channel = connection::connect(&bench.way().url, &bench.way().credentials).await?;
+            let parts = Lineage::default().publish_requests(&model);
+            let mut client = CheckpointServiceClient::new(channel);
+            client.publish_checkpoint(tokio_stream::iter(parts)).await?;
+        }
+        Ok(bench)
+    }
+
+    /// How workers reach the coordinator.
+    pub(super) const fn way(&self) -> &LocalWay {
+        self.cluster.coordinator().local()
+    }
+
+    /// Runs a campaign up to its last generation, and ends the cluster.
+    pub(super) async fn run(self, spec: &CampaignSpec) -> Result<Finished, CliError> {
+        let channel = connection::connect(&self.way().url, &self.way().credentials).await?;
+        let mut client = CampaignServiceClient::new(channel);
+        let generations = spec.search().generations();
+        let (begun, cpu) = (Instant::now(), CpuTime::of_process());
+        let request = v1::CreateCampaignRequest {
+            spec: Some(spec.into()),
+            weight: None,
+        };
+        let mut campaign = client.create_campaign(request).await?.into_inner();
+        while campaign.generations_done < generations {
+            if !campaign.active {
+                return Err(CliError::Failed(format!(
+                    "the campaign ended early: {}",
+                    campaign.error
+                )));
+            }
+            tokio::time::sleep(pause(begun.elapsed(), campaign.generations_done, generations)).await;
+            let request = v1::GetCampaignRequest {
+                campaign: campaign.id.clone(),
+            };
+            campaign = client.get_campaign(request).await?.into_inner();
+        }
+        let took = Took {
+            wall: begun.elapsed(),
+            cpu: CpuTime::of_process().without(cpu),
+        };
+        self.cluster.shutdown().await?;
+        let (store, _) = Store::look(self.folder.path(), true)?;
+        let record = store.campaign(&campaign.id)?;
+        let range = 0..spec.search().evaluations();
+        let individuals = store.individuals(&record.id, spec.model(), range, false)?;
+        let tasks = individuals.into_iter();
+        let tasks = tasks.map(|individual| (individual.controller, Start::seeded(individual.seed)));
+        Ok(Finished {
+            took,
+            tasks: tasks.collect(),
+        })
+    }
+}
+
+/// Half of the time that is left if the campaign goes on as before: questions are few, and the last comes just after the end.
+fn pause(elapsed: Duration, done: u32, all: u32) -> Duration {
+    let left = elapsed * all.saturating_sub(done) / done.max(1);
+    (left / 2).clamp(PAUSES.0, PAUSES.1)
+}

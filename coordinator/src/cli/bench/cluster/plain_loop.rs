@@ -1,0 +1,82 @@
+//! The peer of a campaign: the same evaluations on as many threads, with nothing around them.
+
+use super::{CliError, CpuTime, Took};
+use murmuration_embed::{EmbedError, Embedder, Runtime};
+use murmuration_proto::{CampaignSpec, Controller, Evaluation, onnx::EmbedderModel};
+use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use std::{
+    hint::black_box,
+    sync::atomic::{AtomicUsize, Ordering},
+    thread,
+    time::Instant,
+};
+
+/// Evaluations that a thread takes at a time.
+const AT_ONCE: usize = 64;
+
+/// One evaluator a thread, and one embedder a thread where pictures are embedded.
+pub(super) struct PlainLoop {
+    threads: Vec<(Evaluator, Option<Embedder>)>,
+}
+
+impl PlainLoop {
+    pub(super) fn new(spec: &CampaignSpec, model: Option<&[u8]>, threads: usize) -> Result<Self, CliError> {
+        let thread = |_| {
+            let evaluator = Evaluator::new(spec.world(), spec.image())?;
+            Ok((evaluator, model.map(embedder).transpose()?))
+        };
+        let threads = (0..threads).map(thread).collect::<Result<_, CliError>>()?;
+        Ok(Self { threads })
+    }
+
+    /// Evaluates all tasks.
+    pub(super) fn run(self, tasks: &[(Controller, Start)]) -> Result<Took, CliError> {
+        let next = AtomicUsize::new(0);
+        let (begun, cpu) = (Instant::now(), CpuTime::of_process());
+        thread::scope(|scope| {
+            let work = |(evaluator, embedder)| scope.spawn(|| work(evaluator, embedder, tasks, &next));
+            let threads: Vec<_> = self.threads.into_iter().map(work).collect();
+            let ended = threads.into_iter().map(|thread| match thread.join() {
+                Ok(ended) => ended,
+                Err(_) => Err(CliError::Failed(
+                    "a thread of the plain loop ended early".to_owned(),
+                )),
+            });
+            ended.collect::<Result<Vec<()>, _>>()
+        })?;
+        Ok(Took {
+            wall: begun.elapsed(),
+            cpu: CpuTime::of_process().without(cpu),
+        })
+    }
+}
+
+fn work(
+    mut evaluator: Evaluator,
+    mut embedder: Option<Embedder>,
+    tasks: &[(Controller, Start)],
+    next: &AtomicUsize,
+) -> Result<(), CliError> {
+    loop {
+        let first = next.fetch_add(AT_ONCE, Ordering::Relaxed).min(tasks.len());
+        let part = &tasks[first..tasks.len().min(first + AT_ONCE)];
+        if part.is_empty() {
+            return Ok(());
+        }
+        let evaluations = evaluator.evaluate_all(part)?;
+        if let Some(embedder) = &mut embedder {
+            let images: Vec<&[u8]> = evaluations.iter().map(Evaluation::image).collect();
+            black_box(embedder.embed(&images).map_err(failed)?);
+        }
+        black_box(evaluations);
+    }
+}
+
+fn embedder(model: &[u8]) -> Result<Embedder, CliError> {
+    let model = EmbedderModel::read(model).map_err(|error| CliError::Input(error.to_string()))?;
+    Embedder::open(&Runtime::load()?, model).map_err(failed)
+}
+
+fn failed(error: EmbedError) -> CliError {
+    CliError::Failed(error.to_string())
+}
