@@ -125,7 +125,7 @@ impl Store {
         })
     }
 
-    /// Puts a training aside, unless one that has come farther is.
+    /// Puts a training aside, in place of the one before.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -134,8 +134,7 @@ impl Store {
             let number = number_of(transaction, campaign)?;
             transaction.execute(
                 "INSERT INTO trainings (campaign, epoch, saved) VALUES (?1, ?2, ?3)
-                 ON CONFLICT (campaign) DO UPDATE SET epoch = excluded.epoch, saved = excluded.saved
-                 WHERE excluded.epoch > epoch",
+                 ON CONFLICT (campaign) DO UPDATE SET epoch = excluded.epoch, saved = excluded.saved",
                 params![number, clamped(training.epoch), training.bytes],
             )?;
             Ok(())

