@@ -1,11 +1,14 @@
 //! A whole cluster in one process: a coordinator, its workers and trainers, over loopback gRPC all the same.
 
 use crate::server::{Coordinator, Options, ServerError};
-use murmuration_link::Health;
+use murmuration_link::{Health, errln};
 use murmuration_trainer::client as trainer;
 use murmuration_worker::client as worker;
-use std::{fmt::Display, num::NonZeroUsize};
+use std::{fmt::Display, num::NonZeroUsize, time::Duration};
 use tokio::{sync::watch, task::JoinHandle};
+
+/// How long workers may take to end before people are told what they wait for.
+const PATIENCE: Duration = Duration::from_secs(2);
 
 /// The workers and trainers that a coordinator has in its own process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -87,9 +90,18 @@ impl LocalCluster {
     pub async fn shutdown(self) -> Result<(), ServerError> {
         self.coordinator.stop_searches().await;
         self.stop.send_replace(true);
-        for member in self.crew {
-            // One that panicked has said so in the log.
-            let _ = member.await;
+        let ended = async {
+            for member in self.crew {
+                // One that panicked has said so in the log.
+                let _ = member.await;
+            }
+        };
+        tokio::pin!(ended);
+        if tokio::time::timeout(PATIENCE, &mut ended).await.is_err() {
+            errln!(
+                "waiting for evaluations that have begun; Ctrl-C ends them at once, and loses nothing that is on disk"
+            );
+            ended.await;
         }
         self.coordinator.shutdown().await
     }

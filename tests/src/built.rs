@@ -17,10 +17,8 @@ pub fn binary(name: &str) -> PathBuf {
         let test = std::env::current_exe().unwrap();
         let folder = test.ancestors().nth(2).unwrap().to_owned();
         let mut build = Command::new(env!("CARGO"));
-        // `--tests` because tests ask more features of some libraries: with the features of `cargo test` they are compiled
-        // once, and without them twice.
         build
-            .args(["build", "--quiet", "--workspace", "--bins", "--tests"])
+            .args(["build", "--quiet", "--workspace", "--bins"])
             .arg("--manifest-path");
         build.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml"));
         build.arg("--target-dir").arg(folder.parent().unwrap());

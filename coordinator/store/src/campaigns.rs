@@ -120,7 +120,10 @@ fn records(
 }
 
 fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
-    let id: String = row.get("id")?;
+    let id: CampaignId = row
+        .get::<_, String>("id")?
+        .parse()
+        .map_err(|error: Invalid| StoreError::damaged(error.to_string()))?;
     let damaged = |what: String| StoreError::damaged(format!("campaign {id}: {what}"));
     let invalid = |error: Invalid| damaged(error.to_string());
     let count = |column| row.get::<_, i64>(column).map(i64::unsigned_abs);
@@ -158,6 +161,6 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
             last_cutoff: count("last_label_cutoff")?,
             current_cutoff: row.get::<_, Option<i64>>("label_cutoff")?.map(i64::unsigned_abs),
         },
-        id: CampaignId::from_store(id),
+        id,
     })
 }

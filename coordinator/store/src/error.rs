@@ -143,6 +143,15 @@ const NOT_WRITTEN: [i32; 8] = [
     ffi::SQLITE_IOERR_SHMMAP,
 ];
 
+/// Whether a value is there that this program never writes.
+const fn is_unreadable(error: &rusqlite::Error) -> bool {
+    use rusqlite::Error::{FromSqlConversionFailure, IntegralValueOutOfRange, InvalidColumnType};
+    matches!(
+        error,
+        FromSqlConversionFailure(..) | IntegralValueOutOfRange(..) | InvalidColumnType(..)
+    )
+}
+
 impl StoreError {
     /// Whether the disk is why, so that the same change may be made later.
     #[must_use]
@@ -198,6 +207,10 @@ impl StoreError {
                 Self::ReadOnly { path }
             }
             Some((ErrorCode::NotADatabase | ErrorCode::DatabaseCorrupt, _)) => Self::Damaged {
+                path,
+                reason: source.to_string(),
+            },
+            None if is_unreadable(&source) => Self::Damaged {
                 path,
                 reason: source.to_string(),
             },

@@ -2,6 +2,7 @@
 
 mod arrows;
 mod commands;
+mod features;
 mod help;
 mod map;
 mod options;
@@ -20,6 +21,7 @@ fn main() -> ExitCode {
         test!(arrows::no_modules_know_each_other_in_a_ring),
         test!(arrows::no_file_is_longer_than_450_lines),
         test!(map::every_crate_is_on_the_map_with_its_floor_and_its_public_modules),
+        test!(features::programs_and_tests_are_built_with_the_same),
         test!(options::what_starts_a_service_is_an_environment_variable_too),
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),

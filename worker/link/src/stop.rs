@@ -2,6 +2,10 @@
 
 use tokio::sync::watch;
 
+/// Exit code of a process that was told twice to leave: a shell's for one that Ctrl-C ended.
+#[cfg(unix)]
+const IMPATIENT: i32 = 130;
+
 /// Waits until `stop` is true.
 pub async fn stopped(stop: &mut watch::Receiver<bool>) {
     // Nobody is left who could say stop, so stop.
@@ -9,7 +13,8 @@ pub async fn stopped(stop: &mut watch::Receiver<bool>) {
 }
 
 /// Waits for Ctrl-C ("interrupted") or, where it exists, SIGTERM ("terminated"), and returns which one came. From this call
-/// on neither ends the process, whether the future is polled or not. Must be called within a runtime.
+/// on neither ends the process, whether the future is polled or not; but once one came, the next ends it at once with exit
+/// code 130, because what the process finishes first may take long. Must be called within a runtime.
 #[cfg(unix)]
 pub fn termination() -> impl Future<Output = &'static str> + Send {
     use tokio::signal::unix::{Signal, SignalKind, signal};
@@ -23,10 +28,18 @@ pub fn termination() -> impl Future<Output = &'static str> + Send {
     let mut terminated = signal(SignalKind::terminate()).ok();
     let mut interrupted = signal(SignalKind::interrupt()).ok();
     async move {
-        tokio::select! {
+        let first = tokio::select! {
             () = heard(terminated.as_mut()) => "terminated",
             () = heard(interrupted.as_mut()) => "interrupted",
-        }
+        };
+        tokio::spawn(async move {
+            tokio::select! {
+                () = heard(terminated.as_mut()) => {}
+                () = heard(interrupted.as_mut()) => {}
+            }
+            std::process::exit(IMPATIENT);
+        });
+        first
     }
 }
 

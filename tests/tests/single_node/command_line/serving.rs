@@ -3,6 +3,7 @@
 use crate::command_line::Desk;
 use murmuration_tests::{Running, small_latent_spec, start_trainer, start_worker};
 use serde_json::Value;
+use std::{thread, time::Duration};
 
 #[test]
 fn a_second_process_is_told_who_holds_the_data_directory() {
@@ -60,6 +61,26 @@ fn a_second_process_is_told_who_holds_the_data_directory() {
         .run(&["watch", "small-2", "--json", "--coordinator", &url]);
     assert_eq!(lines.last_line()["state"], "completed");
     assert_eq!(serving.terminate(), Some(0));
+}
+
+/// An evaluation may take hours, and is not interrupted by itself.
+#[test]
+fn a_second_signal_ends_what_the_first_waits_for() {
+    let desk = Desk::new();
+    let long = "name = \"long\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
+                [world]\nagents = 200\nhorizon = 10_000_000\n[search]\npopulation = 2\ngenerations = 1\n\
+                [taxonomy]\nmedoids = 1\n";
+    let spec = desk.write("long.toml", long);
+    let mut running = desk.murmuration.start(&["run", &spec, "--workers", "1"]);
+    running.wait_for("0/2 evaluations");
+    // Only an evaluation that has begun uses so much.
+    while running.cpu_time() < Duration::from_secs(2) {
+        thread::sleep(Duration::from_millis(50));
+    }
+    running.signal("INT");
+    running.wait_for("waiting for evaluations that have begun");
+    assert_eq!(running.terminate(), Some(130));
+    desk.check(&["cancel", "long-1"], 0, "");
 }
 
 #[test]
