@@ -306,7 +306,7 @@ impl Campaigns {
             arrived: if active { progress.arrived } else { 0 },
             per_second: if active { progress.per_second } else { 0.0 },
             training: progress.training.filter(|_| active),
-            waiting: progress.disk.or(progress.waiting).filter(|_| active),
+            waiting: progress.waiting.filter(|_| active),
             workers: *self.context.dispatch.workers().borrow(),
             trainers: *self.context.trainers.connected().borrow(),
             notices,

@@ -73,10 +73,8 @@ pub(super) struct Progress {
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
-    /// What its work waits for before it goes on by itself.
+    /// What it waits for before it goes on by itself.
     pub(super) waiting: Option<String>,
-    /// Why what was done is not on disk yet: the disk refused it, for now.
-    pub(super) disk: Option<String>,
     /// Why it failed, also where the store could not record that.
     pub(super) failed: Option<String>,
 }
@@ -90,8 +88,8 @@ pub(super) struct RunHandle {
     workers: Hands,
     /// Ends what the campaign computes, when it is to stop.
     interrupt: Interrupt,
-    /// What of this stage was finished by this process, on disk or on its way there.
-    finished: u64,
+    /// What of this stage is on disk, as far as it was done by this process.
+    committed: u64,
     /// What of this stage was done by when, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
 }
@@ -108,14 +106,14 @@ impl RunHandle {
             stopped,
             workers: Hands::workers(workers),
             interrupt,
-            finished: 0,
+            committed: 0,
             history: VecDeque::new(),
         }
     }
 
     /// Another stage begins.
     pub(super) fn begin(&mut self) {
-        self.finished = 0;
+        self.committed = 0;
         self.history.clear();
         self.progress.send_modify(|progress| {
             *progress = Progress {
@@ -125,9 +123,9 @@ impl RunHandle {
         });
     }
 
-    /// A further `count` of what this stage does are finished: on disk, or on their way there.
-    pub(super) fn finished(&mut self, count: u64) {
-        self.finished += count;
+    /// A further `count` of what this stage does are on disk.
+    pub(super) fn committed(&mut self, count: u64) {
+        self.committed += count;
         self.progress.send_modify(|progress| progress.arrived = 0);
     }
 
@@ -156,12 +154,10 @@ impl RunHandle {
         &self.interrupt
     }
 
-    /// What a commit is told and says, also while something else is awaited.
-    pub(super) fn disk(&self) -> Disk {
-        Disk {
-            progress: self.progress.clone(),
-            stopped: self.stopped.clone(),
-        }
+    /// Resolves when the campaign is to stop.
+    pub(super) async fn stopped(&self) {
+        // Whoever could have said stop is gone: stop.
+        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 
     /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up. `None` if the campaign is to stop; only
@@ -194,7 +190,7 @@ impl RunHandle {
     }
 
     fn count(&mut self, arrived: u32, now: Instant) {
-        let total = self.finished + u64::from(arrived);
+        let total = self.committed + u64::from(arrived);
         // Results of a worker that was found wrong count no more: the rate is measured anew from what is left.
         self.history.retain(|&(_, before)| before <= total);
         self.history.push_back((now, total));
@@ -218,30 +214,6 @@ impl RunHandle {
             progress.arrived = arrived;
             progress.per_second = per_second;
         });
-    }
-}
-
-/// A campaign's end of the line for what it writes: beside its work, so that neither hides what the other waits for.
-#[derive(Debug, Clone)]
-pub(super) struct Disk {
-    progress: watch::Sender<Progress>,
-    stopped: watch::Receiver<bool>,
-}
-
-impl Disk {
-    /// Why a commit waits, if it does.
-    pub(super) fn waiting(&self, why: Option<String>) {
-        self.progress.send_if_modified(|progress| {
-            let changes = progress.disk != why;
-            progress.disk = why;
-            changes
-        });
-    }
-
-    /// Resolves when the campaign is to stop.
-    pub(super) async fn stopped(&self) {
-        // Whoever could have said stop is gone: stop.
-        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
     }
 }
 

@@ -5,7 +5,7 @@ use super::{
     context::{Outcome, StageContext},
     evaluate::{Done, Placed, evaluate},
     metrics::CampaignMetrics,
-    run_handle::{Disk, RunHandle},
+    run_handle::RunHandle,
 };
 use crate::{blocking::blocking, taxonomy};
 use murmuration_dispatch::EvaluationJob;
@@ -59,14 +59,13 @@ pub(super) async fn evolve(
     let generations = record.generations();
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
-    // The generation before the one that is evaluated: it goes to disk meanwhile.
-    let mut evaluated = None;
     loop {
         // What they did may be in this archive: that is looked at between stages.
-        let is_over = quarantined.borrow().len() != seen || search.next_generation >= generations;
-        if is_over {
-            let committed = commit(context, &handle.disk(), &search, evaluated).await?;
-            return Ok(Outcome::of(committed));
+        if quarantined.borrow().len() != seen {
+            return Ok(Outcome::Done);
+        }
+        if search.next_generation >= generations {
+            return Ok(Outcome::Done);
         }
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
@@ -74,70 +73,34 @@ pub(super) async fn evolve(
         })
         .await?;
         search = unchanged;
-        let proposal = match proposal {
-            Ok(proposal) => proposal,
-            Err(error) => {
-                commit(context, &handle.disk(), &search, evaluated).await?;
-                return Err(error.into());
-            }
-        };
+        let proposal = proposal?;
         let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
         let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
-        let disk = handle.disk();
-        let committing = commit(context, &disk, &search, evaluated.take());
-        let evaluating = evaluate(&context.dispatch, handle, job, |place, attempt| {
+        let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
         });
-        let Some(done) = once_committed(committing, evaluating).await? else {
+        let Some(done) = evaluated.await? else {
             return Ok(Outcome::Stopped);
         };
-        handle.finished(done.evaluations.len() as u64);
+        let count = done.evaluations.len() as u64;
         let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
-        (search, evaluated) = (absorbed, Some(generation));
-    }
-}
-
-/// Commits a generation, if there is one; `None` if the campaign is to stop.
-async fn commit(
-    context: &StageContext,
-    disk: &Disk,
-    search: &Search,
-    generation: Option<Generation>,
-) -> Result<Option<()>, CampaignError> {
-    let Some(generation) = generation else {
-        return Ok(Some(()));
-    };
-    let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
-    let commit = move |store: &Store| {
-        let begun = Instant::now();
-        let Generation {
-            record,
-            individuals,
-            provenance,
-        } = &generation;
-        store.commit_generation(&id, record, individuals, provenance)?;
-        metrics.generation_committed(begun.elapsed());
-        Ok::<_, StoreError>(())
-    };
-    context.commit(disk, commit).await
-}
-
-/// What `evaluating` comes to, once `committing` is over too: a commit is never left in the air. What cannot be committed
-/// ends the evaluations of the generation that was bred from it.
-async fn once_committed<T>(
-    committing: impl Future<Output = Result<Option<()>, CampaignError>>,
-    evaluating: impl Future<Output = Result<Option<T>, CampaignError>>,
-) -> Result<Option<T>, CampaignError> {
-    tokio::pin!(committing, evaluating);
-    tokio::select! {
-        committed = &mut committing => match committed? {
-            Some(()) => evaluating.await,
-            None => Ok(None),
-        },
-        evaluated = &mut evaluating => match committing.await? {
-            Some(()) => evaluated,
-            None => Ok(None),
-        },
+        search = absorbed;
+        let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
+        let commit = move |store: &Store| {
+            let begun = Instant::now();
+            let Generation {
+                record,
+                individuals,
+                provenance,
+            } = &generation;
+            store.commit_generation(&id, record, individuals, provenance)?;
+            metrics.generation_committed(begun.elapsed());
+            Ok::<_, StoreError>(())
+        };
+        if context.commit(handle, commit).await?.is_none() {
+            return Ok(Outcome::Stopped);
+        }
+        handle.committed(count);
     }
 }
 
@@ -152,7 +115,7 @@ pub(super) async fn complete(
     let id = search.campaign.id.clone();
     let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
     let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
-    context.commit(&handle.disk(), complete).await
+    context.commit(handle, complete).await
 }
 
 /// Numbers in a behaviour vector.

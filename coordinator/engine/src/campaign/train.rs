@@ -39,12 +39,11 @@ pub(super) async fn train(
         let training = context.trainers.train(job, job_progress.clone());
         tokio::pin!(training);
         let mut trainers = Hands::trainers(context.trainers.connected());
-        let disk = handle.disk();
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
-                () = disk.stopped() => break None,
+                () = handle.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
                 Ok(()) = reports.changed() => {
                     let told = *reports.borrow_and_update();
