@@ -59,7 +59,7 @@ async fn a_worker_that_vanishes_with_a_lease_costs_nothing() {
 async fn a_worker_that_falls_silent_is_dropped_and_told_so() {
     check_undisturbed(async |url| {
         let mut impostor = FakeWorker::connect(&url).await;
-        impostor.lease(10).await;
+        impostor.lease(8).await;
         let status = impostor.receive().await.unwrap_err();
         assert_eq!(status.code(), Code::DeadlineExceeded);
         assert!(status.message().contains("no message for"), "{status}");

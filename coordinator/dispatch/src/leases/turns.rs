@@ -19,12 +19,14 @@ struct Choice {
 /// How many of the tasks that wait a worker is leased at a time, where all workers run `capacity` at once.
 ///
 /// Half an even share, so that batches shrink towards the end of a job; half of what the worker takes for each that it runs at
-/// once, so that it has a batch in hand while it is sent the next. Whole groups of [`AT_ONCE`], for as long as there are enough
+/// once, so that it has a batch in hand while it is sent the next, unless that is less than one group. Whole groups of [`AT_ONCE`], for as long as there are enough
 /// of them for all.
 fn share(waiting: usize, capacity: usize, worker: &Worker) -> usize {
     let capacity = capacity.max(1);
     let even = waiting.div_ceil(2 * capacity);
-    let in_hand = (worker.credits + worker.tasks).div_ceil(2 * worker.capacity.max(1));
+    let in_hand = (worker.credits + worker.tasks)
+        .div_ceil(2 * worker.capacity.max(1))
+        .max(AT_ONCE);
     let wanted = if waiting >= capacity * AT_ONCE * 3 / 4 {
         even.max(AT_ONCE)
     } else {

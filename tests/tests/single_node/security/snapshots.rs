@@ -171,10 +171,10 @@ async fn a_trainer_that_names_what_it_never_published_is_quarantined_until_a_per
 async fn a_trainer_that_names_a_checkpoint_of_another_training_is_quarantined_and_the_campaign_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/small.onnx");
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
     let imported = Murmuration::over(folder.path()).run(&["checkpoints", "import", model]);
     assert_eq!(imported.code, Some(0), "{}", imported.stderr);
     let other = imported.stdout.trim().to_owned();
-    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
     let campaign = cluster.create(&small_latent_spec("")).await;
     let mut trainer = Trainer::connect(&cluster.url()).await;
     let lease = trainer.lease().await;
