@@ -21,8 +21,9 @@ fn features(kinds: &str) -> BTreeMap<String, String> {
     assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
     let tree = String::from_utf8(tree.stdout).unwrap();
     let mut features = BTreeMap::<_, Vec<_>>::new();
-    for line in tree.lines() {
-        let (library, of) = line.trim_end_matches(" (*)").split_once('\t').unwrap();
+    // Empty lines are between the trees of the workspace's crates.
+    for line in tree.lines().filter(|line| !line.is_empty()) {
+        let (library, of) = line.split_once('\t').unwrap();
         // A library that macros need too is built for them apart, with features of its own.
         let of = of.trim_end_matches(" (*)").to_owned();
         let all = features.entry(library.to_owned()).or_default();

@@ -23,17 +23,17 @@ use std::{path::PathBuf, time::Duration};
 /// Arguments of `bench cluster`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Two kinds of figures:
-- A campaign at the paper's size, with workers of this process over loopback gRPC and a database in the folder for \
+A campaign at the paper's size, with workers of this process over loopback gRPC and a database in the folder for \
 temporary files (TMPDIR), from its start to the commit of its last generation. Beside it, in turns, the same controllers in \
 a plain loop on as many threads, without a coordinator. The CPU time of the campaign is that of workers and coordinator.
-- Null evaluations: one worker answers at once with results that cost it nothing, so that the coordinator alone is \
+
+Null evaluations: one worker answers at once with results that cost it nothing, so that the coordinator alone is \
 measured. Its CPU time includes breeding, novelty, network and database, and leaves out the thread of that worker.
 
 Each figure is the best of all rounds.
 
 Example:
-  murmuration bench cluster --rounds 5 --checkpoint embedder.onnx")]
+  murmuration bench cluster --generations 20 --rounds 1")]
 pub(in crate::cli) struct ClusterBench {
     /// Workers of the campaign, and threads of the plain loop
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
