@@ -7,7 +7,7 @@ use murmuration_search::{
     medoids::Clustering,
     novelty::{self, Behaviours},
 };
-use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy};
+use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError};
 
 /// One behaviour: the individual at the centre of a cluster.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,11 +46,6 @@ impl Taxonomy {
         let Some(stored) = store.taxonomy(campaign)? else {
             return Ok(None);
         };
-        let measures = if stored.measures.len() == stored.medoids.len() {
-            stored.measures.clone()
-        } else {
-            measure_again(store, campaign, spec, &stored)?
-        };
         let mut sizes = vec![0; stored.medoids.len()];
         for &cluster in &stored.clusters {
             if let Some(size) = sizes.get_mut(cluster as usize) {
@@ -58,7 +53,7 @@ impl Taxonomy {
             }
         }
         let mut medoids = Vec::with_capacity(stored.medoids.len());
-        for ((&index, measures), cluster_size) in stored.medoids.iter().zip(measures).zip(sizes) {
+        for ((&index, measures), cluster_size) in stored.medoids.iter().zip(stored.measures).zip(sizes) {
             medoids.push(Medoid {
                 individual: store.individual(campaign, spec.model(), index)?,
                 cluster_size,
@@ -99,92 +94,26 @@ pub fn measure(
     Ok(sums.into_iter().zip(novelty).map(measured).collect())
 }
 
-/// What an older version has not stored with its taxonomy: it follows from the archive, which is read for it.
-fn measure_again(
-    store: &Store,
-    campaign: &CampaignId,
-    spec: &CampaignSpec,
-    stored: &StoredTaxonomy,
-) -> Result<Vec<ClusterMeasures>, StoreError> {
-    let damaged = |reason: String| StoreError::Damaged {
-        path: Store::FILE.into(),
-        reason: format!("the taxonomy of campaign {campaign}: {reason}"),
-    };
-    let count = stored.clusters.len();
-    let archive = store.individuals(campaign, spec.model(), 0..count as u64, false)?;
-    let behaviour = |individual: &ArchivedIndividual| {
-        spec.method()
-            .behaviour(&individual.features, &individual.embedding)
-    };
-    let mut behaviours = Behaviours::new(archive.first().map_or(0, |first| behaviour(first).len()));
-    for individual in &archive {
-        behaviours
-            .push(&behaviour(individual))
-            .map_err(|misfit| damaged(misfit.to_string()))?;
-    }
-    let known = |index: &u64| *index < behaviours.len() as u64;
-    let placed = |cluster: &u32| (*cluster as usize) < stored.medoids.len();
-    if behaviours.len() != count || !stored.medoids.iter().all(known) || !stored.clusters.iter().all(placed) {
-        return Err(damaged("it is of another archive".to_owned()));
-    }
-    let neighbours = spec.search().neighbours() as usize;
-    // For a page of a completed campaign, as long as it takes.
-    measure(
-        &behaviours,
-        &stored.clone().into(),
-        neighbours,
-        &Interrupt::default(),
-    )
-    .map_err(|interrupted| damaged(interrupted.to_string()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_model::Weight;
-    use murmuration_store::{DataDirectory, GenerationRecord, Provenance};
 
     #[test]
-    fn what_an_older_version_did_not_measure_is_measured_from_the_archive() {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(&DataDirectory::hold(folder.path()).unwrap()).unwrap();
-        let text =
-            "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n[search]\npopulation = 4\nneighbours = 2";
-        let spec = CampaignSpec::from_toml(text).unwrap();
-        let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
-        let individual = |(index, speed): (u64, f64)| ArchivedIndividual {
-            features: [speed, 0.0, 0.0, 0.0, 0.0],
-            novelty: 100.0,
-            ..crate::still::still(index, 0)
-        };
-        let individuals: Vec<_> = (0..).zip([0.0, 1.0, 3.0, 10.0]).map(individual).collect();
-        let record = GenerationRecord::of(0, &[100.0], 0);
-        store
-            .commit_generation(&id, &record, &individuals, &Provenance::default())
-            .unwrap();
+    fn a_cluster_is_measured_to_its_medoid_and_its_medoid_to_the_whole_archive() {
+        let mut behaviours = Behaviours::new(1);
+        for place in [0.0, 1.0, 3.0, 10.0] {
+            behaviours.push(&[place]).unwrap();
+        }
         let clustering = Clustering {
             medoids: vec![1, 3],
             clusters: vec![0, 0, 0, 1],
             loss: 3.0,
         };
-        let read = || Taxonomy::read(&store, &id, &spec).unwrap().unwrap();
-        store.complete(&id, &clustering, &[]).unwrap();
-        let older = read();
-        let figures = |medoid: &Medoid| (medoid.cluster_size, medoid.mean_distance, medoid.novelty);
-        let told: Vec<_> = older.medoids.iter().map(figures).collect();
-        assert_eq!(told, [(3, 1.0, 1.5), (1, 0.0, 8.0)]);
-        // A newer one stores the same.
-        let mut behaviours = Behaviours::new(5);
-        for individual in &individuals {
-            behaviours.push(&individual.features).unwrap();
-        }
-        store
-            .complete(
-                &id,
-                &clustering,
-                &measure(&behaviours, &clustering, 2, &Interrupt::default()).unwrap(),
-            )
-            .unwrap();
-        assert_eq!(read(), older);
+        let measured = measure(&behaviours, &clustering, 2, &Interrupt::default()).unwrap();
+        let figures = [(1.0, 1.5), (0.0, 8.0)].map(|(mean_distance, novelty)| ClusterMeasures {
+            mean_distance,
+            novelty,
+        });
+        assert_eq!(measured, figures);
     }
 }

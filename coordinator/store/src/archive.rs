@@ -69,17 +69,25 @@ pub struct StoredTaxonomy {
     pub clusters: Vec<u32>,
     /// Sum of the distances to the nearest medoids.
     pub loss: f64,
-    /// What was measured of each cluster when the taxonomy was made; empty where an older version made it.
+    /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
     pub measures: Vec<ClusterMeasures>,
 }
 
 /// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ClusterMeasures {
     /// Mean distance of its members, the medoid included, to the medoid.
     pub mean_distance: f64,
     /// Mean distance of the medoid to its nearest neighbours in the whole archive.
     pub novelty: f64,
+}
+
+impl StoredTaxonomy {
+    /// Whether every cluster that is named has a medoid, and every medoid its measures.
+    fn is_whole(&self) -> bool {
+        let medoids = self.medoids.len();
+        self.measures.len() == medoids && self.clusters.iter().all(|&cluster| (cluster as usize) < medoids)
+    }
 }
 
 impl From<StoredTaxonomy> for Clustering {
@@ -310,14 +318,18 @@ impl Store {
     /// The taxonomy of a completed campaign; `None` before that.
     ///
     /// # Errors
-    /// If it cannot be read.
+    /// If it cannot be read, or its parts do not fit each other.
     pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let query = "SELECT medoids, clusters, loss, measures FROM taxonomies WHERE campaign = ?1";
-            Ok(connection
-                .query_row(query, [number], stored_taxonomy)
-                .optional()?)
+            let stored = connection.query_row(query, [number], stored_taxonomy).optional()?;
+            match stored {
+                Some(stored) if !stored.is_whole() => Err(StoreError::damaged(format!(
+                    "the taxonomy of campaign {campaign}: its clusters, medoids and measures do not fit each other"
+                ))),
+                stored => Ok(stored),
+            }
         })
     }
 }

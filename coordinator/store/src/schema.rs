@@ -74,7 +74,7 @@ const TABLES: &str = "
         medoids BLOB NOT NULL,
         clusters BLOB NOT NULL,
         loss REAL NOT NULL,
-        measures BLOB NOT NULL DEFAULT x''
+        measures BLOB NOT NULL
     ) STRICT;
     CREATE TABLE pictures (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),

@@ -217,15 +217,8 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
         Ok(None) => return false,
         Ok(Some(taxonomy)) => {
             let len = record.individuals();
-            let medoids = taxonomy.medoids.len();
-            let about = taxonomy.clusters.len() as u64 == len
-                && (taxonomy.measures.is_empty() || taxonomy.measures.len() == medoids)
-                && taxonomy.medoids.iter().all(|&index| index < len)
-                && taxonomy
-                    .clusters
-                    .iter()
-                    .all(|&cluster| (cluster as usize) < medoids);
-            if about {
+            let about = taxonomy.clusters.len() as u64 == len;
+            if about && taxonomy.medoids.iter().all(|&index| index < len) {
                 return true;
             }
             "is of another archive".to_owned()

@@ -1,7 +1,7 @@
 //! Rows that are damaged one by one: what is said of them, and what is saved.
 
 use super::*;
-use crate::{ArchivedIndividual, GenerationRecord, Picture, Provenance};
+use crate::{ArchivedIndividual, ClusterMeasures, GenerationRecord, Picture, Provenance};
 use murmuration_model::{
     CampaignId, CampaignState, Weight,
     labels::{Action, Answer, Change, RequestId},
@@ -49,7 +49,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         clusters: vec![0; 6],
         loss: 1.0,
     };
-    store.complete(&id, &taxonomy, &[]).unwrap();
+    store.complete(&id, &taxonomy, &[ClusterMeasures::default()]).unwrap();
     (folder, id)
 }
 
@@ -208,6 +208,12 @@ async fn labels_and_taxonomy_are_examined_too() {
     check(
         "UPDATE taxonomies SET clusters = x'00000000'",
         "its taxonomy is of another archive",
+        failed,
+    )
+    .await;
+    check(
+        "UPDATE taxonomies SET measures = x''",
+        "its taxonomy cannot be read: the taxonomy of campaign",
         failed,
     )
     .await;

@@ -7,7 +7,7 @@ use murmuration_model::{
 };
 use murmuration_proto::CampaignSpec;
 use murmuration_search::medoids::Clustering;
-use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance};
+use murmuration_store::{ArchivedIndividual, ClusterMeasures, DataDirectory, GenerationRecord, Provenance};
 use std::collections::BTreeSet;
 
 /// A running campaign of generations of ten.
@@ -155,7 +155,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
         clusters: vec![0; 110],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy, &[]).unwrap();
+    campaign.store.complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()]).unwrap();
     let last = clusters();
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
 }
@@ -192,7 +192,7 @@ async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
         clusters: vec![1, 1, 1, 1, 0, 0, 0, 0, 0, 0],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy, &[]).unwrap();
+    campaign.store.complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2]).unwrap();
     let record = campaign.store.campaign("latest").unwrap();
     let asked = campaign
         .queries
