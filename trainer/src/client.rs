@@ -16,7 +16,7 @@ use murmuration_proto::{
     PART_BYTES,
     v1::{self, batch_result::Outcome, coordinator_message, worker_message},
 };
-use std::{net::IpAddr, sync::Arc};
+use std::{net::IpAddr, pin::Pin, sync::Arc};
 use task::Task;
 use tokio::sync::{Mutex, watch};
 
@@ -37,12 +37,19 @@ pub struct Options {
     pub health: Health,
 }
 
+/// A trainer that runs. Boxed, so that it is compiled here and not once more in each program that awaits it.
+pub type Training = Pin<Box<dyn Future<Output = Result<(), TrainerError>> + Send>>;
+
 /// Trains, in rayon's global pool, until `stop` becomes true. Then it finishes the epoch, returns the training as a snapshot,
 /// and leaves.
 ///
 /// # Errors
 /// If the URL is not valid, or the coordinator refuses this trainer. Temporary errors are retried for ever.
-pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
+pub fn run(options: Options, stop: watch::Receiver<bool>) -> Training {
+    Box::pin(train(options, stop))
+}
+
+async fn train(options: Options, stop: watch::Receiver<bool>) -> Result<(), TrainerError> {
     let address = Address::new(
         &options.coordinator,
         &options.credentials,

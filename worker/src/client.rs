@@ -18,7 +18,7 @@ use murmuration_proto::{
     v1::{self, coordinator_message, worker_message},
 };
 use pool::Pool;
-use std::{net::IpAddr, num::NonZeroUsize, path::PathBuf};
+use std::{net::IpAddr, num::NonZeroUsize, path::PathBuf, pin::Pin};
 use tokio::sync::watch;
 
 /// The settings of a worker.
@@ -51,11 +51,18 @@ pub enum WorkerError {
     Thread(#[from] std::io::Error),
 }
 
+/// A worker that runs. Boxed, so that it is compiled here and not once more in each program that awaits it.
+pub type Working = Pin<Box<dyn Future<Output = Result<(), WorkerError>> + Send>>;
+
 /// Works until `stop` becomes true. Then it returns leases that it has not begun, finishes the rest, and leaves.
 ///
 /// # Errors
 /// See [`WorkerError`].
-pub async fn run(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
+pub fn run(options: Options, stop: watch::Receiver<bool>) -> Working {
+    Box::pin(work(options, stop))
+}
+
+async fn work(options: Options, stop: watch::Receiver<bool>) -> Result<(), WorkerError> {
     let capacity = options.threads.get() as u32;
     let kind = match Runtime::load() {
         Ok(runtime) => runtime.kind(),

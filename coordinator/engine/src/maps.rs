@@ -4,9 +4,6 @@
 //! Maps are kept for as long as they are true (until the archive grows or another archive version of it begins) and there is room
 //! for them; what was forgotten is made again, the same. No result rests on them. Knows nothing of pages.
 
-mod landmarks;
-mod neighbours;
-
 use crate::space::{Space, SpaceError, Spaces};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_search::{
@@ -14,6 +11,7 @@ use murmuration_search::{
     projection::{self, Projection},
 };
 use murmuration_store::kept::Kept;
+use murmuration_tsne::{self as tsne, Points};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Most bytes of maps that are kept.
@@ -28,9 +26,6 @@ pub struct Maps {
     /// Ends every computation of a map.
     interrupt: Interrupt,
 }
-
-/// Points by index, in units of their own.
-pub type Points = Vec<[f64; 2]>;
 
 /// What is known of one campaign.
 #[derive(Debug)]
@@ -116,7 +111,7 @@ impl Maps {
         let (maps, id) = (self.clone(), record.id.clone());
         // It is not forgotten while the thread has it.
         std::thread::spawn(move || {
-            let Ok(points) = landmarks::embed(&space.behaviours, &axes.points, &interrupt) else {
+            let Ok(points) = tsne::embed(&space.behaviours, &axes.points, &interrupt) else {
                 return;
             };
             let mut known = lock(&kept);

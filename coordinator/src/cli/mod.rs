@@ -37,7 +37,7 @@ use murmuration_link::{
     parse_arguments, print, telemetry,
 };
 use murmuration_proto::text::masked_url;
-use std::{path::PathBuf, process::ExitCode};
+use std::{future::ready, path::PathBuf, pin::Pin, process::ExitCode};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -240,45 +240,54 @@ pub fn main() -> ExitCode {
 }
 
 async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliError> {
-    match command {
-        Command::Run(run) => run.execute(&global).await,
-        Command::Resume(resume) => resume.execute(&global).await,
-        Command::Serve(serve) => serve.execute(&global).await,
-        Command::Token(token) => token.execute(global.json),
-        Command::Certs(certs) => certs.execute(global.json),
-        Command::Submit(submit) => submit.execute(&global).await,
-        Command::Watch(name) => campaigns::watch(&global, &name.campaign).await,
-        Command::List => campaigns::list(&global).await,
-        Command::Show(show) => show.execute(&global).await,
-        Command::Pause(name) => campaigns::pause(&global, &name.campaign).await,
-        Command::Cancel(name) => campaigns::cancel(&global, &name.campaign).await,
-        Command::Adopt(adopt) => adopt.execute(&global).await,
-        Command::Refine(refine) => refine.execute(&global).await,
-        Command::Digest(name) => campaigns::digest(&global, &name.campaign).await,
-        Command::Report(report) => report.execute(&global).await,
-        Command::Simulate(simulate) => simulate.execute(global.json),
-        Command::Filter(filter) => filter.execute(global.json),
-        Command::Checkpoints(checkpoints) => checkpoints.execute(&global).await,
-        Command::Label(label) => label.execute(&global).await,
-        Command::Labels(labels) => labels.execute(&global).await,
-        Command::Classes(classes) => classes.execute(&global).await,
-        Command::Agreement(agreement) => agreement.execute(&global).await,
-        Command::Accuracy(accuracy) => accuracy.execute(&global).await,
-        Command::Judge(judge) => judge.execute(&global),
-        Command::Health(health) => health.execute(&global).await,
-        Command::Backup(backup) => backup.execute(&global).await,
-        Command::Restore(restore) => restore.execute(&global).await,
-        Command::Doctor(doctor) => doctor.execute(&global).await,
-        Command::Quarantine(quarantine) => quarantine.execute(&global),
-        Command::Bench(bench) => bench.execute(&global).await,
-        Command::Schema { kind } => Ok(outln!("{:#}", kind.schema().as_value())?),
-        Command::Completions { shell } => {
-            // To memory first: it panics where it cannot write.
-            let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Arguments::command(), "murmuration", &mut script);
-            Ok(print(String::from_utf8_lossy(&script))?)
-        }
-    }
+    // Apart from each other: one state machine of all commands takes the compiler minutes.
+    let global = &global;
+    let done: Pin<Box<dyn Future<Output = Result<(), CliError>> + '_>> = match command {
+        Command::Run(run) => Box::pin(run.execute(global)),
+        Command::Resume(resume) => Box::pin(resume.execute(global)),
+        Command::Serve(serve) => Box::pin(serve.execute(global)),
+        Command::Token(token) => Box::pin(ready(token.execute(global.json))),
+        Command::Certs(certs) => Box::pin(ready(certs.execute(global.json))),
+        Command::Submit(submit) => Box::pin(submit.execute(global)),
+        Command::Watch(name) => Box::pin(async move { campaigns::watch(global, &name.campaign).await }),
+        Command::List => Box::pin(campaigns::list(global)),
+        Command::Show(show) => Box::pin(show.execute(global)),
+        Command::Pause(name) => Box::pin(async move { campaigns::pause(global, &name.campaign).await }),
+        Command::Cancel(name) => Box::pin(async move { campaigns::cancel(global, &name.campaign).await }),
+        Command::Adopt(adopt) => Box::pin(adopt.execute(global)),
+        Command::Refine(refine) => Box::pin(refine.execute(global)),
+        Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
+        Command::Report(report) => Box::pin(report.execute(global)),
+        Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
+        Command::Filter(filter) => Box::pin(ready(filter.execute(global.json))),
+        Command::Checkpoints(checkpoints) => Box::pin(checkpoints.execute(global)),
+        Command::Label(label) => Box::pin(label.execute(global)),
+        Command::Labels(labels) => Box::pin(labels.execute(global)),
+        Command::Classes(classes) => Box::pin(classes.execute(global)),
+        Command::Agreement(agreement) => Box::pin(agreement.execute(global)),
+        Command::Accuracy(accuracy) => Box::pin(accuracy.execute(global)),
+        Command::Judge(judge) => Box::pin(ready(judge.execute(global))),
+        Command::Health(health) => Box::pin(health.execute(global)),
+        Command::Backup(backup) => Box::pin(backup.execute(global)),
+        Command::Restore(restore) => Box::pin(restore.execute(global)),
+        Command::Doctor(doctor) => Box::pin(doctor.execute(global)),
+        Command::Quarantine(quarantine) => Box::pin(ready(quarantine.execute(global))),
+        Command::Bench(bench) => Box::pin(bench.execute(global)),
+        Command::Schema { kind } => Box::pin(ready(schema(kind))),
+        Command::Completions { shell } => Box::pin(ready(completions(shell))),
+    };
+    done.await
+}
+
+fn schema(kind: json::Kind) -> Result<(), CliError> {
+    Ok(outln!("{:#}", kind.schema().as_value())?)
+}
+
+fn completions(shell: clap_complete::Shell) -> Result<(), CliError> {
+    // To memory first: it panics where it cannot write.
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Arguments::command(), "murmuration", &mut script);
+    Ok(print(String::from_utf8_lossy(&script))?)
 }
 
 /// A word of a command line as a shell takes it.

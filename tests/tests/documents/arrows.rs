@@ -22,6 +22,7 @@ pub const FLOORS: &[(&str, u8)] = &[
     ("trainer", 2),
     ("coordinator/search", 2),
     ("coordinator/judge", 2),
+    ("coordinator/tsne", 3),
     ("coordinator/model", 3),
     ("coordinator/accuracy", 4),
     ("coordinator/store", 4),

@@ -49,7 +49,9 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         clusters: vec![0; 6],
         loss: 1.0,
     };
-    store.complete(&id, &taxonomy, &[ClusterMeasures::default()]).unwrap();
+    store
+        .complete(&id, &taxonomy, &[ClusterMeasures::default()])
+        .unwrap();
     (folder, id)
 }
 

@@ -20,7 +20,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
         clusters: vec![0, 0],
         loss: 1.0,
     };
-    store.complete(&id, &clustering, &[ClusterMeasures::default()]).unwrap();
+    store
+        .complete(&id, &clustering, &[ClusterMeasures::default()])
+        .unwrap();
 
     store.move_to(&id, second).unwrap();
     store

@@ -155,7 +155,10 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
         clusters: vec![0; 110],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()]).unwrap();
+    campaign
+        .store
+        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()])
+        .unwrap();
     let last = clusters();
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
 }
@@ -192,7 +195,10 @@ async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
         clusters: vec![1, 1, 1, 1, 0, 0, 0, 0, 0, 0],
         loss: 3.0,
     };
-    campaign.store.complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2]).unwrap();
+    campaign
+        .store
+        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2])
+        .unwrap();
     let record = campaign.store.campaign("latest").unwrap();
     let asked = campaign
         .queries

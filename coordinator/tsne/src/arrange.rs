@@ -29,7 +29,7 @@ const FEWEST_ON_GRID: usize = 256;
 const START: f64 = 1e-4;
 
 /// Places `behaviours` by t-SNE, from where `axes` have them on; as `axes` where there are too few.
-pub(super) fn embed(
+pub(super) fn arrange(
     behaviours: &Behaviours,
     axes: &[[f64; 2]],
     interrupt: &Interrupt,
@@ -99,7 +99,7 @@ pub(super) fn in_background<T: Send>(compute: impl FnOnce() -> T + Send) -> T {
     }
 }
 
-/// Unwinds to [`embed`] once `interrupt` is raised: what is called after every step cannot tell the crate to stop.
+/// Unwinds to [`arrange`] once `interrupt` is raised: what is called after every step cannot tell the crate to stop.
 fn unwind_if(interrupt: &Interrupt) {
     if let Err(interrupted) = interrupt.check() {
         resume_unwind(Box::new(interrupted));

@@ -4,12 +4,19 @@
 //! *landmarks*, and every other behaviour lies at the weighted mean of the landmarks nearest to it. What t-SNE takes is
 //! thus bounded, in time and memory; the rest is a look-up in a tree for each behaviour.
 
-use super::{Points, neighbours};
+mod arrange;
+#[cfg(test)]
+mod tests;
+
+use arrange::{arrange, in_background};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Index, Neighbour},
 };
 use rayon::prelude::*;
+
+/// Points in the order of their behaviours, in units of their own.
+pub type Points = Vec<[f64; 2]>;
 
 /// Most behaviours that t-SNE places: twice the paper's archive.
 const MOST: usize = 20_000;
@@ -17,8 +24,12 @@ const MOST: usize = 20_000;
 /// Landmarks that each of the others lies between.
 const BETWEEN: usize = 5;
 
-/// Places `behaviours`, which `axes` have on the principal axes.
-pub(super) fn embed(
+/// Places `behaviours`, whose points on the principal axes are `axes`; as `axes` where there are too few to arrange. It
+/// computes on half of the machine's threads.
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn embed(
     behaviours: &Behaviours,
     axes: &[[f64; 2]],
     interrupt: &Interrupt,
@@ -27,7 +38,7 @@ pub(super) fn embed(
 }
 
 /// As [`embed`], by at most so many landmarks.
-pub(super) fn embed_by(
+fn embed_by(
     most: usize,
     behaviours: &Behaviours,
     axes: &[[f64; 2]],
@@ -35,16 +46,16 @@ pub(super) fn embed_by(
 ) -> Result<Points, Interrupted> {
     let count = behaviours.len();
     if count <= most {
-        return neighbours::embed(behaviours, axes, interrupt);
+        return arrange(behaviours, axes, interrupt);
     }
     // Evenly from the first generation to the last.
     let indices: Vec<usize> = (0..most).map(|place| place * count / most).collect();
     let landmarks = behaviours.among(&indices);
     let axes: Points = indices.iter().map(|&index| axes[index]).collect();
-    let placed = neighbours::embed(&landmarks, &axes, interrupt)?;
+    let placed = arrange(&landmarks, &axes, interrupt)?;
     let mut index = Index::new();
     index.extend(&landmarks);
-    neighbours::in_background(|| {
+    in_background(|| {
         let place = |behaviour: usize| {
             interrupt.check()?;
             let nearest = index.nearest(behaviours.point(behaviour).as_slice(), BETWEEN);
