@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 """Submits a campaign to a coordinator over TLS, and watches it until it stops.
 
+In the folder of the repository, with a coordinator that listens with TLS at swarm.example:7700:
+
     pip install grpcio==1.85.1 grpcio-tools==1.85.1
     python -m grpc_tools.protoc -I proto --python_out=. --grpc_python_out=. proto/murmuration/v1/*.proto
-    MURMURATION_TOKEN_FILE=token python examples/python/submit_and_watch.py swarm.example:7700 certs/ca.pem
+    export PYTHONPATH=. MURMURATION_TOKEN_FILE=operator.token
+    python examples/python/submit_and_watch.py swarm.example:7700 certs/ca.pem
 
-The token must be an operator's. Python must find the modules written by protoc (PYTHONPATH).
+docs/security.md shows how to make the certificates, the coordinator that uses them, and an operator's token.
 Prints a line for every change, then the campaign's id and the digest of its archive.
 """
 
@@ -28,6 +31,9 @@ def connect(address: str, ca: str) -> grpc.Channel:
 
 
 def main() -> int:
+    if len(sys.argv) != 3 or "MURMURATION_TOKEN_FILE" not in os.environ:
+        print("usage: MURMURATION_TOKEN_FILE=FILE submit_and_watch.py HOST:PORT CA.pem", file=sys.stderr)
+        return 2
     address, ca = sys.argv[1:]
     spec = messages.CampaignSpec(
         name="from-python",

@@ -93,7 +93,7 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
         };
         let found = quoted_names(found).next().unwrap_or(found);
         let found = found.strip_prefix("string ").unwrap_or(found);
-        return format!("{named}must be {}, not {found}", allowed(expected));
+        return format!("{named}must be {}, not {found}", allowed(expected, found));
     }
     let Some(name) = quoted_names(what).next() else {
         return message.to_owned();
@@ -163,14 +163,14 @@ fn place(section: &str) -> String {
     }
 }
 
-/// The allowed values for a type that serde names.
-fn allowed(expected: &str) -> String {
+/// The allowed values for a type that serde names, where the value is `found`. The limits of a field are said by the field,
+/// once its value is of the type at all.
+fn allowed(expected: &str, found: &str) -> String {
     match expected {
-        "u8" => format!("a whole number from 0 to {}", u8::MAX),
-        "u16" => format!("a whole number from 0 to {}", u16::MAX),
-        "u32" => format!("a whole number from 0 to {}", u32::MAX),
-        // TOML's whole numbers are signed.
-        "u64" | "usize" => format!("a whole number from 0 to {}", i64::MAX),
+        "u8" | "u16" | "u32" | "u64" | "usize" => match found.parse::<u64>() {
+            Ok(_) => "a smaller whole number".to_owned(),
+            Err(_) => "a whole number, 0 or more".to_owned(),
+        },
         "i32" | "i64" => "a whole number".to_owned(),
         "f32" | "f64" => "a number".to_owned(),
         "a boolean" => "true or false".to_owned(),
@@ -241,8 +241,12 @@ mod tests {
 
     #[test]
     fn a_value_of_the_wrong_kind_is_told_what_is_allowed() {
-        let whole = "search.population must be a whole number from 0 to 4294967295, not";
-        for value in ["-1", "1.5", "\"many\"", "99999999999", "true"] {
+        check(
+            "[search]\npopulation = 99999999999",
+            "search.population must be a smaller whole number, not 99999999999",
+        );
+        let whole = "search.population must be a whole number, 0 or more, not";
+        for value in ["-1", "1.5", "\"many\"", "true"] {
             check(
                 &format!("[search]\npopulation = {value}"),
                 &format!("{whole} {value}"),
@@ -252,10 +256,7 @@ mod tests {
             "[search]\npopulation = -1",
             "line 4, column 14\n  |\n4 | population = -1\n",
         );
-        check(
-            "seed = -1",
-            "seed must be a whole number from 0 to 9223372036854775807",
-        );
+        check("seed = -1", "seed must be a whole number, 0 or more, not -1");
         check("filter = 1", "filter must be true or false, not 1");
         check("search = 1", "search must be a table, not 1");
         check("name = 3", "name must be a text in quotes, not 3");
@@ -277,11 +278,11 @@ mod tests {
         );
         check(
             "[training.recipe.in-batch]\nepochs = -3",
-            "4 | epochs = -3\n  |          ^^\ntraining.recipe.in-batch.epochs must be a whole number from 0 to",
+            "4 | epochs = -3\n  |          ^^\ntraining.recipe.in-batch.epochs must be a whole number, 0 or more",
         );
         check(
             "[feedback.recipe.labelled]\nepochs = -3",
-            "4 | epochs = -3\n  |          ^^\nfeedback.recipe.labelled.epochs must be a whole number from 0 to",
+            "4 | epochs = -3\n  |          ^^\nfeedback.recipe.labelled.epochs must be a whole number, 0 or more",
         );
         check("[training.recipe.in-batch]\ncrop = [1.0]", "must be a list of 2");
     }

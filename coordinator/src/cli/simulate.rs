@@ -7,7 +7,7 @@ use super::{
     run::read_spec,
 };
 use murmuration_link::{InputKind, outln};
-use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World, v1};
+use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World};
 use murmuration_report::picture::{self, Animation, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
@@ -94,13 +94,7 @@ impl Simulate {
         let evaluation = evaluate(controller, &world, &format, &start)?;
         self.write_pictures(controller, &world, &format, &start, evaluation.image())?;
         if as_json {
-            json::print(json::Individual::from(&v1::Individual {
-                controller: controller.genes().to_vec(),
-                seed: self.seed,
-                features: evaluation.features().to_vec(),
-                image: Some(evaluation.into_image()),
-                ..v1::Individual::default()
-            }))?;
+            json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;
         } else {
             outln!("controller           {controller}")?;
             for (name, value) in FEATURE_NAMES.iter().zip(evaluation.features()) {

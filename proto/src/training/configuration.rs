@@ -7,6 +7,11 @@ use crate::{
 };
 use serde::{Deserialize, Serialize};
 
+/// The network of a configuration that names none.
+const NETWORK: &str = "compact";
+/// Length of the embedding of a configuration that says none: that of the hand-crafted features.
+const DIMENSIONS: usize = 5;
+
 /// A configuration as written, not yet checked. Absent fields take their defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -37,6 +42,16 @@ pub struct NetworkSettings {
     pub layers: Option<Vec<Layer>>,
 }
 
+impl NetworkSettings {
+    /// Says what the defaults are: another version may have others.
+    fn spell_out(&mut self) {
+        if self.layers.is_none() {
+            self.name.get_or_insert_with(|| NETWORK.to_owned());
+            self.dimensions.get_or_insert(DIMENSIONS);
+        }
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -49,9 +64,18 @@ impl Default for Settings {
 }
 
 /// A checked configuration. With the same pictures it gives the same embedder, bit for bit, on one machine.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Configuration {
     settings: Settings,
+}
+
+impl Default for Configuration {
+    /// What an empty table says.
+    fn default() -> Self {
+        let mut settings = Settings::default();
+        settings.network.spell_out();
+        Self { settings }
+    }
 }
 
 /// Why a text is not a configuration.
@@ -147,9 +171,9 @@ impl Configuration {
         match layers {
             Some(layers) => Architecture::new(side, layers.clone()),
             None => Architecture::named(
-                name.as_deref().unwrap_or("compact"),
+                name.as_deref().unwrap_or(NETWORK),
                 side,
-                dimensions.unwrap_or(5),
+                dimensions.unwrap_or(DIMENSIONS),
             ),
         }
     }
@@ -172,7 +196,7 @@ impl Configuration {
 impl TryFrom<Settings> for Configuration {
     type Error = Invalid;
 
-    fn try_from(settings: Settings) -> Result<Self, Invalid> {
+    fn try_from(mut settings: Settings) -> Result<Self, Invalid> {
         whole("seed", settings.seed, 0..=i64::MAX as u64)?;
         real("held_out", settings.held_out, f64::MIN_POSITIVE..=0.5)?;
         settings.recipe.check().map_err(|error| error.within("recipe"))?;
@@ -189,6 +213,7 @@ impl TryFrom<Settings> for Configuration {
             let allowed = "\"compact\" or \"paper\"";
             return Err(Invalid::new("network.name", format!("{name:?}"), allowed));
         }
+        settings.network.spell_out();
         Ok(Self { settings })
     }
 }

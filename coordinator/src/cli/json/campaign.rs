@@ -2,7 +2,7 @@
 
 use super::Time;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use murmuration_proto::{CampaignSpec, Dataset, EmbedderSource, v1};
+use murmuration_proto::{CampaignSpec, Controller, Dataset, EmbedderSource, Evaluation, v1};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -136,18 +136,19 @@ struct Training {
 /// A controller and its behaviour.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Individual {
-    /// Place in the archive, from 0.
-    index: u64,
-    /// Generation, from 0.
-    generation: u32,
+    /// Place in the archive, from 0; null for a controller that was only simulated.
+    index: Option<u64>,
+    /// Generation, from 0; null for a controller that was only simulated.
+    generation: Option<u32>,
     /// 4 wheel speeds, or 8 wheel speeds and an angle in radians.
     controller: Vec<f64>,
     /// Seed of the start.
     seed: u64,
     /// Average speed, angular momentum, radial variance, scatter, group rotation.
     features: Vec<f64>,
-    /// Mean distance to the nearest neighbours in the archive as it stood after the individual's generation.
-    novelty_when_evaluated: f64,
+    /// Mean distance to the nearest neighbours in the archive as it stood after the individual's generation; null for a
+    /// controller that was only simulated.
+    novelty_when_evaluated: Option<f64>,
     /// Embedding by the campaign's checkpoint; empty if there is none.
     embedding: Vec<f64>,
     /// Grey values of the picture, base64, column by column; null if there is no picture.
@@ -298,15 +299,31 @@ impl From<&v1::TrainingProgress> for Training {
     }
 }
 
+impl Individual {
+    /// A controller as it was simulated here, in no archive.
+    pub(in crate::cli) fn simulated(controller: &Controller, seed: u64, evaluation: &Evaluation) -> Self {
+        Self {
+            index: None,
+            generation: None,
+            controller: controller.genes().to_vec(),
+            seed,
+            features: evaluation.features().to_vec(),
+            novelty_when_evaluated: None,
+            embedding: Vec::new(),
+            image: Some(STANDARD.encode(evaluation.image())),
+        }
+    }
+}
+
 impl From<&v1::Individual> for Individual {
     fn from(individual: &v1::Individual) -> Self {
         Self {
-            index: individual.index,
-            generation: individual.generation,
+            index: Some(individual.index),
+            generation: Some(individual.generation),
             controller: individual.controller.clone(),
             seed: individual.seed,
             features: individual.features.clone(),
-            novelty_when_evaluated: individual.novelty,
+            novelty_when_evaluated: Some(individual.novelty),
             embedding: individual.embedding.iter().copied().map(f64::from).collect(),
             image: individual.image.as_deref().map(|image| STANDARD.encode(image)),
         }

@@ -36,7 +36,7 @@ fn bad_input_is_named_with_exit_code_2() {
         ),
         (
             &format!("\u{feff}{minimal}[search]\npopulation = -1").replace('\n', "\r\n"),
-            "4 | population = -1\n  |              ^^\nsearch.population must be a whole number from 0 to 4294967295, not",
+            "4 | population = -1\n  |              ^^\nsearch.population must be a whole number, 0 or more, not",
         ),
     ];
     for (text, said) in specs {
