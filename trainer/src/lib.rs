@@ -12,7 +12,6 @@ mod augment;
 pub mod bench;
 pub mod client;
 pub mod labelled_pictures;
-mod lanes;
 mod layers;
 mod loss;
 pub mod network;
@@ -24,6 +23,7 @@ mod publication;
 mod pytorch;
 pub mod quality;
 mod real;
+mod shards;
 pub mod training;
 mod vectors;
 

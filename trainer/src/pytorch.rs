@@ -1,11 +1,11 @@
 //! Compares whole networks with PyTorch, in f64: `tests/fixtures/pytorch.py` computed the numbers and says how.
 
 use crate::{
-    lanes::Lanes,
     loss::{in_batch, triplets},
     network::Network,
     onnx::channels_first,
     optimise::Adam,
+    shards::Shards,
 };
 use murmuration_proto::training::{Architecture, Layer, Shape};
 use serde::Deserialize;
@@ -117,15 +117,15 @@ fn check(
     architecture: Architecture,
     expected: &Step,
     rate: f64,
-    gradient_of: impl Fn(&Network<f64>, &mut Lanes<f64>, &[f64], &mut [f64]) -> f64,
+    gradient_of: impl Fn(&Network<f64>, &mut Shards<f64>, &[f64], &mut [f64]) -> f64,
 ) {
     let mut network = Network::<f64>::initialise(architecture.clone(), 1);
     network.parameters_mut().copy_from_slice(&weights(&architecture));
     let images = pictures(architecture.side());
     let mut gradient = vec![0.0; network.parameters().len()];
-    let mut lanes = Lanes::new(&network);
+    let mut shards = Shards::new(&network);
     check_close("embeddings", &network.embed_scaled(&images), &expected.embeddings);
-    let loss = gradient_of(&network, &mut lanes, &images, &mut gradient);
+    let loss = gradient_of(&network, &mut shards, &images, &mut gradient);
     check_close("loss", &[loss], &[expected.loss]);
     let sample = |ours: &[f64]| -> Vec<f64> {
         in_their_order(&architecture, ours)
@@ -145,7 +145,7 @@ fn the_papers_network_and_triplets() {
         architecture,
         &fixture().paper,
         0.08,
-        |network, lanes, images, gradient| {
+        |network, shards, images, gradient| {
             // Two chunks: triplets 0 to 4 and 5 to 7 of eight.
             let chunk = |chunk: usize| if chunk == 0 { 0..5 } else { 5..8 };
             let take = |chunk_number: usize, into: &mut Vec<f64>| {
@@ -156,7 +156,7 @@ fn the_papers_network_and_triplets() {
                     );
                 }
             };
-            let total = lanes.gradient_by_chunk(
+            let total = shards.gradient_by_chunk(
                 network,
                 2,
                 take,
@@ -175,8 +175,8 @@ fn the_compact_network_and_in_batch_triplets() {
         architecture,
         &fixture().compact,
         1e-3,
-        |network, lanes, images, gradient| {
-            lanes.gradient_at_once(
+        |network, shards, images, gradient| {
+            shards.gradient_at_once(
                 network,
                 images,
                 7,

@@ -47,7 +47,7 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
     let images = augmented(training, behaviours, stream);
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
-    let loss = training.lanes.gradient_at_once(
+    let loss = training.shards.gradient_at_once(
         &state.network,
         &images,
         CHUNK,

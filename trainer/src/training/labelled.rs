@@ -61,7 +61,7 @@ fn step(
 ) -> f64 {
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
-    let loss = training.lanes.gradient_at_once(
+    let loss = training.shards.gradient_at_once(
         &state.network,
         images,
         CHUNK,

@@ -14,11 +14,11 @@ mod tests;
 mod triplets;
 
 use crate::{
-    lanes::Lanes,
     network::Network,
     optimise::Adam,
     pictures::Pictures,
     quality::{Moments, Quality},
+    shards::Shards,
 };
 use held_out::HeldOut;
 use murmuration_proto::{
@@ -41,7 +41,7 @@ pub struct Training {
     held_out: HeldOut,
     /// `None` if the recipe takes no labels.
     fine_tuned: Option<FineTuned>,
-    lanes: Lanes<f32>,
+    shards: Shards<f32>,
     gradient: Vec<f32>,
     state: State,
 }
@@ -149,7 +149,7 @@ impl Training {
         Self {
             held_out: HeldOut::new(configuration, &pictures),
             fine_tuned,
-            lanes: Lanes::new(&network),
+            shards: Shards::new(&network),
             gradient: vec![0.0; weights],
             state: State {
                 adam: Adam::new(weights),

@@ -32,7 +32,7 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
     let architecture = state.network.architecture();
     let (side, dimensions) = (architecture.side(), architecture.dimensions());
     let at_once = chunk(&state.network);
-    let total = training.lanes.gradient_by_chunk(
+    let total = training.shards.gradient_by_chunk(
         &state.network,
         triplets.len().div_ceil(at_once),
         |chunk, images| {

@@ -1,7 +1,7 @@
 //! The gradient of a batch, computed on all cores, one chunk of images at a time.
 //!
-//! Chunks are distributed over a fixed number of lanes. A lane takes its chunks in order and adds up their gradients. Then
-//! the lanes' sums are added in order. So the result depends on the number of lanes and the size of chunks, which are
+//! Chunks are distributed over a fixed number of shards. A shard takes its chunks in order and adds up their gradients. Then
+//! the shards' sums are added in order. So the result depends on the number of shards and the size of chunks, which are
 //! constants, but not on the number of threads.
 
 use crate::{
@@ -11,22 +11,22 @@ use crate::{
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// Number of lanes, which is the maximum number of busy threads.
-const LANES: usize = 16;
-/// Number of weights that one task sums over the lanes.
+/// Number of shards, which is the maximum number of busy threads.
+const SHARDS: usize = 16;
+/// Number of weights that one task sums over the shards.
 const SUMMED_AT_ONCE: usize = 1 << 14;
 
 /// Buffers, reused from batch to batch.
 #[derive(Debug)]
-pub(crate) struct Lanes<T> {
-    lanes: Vec<Lane<T>>,
-    /// As many as threads have been busy at the same time. Lanes may take any of them.
+pub(crate) struct Shards<T> {
+    shards: Vec<Shard<T>>,
+    /// As many as threads have been busy at the same time. Shards may take any of them.
     workbenches: Mutex<Vec<Workbench<T>>>,
 }
 
-/// The state of a lane.
+/// The state of a shard.
 #[derive(Debug, Clone)]
-struct Lane<T> {
+struct Shard<T> {
     gradient: Vec<T>,
     loss: f64,
     /// One for each chunk that waits for the others' embeddings between its forward and backward pass.
@@ -53,15 +53,15 @@ impl<T> Default for Workbench<T> {
     }
 }
 
-impl<T: Real> Lanes<T> {
+impl<T: Real> Shards<T> {
     pub(crate) fn new(network: &Network<T>) -> Self {
-        let lane = Lane {
+        let shard = Shard {
             gradient: vec![T::zero(); network.parameters().len()],
             loss: 0.0,
             tapes: Vec::new(),
         };
         Self {
-            lanes: vec![lane; LANES],
+            shards: vec![shard; SHARDS],
             workbenches: Mutex::default(),
         }
     }
@@ -78,10 +78,10 @@ impl<T: Real> Lanes<T> {
         loss: impl Fn(usize, &[T], &mut [T]) -> f64 + Sync,
         sum: &mut [T],
     ) -> f64 {
-        self.for_each_lane(|first, lane, workbench| {
-            lane.gradient.fill(T::zero());
-            lane.loss = 0.0;
-            for chunk in (first..chunks).step_by(LANES) {
+        self.for_each_lane(|first, shard, workbench| {
+            shard.gradient.fill(T::zero());
+            shard.loss = 0.0;
+            for chunk in (first..chunks).step_by(SHARDS) {
                 let Workbench {
                     tape,
                     room,
@@ -93,12 +93,12 @@ impl<T: Real> Lanes<T> {
                 let embeddings = network.forward(chunk_images, tape, room);
                 d_embeddings.clear();
                 d_embeddings.resize(embeddings.len(), T::zero());
-                lane.loss += loss(chunk, embeddings, d_embeddings);
-                network.backward(chunk_images, tape, room, d_embeddings, &mut lane.gradient);
+                shard.loss += loss(chunk, embeddings, d_embeddings);
+                network.backward(chunk_images, tape, room, d_embeddings, &mut shard.gradient);
             }
         });
         self.add_up(sum);
-        self.lanes.iter().map(|lane| lane.loss).sum()
+        self.shards.iter().map(|shard| shard.loss).sum()
     }
 
     /// The gradient of a loss that needs the embeddings of all `images`, in chunks of `chunk` images that wait between their
@@ -118,29 +118,29 @@ impl<T: Real> Lanes<T> {
         let images: Vec<&[T]> = images
             .chunks(chunk * architecture.side() * architecture.side())
             .collect();
-        self.for_each_lane(|first, lane, workbench| {
-            let images = images.iter().skip(first).step_by(LANES);
-            lane.tapes.resize_with(images.len(), Tape::default);
-            for (images, tape) in images.zip(&mut lane.tapes) {
+        self.for_each_lane(|first, shard, workbench| {
+            let images = images.iter().skip(first).step_by(SHARDS);
+            shard.tapes.resize_with(images.len(), Tape::default);
+            for (images, tape) in images.zip(&mut shard.tapes) {
                 network.forward(images, tape, &mut workbench.room);
             }
         });
-        let tape = |i: usize| &self.lanes[i % LANES].tapes[i / LANES];
+        let tape = |i: usize| &self.shards[i % SHARDS].tapes[i / SHARDS];
         let embeddings: Vec<&[T]> = (0..images.len()).map(|i| tape(i).embeddings()).collect();
         let embeddings = embeddings.concat();
         let mut d_embeddings = vec![T::zero(); embeddings.len()];
         let loss = loss(&embeddings, &mut d_embeddings);
         let d_embeddings: Vec<&[T]> = d_embeddings.chunks(chunk * dimensions).collect();
-        self.for_each_lane(|first, lane, workbench| {
-            lane.gradient.fill(T::zero());
-            let chunks = images.iter().zip(&d_embeddings).skip(first).step_by(LANES);
-            for ((images, d_embeddings), tape) in chunks.zip(&mut lane.tapes) {
+        self.for_each_lane(|first, shard, workbench| {
+            shard.gradient.fill(T::zero());
+            let chunks = images.iter().zip(&d_embeddings).skip(first).step_by(SHARDS);
+            for ((images, d_embeddings), tape) in chunks.zip(&mut shard.tapes) {
                 network.backward(
                     images,
                     tape,
                     &mut workbench.room,
                     d_embeddings,
-                    &mut lane.gradient,
+                    &mut shard.gradient,
                 );
             }
         });
@@ -148,25 +148,28 @@ impl<T: Real> Lanes<T> {
         loss
     }
 
-    /// Runs every lane, with its number and a thread's buffers.
-    fn for_each_lane(&mut self, work: impl Fn(usize, &mut Lane<T>, &mut Workbench<T>) + Sync) {
+    /// Runs every shard, with its number and a thread's buffers.
+    fn for_each_lane(&mut self, work: impl Fn(usize, &mut Shard<T>, &mut Workbench<T>) + Sync) {
         let workbenches = &self.workbenches;
         let free = || workbenches.lock().unwrap_or_else(PoisonError::into_inner);
-        self.lanes.par_iter_mut().enumerate().for_each(|(number, lane)| {
-            let mut workbench = free().pop().unwrap_or_default();
-            work(number, lane, &mut workbench);
-            free().push(workbench);
-        });
+        self.shards
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(number, shard)| {
+                let mut workbench = free().pop().unwrap_or_default();
+                work(number, shard, &mut workbench);
+                free().push(workbench);
+            });
     }
 
-    /// Writes the sum of the lanes' gradients, in their order, to `sum`.
+    /// Writes the sum of the shards' gradients, in their order, to `sum`.
     fn add_up(&self, sum: &mut [T]) {
         sum.par_chunks_mut(SUMMED_AT_ONCE)
             .enumerate()
             .for_each(|(i, sum)| {
                 sum.fill(T::zero());
-                for lane in &self.lanes {
-                    for (sum, &value) in sum.iter_mut().zip(&lane.gradient[i * SUMMED_AT_ONCE..]) {
+                for shard in &self.shards {
+                    for (sum, &value) in sum.iter_mut().zip(&shard.gradient[i * SUMMED_AT_ONCE..]) {
                         *sum += value;
                     }
                 }
