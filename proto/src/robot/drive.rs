@@ -11,7 +11,6 @@ pub struct Drive {
 
 /// What the two numbers of a pair (a, b) do in one step of duration dt, with the heading as it was before the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
 pub enum DriveKind {
     /// Two wheels, a left and b right: ahead by `(wheel_radius / 2) (a + b) dt`, and a turn by `(a - b) / (2 radius) dt`
     /// radians, where `radius` is the body's.

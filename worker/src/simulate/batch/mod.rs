@@ -95,7 +95,7 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
         Ok(Self {
             walls: Walls::of(world),
             far,
-            reach: Reach::of(world),
+            reach: Reach::of(world.radius()),
             gaits: std::array::from_fn(|state| Gait {
                 ahead: gathered(simd, gaits.iter().map(|gaits| [gaits[state].ahead, 0.0]))[0],
                 rotation: gathered(simd, gaits.iter().map(|gaits| gaits[state].rotation)),
@@ -103,7 +103,7 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
             second_sensor: gathered(simd, lanes.iter().map(|(controller, _)| second(controller))),
             collisions: lanes
                 .iter()
-                .map(|(_, start)| Collisions::new(world, start))
+                .map(|(_, start)| Collisions::new(world, world.radius(), start))
                 .collect(),
             positions: agents
                 .clone()
