@@ -77,10 +77,10 @@ impl Rasteriser {
 
     /// Draws the agents of each swarm on its canvas, those of the first `lanes` lanes.
     #[inline(always)]
-    pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize>(
+    pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize, const CONES: bool>(
         &mut self,
         simd: S,
-        batch: &Batch<S, SENSORS>,
+        batch: &Batch<S, SENSORS, CONES>,
         lanes: usize,
     ) {
         for Agents {

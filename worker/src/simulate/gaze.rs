@@ -20,7 +20,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Which points of the plane are between the edges of a cone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Shape {
+pub(super) enum Shape {
     /// Nothing is between the edges, which are one.
     Ray,
     /// At most a half plane.
@@ -78,6 +78,20 @@ impl Eye {
             middle: direction(angle),
             edges: [direction(angle + half), direction(angle - half)],
         }
+    }
+
+    pub(super) const fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Whether its cone is more than a half plane.
+    pub(super) fn is_wide(&self) -> bool {
+        self.shape == Shape::Wide
+    }
+
+    /// (cos, sin) of the angles of its edges.
+    pub(super) const fn edges(&self) -> [[f64; 2]; 2] {
+        self.edges
     }
 
     /// (cos, sin) of its angle.
@@ -187,7 +201,7 @@ impl Gaze {
             for lanes in block.members(simd, me.wrapping_sub(begin), members) {
                 let e = minus(simd, [lanes.x, lanes.y], at);
                 let squared = dot(simd, e, e);
-                let near = simd.less_than_or_equal_f64s(squared, vectors.range);
+                let near = vectors.within_range(simd, squared);
                 let met = vectors.meet(simd, e, simd.sub_f64s(body, squared), shape);
                 let met = simd.and_m64s(simd.and_m64s(lanes.other, near), met);
                 seen = simd.or_m64s(seen, met);
@@ -198,7 +212,7 @@ impl Gaze {
 }
 
 /// A gaze in all lanes.
-struct Vectors<S: Simd> {
+pub(super) struct Vectors<S: Simd> {
     middle: Planar<S>,
     edges: [Planar<S>; 2],
     range: S::f64s,
@@ -214,9 +228,24 @@ impl<S: Simd> Vectors<S> {
         }
     }
 
-    /// What is within range and seen: bodies whose squares of radii are `inside` more than e.e.
+    /// The gaze of an eye that looks elsewhere in each lane.
+    pub(super) fn turned(simd: S, eye: &Eye, middle: Planar<S>, edges: [Planar<S>; 2]) -> Self {
+        Self {
+            middle,
+            edges,
+            range: simd.splat_f64s(eye.range),
+        }
+    }
+
+    /// Whether a centre is within range, by the square of its distance.
     #[inline(always)]
-    fn meet(&self, simd: S, e: Planar<S>, inside: S::f64s, shape: Shape) -> S::m64s {
+    pub(super) fn within_range(&self, simd: S, squared: S::f64s) -> S::m64s {
+        simd.less_than_or_equal_f64s(squared, self.range)
+    }
+
+    /// Whether what is within range is seen: bodies whose squares of radii are `inside` more than e.e.
+    #[inline(always)]
+    pub(super) fn meet(&self, simd: S, e: Planar<S>, inside: S::f64s, shape: Shape) -> S::m64s {
         let [left, right] = self.edges;
         let at_left = meets(simd, e, left, inside);
         if shape == Shape::Ray {

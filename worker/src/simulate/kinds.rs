@@ -243,7 +243,7 @@ fn seen(sensor: &Sensor, population: &Population, by_species: &[Group], by_size:
     }
 }
 
-fn walls(robot: &Robot, world: &World, boundary: Boundary) -> Walls {
+pub(super) fn walls(robot: &Robot, world: &World, boundary: Boundary) -> Walls {
     match boundary {
         Boundary::Walls => Walls::within(world, robot.radius() + world.padding()),
         Boundary::Open => Walls::NONE,

@@ -19,7 +19,7 @@ pub(crate) mod tests;
 
 pub use start::Start;
 
-pub(crate) use batch::{Agents, Batch, MOST_AGENTS};
+pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::rotate;

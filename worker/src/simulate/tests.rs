@@ -1,6 +1,6 @@
 //! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
 
-mod described;
+pub(crate) mod described;
 
 use super::*;
 use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};

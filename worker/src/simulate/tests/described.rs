@@ -20,9 +20,12 @@ fn described(controller: &Controller, world: &World) -> SwarmController {
 
 /// Sensors of all kinds, in a swarm whose other species is "b".
 fn sensors() -> impl Strategy<Value = Sensor> {
-    let half_angle = prop_oneof![Just(0.0), 0.0..PI, Just(FRAC_PI_2), Just(PI)];
     let sees = prop::sample::subsequence(vec!["robots", "walls", "obstacles"], 1..=3);
-    let sees = prop_oneof![sees, Just(vec!["b"]), Just(vec!["b", "walls"])];
+    sensors_that_see(prop_oneof![sees, Just(vec!["b"]), Just(vec!["b", "walls"])])
+}
+
+fn sensors_that_see(sees: impl Strategy<Value = Vec<&'static str>>) -> impl Strategy<Value = Sensor> {
+    let half_angle = prop_oneof![Just(0.0), 0.0..PI, Just(FRAC_PI_2), Just(PI)];
     (
         -PI..=PI,
         half_angle,
@@ -45,13 +48,34 @@ fn sensors() -> impl Strategy<Value = Sensor> {
 }
 
 fn robots() -> impl Strategy<Value = Robot> {
+    robots_with(sensors())
+}
+
+fn robots_with(sensor: impl Strategy<Value = Sensor>) -> impl Strategy<Value = Robot> {
     let drive = prop_oneof![
         Just(Drive::differential(2.0, 1.0).unwrap()),
         Just(Drive::unicycle(5.0, 2.0).unwrap())
     ];
-    let sensors = prop::collection::vec(sensors(), 1..=6);
+    let sensors = prop::collection::vec(sensor, 1..=6);
     (sensors, 0.5..12.0, drive)
         .prop_map(|(sensors, radius, drive)| Robot::new(sensors, radius, drive).unwrap())
+}
+
+/// Populations that a batch is for.
+pub(crate) fn alone() -> impl Strategy<Value = Arc<Population>> {
+    let rays = Just(Sensor::try_from(SensorDescription::default()).unwrap());
+    let robots = prop_oneof![
+        robots_with(sensors_that_see(Just(vec!["robots"]))),
+        robots_with(rays)
+    ];
+    (robots, 1..=40_u32).prop_map(|(robot, count)| {
+        let species = Species::new(name("a"), robot, count).unwrap();
+        Arc::new(Population::new(vec![species]).unwrap())
+    })
+}
+
+pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
+    prop_oneof![Just(Boundary::Walls), Just(Boundary::Open)]
 }
 
 /// Two species, or three so that one size comes twice, and their genes.
@@ -74,10 +98,6 @@ fn swarms(count: u32) -> impl Strategy<Value = SwarmController> {
 
 fn world_of(controller: &SwarmController, side: f64) -> World {
     square(side, controller.population().robots())
-}
-
-fn boundaries() -> impl Strategy<Value = Boundary> {
-    prop_oneof![Just(Boundary::Walls), Just(Boundary::Open)]
 }
 
 /// What a robot senses, by the definition in words: no rotated vectors but angles.
