@@ -9,6 +9,7 @@ mod drive;
 mod preset;
 mod sensor;
 mod species;
+mod species_name;
 #[cfg(test)]
 mod tests;
 
@@ -17,7 +18,8 @@ pub use controller::{RobotController, SwarmController};
 pub use drive::{Drive, DriveKind};
 pub use preset::Preset;
 pub use sensor::{Seen, SeenRobots, Sensor, SensorAngle, SensorDescription};
-pub use species::{Population, Species, SpeciesName};
+pub use species::{Population, Species};
+pub use species_name::SpeciesName;
 
 use crate::{Invalid, counted, invalid};
 

@@ -8,6 +8,7 @@
 //! A case with `species` has swarms of described robots in place of `model`, `controller`, `agent_radius` and `wheel_radius`:
 //! for each species `name`, `count`, `radius`, `drive`, `sensors` and `controller`; `walls` says whether the world has any.
 
+mod keys;
 mod outcome;
 mod read;
 mod species;

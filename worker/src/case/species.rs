@@ -2,7 +2,7 @@
 
 use super::{
     Robots,
-    read::{Keys, array, number, numbers, shown},
+    keys::{Keys, array, number, numbers, shown},
 };
 use murmuration_proto::{
     Boundary, Drive, Invalid, Population, Robot, Seen, Sensor, SensorAngle, SensorDescription, Species,

@@ -5,7 +5,7 @@
 //! `s = b cos(h) - a sin(h)` is at most its radius and, if the half-angle h is at most a right angle, `a cos(h) + b sin(h)` is not
 //! negative. Two multiplications a number instead of a dozen comparisons; where rounding could decide, the definition does.
 
-use super::look::Seen;
+use super::look::{Seen, Viewer};
 use crate::{
     lanes::{Aligned, Planar, any, dot, gathered, minus, rotate},
     simulate::{
@@ -51,6 +51,19 @@ pub(super) struct ConeViewer<S: Simd, const SENSORS: usize> {
     /// Unit vectors along the middles of its cones.
     pub(super) middles: [Planar<S>; SENSORS],
     pub(super) reach: Reach,
+}
+
+impl<S: Simd, const SENSORS: usize> ConeViewer<S, SENSORS> {
+    /// An agent with this heading, with cones about its rays.
+    #[inline(always)]
+    pub(super) fn of(viewer: Viewer<S, SENSORS>, heading: Planar<S>) -> Self {
+        Self {
+            at: viewer.at,
+            heading,
+            middles: viewer.rays,
+            reach: viewer.reach,
+        }
+    }
 }
 
 impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {

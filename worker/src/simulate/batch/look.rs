@@ -1,6 +1,5 @@
 //! What one agent of each swarm has in its sensors' lines of sight, and whether another touches it.
 
-use super::cones::ConeViewer;
 use crate::{
     lanes::{Aligned, Planar, any, dot, minus},
     simulate::sight::Reach,
@@ -30,17 +29,6 @@ pub(super) struct Viewer<S: Simd, const SENSORS: usize> {
 }
 
 impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
-    /// The same agent, with cones about its rays.
-    #[inline(always)]
-    pub(super) fn into_cones(self, heading: Planar<S>) -> ConeViewer<S, SENSORS> {
-        ConeViewer {
-            at: self.at,
-            heading,
-            middles: self.rays,
-            reach: self.reach,
-        }
-    }
-
     /// A look at `others`, none of whom is farther from the origin than `far` along an axis, nor is the viewer. `hits` are
     /// right only where nobody touches.
     #[inline(always)]

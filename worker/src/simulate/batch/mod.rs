@@ -19,7 +19,7 @@ use crate::lanes::{
     words,
 };
 use collide::Touched;
-use cones::Cones;
+use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
 use murmuration_proto::{
     Boundary, Controller, Invalid, Population, SeenRobots, Sensor, SwarmController, World,
@@ -306,7 +306,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
                     break match &self.cones {
                         Some(cones) if CONES => {
                             cones
-                                .look_apart(simd, viewer.into_cones(body.heading), others)
+                                .look_apart(simd, ConeViewer::of(viewer, body.heading), others)
                                 .hits
                         }
                         _ => viewer.look_among(simd, others),
@@ -348,7 +348,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         far: S::f64s,
     ) -> Seen<S, SENSORS> {
         match &self.cones {
-            Some(cones) if CONES => cones.look(simd, viewer.into_cones(heading), self.others(i), far),
+            Some(cones) if CONES => cones.look(simd, ConeViewer::of(viewer, heading), self.others(i), far),
             _ => viewer.look(simd, self.others(i), far),
         }
     }
