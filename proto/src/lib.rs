@@ -28,6 +28,7 @@ mod random;
 mod record;
 mod refusal;
 mod replay;
+mod robot;
 mod search;
 mod seen;
 mod space;
@@ -55,6 +56,10 @@ pub use lease_id::REQUEST_ID;
 pub use method::Method;
 pub use random::{Purpose, RandomStream};
 pub use replay::{Frames, Pose, Replay};
+pub use robot::{
+    Boundary, Drive, DriveKind, Population, Preset, Robot, RobotController, Seen, SeenRobots, Sensor,
+    SensorAngle, SensorDescription, Species, SpeciesName, SwarmController,
+};
 pub use search::Search;
 pub use seen::SeenPictures;
 pub use space::ControllerSpace;

@@ -17,6 +17,14 @@ pub fn replay(
     start: &Start,
     stride: NonZeroU32,
 ) -> Result<Replay, Invalid> {
+    replay_swarm(Swarm::new(controller, world, start)?, world, stride)
+}
+
+/// As [`replay`], of a swarm at its start.
+///
+/// # Errors
+/// If the replay would hold more than [`MAX_POSES`], or a pose is not finite.
+pub fn replay_swarm(swarm: Swarm, world: &World, stride: NonZeroU32) -> Result<Replay, Invalid> {
     let horizon = world.horizon();
     let frames = u64::from(horizon.div_ceil(stride.get())) + 1;
     let poses = frames * u64::from(world.agents());
@@ -25,7 +33,7 @@ pub fn replay(
         return Err(Invalid::new("stride", stride, allowed));
     }
     let steps = (0..horizon).step_by(stride.get() as usize).chain([horizon]);
-    record(Swarm::new(controller, world, start)?, steps, poses)
+    record(swarm, steps, poses)
 }
 
 /// Simulates `controller` from `start` over the world's horizon, and records the given frames.

@@ -14,11 +14,11 @@ use std::{
 };
 
 /// Largest difference of a position, heading or displacement from the reference's.
-const POSITION_TOLERANCE: f64 = 1e-6;
+pub(crate) const POSITION_TOLERANCE: f64 = 1e-6;
 /// Largest difference of a feature from the reference's.
 const FEATURE_TOLERANCE: f64 = 1e-9;
 
-fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("vectors")
 }
 
@@ -35,12 +35,12 @@ fn vectors() -> impl Iterator<Item = Value> {
         .map(|path| serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap())
 }
 
-fn run(case: &Value) -> Value {
+pub(crate) fn run(case: &Value) -> Value {
     Case::from_json(&case.to_string()).unwrap().run().unwrap()
 }
 
 /// Asserts that all numbers of two equally shaped values are within `tolerance`.
-fn close(ours: &Value, theirs: &Value, tolerance: f64, place: &str) {
+pub(crate) fn close(ours: &Value, theirs: &Value, tolerance: f64, place: &str) {
     match (ours, theirs) {
         (Value::Array(ours), Value::Array(theirs)) => {
             assert_eq!(ours.len(), theirs.len(), "{place}");

@@ -6,6 +6,7 @@ mod command_line;
 mod feedback;
 mod fuzz_targets;
 mod golden;
+mod golden_robots;
 mod integrity;
 mod interruption;
 mod judge;

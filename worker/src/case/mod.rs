@@ -4,26 +4,45 @@
 //! `wheel_radius`, `dt`, `world`, `padding`, `steps`, `jitter`) and the outcome of simulating them
 //! (`checkpoints`, `features`, `image`, `image_raw`, `jitter_events`, `reference`). Running a case replaces the outcome by
 //! this simulator's; everything else stays as it is.
+//!
+//! A case with `species` has swarms of described robots in place of `model`, `controller`, `agent_radius` and `wheel_radius`:
+//! for each species `name`, `count`, `radius`, `drive`, `sensors` and `controller`; `walls` says whether the world has any.
 
+mod keys;
 mod outcome;
 mod read;
+mod species;
 #[cfg(test)]
 mod tests;
 
-use crate::simulate::Start;
-use murmuration_proto::{Controller, ImageFormat, Invalid, World};
+use crate::{
+    replay::replay_swarm,
+    simulate::{Arch, Start, Swarm},
+};
+use murmuration_proto::{Boundary, Controller, ImageFormat, Invalid, Replay, SwarmController, World};
 use serde_json::{Map, Value};
+use std::num::NonZeroU32;
 
 /// A case that can be simulated.
 #[derive(Debug, Clone)]
 pub struct Case {
     document: Map<String, Value>,
-    controller: Controller,
+    robots: Robots,
     world: World,
     image: ImageFormat,
     start: Start,
     /// Steps to report, as spelled in the case and as numbers.
     checkpoints: Vec<(String, u32)>,
+}
+
+/// What is simulated.
+#[derive(Debug, Clone)]
+enum Robots {
+    Paper(Controller),
+    Described {
+        controller: SwarmController,
+        boundary: Boundary,
+    },
 }
 
 /// Why a text is not a case.
@@ -40,8 +59,8 @@ pub enum CaseError {
 impl Case {
     /// Reads a case.
     ///
-    /// `controller` and `initial` are required. Other missing keys take the paper's values. `initial` determines the number
-    /// of agents, and the number of genes determines the model.
+    /// `initial` is required, and `controller` or `species`. Other missing keys take the paper's values. `initial` determines
+    /// the number of agents, and the number of genes determines the model.
     ///
     /// # Errors
     /// Says where the text is not JSON, or which key has a value that cannot be simulated.
@@ -62,5 +81,42 @@ impl Case {
     /// If a resulting number is not finite.
     pub fn run(&self) -> Result<Value, CaseError> {
         Ok(outcome::of(self)?)
+    }
+
+    /// The world of the case.
+    #[must_use]
+    pub const fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The species of the agents and their controllers; `None` if they are of one of the paper's models.
+    #[must_use]
+    pub const fn species(&self) -> Option<&SwarmController> {
+        match &self.robots {
+            Robots::Paper(_) => None,
+            Robots::Described { controller, .. } => Some(controller),
+        }
+    }
+
+    /// The motion of the case: its start, every `stride`-th step, and the end.
+    ///
+    /// # Errors
+    /// As [`replay`](crate::replay::replay()).
+    pub fn replay(&self, stride: NonZeroU32) -> Result<Replay, Invalid> {
+        replay_swarm(self.swarm()?, &self.world, stride)
+    }
+
+    /// The swarm at its start.
+    ///
+    /// # Errors
+    /// If the start does not fit the world.
+    pub fn swarm(&self) -> Result<Swarm, Invalid> {
+        let arch = Arch::new();
+        match &self.robots {
+            Robots::Paper(controller) => Swarm::on(arch, controller, &self.world, &self.start),
+            Robots::Described { controller, boundary } => {
+                Swarm::of_species(arch, controller, &self.world, *boundary, &self.start)
+            }
+        }
     }
 }

@@ -11,11 +11,14 @@ use murmuration_proto::{Invalid, SIMULATOR_VERSION};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
+/// The name, in cases, of the rules of motion that are simulated.
+const PHYSICS: &str = "feb2023";
+
 /// The case's object with this simulator's values.
 pub(super) fn of(case: &Case) -> Result<Value, Invalid> {
     let mut rasteriser = Rasteriser::new(&case.world, &case.image)?;
     let mut ending = Ending::new(&case.world, &case.image, &mut rasteriser);
-    let mut swarm = Swarm::new(&case.controller, &case.world, &case.start)?;
+    let mut swarm = case.swarm()?;
     let mut reported: BTreeMap<u32, Value> = case.checkpoints().map(|step| (step, Value::Null)).collect();
     loop {
         if let Some(report) = reported.get_mut(&swarm.steps()) {
@@ -52,6 +55,10 @@ pub(super) fn of(case: &Case) -> Result<Value, Invalid> {
         ),
     ] {
         document.insert(key.into(), value);
+    }
+    // Whatever physics the case is of, these are the numbers of ours.
+    if let Some(physics) = document.get_mut("physics") {
+        *physics = json!(PHYSICS);
     }
     Ok(Value::Object(document))
 }

@@ -1,9 +1,13 @@
 //! Reads a case from a JSON object, with errors that name the key.
 
-use super::Case;
+use super::{
+    Case, Robots,
+    keys::{Keys, array, numbers, shown},
+    species,
+};
 use crate::simulate::Start;
 use murmuration_proto::{CapabilityModel, Controller, ImageFormat, Invalid, World, counted, v1};
-use serde_json::{Map, Value};
+use serde_json::Value;
 
 /// Steps to report if a case names none (those within its horizon, and its end).
 const USUAL_CHECKPOINTS: [u32; 11] = [1, 2, 5, 10, 20, 50, 100, 200, 400, 800, 1200];
@@ -12,40 +16,21 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     let Value::Object(document) = document else {
         return Err(Invalid::new("case", shown(&document), "a JSON object"));
     };
-    let keys = Keys(&document);
-    let controller = controller(keys)?;
+    let keys = Keys::new(&document);
+    let (robots, radius) = match keys.get("species") {
+        Some(_) => species::robots(keys).map(|(robots, largest)| (robots, Some(largest)))?,
+        None => (Robots::Paper(controller(keys)?), keys.number("agent_radius")?),
+    };
     let poses = poses(keys)?;
-    let world = world(keys, poses.len())?;
+    let world = world(keys, poses.len(), radius)?;
     Ok(Case {
-        controller,
+        robots,
         world,
         image: image(keys, &world)?,
         start: Start::at(poses)?,
         checkpoints: checkpoints(keys, world.horizon())?,
         document,
     })
-}
-
-/// The values of an object by key; `null` counts as missing.
-#[derive(Clone, Copy)]
-struct Keys<'a>(&'a Map<String, Value>);
-
-impl<'a> Keys<'a> {
-    fn get(self, key: &str) -> Option<&'a Value> {
-        self.0.get(key).filter(|value| !value.is_null())
-    }
-
-    fn required(self, key: &str) -> Result<&'a Value, Invalid> {
-        self.get(key).ok_or_else(|| Invalid::new(key, "nothing", "given"))
-    }
-
-    fn number(self, key: &str) -> Result<Option<f64>, Invalid> {
-        self.get(key).map(|value| number(key, value)).transpose()
-    }
-
-    fn whole(self, key: &str) -> Result<Option<u32>, Invalid> {
-        self.get(key).map(|value| whole(key, value)).transpose()
-    }
 }
 
 fn controller(keys: Keys<'_>) -> Result<Controller, Invalid> {
@@ -94,7 +79,7 @@ fn poses(keys: Keys<'_>) -> Result<Vec<[f64; 3]>, Invalid> {
     poses.iter().enumerate().map(pose).collect()
 }
 
-fn world(keys: Keys<'_>, poses: usize) -> Result<World, Invalid> {
+fn world(keys: Keys<'_>, poses: usize, radius: Option<f64>) -> Result<World, Invalid> {
     let agents = keys.whole("agents")?;
     if let Some(agents) = agents
         && agents as usize != poses
@@ -120,7 +105,7 @@ fn world(keys: Keys<'_>, poses: usize) -> Result<World, Invalid> {
         height: sides[1],
         padding: keys.number("padding")?,
         agents: Some(u32::try_from(poses).unwrap_or(u32::MAX)),
-        radius: keys.number("agent_radius")?,
+        radius,
         wheel_radius: keys.number("wheel_radius")?,
         dt: keys.number("dt")?,
         horizon: keys.whole("steps")?,
@@ -189,41 +174,4 @@ fn checkpoints(keys: Keys<'_>, horizon: u32) -> Result<Vec<(String, u32)>, Inval
         }
     };
     checkpoints.keys().map(checkpoint).collect()
-}
-
-fn array<'a>(key: &str, value: &'a Value) -> Result<&'a [Value], Invalid> {
-    let array = value.as_array().map(Vec::as_slice);
-    array.ok_or_else(|| Invalid::new(key, shown(value), "an array"))
-}
-
-fn numbers(key: &str, value: &Value) -> Result<Vec<f64>, Invalid> {
-    let numbers = array(key, value)?.iter().enumerate();
-    numbers
-        .map(|(i, value)| number(&format!("{key}[{i}]"), value))
-        .collect()
-}
-
-fn number(key: &str, value: &Value) -> Result<f64, Invalid> {
-    let number = value.as_f64();
-    number.ok_or_else(|| Invalid::new(key, shown(value), "a number"))
-}
-
-/// An integer, which other programs may have written as `1200.0`.
-fn whole(key: &str, value: &Value) -> Result<u32, Invalid> {
-    let number = value.as_f64().filter(|number| number.fract() == 0.0);
-    let range = 0.0..=f64::from(u32::MAX);
-    let whole = number
-        .filter(|number| range.contains(number))
-        .map(|number| number as u32);
-    whole.ok_or_else(|| Invalid::new(key, shown(value), "a whole number"))
-}
-
-/// A value in an error, shortened.
-fn shown(value: &Value) -> String {
-    let text = value.to_string();
-    if text.len() <= 60 {
-        return text;
-    }
-    let start: String = text.chars().take(57).collect();
-    format!("{start}...")
 }

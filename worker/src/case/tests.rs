@@ -146,3 +146,100 @@ fn what_is_no_object_is_no_case() {
     let error = Case::from_json("[1]").unwrap_err();
     assert_eq!(error.to_string(), "case = [1]: must be a JSON object");
 }
+
+/// A case of two species, one of which has more keys.
+fn of_species(more: Value) -> Value {
+    let sensor =
+        json!({"angle": 0.1, "half_angle": 0.2, "range": 90, "sees_species": "all", "sees_walls": false});
+    let mut first = json!({
+        "name": "a", "count": 1, "radius": 5, "drive": {"kind": "unicycle"}, "sensors": [sensor],
+        "controller": [9.5, 0.3, -20.0, 1],
+    });
+    for (key, value) in more.as_object().unwrap() {
+        first[key] = value.clone();
+    }
+    let second = json!({
+        "name": "b", "count": 1, "radius": 3, "drive": {"kind": "differential", "wheel_radius": 2},
+        "sensors": [{"sees_species": "a"}, {"angle": 1, "sees_species": "none", "wall_range": 9.5}],
+        "controller": [1, 1, 1, 1, 1, 1, 1, 1],
+    });
+    json!({
+        "physics": "head", "species": [first, second], "species_of_agent": [0, 1], "steps": 40, "walls": false,
+        "initial": [[400, 400.5, 0], [490, 460, 0]],
+    })
+}
+
+#[test]
+fn robots_of_several_species_are_simulated() {
+    let ours = run(&of_species(json!({}))).unwrap();
+    let end = &ours["checkpoints"]["40"];
+    let x = end[1][0].as_f64().unwrap();
+    assert!(x > 500.0, "no wall stops robot 1: {end}");
+    assert_eq!(ours["physics"], "feb2023");
+    assert_eq!(ours["features"].as_array().unwrap().len(), 5);
+    let mut walled = of_species(json!({}));
+    walled["walls"] = json!(true);
+    let end = run(&walled).unwrap();
+    // Padding 15 and radius 3; it sees the wall.
+    assert_eq!(end["checkpoints"]["40"][1][0], json!(482.0));
+    assert_eq!(end["checkpoints"]["40"][1][3].as_u64().unwrap() % 2, 1);
+    let case = Case::from_json(&walled.to_string()).unwrap();
+    let species = case.species().unwrap().population().species_of_robots();
+    assert_eq!(species.collect::<Vec<_>>(), [0, 1]);
+    let replay = case.replay(NonZeroU32::new(8).unwrap()).unwrap();
+    assert_eq!((replay.steps().len(), case.world().agents()), (6, 2));
+}
+
+#[test]
+fn an_error_names_the_key_of_a_species() {
+    let check = |more: Value, expected: &str| {
+        assert_eq!(run(&of_species(more)).unwrap_err().to_string(), expected);
+    };
+    let sensors = |more: Value| json!({"sensors": [more]});
+    check(
+        sensors(json!({"half_angle": 4})),
+        "species[0].sensors[0].half_angle = 4: must be a number from 0 to 3.141592653589793",
+    );
+    check(
+        sensors(json!({"sees_walls": true})),
+        "species[0].sensors[0].range = nothing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
+    );
+    check(
+        sensors(json!({"false_negative": 0.1})),
+        "species[0].sensors[0].false_negative = 0.1: must be 0: false readings are not simulated",
+    );
+    check(
+        sensors(json!({"goal_range": 9})),
+        "species[0].sensors[0].goal_range = given: must be absent: goals are not simulated",
+    );
+    check(
+        sensors(json!({"sees_species": "c"})),
+        "species[0].robot.sensors[0].sees = \"c\": must be robots, walls, obstacles, or one of the species a, b",
+    );
+    check(
+        json!({"sensors": [{}, {}, {}, {}, {}, {}, {}]}),
+        "species[0].sensors = 7 sensors: must be 1 to 6 sensors",
+    );
+    check(
+        json!({"controller": [1, 2]}),
+        "species[0].controller = 2 values: must be 4 values, two for each state of 1 sensor",
+    );
+    check(
+        json!({"drive": {"kind": "legs"}}),
+        "species[0].drive.kind = \"legs\": must be \"differential\" or \"unicycle\"",
+    );
+    check(
+        json!({"drive": {}}),
+        "species[0].drive.kind = nothing: must be given",
+    );
+    check(
+        json!({"count": 2}),
+        "species_of_agent = [0,1]: must be the species of each agent, as many as their counts say, agents of the first one first",
+    );
+    let mut goal = of_species(json!({}));
+    goal["goal"] = json!({"center": [1, 1], "radius": 20});
+    assert_eq!(
+        run(&goal).unwrap_err().to_string(),
+        "goal = given: must be absent: goals are not simulated"
+    );
+}

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::simulate;
-use murmuration_proto::{CapabilityModel, v1};
+use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};
 use proptest::prelude::*;
-use std::thread;
+use std::{sync::Arc, thread};
 
 fn world(horizon: u32) -> World {
     let message = v1::World {
@@ -175,4 +175,42 @@ fn what_is_wrong_with_one_of_many_is_an_error() {
     let mut evaluator = Evaluator::new(&world(2), &ImageFormat::default()).unwrap();
     assert_eq!(evaluator.evaluate_all(&tasks).unwrap_err().field, "initial");
     assert!(evaluator.evaluate_all(&[]).unwrap().is_empty());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Evaluations alone take the whole of another code: what is seen by the definition.
+    #[test]
+    fn described_swarms_together_have_the_bits_of_each_alone(
+        population in simulate::tests::described::alone(),
+        boundary in simulate::tests::described::boundaries(),
+        side in 60.0..400.0_f64,
+        seed: u64,
+    ) {
+        let message = v1::World {
+            width: Some(side),
+            height: Some(side),
+            padding: Some(1.0),
+            agents: Some(population.robots()),
+            horizon: Some(300),
+            ..World::default().into()
+        };
+        let world = World::try_from(message).unwrap();
+        let format = ImageFormat::for_world(v1::ImageFormat { resolution: Some(50), window: Some(290) }, &world).unwrap();
+        let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
+        let tasks: Vec<_> = (0..11).map(|start| {
+            let genes: Vec<f64> = (0..population.genes()).map(|_| stream.between(-1.0, 1.0)).collect();
+            (SwarmController::new(Arc::clone(&population), &genes).unwrap(), Start::seeded(seed ^ start))
+        }).collect();
+        for arch in simulate::tests::arches() {
+            let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
+            let together = evaluator.evaluate_all_species(boundary, &tasks).unwrap();
+            let alone: Vec<_> = tasks
+                .iter()
+                .map(|(controller, start)| evaluator.evaluate_species(controller, boundary, start).unwrap())
+                .collect();
+            assert_same(&together, &alone);
+        }
+    }
 }

@@ -6,12 +6,12 @@ mod grey;
 mod shapes;
 mod stamps;
 
-use crate::simulate::{Agents, Batch, Swarm};
+use crate::simulate::{Agent, Agents, Batch, Swarm};
 use brush::{Brush, Ends};
 use canvas::Canvas;
 use grey::Cells;
-use murmuration_proto::{ImageFormat, Invalid, World};
-use pulp::{Arch, Simd, WithSimd};
+use murmuration_proto::{ImageFormat, Invalid, Robot, World};
+use pulp::{Arch, Scalar, Simd, WithSimd};
 
 /// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Simulation and Data").
 ///
@@ -77,10 +77,10 @@ impl Rasteriser {
 
     /// Draws the agents of each swarm on its canvas, those of the first `lanes` lanes.
     #[inline(always)]
-    pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize>(
+    pub(crate) fn draw_lanes<S: Simd, const SENSORS: usize, const CONES: bool>(
         &mut self,
         simd: S,
-        batch: &Batch<S, SENSORS>,
+        batch: &Batch<S, SENSORS, CONES>,
         lanes: usize,
     ) {
         for Agents {
@@ -130,18 +130,32 @@ impl WithSimd for Drawing<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let scalar = pulp::Scalar::new();
-        for agent in self.swarm.agents() {
-            let mut directions = self.swarm.sensor_directions(agent.heading);
+    fn with_simd<S: Simd>(mut self, _: S) {
+        for (i, agent) in self.swarm.agents().enumerate() {
+            let mut directions = self.swarm.sensor_directions(i, agent.heading);
             let first = directions.next().unwrap_or(agent.heading);
-            if let Some(second) = directions.next() {
-                let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first, second]);
-                self.brush.draw(self.canvas, &ends.lane(0));
-            } else {
-                let ends = Ends::new(scalar, self.brush, agent.position, agent.heading, [first]);
-                self.brush.draw(self.canvas, &ends.lane(0));
+            match (directions.next(), directions.next()) {
+                (None, _) => self.draw(&agent, [first]),
+                (Some(second), None) => self.draw(&agent, [first, second]),
+                (Some(second), Some(third)) => {
+                    // To erase a ray twice changes nothing.
+                    let mut rays = [third; Robot::MAX_SENSORS];
+                    rays[..2].copy_from_slice(&[first, second]);
+                    rays[3..]
+                        .iter_mut()
+                        .zip(directions)
+                        .for_each(|(ray, next)| *ray = next);
+                    self.draw(&agent, rays);
+                }
             }
         }
+    }
+}
+
+impl Drawing<'_> {
+    #[inline(always)]
+    fn draw<const SENSORS: usize>(&mut self, agent: &Agent, rays: [[f64; 2]; SENSORS]) {
+        let ends = Ends::new(Scalar::new(), self.brush, agent.position, agent.heading, rays);
+        self.brush.draw(self.canvas, &ends.lane(0));
     }
 }

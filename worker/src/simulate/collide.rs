@@ -1,6 +1,6 @@
 //! Collisions: the agent that has just moved is pushed out of those it touches; the others stay.
 
-use super::{Start, others::Others, sight::Reach};
+use super::{Start, gaze::Group, others::Others, sight::Reach};
 use murmuration_proto::{Purpose, RandomStream, World};
 use pulp::Simd;
 
@@ -27,10 +27,11 @@ pub(super) struct Collisions {
 }
 
 impl Collisions {
-    pub(super) fn new(world: &World, start: &Start) -> Self {
+    /// The rule for robots of this radius, or of this one at most.
+    pub(super) fn new(world: &World, radius: f64, start: &Start) -> Self {
         Self {
-            diameter: 2.0 * world.radius(),
-            reach: Reach::of(world),
+            diameter: 2.0 * radius,
+            reach: Reach::of(radius),
             centre: [world.width() / 2.0, world.height() / 2.0],
             jitter: world
                 .jitter()
@@ -81,12 +82,51 @@ impl Collisions {
         at
     }
 
+    /// As [`Collisions::push_out`], of an agent of radius `radius` among those of all `groups`, whose bodies differ.
+    #[inline(always)]
+    pub(super) fn push_out_of_groups<S: Simd>(
+        &mut self,
+        simd: S,
+        others: &impl Others,
+        groups: &[Group],
+        (me, radius): (usize, f64),
+        mut at: [f64; 2],
+    ) -> [f64; 2] {
+        let mut touched = std::mem::take(&mut self.touched);
+        for _ in 0..PASSES {
+            touched.clear();
+            for group in groups {
+                others.list_touched_of(simd, &mut touched, group, me, at, radius + group.radius);
+            }
+            if touched.is_empty() {
+                break;
+            }
+            let mut groups = groups.iter();
+            let mut group = groups.next();
+            for &other in &touched {
+                while group.is_some_and(|group| !group.has(other)) {
+                    group = groups.next();
+                }
+                let Some(group) = group else { break };
+                at = self.pushed_to(radius + group.radius, at, others.get(other));
+            }
+        }
+        self.touched = touched;
+        at
+    }
+
     /// Where an agent at `at` ends that is pushed out of one at `other`, if they touch.
     #[inline(always)]
     pub(super) fn pushed(&mut self, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
+        self.pushed_to(self.diameter, at, other)
+    }
+
+    /// As [`Collisions::pushed`], the two touching where their centres are nearer than `touch`.
+    #[inline(always)]
+    fn pushed_to(&mut self, touch: f64, at: [f64; 2], other: [f64; 2]) -> [f64; 2] {
         let away = [at[0] - other[0], at[1] - other[1]];
         let distance = length(away);
-        if distance > self.diameter {
+        if distance > touch {
             return at;
         }
         let direction = if distance > 0.0 {
@@ -94,7 +134,7 @@ impl Collisions {
         } else {
             self.towards_centre(at)
         };
-        let push = self.diameter + GAP - distance;
+        let push = touch + GAP - distance;
         let mut at = [at[0] + direction[0] * push, at[1] + direction[1] * push];
         if away[0] < JITTER_BELOW && away[1] < JITTER_BELOW {
             self.jitter_events += 1;

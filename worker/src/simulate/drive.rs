@@ -1,6 +1,6 @@
-//! Differential drive: what a pair of wheel speeds does to a pose in one step (paper, appendix "Swarm Kinematics").
+//! What a pair of a controller's numbers does to a pose in one step; wheel speeds: paper, appendix "Swarm Kinematics".
 
-use murmuration_proto::{Controller, World};
+use murmuration_proto::{Controller, DriveKind, Robot, World};
 
 /// The motion of one step under one sensor state.
 #[derive(Debug, Clone, Copy, Default)]
@@ -30,6 +30,22 @@ pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
 }
 
 impl Gait {
+    /// What the pair (a, b) does to a robot in `dt`.
+    pub(super) fn of(robot: &Robot, [a, b]: [f64; 2], dt: f64) -> Self {
+        let (ahead, turn) = match robot.drive().kind() {
+            DriveKind::Differential { wheel_radius } => (
+                wheel_radius / 2.0 * (a + b) * dt,
+                (a - b) / (2.0 * robot.radius()) * dt,
+            ),
+            DriveKind::Unicycle => (a * dt, b * dt),
+        };
+        Self {
+            ahead,
+            turn,
+            rotation: direction(turn),
+        }
+    }
+
     /// Where an agent at `from` that heads along the unit vector `heading` gets to.
     #[inline(always)]
     pub(super) fn drive(&self, from: [f64; 2], heading: [f64; 2]) -> [f64; 2] {

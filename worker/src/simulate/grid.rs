@@ -4,7 +4,10 @@
 //! The cells only choose whom to ask: every answer comes from the operations of [`sight`](super::sight), so the bits do not
 //! depend on there being a grid.
 
-use super::sight::{Observer, Reach};
+use super::{
+    gaze::{Gaze, Group},
+    sight::{Observer, Reach},
+};
 use murmuration_proto::World;
 
 /// Fewest agents that a grid is faster for: `cargo bench -p murmuration-worker --bench many_robots`.
@@ -28,6 +31,7 @@ pub(super) struct Grid {
     positions: Vec<[f64; 2]>,
     /// No coordinate was ever below or above, by axis.
     range: [[f64; 2]; 2],
+    /// Of the largest body.
     radius: f64,
 }
 
@@ -51,11 +55,11 @@ struct Course {
 }
 
 impl Grid {
-    /// The grid of agents at `positions`.
-    pub(super) fn new(world: &World, positions: &[[f64; 2]]) -> Self {
+    /// The grid of agents at `positions`, none of whose bodies is larger than `radius`.
+    pub(super) fn new(world: &World, radius: f64, positions: &[[f64; 2]]) -> Self {
         let size = [world.width(), world.height()];
         let share = (size[0] * size[1] / (CELLS_AN_AGENT * positions.len() as f64)).sqrt();
-        let side = share.max(2.0 * world.radius());
+        let side = share.max(2.0 * radius);
         let cells = size.map(|length| ((length / side).ceil() as usize).max(1));
         let mut grid = Self {
             side,
@@ -64,7 +68,7 @@ impl Grid {
             members: vec![Vec::new(); cells[0] * cells[1]],
             positions: positions.to_vec(),
             range: [[0.0, size[0]], [0.0, size[1]]],
-            radius: world.radius(),
+            radius,
         };
         for (agent, &at) in positions.iter().enumerate() {
             grid.widen(at);
@@ -106,15 +110,20 @@ impl Grid {
         self.touching(me, at, reach).next().is_some()
     }
 
-    fn touching(&self, me: usize, at: [f64; 2], reach: Reach) -> impl Iterator<Item = usize> {
-        let room = 2.0 * self.radius + self.slack();
+    pub(super) fn touching(&self, me: usize, at: [f64; 2], reach: Reach) -> impl Iterator<Item = usize> {
+        let near = self.near(at, 2.0 * self.radius);
+        let touching = near.filter(move |member| member.agent != me && reach.touches(member.at, at));
+        touching.map(|member| member.agent)
+    }
+
+    /// All agents that are at most `distance` from `at`, and some others.
+    fn near(&self, at: [f64; 2], distance: f64) -> impl Iterator<Item = &Member> {
+        let room = distance + self.slack();
         let [columns, rows] = [0, 1].map(|axis| self.span(axis, at[axis] - room, at[axis] + room));
-        let cells = (columns.0..=columns.1).flat_map(move |column| {
+        (columns.0..=columns.1).flat_map(move |column| {
             let first = column * self.cells[1];
             self.members[first + rows.0..=first + rows.1].iter().flatten()
-        });
-        let touching = cells.filter(move |member| member.agent != me && reach.touches(member.at, at));
-        touching.map(|member| member.agent)
+        })
     }
 
     /// The sensor state of `observer`: 0 or 1, with two sensors 2 S1 + S2.
@@ -123,8 +132,27 @@ impl Grid {
         observer.rays.iter().fold(0, |state, ray| 2 * state + hit(ray))
     }
 
+    /// Whether an agent of `group` other than `me` is seen from `at`: those in range are asked, of a ray without limit those
+    /// along it.
+    pub(super) fn sees(&self, gaze: &Gaze, group: &Group, me: usize, at: [f64; 2]) -> bool {
+        let body = group.radius * group.radius;
+        let seen =
+            |member: &Member| member.agent != me && group.has(member.agent) && gaze.sees(member.at, at, body);
+        match gaze.ray() {
+            Some(ray) if gaze.range() == f64::INFINITY => self.any_along(at, ray, seen),
+            _ => self.near(at, gaze.range()).any(seen),
+        }
+    }
+
     /// Whether the ray from `at` along the unit vector `ray` meets an agent other than `me`.
     fn meets(&self, me: usize, at: [f64; 2], ray: [f64; 2], reach: Reach) -> bool {
+        self.any_along(at, ray, |member| {
+            member.agent != me && reach.meets(member.at, at, ray)
+        })
+    }
+
+    /// Whether any of the agents whom the ray from `at` may meet is `wanted`.
+    fn any_along(&self, at: [f64; 2], ray: [f64; 2], wanted: impl Fn(&Member) -> bool) -> bool {
         let course = Course::new(at, ray, self.radius);
         let slack = self.slack();
         let last = self.cells[course.main] - 1;
@@ -140,8 +168,7 @@ impl Grid {
                 } else {
                     row * self.cells[1] + slice
                 };
-                let mut members = self.members[cell].iter();
-                if members.any(|member| member.agent != me && reach.meets(member.at, at, ray)) {
+                if self.members[cell].iter().any(&wanted) {
                     return true;
                 }
             }

@@ -6,7 +6,10 @@
 mod batch;
 mod collide;
 mod drive;
+mod gaze;
 mod grid;
+mod kinds;
+mod mind;
 mod others;
 mod positions;
 mod sight;
@@ -16,38 +19,43 @@ pub(crate) mod tests;
 
 pub use start::Start;
 
-pub(crate) use batch::{Agents, Batch, MOST_AGENTS};
+pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
-use drive::{Gait, rotate};
+use drive::rotate;
 use grid::Grid;
-use murmuration_proto::{Controller, Invalid, World};
+use kinds::Kinds;
+use mind::{Driven, Mind, Paper, PaperMind};
+use murmuration_proto::{Boundary, Controller, Invalid, SwarmController, World};
 use others::Others;
 use positions::Positions;
 pub use pulp::Arch;
 use pulp::{Simd, WithSimd};
-use sight::Observer;
 
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
 
-/// A swarm of one controller in its world, to be stepped and looked at.
+/// A swarm in its world, to be stepped and looked at: robots of one of the paper's models, or of described species.
 ///
 /// Its bits depend on controller, world and start alone: not on the CPU, nor on how the steps are grouped.
 #[derive(Debug, Clone)]
 pub struct Swarm {
     arch: Arch,
-    /// (cos, sin) of the second sensor's angle.
-    second_sensor: Option<[f64; 2]>,
+    minds: Minds,
     robots: Robots,
     others: Lookup,
+}
+
+/// The kinds of robots in a swarm.
+#[derive(Debug, Clone)]
+enum Minds {
+    Paper(Paper),
+    Described(Kinds),
 }
 
 /// What a step needs but for where the others are.
 #[derive(Debug, Clone)]
 struct Robots {
-    walls: Walls,
-    gaits: [Gait; 4],
     collisions: Collisions,
     bodies: Vec<Body>,
     steps: u32,
@@ -72,7 +80,7 @@ pub struct Agent {
     pub theta: f64,
     /// What the last step moved it by, walls and collisions included; zero at the start.
     pub displacement: [f64; 2],
-    /// What it sensed last: 0 or 1; with two sensors 2 S1 + S2, where S1 looks straight ahead. 0 at the start.
+    /// What it sensed last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the start.
     pub sensed: u8,
 }
 
@@ -107,12 +115,7 @@ impl Swarm {
     /// # Errors
     /// As [`Swarm::new`].
     pub fn on(arch: Arch, controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
-        let mut swarm = Self::pairwise(arch, controller, world, start)?;
-        if world.agents() >= grid::WORTH {
-            let positions: Vec<_> = swarm.agents().map(|agent| agent.position).collect();
-            swarm.others = Lookup::Near(Grid::new(world, &positions));
-        }
-        Ok(swarm)
+        Ok(Self::pairwise(arch, controller, world, start)?.with_grid(world, world.radius()))
     }
 
     /// As [`Swarm::on`], every agent looking at every other however many there are: the bits are the same. It is there to be
@@ -126,19 +129,80 @@ impl Swarm {
         world: &World,
         start: &Start,
     ) -> Result<Self, Invalid> {
+        let minds = Minds::Paper(Paper::new(controller, world));
+        Self::at_start(
+            arch,
+            minds,
+            Collisions::new(world, world.radius(), start),
+            world,
+            start,
+        )
+    }
+
+    /// A swarm of described robots at its start, on the instructions of `arch`: the bits do not depend on them.
+    ///
+    /// Robots have the radii and wheels of their descriptions, not those of `world`. Sensors see no obstacles: worlds have
+    /// none yet.
+    ///
+    /// # Errors
+    /// If the world does not have room for one robot for each of the population's, or one does not fit between its walls, or
+    /// `start` does not have one pose for each.
+    pub fn of_species(
+        arch: Arch,
+        controller: &SwarmController,
+        world: &World,
+        boundary: Boundary,
+        start: &Start,
+    ) -> Result<Self, Invalid> {
+        let swarm = Self::of_species_pairwise(arch, controller, world, boundary, start)?;
+        let largest = swarm.largest_radius();
+        Ok(swarm.with_grid(world, largest))
+    }
+
+    /// As [`Swarm::of_species`], every robot looking at every other however many there are: the bits are the same.
+    ///
+    /// # Errors
+    /// As [`Swarm::of_species`].
+    pub fn of_species_pairwise(
+        arch: Arch,
+        controller: &SwarmController,
+        world: &World,
+        boundary: Boundary,
+        start: &Start,
+    ) -> Result<Self, Invalid> {
+        kinds::check_fit(controller.population(), world, boundary)?;
+        let kinds = Kinds::new(controller, world, boundary);
+        let collisions = Collisions::new(world, kinds.largest_radius(), start);
+        Self::at_start(arch, Minds::Described(kinds), collisions, world, start)
+    }
+
+    fn at_start(
+        arch: Arch,
+        minds: Minds,
+        collisions: Collisions,
+        world: &World,
+        start: &Start,
+    ) -> Result<Self, Invalid> {
         let poses = start.poses_for(world)?;
         Ok(Self {
             arch,
-            second_sensor: controller.angle().map(drive::direction),
+            minds,
             robots: Robots {
-                walls: Walls::of(world),
-                gaits: drive::gaits(controller, world),
-                collisions: Collisions::new(world, start),
+                collisions,
                 bodies: poses.iter().map(Body::at).collect(),
                 steps: 0,
             },
             others: Lookup::All(poses.iter().map(|&[x, y, _]| [x, y]).collect()),
         })
+    }
+
+    /// The same swarm with a grid, if it is large enough for one; no body is larger than `radius`.
+    fn with_grid(mut self, world: &World, radius: f64) -> Self {
+        if world.agents() >= grid::WORTH {
+            let positions: Vec<_> = self.agents().map(|agent| agent.position).collect();
+            self.others = Lookup::Near(Grid::new(world, radius, &positions));
+        }
+        self
     }
 
     /// Steps every agent once.
@@ -149,8 +213,8 @@ impl Swarm {
     /// Steps every agent `steps` times.
     pub fn advance(&mut self, steps: u32) {
         match &mut self.others {
-            Lookup::All(others) => self.robots.advance(self.arch, self.second_sensor, others, steps),
-            Lookup::Near(others) => self.robots.advance(self.arch, self.second_sensor, others, steps),
+            Lookup::All(others) => self.robots.advance(self.arch, &self.minds, others, steps),
+            Lookup::Near(others) => self.robots.advance(self.arch, &self.minds, others, steps),
         }
     }
 
@@ -171,10 +235,52 @@ impl Swarm {
         })
     }
 
-    /// Where the sensors of an agent with `heading` look, as unit vectors: S1, then S2 if there is one.
-    pub fn sensor_directions(&self, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let second = self.second_sensor.map(|angle| rotate(heading, angle));
-        std::iter::once(heading).chain(second)
+    /// Where the sensors of agent `i` look when it has this heading, as unit vectors, S1 first: along the middles of their cones.
+    pub fn sensor_directions(&self, i: usize, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
+        let (first, others) = match &self.minds {
+            Minds::Paper(paper) => (Some(heading), paper.second_sensor.as_slice()),
+            Minds::Described(kinds) => (None, kinds.directions(i)),
+        };
+        let others = others.iter().map(move |&direction| rotate(heading, direction));
+        first.into_iter().chain(others)
+    }
+
+    /// Radius of the body of agent `i`, world units.
+    #[must_use]
+    pub fn radius(&self, i: usize) -> f64 {
+        match &self.minds {
+            Minds::Paper(_) => self.robots.collisions.diameter() / 2.0,
+            Minds::Described(kinds) => kinds.radius(i),
+        }
+    }
+
+    /// What each agent would sense if it looked now, without moving, in index order: numbers as [`Agent::sensed`].
+    #[must_use]
+    pub fn readings(&self) -> Vec<u8> {
+        let looking = |(index, body): (usize, &Body)| {
+            let robot = Driven {
+                index,
+                at: body.position,
+                heading: body.heading,
+            };
+            match &self.others {
+                Lookup::All(others) => self.reading(others, robot),
+                Lookup::Near(others) => self.reading(others, robot),
+            }
+        };
+        self.robots.bodies.iter().enumerate().map(looking).collect()
+    }
+
+    fn reading(&self, others: &impl Others, robot: Driven) -> u8 {
+        let simd = pulp::Scalar::new();
+        match &self.minds {
+            Minds::Paper(paper) => paper.sense(simd, others, robot, self.robots.collisions.reach()),
+            Minds::Described(kinds) => kinds.sense(simd, others, robot),
+        }
+    }
+
+    fn largest_radius(&self) -> f64 {
+        self.robots.collisions.diameter() / 2.0
     }
 
     /// How often a push was one that the authors' simulator adds its jitter to, whether or not the world has it.
@@ -185,34 +291,36 @@ impl Swarm {
 }
 
 impl Robots {
-    fn advance(&mut self, arch: Arch, second_sensor: Option<[f64; 2]>, others: &mut impl Others, steps: u32) {
-        match second_sensor {
-            None => arch.dispatch(Run {
-                robots: self,
-                others,
-                steps,
-                rays: |heading| [heading],
-            }),
-            Some(angle) => arch.dispatch(Run {
-                robots: self,
-                others,
-                steps,
-                rays: |heading| [heading, rotate(heading, angle)],
-            }),
+    fn advance(&mut self, arch: Arch, minds: &Minds, others: &mut impl Others, steps: u32) {
+        match minds {
+            &Minds::Paper(paper) => match paper.second_sensor {
+                None => {
+                    let rays = |heading| [heading];
+                    self.dispatch(arch, PaperMind { paper, rays }, others, steps);
+                }
+                Some(angle) => {
+                    let rays = |heading| [heading, rotate(heading, angle)];
+                    self.dispatch(arch, PaperMind { paper, rays }, others, steps);
+                }
+            },
+            Minds::Described(kinds) => self.dispatch(arch, kinds, others, steps),
         }
     }
 
+    fn dispatch(&mut self, arch: Arch, mind: impl Mind, others: &mut impl Others, steps: u32) {
+        arch.dispatch(Run {
+            robots: self,
+            others,
+            steps,
+            mind,
+        });
+    }
+
     #[inline(always)]
-    fn run<S: Simd, const SENSORS: usize>(
-        &mut self,
-        simd: S,
-        others: &mut impl Others,
-        steps: u32,
-        rays: impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
-    ) {
+    fn run<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, steps: u32) {
         for _ in 0..steps {
             for i in 0..self.bodies.len() {
-                self.step_agent(simd, others, i, &rays);
+                self.step_agent(simd, mind, others, i);
             }
             self.steps += 1;
             if self.steps.is_multiple_of(RENORMALISE_EVERY) {
@@ -224,34 +332,21 @@ impl Robots {
     }
 
     #[inline(always)]
-    fn step_agent<S: Simd, const SENSORS: usize>(
-        &mut self,
-        simd: S,
-        others: &mut impl Others,
-        i: usize,
-        rays: &impl Fn([f64; 2]) -> [[f64; 2]; SENSORS],
-    ) {
+    fn step_agent<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, i: usize) {
         let body = &mut self.bodies[i];
-        let gait = &self.gaits[usize::from(body.sensed % 4)];
+        let gait = mind.gait(i, body.sensed);
         let before = body.position;
-        let mut at = self.walls.clamp(gait.drive(before, body.heading));
+        let driven = mind.walls(i).clamp(gait.drive(before, body.heading));
         body.heading = rotate(body.heading, gait.rotation);
         body.theta += gait.turn;
 
-        let mut observer = Observer {
+        let robot = Driven {
             index: i,
-            at,
-            rays: rays(body.heading),
+            at: driven,
+            heading: body.heading,
         };
-        let reach = self.collisions.reach();
-        body.sensed = match others.sense_unless_touched(simd, observer, reach) {
-            Some(sensed) => sensed,
-            None => {
-                at = self.collisions.push_out(simd, others, i, at);
-                observer.at = at;
-                others.sense(simd, observer, reach)
-            }
-        };
+        let (at, sensed) = mind.settle(simd, others, &mut self.collisions, robot);
+        body.sensed = sensed;
         body.position = at;
         body.displacement = [at[0] - before[0], at[1] - before[1]];
         others.set(simd, i, at);
@@ -261,23 +356,19 @@ impl Robots {
 /// Some steps of a swarm, as something that can be compiled for several kinds of CPU.
 ///
 /// Everything below it is inlined by force: only what is inlined is compiled for the kind at hand.
-struct Run<'a, O, R> {
+struct Run<'a, O, M> {
     robots: &'a mut Robots,
     others: &'a mut O,
     steps: u32,
-    rays: R,
+    mind: M,
 }
 
-impl<const SENSORS: usize, O, R> WithSimd for Run<'_, O, R>
-where
-    O: Others,
-    R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
-{
+impl<O: Others, M: Mind> WithSimd for Run<'_, O, M> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        self.robots.run(simd, self.others, self.steps, self.rays);
+        self.robots.run(simd, &self.mind, self.others, self.steps);
     }
 }
 
@@ -294,10 +385,21 @@ impl Body {
 }
 
 impl Walls {
+    /// No walls.
+    const NONE: Self = Self {
+        low: f64::NEG_INFINITY,
+        high: [f64::INFINITY; 2],
+    };
+
     fn of(world: &World) -> Self {
+        Self::within(world, world.margin())
+    }
+
+    /// Walls that keep a centre `margin` from each edge of the world.
+    fn within(world: &World, margin: f64) -> Self {
         Self {
-            low: world.margin(),
-            high: [world.width() - world.margin(), world.height() - world.margin()],
+            low: margin,
+            high: [world.width() - margin, world.height() - margin],
         }
     }
 

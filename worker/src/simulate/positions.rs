@@ -98,4 +98,27 @@ impl Block {
             },
         )
     }
+
+    /// As [`Block::vectors`], lanes before the first and from the second of `members` on masked too.
+    #[inline(always)]
+    pub(super) fn members<S: Simd>(
+        &self,
+        simd: S,
+        left_out: usize,
+        [first, end]: [usize; 2],
+    ) -> impl Iterator<Item = Lanes<S>> {
+        let [first, end] = [simd.splat_u64s(first as u64), simd.splat_u64s(end as u64)];
+        let numbers = S::as_simd_u64s(&LANE_NUMBERS.0).0;
+        self.vectors(simd, left_out).zip(numbers).map(
+            #[inline(always)]
+            move |(lanes, &number)| {
+                let before = simd.less_than_u64s(number, first);
+                let member = simd.and_m64s(simd.not_m64s(before), simd.less_than_u64s(number, end));
+                Lanes {
+                    other: simd.and_m64s(lanes.other, member),
+                    ..lanes
+                }
+            },
+        )
+    }
 }

@@ -1,7 +1,6 @@
 //! What an agent has in its sensors' lines of sight, and whether anybody touches it.
 
 use super::positions::{Block, LANES, Positions};
-use murmuration_proto::World;
 use pulp::Simd;
 
 /// Blocks that are gone through before one asks whether to stop. The paper's 24 agents are far fewer: to ask costs
@@ -18,11 +17,20 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    pub(super) fn of(world: &World) -> Self {
-        let (radius, diameter) = (world.radius(), 2.0 * world.radius());
+    /// The reach of robots of this radius.
+    pub(super) fn of(radius: f64) -> Self {
+        let diameter = 2.0 * radius;
         Self {
             body: radius * radius,
             touch: diameter * diameter,
+        }
+    }
+
+    /// The reach of collisions alone: centres nearer than `touch`.
+    pub(super) const fn touching(touch: f64) -> Self {
+        Self {
+            body: 0.0,
+            touch: touch * touch,
         }
     }
 

@@ -1,5 +1,7 @@
 //! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
 
+pub(crate) mod described;
+
 use super::*;
 use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};
 use proptest::prelude::*;
@@ -122,7 +124,7 @@ proptest! {
         let mut all = Swarm::pairwise(Arch::new(), &controller, &world, &start).unwrap();
         let mut near = all.clone();
         let positions: Vec<_> = near.agents().map(|agent| agent.position).collect();
-        near.others = Lookup::Near(Grid::new(&world, &positions));
+        near.others = Lookup::Near(Grid::new(&world, world.radius(), &positions));
         for swarm in [&mut all, &mut near] {
             swarm.advance(40);
         }
@@ -187,7 +189,7 @@ proptest! {
                 prop_assert!(others.map(|(_, other)| other).any(near), "agent {} moved for no reason", i);
             }
             prop_assert_eq!(is.theta, was.theta + (left - right) / 10.0);
-            let rays: Vec<[f64; 2]> = swarm.sensor_directions(is.heading).collect();
+            let rays: Vec<[f64; 2]> = swarm.sensor_directions(i, is.heading).collect();
             let sensed = sensed_by_hand(&positions, i, is.position, &rays, 5.0);
             prop_assert_eq!(is.sensed, sensed, "agent {}", i);
             positions[i] = is.position;
@@ -279,7 +281,7 @@ fn jitter_is_seeded_and_only_where_it_is_asked_for() {
         let poses = Start::seeded(9).poses_for(&world).unwrap().into_owned();
         let mut swarm =
             Swarm::new(&single([0.6, 1.0, 0.4, 0.5]), &world, &Start::at(poses).unwrap()).unwrap();
-        swarm.robots.collisions = Collisions::new(&world, &Start::seeded(seed));
+        swarm.robots.collisions = Collisions::new(&world, world.radius(), &Start::seeded(seed));
         swarm.advance(20);
         assert!(swarm.jitter_events() > 0);
         bits(&swarm)

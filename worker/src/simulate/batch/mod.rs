@@ -5,30 +5,45 @@
 //! every lane works. The price is collisions: a lane whose agent touches none waits for those that do.
 
 mod collide;
+mod cones;
 mod look;
 
 use super::{
     RENORMALISE_EVERY, Start, Walls,
     collide::{Collisions, PASSES},
-    drive,
+    drive, kinds,
     sight::Reach,
 };
-use crate::lanes::{Aligned, Planar, any, dot, gathered, minus, plus, rotate, scaled, select, splat};
+use crate::lanes::{
+    Aligned, Planar, any, dot, gathered, lanes, lanes_mut, minus, plus, point, rotate, scaled, select, splat,
+    words,
+};
 use collide::Touched;
-use look::Viewer;
-use murmuration_proto::{Controller, Invalid, World};
+use cones::{ConeViewer, Cones};
+use look::{Seen, Viewer};
+use murmuration_proto::{
+    Boundary, Controller, Invalid, Population, SeenRobots, Sensor, SwarmController, World,
+};
 use pulp::Simd;
 
 /// Most agents in a swarm of a batch: whom an agent touches is a word of bits.
 pub(crate) const MOST_AGENTS: u32 = u64::BITS;
 
-/// As many swarms as a vector has lanes, their controllers of one model, with so many sensors.
-pub(crate) struct Batch<S: Simd, const SENSORS: usize> {
+/// As many swarms as a vector has lanes, their robots alike but for their controllers, with so many sensors: rays without
+/// limit, or `CONES`.
+pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     walls: Walls,
     reach: Reach,
-    gaits: [Gait<S>; 4],
-    /// (cos, sin) of the second sensor's angle.
-    second_sensor: Planar<S>,
+    /// By sensor state, of robots with one or two sensors.
+    few_gaits: [Gait<S>; 4],
+    /// The same of robots with more.
+    many_gaits: Vec<Gait<S>>,
+    /// (cos, sin) of each sensor's angle.
+    directions: [Planar<S>; SENSORS],
+    /// Whether the first sensor looks straight ahead in all lanes.
+    first_is_ahead: bool,
+    /// The sensors, if they are `CONES`.
+    cones: Option<Cones<S, SENSORS>>,
     collisions: Vec<Collisions>,
     /// Where each agent is, and after the last each once more: [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
@@ -49,6 +64,31 @@ struct Body<S: Simd, const SENSORS: usize> {
     crowded: bool,
 }
 
+/// What a controller makes of one swarm.
+struct Brain {
+    /// By sensor state.
+    gaits: Vec<drive::Gait>,
+    /// (cos, sin) of the sensors' angles; there may be more than are sensors.
+    directions: Vec<[f64; 2]>,
+}
+
+/// Whether swarms of this population can be simulated in a batch: one species, few robots, sensors that see all robots and
+/// nothing else.
+pub(crate) fn is_for(population: &Population) -> bool {
+    let sees_robots = |sensor: &Sensor| *sensor.robots() != SeenRobots::None && sensor.wall_range().is_none();
+    match population.species() {
+        [alone] => alone.count() <= MOST_AGENTS && alone.robot().sensors().iter().all(sees_robots),
+        _ => false,
+    }
+}
+
+/// The task of each lane: lanes beyond repeat the last.
+fn in_lanes<S: Simd, T>(tasks: &[T]) -> Vec<&T> {
+    (0..S::F64_LANES)
+        .map(|lane| &tasks[lane.min(tasks.len() - 1)])
+        .collect()
+}
+
 /// The motion of one step: that of [`drive::Gait`] less the change of theta, which nothing reads here.
 #[derive(Debug, Clone, Copy)]
 struct Gait<S: Simd> {
@@ -64,25 +104,86 @@ pub(crate) struct Agents<S: Simd> {
     pub(crate) displacement: Planar<S>,
 }
 
-impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
+impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
     /// Swarms at their starts, one for each of `tasks`, of which there are at least one and at most as many as lanes;
     /// lanes beyond repeat the last.
     ///
     /// # Errors
     /// Where a start does not have one pose for each of the world's agents.
     pub(crate) fn new(simd: S, world: &World, tasks: &[(Controller, Start)]) -> Result<Self, Invalid> {
-        let lanes: Vec<_> = (0..S::F64_LANES)
-            .map(|lane| &tasks[lane.min(tasks.len() - 1)])
+        let lanes = in_lanes::<S, _>(tasks);
+        let ahead = [1.0, 0.0];
+        let brains = lanes.iter().map(|(controller, _)| Brain {
+            gaits: drive::gaits(controller, world).to_vec(),
+            directions: vec![ahead, controller.angle().map_or(ahead, drive::direction)],
+        });
+        let starts = lanes.iter().map(|(_, start)| start).collect();
+        Self::at_start(
+            simd,
+            world,
+            Walls::of(world),
+            (world.radius(), None),
+            brains.collect(),
+            starts,
+        )
+    }
+
+    /// As [`Batch::new`], of described robots that [`is_for`] says it is for, with `SENSORS` sensors.
+    ///
+    /// # Errors
+    /// As [`Swarm::of_species`](super::Swarm::of_species).
+    pub(crate) fn of_species(
+        simd: S,
+        world: &World,
+        boundary: Boundary,
+        tasks: &[(SwarmController, Start)],
+    ) -> Result<Self, Invalid> {
+        let lanes = in_lanes::<S, _>(tasks);
+        let population = lanes[0].0.population();
+        kinds::check_fit(population, world, boundary)?;
+        let robot = population.species()[0].robot();
+        let controllers = lanes.iter().map(|(controller, _)| &controller.controllers()[0]);
+        let brains = controllers.clone().map(|controller| Brain {
+            gaits: controller
+                .pairs()
+                .map(|pair| drive::Gait::of(robot, pair, world.dt()))
+                .collect(),
+            directions: controller
+                .angles()
+                .iter()
+                .map(|&angle| drive::direction(angle))
+                .collect(),
+        });
+        let angles: Vec<_> = controllers
+            .clone()
+            .map(|controller| controller.angles())
             .collect();
-        let poses = lanes
-            .iter()
-            .map(|(_, start)| start.poses_for(world))
-            .collect::<Result<Vec<_>, _>>()?;
-        let gaits: Vec<_> = lanes
-            .iter()
-            .map(|(controller, _)| drive::gaits(controller, world))
-            .collect();
-        let second = |controller: &Controller| controller.angle().map_or([1.0, 0.0], drive::direction);
+        let cones = match robot.sensors().iter().all(Sensor::is_plain_ray) {
+            true => None,
+            false => Cones::new(simd, robot, &angles),
+        };
+        let walls = kinds::walls(robot, world, boundary);
+        let starts = lanes.iter().map(|(_, start)| start).collect();
+        Self::at_start(
+            simd,
+            world,
+            walls,
+            (robot.radius(), cones),
+            brains.collect(),
+            starts,
+        )
+    }
+
+    fn at_start(
+        simd: S,
+        world: &World,
+        walls: Walls,
+        (radius, cones): (f64, Option<Cones<S, SENSORS>>),
+        brains: Vec<Brain>,
+        starts: Vec<&Start>,
+    ) -> Result<Self, Invalid> {
+        let poses = starts.iter().map(|start| start.poses_for(world));
+        let poses = poses.collect::<Result<Vec<_>, _>>()?;
         let none = splat(simd, [0.0; 2]);
         let never = simd.less_than_f64s(none[0], none[0]);
         let position = |i: usize| gathered(simd, poses.iter().map(|poses| [poses[i][0], poses[i][1]]));
@@ -92,18 +193,23 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
         for [x, y] in agents.clone().map(position) {
             far = simd.max_f64s(far, simd.max_f64s(simd.abs_f64s(x), simd.abs_f64s(y)));
         }
+        let gait = |state: usize| Gait {
+            ahead: gathered(simd, brains.iter().map(|brain| [brain.gaits[state].ahead, 0.0]))[0],
+            rotation: gathered(simd, brains.iter().map(|brain| brain.gaits[state].rotation)),
+        };
+        let direction = |s: usize| gathered(simd, brains.iter().map(|brain| brain.directions[s]));
         Ok(Self {
-            walls: Walls::of(world),
+            walls,
             far,
-            reach: Reach::of(world),
-            gaits: std::array::from_fn(|state| Gait {
-                ahead: gathered(simd, gaits.iter().map(|gaits| [gaits[state].ahead, 0.0]))[0],
-                rotation: gathered(simd, gaits.iter().map(|gaits| gaits[state].rotation)),
-            }),
-            second_sensor: gathered(simd, lanes.iter().map(|(controller, _)| second(controller))),
-            collisions: lanes
+            reach: Reach::of(radius),
+            few_gaits: std::array::from_fn(|state| gait(state % (1 << SENSORS))),
+            many_gaits: (0..1 << SENSORS).map(gait).collect(),
+            directions: std::array::from_fn(direction),
+            first_is_ahead: brains.iter().all(|brain| brain.directions[0] == [1.0, 0.0]),
+            cones,
+            collisions: starts
                 .iter()
-                .map(|(_, start)| Collisions::new(world, start))
+                .map(|start| Collisions::new(world, radius, start))
                 .collect(),
             positions: agents
                 .clone()
@@ -160,8 +266,12 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
     #[inline(always)]
     pub(crate) fn sensor_directions(&self, simd: S, heading: Planar<S>) -> [Planar<S>; SENSORS] {
         let mut directions = [heading; SENSORS];
-        if let Some(second) = directions.get_mut(1) {
-            *second = rotate(simd, heading, self.second_sensor);
+        // A turn by nothing costs a hundredth of a step with one sensor, and with more the choice costs more than that.
+        if SENSORS == 1 && self.first_is_ahead {
+            return directions;
+        }
+        for (ray, &direction) in directions.iter_mut().zip(&self.directions) {
+            *ray = rotate(simd, heading, direction);
         }
         directions
     }
@@ -170,7 +280,7 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
     fn step_agent(&mut self, simd: S, i: usize) {
         let agents = self.bodies.len();
         let mut body = self.bodies[i].0;
-        let gait = chosen(simd, &self.gaits, body.sensed);
+        let gait = self.chosen_gait(simd, body.sensed);
         let before = self.positions[i].0;
         let ahead = scaled(simd, body.heading, gait.ahead);
         let at = self.walls.clamp_lanes(simd, plus(simd, before, ahead));
@@ -187,12 +297,20 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
             // Who was crowded a step ago is likely to be so now, and the look in vain.
             if passes > 0 || !body.crowded {
                 let far = self.farther(simd, viewer.at);
-                let seen = viewer.look(simd, self.others(i), far);
+                let seen = self.look(simd, viewer, body.heading, i, far);
                 if !any(simd, seen.touched) {
                     break seen.hits;
                 }
                 if passes == PASSES {
-                    break viewer.look_among(simd, self.others(i));
+                    let others = self.others(i);
+                    break match &self.cones {
+                        Some(cones) if CONES => {
+                            cones
+                                .look_apart(simd, ConeViewer::of(viewer, body.heading), others)
+                                .hits
+                        }
+                        _ => viewer.look_among(simd, others),
+                    };
                 }
             }
             let positions = &self.positions[..agents];
@@ -209,6 +327,30 @@ impl<S: Simd, const SENSORS: usize> Batch<S, SENSORS> {
         self.bodies[i].0 = body;
         self.positions[i].0 = at;
         self.positions[agents + i].0 = at;
+    }
+
+    #[inline(always)]
+    fn chosen_gait(&self, simd: S, sensed: [S::m64s; SENSORS]) -> Gait<S> {
+        if SENSORS <= 2 {
+            chosen(simd, &self.few_gaits, sensed)
+        } else {
+            chosen_by_lane(simd, &self.many_gaits, sensed)
+        }
+    }
+
+    #[inline(always)]
+    fn look(
+        &self,
+        simd: S,
+        viewer: Viewer<S, SENSORS>,
+        heading: Planar<S>,
+        i: usize,
+        far: S::f64s,
+    ) -> Seen<S, SENSORS> {
+        match &self.cones {
+            Some(cones) if CONES => cones.look(simd, ConeViewer::of(viewer, heading), self.others(i), far),
+            _ => viewer.look(simd, self.others(i), far),
+        }
     }
 
     /// The largest coordinate so far, `at` included.
@@ -252,6 +394,31 @@ fn chosen<S: Simd, const SENSORS: usize>(
         }
         _ => *off,
     }
+}
+
+/// As [`chosen`], of many gaits: to choose by halves would take as many choices as there are gaits.
+#[inline(always)]
+fn chosen_by_lane<S: Simd, const SENSORS: usize>(
+    simd: S,
+    gaits: &[Gait<S>],
+    sensed: [S::m64s; SENSORS],
+) -> Gait<S> {
+    let (zero, one) = (simd.splat_u64s(0), simd.splat_u64s(1));
+    let mut states = zero;
+    for sensed in sensed {
+        states = simd.add_u64s(states, states);
+        states = simd.add_u64s(states, simd.select_u64s(sensed, one, zero));
+    }
+    let mut gait = gaits[0];
+    let [cos, sin] = &mut gait.rotation;
+    let slots = lanes_mut::<S>(&mut gait.ahead).iter_mut();
+    let slots = slots.zip(lanes_mut::<S>(cos)).zip(lanes_mut::<S>(sin));
+    for (lane, (((ahead, cos), sin), &state)) in slots.zip(words::<S>(&states)).enumerate() {
+        let chosen = &gaits[state as usize % gaits.len()];
+        *ahead = lanes::<S>(&chosen.ahead)[lane];
+        [*cos, *sin] = point::<S>(&chosen.rotation, lane);
+    }
+    gait
 }
 
 #[inline(always)]

@@ -1,0 +1,78 @@
+//! How robots move: what a pair of a controller's numbers means.
+
+use crate::{Invalid, invalid};
+
+/// How a robot moves, with the limits of what its controllers may ask for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    kind: DriveKind,
+    limits: [f64; 2],
+}
+
+/// What the two numbers of a pair (a, b) do in one step of duration dt, with the heading as it was before the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DriveKind {
+    /// Two wheels, a left and b right: ahead by `(wheel_radius / 2) (a + b) dt`, and a turn by `(a - b) / (2 radius) dt`
+    /// radians, where `radius` is the body's.
+    ///
+    /// The turn does not depend on the radius of the wheels, as in the simulator behind the paper.
+    Differential {
+        /// Radius of a wheel, world units, over 0.
+        wheel_radius: f64,
+    },
+    /// A speed a and a turning rate b: ahead by `a dt`, and a turn by `b dt` radians.
+    Unicycle,
+}
+
+impl Drive {
+    /// Largest radius of a wheel, and largest limit of a speed.
+    pub const MAX: f64 = 1000.0;
+
+    /// Two wheels of `wheel_radius` world units; the magnitude of a wheel's speed is at most `max_speed` (the paper's robots: 1).
+    ///
+    /// # Errors
+    /// If either is not over 0 and at most [`Drive::MAX`].
+    pub fn differential(wheel_radius: f64, max_speed: f64) -> Result<Self, Invalid> {
+        let wheel_radius = invalid::positive("wheel_radius", wheel_radius, Self::MAX)?;
+        Ok(Self {
+            kind: DriveKind::Differential { wheel_radius },
+            limits: [invalid::positive("max_speed", max_speed, Self::MAX)?; 2],
+        })
+    }
+
+    /// A robot that is told a speed, in world units a unit of time and of magnitude at most `max_speed`, and a turning rate, in
+    /// radians a unit of time and of magnitude at most `max_turn`.
+    ///
+    /// # Errors
+    /// If either is not over 0 and at most [`Drive::MAX`].
+    pub fn unicycle(max_speed: f64, max_turn: f64) -> Result<Self, Invalid> {
+        Ok(Self {
+            kind: DriveKind::Unicycle,
+            limits: [
+                invalid::positive("max_speed", max_speed, Self::MAX)?,
+                invalid::positive("max_turn", max_turn, Self::MAX)?,
+            ],
+        })
+    }
+
+    /// What a pair does.
+    #[must_use]
+    pub const fn kind(&self) -> DriveKind {
+        self.kind
+    }
+
+    /// Largest magnitude of the two numbers of a pair: of the left and right wheel's speed, or of speed and turning rate.
+    #[must_use]
+    pub const fn limits(&self) -> [f64; 2] {
+        self.limits
+    }
+
+    /// What the two numbers of a pair are called: left and right, or speed and turn.
+    #[must_use]
+    pub const fn pair_names(&self) -> [&'static str; 2] {
+        match self.kind {
+            DriveKind::Differential { .. } => ["left", "right"],
+            DriveKind::Unicycle => ["speed", "turn"],
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Robots that have a name: the paper's two, and two real ones.
+
+use super::{Drive, Robot, Sensor, SensorAngle, SensorDescription};
+use crate::{CapabilityModel, Invalid};
+use std::{f64::consts::PI, fmt, str::FromStr};
+
+/// A robot that is known by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Preset {
+    /// The paper's robot with one sensor, a ray straight ahead.
+    SingleSensor,
+    /// The paper's robot with a second ray, whose angle is a gene.
+    TwoSensor,
+    /// The Flockbot of George Mason University, as the authors' simulator describes it (`flockbots-icra-milling/flockbot.yaml`
+    /// of RobotSwarmSimulator): a camera 0.4 radians wide that sees robots 3.6 m away. Lengths are in centimetres, times in
+    /// seconds; that file steps by 0.13 s.
+    Flockbots,
+    /// Hiwonder's TurboPi, as the authors' simulator describes it (`turbopi-milling/turbopi.yaml` of RobotSwarmSimulator): a
+    /// camera 0.9 radians wide that sees robots 1 m away. Lengths are in centimetres, times in seconds; that file steps by
+    /// 0.025 s. Its noise and delay are left out.
+    TurboPi,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Self; 4] = [
+        Self::SingleSensor,
+        Self::TwoSensor,
+        Self::Flockbots,
+        Self::TurboPi,
+    ];
+
+    /// Its name in files and on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::SingleSensor => "single-sensor",
+            Self::TwoSensor => "two-sensor",
+            Self::Flockbots => "flockbots",
+            Self::TurboPi => "turbopi",
+        }
+    }
+
+    /// The robot, with the body and wheels of the paper's world for the paper's two.
+    #[must_use]
+    #[expect(clippy::expect_used, reason = "a preset is a valid robot: a test makes each")]
+    pub fn robot(self) -> Robot {
+        let robot = match self {
+            Self::SingleSensor => paper(5.0, 2.0, false),
+            Self::TwoSensor => paper(5.0, 2.0, true),
+            Self::Flockbots => camera(0.2, 360.0, 7.5),
+            Self::TurboPi => camera(0.45, 100.0, 10.0),
+        };
+        robot.expect("a preset is a valid robot")
+    }
+}
+
+impl Robot {
+    /// The robot of one of the paper's models, with a body and wheels of these radii (world units).
+    ///
+    /// # Errors
+    /// If a radius is not over 0 and at most [`Robot::MAX_RADIUS`].
+    pub fn of_model(model: CapabilityModel, radius: f64, wheel_radius: f64) -> Result<Self, Invalid> {
+        paper(radius, wheel_radius, model == CapabilityModel::TwoSensor)
+    }
+}
+
+fn paper(radius: f64, wheel_radius: f64, second: bool) -> Result<Robot, Invalid> {
+    let ray = |angle| {
+        Sensor::try_from(SensorDescription {
+            angle,
+            ..SensorDescription::default()
+        })
+    };
+    let mut sensors = vec![ray(SensorAngle::fixed(0.0)?)?];
+    if second {
+        sensors.push(ray(SensorAngle::free(Some([-PI, PI]), &[])?)?);
+    }
+    Robot::new(sensors, radius, Drive::differential(wheel_radius, 1.0)?)
+}
+
+/// A unicycle with a camera that looks ahead; both real robots move by at most 0.2 m and 2 radians a second.
+fn camera(half_angle: f64, range: f64, radius: f64) -> Result<Robot, Invalid> {
+    let eye = Sensor::try_from(SensorDescription {
+        half_angle,
+        range: Some(range),
+        ..SensorDescription::default()
+    })?;
+    Robot::new(vec![eye], radius, Drive::unicycle(20.0, 2.0)?)
+}
+
+impl From<CapabilityModel> for Preset {
+    fn from(model: CapabilityModel) -> Self {
+        match model {
+            CapabilityModel::SingleSensor => Self::SingleSensor,
+            CapabilityModel::TwoSensor => Self::TwoSensor,
+        }
+    }
+}
+
+impl FromStr for Preset {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(|preset| format!("\"{preset}\"")).join(" or ");
+            Invalid::new("robot", format!("\"{name}\""), names)
+        })
+    }
+}
+
+impl fmt::Display for Preset {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

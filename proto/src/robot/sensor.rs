@@ -1,0 +1,321 @@
+//! What a robot senses: binary sensors that look along a ray or into a cone.
+
+use super::SpeciesName;
+use crate::{Invalid, counted, invalid};
+use std::{
+    f64::consts::{PI, TAU},
+    fmt,
+    str::FromStr,
+};
+
+/// A binary sensor: it is on while anything that it can see is in its cone.
+///
+/// A robot is seen when its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sensor {
+    angle: SensorAngle,
+    half_angle: f64,
+    range: Option<f64>,
+    robots: SeenRobots,
+    wall_range: Option<f64>,
+    obstacles: bool,
+}
+
+/// A sensor as people describe it. [`Sensor::try_from`] checks it.
+///
+/// The default looks straight ahead along a ray without limit, and sees all robots: the paper's sensor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorDescription {
+    /// The direction of the cone's middle.
+    pub angle: SensorAngle,
+    /// Half of the cone's opening angle, radians, 0 (a ray) to pi.
+    pub half_angle: f64,
+    /// Largest distance to a robot's centre, world units, over 0; `None`: no limit.
+    pub range: Option<f64>,
+    /// What it sees; nothing twice, and either all robots or one species.
+    pub sees: Vec<Seen>,
+    /// Largest distance at which it sees walls, if that is not `range`.
+    pub wall_range: Option<f64>,
+}
+
+/// The angle from a robot's heading to the middle of a sensor's cone, radians; positive angles turn as headings grow.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SensorAngle(Angle);
+
+#[derive(Debug, Clone, PartialEq)]
+enum Angle {
+    Fixed(f64),
+    Within([f64; 2]),
+    Among(Vec<f64>),
+}
+
+/// A kind of thing that a sensor can see.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Seen {
+    /// Robots of every species.
+    Robots,
+    /// Robots of one species.
+    Species(SpeciesName),
+    /// The walls of the arena.
+    Walls,
+    /// Obstacles in the arena.
+    Obstacles,
+}
+
+/// The robots that a sensor sees.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum SeenRobots {
+    /// None.
+    None,
+    /// Robots of every species.
+    All,
+    /// Robots of one species.
+    Species(SpeciesName),
+}
+
+impl Sensor {
+    /// Largest range, world units.
+    pub const MAX_RANGE: f64 = 1e6;
+
+    /// The angle from the robot's heading to the middle of the cone.
+    #[must_use]
+    pub const fn angle(&self) -> &SensorAngle {
+        &self.angle
+    }
+
+    /// Half of the cone's opening angle, radians, 0 (a ray) to pi.
+    #[must_use]
+    pub const fn half_angle(&self) -> f64 {
+        self.half_angle
+    }
+
+    /// Largest distance to the centre of a robot that it sees, world units; `None`: no limit.
+    #[must_use]
+    pub const fn range(&self) -> Option<f64> {
+        self.range
+    }
+
+    /// The robots that it sees.
+    #[must_use]
+    pub const fn robots(&self) -> &SeenRobots {
+        &self.robots
+    }
+
+    /// Largest distance at which it sees walls, world units; `None` if it does not see them.
+    #[must_use]
+    pub const fn wall_range(&self) -> Option<f64> {
+        self.wall_range
+    }
+
+    /// Whether it sees obstacles.
+    #[must_use]
+    pub const fn sees_obstacles(&self) -> bool {
+        self.obstacles
+    }
+
+    /// Whether it is the paper's kind: a ray without limit that sees all robots and nothing else.
+    #[must_use]
+    pub fn is_plain_ray(&self) -> bool {
+        let alone = self.wall_range.is_none() && !self.obstacles;
+        self.half_angle == 0.0 && self.range.is_none() && self.robots == SeenRobots::All && alone
+    }
+}
+
+impl Default for SensorDescription {
+    fn default() -> Self {
+        Self {
+            angle: SensorAngle(Angle::Fixed(0.0)),
+            half_angle: 0.0,
+            range: None,
+            sees: vec![Seen::Robots],
+            wall_range: None,
+        }
+    }
+}
+
+impl TryFrom<SensorDescription> for Sensor {
+    type Error = Invalid;
+
+    /// Names the invalid field: a cone over pi, a range that is not over 0, walls without a range, or what is seen named twice.
+    fn try_from(described: SensorDescription) -> Result<Self, Invalid> {
+        let range = |field, range: Option<f64>| {
+            let check = |range| invalid::positive(field, range, Self::MAX_RANGE);
+            range.map(check).transpose()
+        };
+        let half_angle = invalid::real("half_angle", described.half_angle, 0.0..=PI)?;
+        let robot_range = range("range", described.range)?;
+        let own_wall_range = range("wall_range", described.wall_range)?;
+        let wall_range = match (described.sees.contains(&Seen::Walls), own_wall_range) {
+            (false, None) => None,
+            (false, Some(given)) => {
+                let allowed = "absent from a sensor that does not see walls";
+                return Err(Invalid::new("wall_range", given, allowed));
+            }
+            (true, own) => Some(own.or(robot_range).ok_or_else(|| {
+                let allowed =
+                    "given for a sensor that sees walls (or wall_range): without limit it always sees one";
+                Invalid::new("range", "nothing", allowed)
+            })?),
+        };
+        Ok(Self {
+            angle: described.angle,
+            // Of equal sensors all bits are equal.
+            half_angle: half_angle + 0.0,
+            range: robot_range,
+            robots: seen_robots(&described.sees)?,
+            wall_range,
+            obstacles: described.sees.contains(&Seen::Obstacles),
+        })
+    }
+}
+
+fn seen_robots(sees: &[Seen]) -> Result<SeenRobots, Invalid> {
+    let names = || sees.iter().map(Seen::to_string).collect::<Vec<_>>().join(", ");
+    if sees.is_empty() {
+        let allowed = "robots, a species, walls or obstacles";
+        return Err(Invalid::new("sees", "nothing", allowed));
+    }
+    if let Some(twice) = (1..sees.len()).find(|&i| sees[..i].contains(&sees[i])) {
+        let allowed = format!("without a second \"{}\"", sees[twice]);
+        return Err(Invalid::new("sees", names(), allowed));
+    }
+    let mut robots = sees.iter().filter_map(|seen| match seen {
+        Seen::Robots => Some(SeenRobots::All),
+        Seen::Species(name) => Some(SeenRobots::Species(name.clone())),
+        Seen::Walls | Seen::Obstacles => None,
+    });
+    match (robots.next(), robots.next()) {
+        (None, _) => Ok(SeenRobots::None),
+        (Some(robots), None) => Ok(robots),
+        (Some(_), Some(_)) => Err(Invalid::new(
+            "sees",
+            names(),
+            "all robots or one species, not both",
+        )),
+    }
+}
+
+impl SensorAngle {
+    /// Maximum number of angles in a list.
+    pub const MAX_CHOICES: usize = 1000;
+    /// Angles of a controller this near to an angle of the list are that angle.
+    const NEAR: f64 = 1e-9;
+
+    /// An angle that never changes, -2 pi to 2 pi.
+    ///
+    /// # Errors
+    /// If it is out of range.
+    pub fn fixed(angle: f64) -> Result<Self, Invalid> {
+        Ok(Self(Angle::Fixed(checked("angle", angle)?)))
+    }
+
+    /// An angle that is a gene: any `within` a lowest and a highest one, or one `among` a list; all from -2 pi to 2 pi.
+    ///
+    /// # Errors
+    /// If there is neither a range nor a list, or both; if the lowest is not below the highest; if there are more than
+    /// [`SensorAngle::MAX_CHOICES`]; if an angle is out of range.
+    pub fn free(within: Option<[f64; 2]>, among: &[f64]) -> Result<Self, Invalid> {
+        let one_of_both =
+            "free within a range of angles or among a list of angles, of which exactly one is given";
+        match (within, among) {
+            (Some([low, high]), []) => {
+                let bounds = [checked("angle_range", low)?, checked("angle_range", high)?];
+                if low < high {
+                    return Ok(Self(Angle::Within(bounds)));
+                }
+                let value = format!("[{low}, {high}]");
+                Err(Invalid::new("angle_range", value, "a lower and a higher angle"))
+            }
+            (None, [_, ..]) if among.len() > Self::MAX_CHOICES => {
+                let value = counted(among.len() as u64, "value");
+                let allowed = format!("at most {} values", Self::MAX_CHOICES);
+                Err(Invalid::new("angles", value, allowed))
+            }
+            (None, [_, ..]) => {
+                let among = among.iter().enumerate();
+                let among = among.map(|(i, &angle)| checked(&format!("angles[{i}]"), angle));
+                Ok(Self(Angle::Among(among.collect::<Result<_, _>>()?)))
+            }
+            (None, []) | (Some(_), [_, ..]) => Err(Invalid::new("angle", "free", one_of_both)),
+        }
+    }
+
+    /// Whether it is a gene.
+    #[must_use]
+    pub const fn is_free(&self) -> bool {
+        !matches!(self.0, Angle::Fixed(_))
+    }
+
+    /// The angle, if it is fixed.
+    #[must_use]
+    pub const fn value(&self) -> Option<f64> {
+        match self.0 {
+            Angle::Fixed(angle) => Some(angle),
+            Angle::Within(_) | Angle::Among(_) => None,
+        }
+    }
+
+    /// Lowest and highest angle, if it is free within a range.
+    #[must_use]
+    pub const fn range(&self) -> Option<[f64; 2]> {
+        match self.0 {
+            Angle::Within(bounds) => Some(bounds),
+            Angle::Fixed(_) | Angle::Among(_) => None,
+        }
+    }
+
+    /// The angles to choose from, if it is free in a list; empty otherwise.
+    #[must_use]
+    pub fn choices(&self) -> &[f64] {
+        match &self.0 {
+            Angle::Among(angles) => angles,
+            Angle::Fixed(_) | Angle::Within(_) => &[],
+        }
+    }
+
+    /// The angle that a controller asks for.
+    ///
+    /// # Errors
+    /// Names `field` if the angle is not allowed.
+    pub(super) fn chosen(&self, field: &str, angle: f64) -> Result<f64, Invalid> {
+        match &self.0 {
+            Angle::Fixed(fixed) => Ok(*fixed),
+            Angle::Within([low, high]) => Ok(invalid::real(field, angle, *low..=*high)? + 0.0),
+            Angle::Among(angles) => {
+                let near = |choice: &&f64| (**choice - angle).abs() <= Self::NEAR;
+                let nearest = angles.iter().find(near).copied();
+                nearest.ok_or_else(|| Invalid::new(field, angle, format!("one of {angles:?}")))
+            }
+        }
+    }
+}
+
+/// Negative zero becomes zero, so that equal angles have equal bits.
+fn checked(field: &str, angle: f64) -> Result<f64, Invalid> {
+    Ok(invalid::real(field, angle, -TAU..=TAU)? + 0.0)
+}
+
+impl FromStr for Seen {
+    type Err = Invalid;
+
+    /// `robots`, `walls`, `obstacles`, or the name of a species.
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        match name {
+            "robots" => Ok(Self::Robots),
+            "walls" => Ok(Self::Walls),
+            "obstacles" => Ok(Self::Obstacles),
+            species => Ok(Self::Species(SpeciesName::parse("sees", species)?)),
+        }
+    }
+}
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Robots => "robots",
+            Self::Species(name) => name.as_str(),
+            Self::Walls => "walls",
+            Self::Obstacles => "obstacles",
+        })
+    }
+}

@@ -1,0 +1,46 @@
+//! What species are called.
+
+use crate::{Invalid, text};
+use std::fmt;
+
+/// The name of a species: 1 to 32 letters (of English), digits, `-` and `_`, the first a letter; none of the words `all`,
+/// `robots`, `walls`, `obstacles`, which say what a sensor sees.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct SpeciesName(String);
+
+impl SpeciesName {
+    const MAX_CHARS: usize = 32;
+    const RESERVED: [&str; 4] = ["all", "robots", "walls", "obstacles"];
+
+    /// Checks a name.
+    ///
+    /// # Errors
+    /// Names `field` if the name is not allowed.
+    pub fn parse(field: &str, name: &str) -> Result<Self, Invalid> {
+        let inner = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+        let fits = name.starts_with(|c: char| c.is_ascii_alphabetic())
+            && name.len() <= Self::MAX_CHARS
+            && name.chars().all(inner);
+        if fits && !Self::RESERVED.contains(&name) {
+            return Ok(Self(name.to_owned()));
+        }
+        let allowed = format!(
+            "1 to {} letters, digits, - and _, the first a letter, and none of {}",
+            Self::MAX_CHARS,
+            Self::RESERVED.join(", ")
+        );
+        Err(Invalid::new(field, text::quoted(name), allowed))
+    }
+
+    /// The name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl fmt::Display for SpeciesName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}

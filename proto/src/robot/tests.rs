@@ -1,0 +1,228 @@
+//! Which robots there can be, and how their genes are called.
+
+use super::*;
+use std::{f64::consts::PI, sync::Arc};
+
+fn sensor(described: SensorDescription) -> Result<Sensor, Invalid> {
+    Sensor::try_from(described)
+}
+
+fn plain() -> SensorDescription {
+    SensorDescription::default()
+}
+
+fn wheels() -> Drive {
+    Drive::differential(2.0, 1.0).unwrap()
+}
+
+fn robot(sensors: usize) -> Result<Robot, Invalid> {
+    Robot::new(vec![sensor(plain()).unwrap(); sensors], 5.0, wheels())
+}
+
+fn name(name: &str) -> SpeciesName {
+    SpeciesName::parse("name", name).unwrap()
+}
+
+fn refused<T: std::fmt::Debug>(result: Result<T, Invalid>, expected: &str) {
+    assert_eq!(result.unwrap_err().to_string(), expected);
+}
+
+#[test]
+fn a_robot_has_one_to_six_sensors_and_a_body() {
+    for sensors in 1..=6 {
+        assert_eq!(robot(sensors).unwrap().states(), 1 << sensors);
+    }
+    refused(robot(7), "sensors = 7 sensors: must be 1 to 6 sensors");
+    refused(robot(0), "sensors = 0 sensors: must be 1 to 6 sensors");
+    let flat = Robot::new(vec![sensor(plain()).unwrap()], 0.0, wheels());
+    refused(flat, "radius = 0: must be a number over 0 and at most 1000");
+}
+
+#[test]
+fn what_a_sensor_cannot_be_is_named() {
+    let cone = |half_angle| SensorDescription {
+        half_angle,
+        ..plain()
+    };
+    refused(
+        sensor(cone(3.2)),
+        "half_angle = 3.2: must be a number from 0 to 3.141592653589793",
+    );
+    assert!(sensor(cone(PI)).is_ok());
+    let range = SensorDescription {
+        range: Some(0.0),
+        ..plain()
+    };
+    refused(
+        sensor(range),
+        "range = 0: must be a number over 0 and at most 1000000",
+    );
+    let sees = |sees: &[&str], range, wall_range| {
+        let sees = sees.iter().map(|seen| seen.parse().unwrap()).collect();
+        sensor(SensorDescription {
+            sees,
+            range,
+            wall_range,
+            ..plain()
+        })
+    };
+    refused(
+        sees(&["walls"], None, None),
+        "range = nothing: must be given for a sensor that sees walls (or wall_range): without limit it always sees one",
+    );
+    refused(
+        sees(&["robots"], None, Some(9.0)),
+        "wall_range = 9: must be absent from a sensor that does not see walls",
+    );
+    refused(
+        sees(&["robots", "b"], None, None),
+        "sees = robots, b: must be all robots or one species, not both",
+    );
+    refused(
+        sees(&["walls", "walls"], Some(1.0), None),
+        "sees = walls, walls: must be without a second \"walls\"",
+    );
+    refused(
+        sees(&[], None, None),
+        "sees = nothing: must be robots, a species, walls or obstacles",
+    );
+    assert_eq!(
+        sees(&["walls"], Some(40.0), None).unwrap().wall_range(),
+        Some(40.0)
+    );
+    let both = sees(&["b", "walls", "obstacles"], None, Some(40.0)).unwrap();
+    assert_eq!((both.range(), both.wall_range()), (None, Some(40.0)));
+    assert_eq!(both.robots(), &SeenRobots::Species(name("b")));
+    assert!(both.sees_obstacles() && !both.is_plain_ray());
+}
+
+#[test]
+fn a_free_angle_has_a_range_or_a_list() {
+    let neither = "angle = free: must be free within a range of angles or among a list of angles, of which exactly one is given";
+    refused(SensorAngle::free(None, &[]), neither);
+    refused(SensorAngle::free(Some([0.0, 1.0]), &[0.5]), neither);
+    refused(
+        SensorAngle::free(Some([1.0, 1.0]), &[]),
+        "angle_range = [1, 1]: must be a lower and a higher angle",
+    );
+    assert_eq!(
+        SensorAngle::free(None, &[0.0, 7.0]).unwrap_err().field,
+        "angles[1]"
+    );
+    assert_eq!(SensorAngle::fixed(f64::NAN).unwrap_err().field, "angle");
+    let within = SensorAngle::free(Some([-1.0, 1.0]), &[]).unwrap();
+    assert_eq!(within.chosen("gene", 1.0), Ok(1.0));
+    refused(
+        within.chosen("gene", 1.1),
+        "gene = 1.1: must be a number from -1 to 1",
+    );
+    let among = SensorAngle::free(None, &[0.5, -0.5]).unwrap();
+    assert_eq!(among.chosen("gene", -0.5 + 1e-12), Ok(-0.5));
+    refused(
+        among.chosen("gene", 0.4),
+        "gene = 0.4: must be one of [0.5, -0.5]",
+    );
+}
+
+#[test]
+fn genes_are_named_by_what_the_sensors_see() {
+    let second = sensor(SensorDescription {
+        angle: SensorAngle::free(None, &[0.3]).unwrap(),
+        ..plain()
+    });
+    let sensors = vec![sensor(plain()).unwrap(), second.unwrap()];
+    let differential = Robot::new(sensors.clone(), 5.0, wheels()).unwrap();
+    let names = [
+        "left_00", "right_00", "left_01", "right_01", "left_10", "right_10", "left_11", "right_11", "angle_2",
+    ];
+    assert_eq!(differential.gene_names(), names);
+    let unicycle = Robot::new(sensors[..1].to_vec(), 5.0, Drive::unicycle(20.0, 2.0).unwrap()).unwrap();
+    let species = |called, robot, count| Species::new(name(called), robot, count).unwrap();
+    let both = Population::new(vec![species("a", unicycle, 2), species("b", differential, 1)]).unwrap();
+    let names = both.gene_names();
+    assert_eq!(names[..4], ["a.speed_0", "a.turn_0", "a.speed_1", "a.turn_1"]);
+    assert_eq!(
+        (names[4].as_str(), names[12].as_str()),
+        ("b.left_00", "b.angle_2")
+    );
+    assert_eq!((both.genes(), names.len()), (13, 13));
+    assert_eq!(both.species_of_robots().collect::<Vec<_>>(), [0, 0, 1]);
+}
+
+#[test]
+fn species_see_only_species_that_there_are() {
+    let sees = |seen: &str| {
+        sensor(SensorDescription {
+            sees: vec![seen.parse().unwrap()],
+            ..plain()
+        })
+    };
+    let with = |called, seen| {
+        let robot = Robot::new(vec![sees(seen).unwrap()], 5.0, wheels()).unwrap();
+        Species::new(name(called), robot, 6_000).unwrap()
+    };
+    refused(
+        Population::new(vec![with("a", "robots"), with("b", "c")]),
+        "species[1].robot.sensors[0].sees = \"c\": must be robots, walls, obstacles, or one of the species a, b",
+    );
+    refused(
+        Population::new(vec![with("a", "a"), with("a", "a")]),
+        "species[1].name = a: must be a name that no other species has",
+    );
+    refused(
+        Population::new(vec![with("a", "b"), with("b", "b")]),
+        "species = 12,000 robots: must be at most 10000 robots in all",
+    );
+    refused(
+        Population::new(Vec::new()),
+        "species = 0 species: must be 1 to 8 species",
+    );
+    for bad in ["", "walls", "2b", "a.b", "a b", &"a".repeat(33)] {
+        assert!(SpeciesName::parse("name", bad).is_err(), "{bad}");
+    }
+}
+
+#[test]
+fn a_controller_keeps_to_the_limits_of_its_robot() {
+    let unicycle = Preset::Flockbots.robot();
+    let check = |genes: &[f64], expected: &str| refused(RobotController::new(&unicycle, genes), expected);
+    check(
+        &[20.0, 2.0, -20.0, 2.1],
+        "controller[3] = 2.1: must be a number from -2 to 2",
+    );
+    check(
+        &[21.0, 2.0, -20.0, 2.0],
+        "controller[0] = 21: must be a number from -20 to 20",
+    );
+    check(&[1.0], "controller = 1 value: must be 4 values");
+    let two = Preset::TwoSensor.robot();
+    let genes = [0.1, -0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, -1.5];
+    let controller = RobotController::new(&two, &genes).unwrap();
+    assert_eq!(controller.angles(), [0.0, -1.5]);
+    assert_eq!(controller.pairs().nth(2), Some([0.4, 0.5]));
+    assert!(controller.genes()[1].is_sign_positive());
+    let species = |called| Species::new(name(called), two.clone(), 3).unwrap();
+    let both = Arc::new(Population::new(vec![species("a"), species("b")]).unwrap());
+    let mut twice = [genes, genes].concat();
+    let controllers = SwarmController::new(Arc::clone(&both), &twice).unwrap();
+    assert_eq!(controllers.genes(), twice);
+    twice[17] = 4.0;
+    assert_eq!(
+        SwarmController::new(both, &twice).unwrap_err().field,
+        "controller[17]"
+    );
+}
+
+#[test]
+fn every_preset_is_a_robot_and_is_found_by_its_name() {
+    for preset in Preset::ALL {
+        assert_eq!(preset.name().parse::<Preset>(), Ok(preset));
+        assert!(preset.robot().genes() >= 4);
+    }
+    assert_eq!(Preset::SingleSensor.robot().genes(), 4);
+    assert_eq!(Preset::TwoSensor.robot().genes(), 9);
+    refused(
+        "three".parse::<Preset>(),
+        "robot = \"three\": must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\"",
+    );
+}

@@ -1,0 +1,283 @@
+//! The sensor of a described robot: what it sees when it looks.
+//!
+//! With e from the observer to another's centre, rho the radius of the other, and c, l, r the unit vectors along the middle and
+//! the two edges of the cone, the other is seen where its centre is within range (`e.e <= R^2`) and one of these holds:
+//!
+//! - an edge u meets its body: `e.u >= 0` and `rho^2 - e.e + (e.u)^2 >= 0`, the rule of the paper's rays;
+//! - its centre is inside a cone that is no ray: with A = `cross(r, e) >= 0` and B = `cross(l, e) <= 0`, A and B and `e.c >= 0` if
+//!   the half-angle is at most a right angle, else A or B.
+//!
+//! A ray is a cone whose edges are one: its bits are those of [`sight`](super::sight).
+
+use super::{
+    drive::{direction, rotate},
+    positions::{LANES, Positions},
+};
+use crate::lanes::{Planar, any, dot, minus, splat};
+use murmuration_proto::Sensor;
+use pulp::Simd;
+use std::f64::consts::FRAC_PI_2;
+
+/// Which points of the plane are between the edges of a cone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// Nothing is between the edges, which are one.
+    Ray,
+    /// At most a half plane.
+    Narrow,
+    /// More than a half plane.
+    Wide,
+}
+
+/// A sensor on its robot.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Eye {
+    shape: Shape,
+    /// Square of the range.
+    range: f64,
+    /// Unit vectors along the middle and the edges of its cone, as seen from a robot that heads along x.
+    middle: [f64; 2],
+    edges: [[f64; 2]; 2],
+}
+
+/// A sensor as it looks now: the same in the frame of the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gaze {
+    eye: Eye,
+}
+
+/// Some robots with consecutive numbers and bodies of one size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Group {
+    /// Number of the first one.
+    pub(super) first: usize,
+    /// One more than the number of the last one.
+    pub(super) end: usize,
+    /// Radius of their bodies.
+    pub(super) radius: f64,
+}
+
+impl Group {
+    #[inline(always)]
+    pub(super) const fn has(&self, robot: usize) -> bool {
+        self.first <= robot && robot < self.end
+    }
+}
+
+impl Eye {
+    /// A sensor that looks at `angle`.
+    pub(super) fn new(sensor: &Sensor, angle: f64) -> Self {
+        let half = sensor.half_angle();
+        Self {
+            shape: match half {
+                0.0 => Shape::Ray,
+                half if half <= FRAC_PI_2 => Shape::Narrow,
+                _ => Shape::Wide,
+            },
+            range: sensor.range().map_or(f64::INFINITY, |range| range * range),
+            middle: direction(angle),
+            edges: [direction(angle + half), direction(angle - half)],
+        }
+    }
+
+    pub(super) const fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Whether its cone is more than a half plane.
+    pub(super) fn is_wide(&self) -> bool {
+        self.shape == Shape::Wide
+    }
+
+    /// (cos, sin) of the angles of its edges.
+    pub(super) const fn edges(&self) -> [[f64; 2]; 2] {
+        self.edges
+    }
+
+    /// (cos, sin) of its angle.
+    pub(super) const fn direction(&self) -> [f64; 2] {
+        self.middle
+    }
+
+    /// Where it looks from a robot with this heading.
+    #[inline(always)]
+    pub(super) fn turned(&self, heading: [f64; 2]) -> Gaze {
+        let turned = |direction| rotate(heading, direction);
+        Gaze {
+            eye: Self {
+                middle: turned(self.middle),
+                edges: [turned(self.edges[0]), turned(self.edges[1])],
+                ..*self
+            },
+        }
+    }
+}
+
+impl Gaze {
+    /// Largest distance to a centre that it sees.
+    pub(super) fn range(&self) -> f64 {
+        self.eye.range.sqrt()
+    }
+
+    /// Where it looks, if it is a ray.
+    pub(super) fn ray(&self) -> Option<[f64; 2]> {
+        (self.eye.shape == Shape::Ray).then_some(self.eye.middle)
+    }
+
+    /// Whether it sees, from `at`, a body whose square of the radius is `body` at `other`.
+    pub(super) fn sees(&self, other: [f64; 2], at: [f64; 2], body: f64) -> bool {
+        let e = [other[0] - at[0], other[1] - at[1]];
+        let squared = e[0] * e[0] + e[1] * e[1];
+        let inside = body - squared;
+        let meets = |edge: &[f64; 2]| {
+            let along = e[0] * edge[0] + e[1] * edge[1];
+            along >= 0.0 && inside + along * along >= 0.0
+        };
+        squared <= self.eye.range && (self.eye.edges.iter().any(meets) || self.holds(e))
+    }
+
+    /// Whether the point at `e` from the observer is between the edges.
+    fn holds(&self, e: [f64; 2]) -> bool {
+        let cross = |edge: [f64; 2]| edge[0] * e[1] - edge[1] * e[0];
+        let [left, right] = self.eye.edges;
+        let (beyond_right, before_left) = (cross(right) >= 0.0, cross(left) <= 0.0);
+        let along = e[0] * self.eye.middle[0] + e[1] * self.eye.middle[1];
+        match self.eye.shape {
+            Shape::Ray => false,
+            Shape::Narrow => beyond_right && before_left && along >= 0.0,
+            Shape::Wide => beyond_right || before_left,
+        }
+    }
+
+    /// How far the cone, cut at distance 1, reaches along the unit vector `normal` at most; its apex is at 0.
+    pub(super) fn reach(&self, normal: [f64; 2]) -> f64 {
+        if self.holds(normal) {
+            return 1.0;
+        }
+        let [left, right] = self
+            .eye
+            .edges
+            .map(|edge| edge[0] * normal[0] + edge[1] * normal[1]);
+        left.max(right).max(0.0)
+    }
+
+    /// Whether it sees, from `at`, a robot of `group` other than `me`.
+    #[inline(always)]
+    pub(super) fn sees_any<S: Simd>(
+        &self,
+        simd: S,
+        positions: &Positions,
+        me: usize,
+        at: [f64; 2],
+        group: &Group,
+    ) -> bool {
+        // Each arm is a loop of its own, without a choice in it.
+        match self.eye.shape {
+            Shape::Ray => self.scan(simd, positions, me, at, group, Shape::Ray),
+            Shape::Narrow => self.scan(simd, positions, me, at, group, Shape::Narrow),
+            Shape::Wide => self.scan(simd, positions, me, at, group, Shape::Wide),
+        }
+    }
+
+    #[inline(always)]
+    fn scan<S: Simd>(
+        &self,
+        simd: S,
+        positions: &Positions,
+        me: usize,
+        at: [f64; 2],
+        group: &Group,
+        shape: Shape,
+    ) -> bool {
+        let vectors = Vectors::new(simd, &self.eye);
+        let at = splat(simd, at);
+        let body = simd.splat_f64s(group.radius * group.radius);
+        let zero = simd.splat_f64s(0.0);
+        let mut seen = simd.less_than_f64s(zero, zero);
+        let blocks = positions.blocks().iter().enumerate();
+        for (b, block) in blocks.take(group.end.div_ceil(LANES)).skip(group.first / LANES) {
+            let begin = b * LANES;
+            let members = [group.first.saturating_sub(begin), group.end - begin];
+            for lanes in block.members(simd, me.wrapping_sub(begin), members) {
+                let e = minus(simd, [lanes.x, lanes.y], at);
+                let squared = dot(simd, e, e);
+                let near = vectors.within_range(simd, squared);
+                let met = vectors.meet(simd, e, simd.sub_f64s(body, squared), shape);
+                let met = simd.and_m64s(simd.and_m64s(lanes.other, near), met);
+                seen = simd.or_m64s(seen, met);
+            }
+        }
+        any(simd, seen)
+    }
+}
+
+/// A gaze in all lanes.
+pub(super) struct Vectors<S: Simd> {
+    middle: Planar<S>,
+    edges: [Planar<S>; 2],
+    range: S::f64s,
+}
+
+impl<S: Simd> Vectors<S> {
+    #[inline(always)]
+    fn new(simd: S, eye: &Eye) -> Self {
+        Self {
+            middle: splat(simd, eye.middle),
+            edges: [splat(simd, eye.edges[0]), splat(simd, eye.edges[1])],
+            range: simd.splat_f64s(eye.range),
+        }
+    }
+
+    /// The gaze of an eye that looks elsewhere in each lane.
+    pub(super) fn turned(simd: S, eye: &Eye, middle: Planar<S>, edges: [Planar<S>; 2]) -> Self {
+        Self {
+            middle,
+            edges,
+            range: simd.splat_f64s(eye.range),
+        }
+    }
+
+    /// Whether a centre is within range, by the square of its distance.
+    #[inline(always)]
+    pub(super) fn within_range(&self, simd: S, squared: S::f64s) -> S::m64s {
+        simd.less_than_or_equal_f64s(squared, self.range)
+    }
+
+    /// Whether what is within range is seen: bodies whose squares of radii are `inside` more than e.e.
+    #[inline(always)]
+    pub(super) fn meet(&self, simd: S, e: Planar<S>, inside: S::f64s, shape: Shape) -> S::m64s {
+        let [left, right] = self.edges;
+        let at_left = meets(simd, e, left, inside);
+        if shape == Shape::Ray {
+            return at_left;
+        }
+        let zero = simd.splat_f64s(0.0);
+        let beyond_right = simd.greater_than_or_equal_f64s(cross(simd, right, e), zero);
+        let before_left = simd.less_than_or_equal_f64s(cross(simd, left, e), zero);
+        let between = if shape == Shape::Wide {
+            simd.or_m64s(beyond_right, before_left)
+        } else {
+            let ahead = simd.greater_than_or_equal_f64s(dot(simd, e, self.middle), zero);
+            simd.and_m64s(ahead, simd.and_m64s(beyond_right, before_left))
+        };
+        let at_edge = simd.or_m64s(at_left, meets(simd, e, right, inside));
+        simd.or_m64s(between, at_edge)
+    }
+}
+
+/// Whether the half-line along `edge` meets a body whose square of the radius is `inside` more than e.e.
+#[inline(always)]
+fn meets<S: Simd>(simd: S, e: Planar<S>, edge: Planar<S>, inside: S::f64s) -> S::m64s {
+    let zero = simd.splat_f64s(0.0);
+    let along = dot(simd, e, edge);
+    let reached = simd.add_f64s(inside, simd.mul_f64s(along, along));
+    simd.and_m64s(
+        simd.greater_than_or_equal_f64s(along, zero),
+        simd.greater_than_or_equal_f64s(reached, zero),
+    )
+}
+
+#[inline(always)]
+fn cross<S: Simd>(simd: S, a: Planar<S>, b: Planar<S>) -> S::f64s {
+    simd.sub_f64s(simd.mul_f64s(a[0], b[1]), simd.mul_f64s(a[1], b[0]))
+}

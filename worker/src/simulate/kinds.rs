@@ -1,0 +1,262 @@
+//! Swarms of described robots: several species, each with its own sensors, body and drive.
+//!
+//! A robot whose sensors are the paper's, among robots of its size, takes the paper's path and has its bits.
+
+use super::{
+    Walls,
+    collide::Collisions,
+    drive::{Gait, rotate},
+    gaze::{Eye, Group},
+    mind::{Driven, Mind, settle_rays},
+    others::Others,
+    sight::Observer,
+};
+use murmuration_proto::{
+    Boundary, Invalid, Population, Robot, RobotController, SeenRobots, Sensor, Species, SwarmController,
+    World,
+};
+use pulp::Simd;
+
+/// The species of a swarm, ready to be stepped.
+#[derive(Debug, Clone)]
+pub(super) struct Kinds {
+    kinds: Vec<Kind>,
+    /// The kind of each robot.
+    kind_of: Vec<u8>,
+    /// All robots, by size.
+    groups: Vec<Group>,
+    /// Sides of the rectangle that sensors see, as (normal, distance from the origin); none where there are no walls.
+    sides: Vec<([f64; 2], f64)>,
+}
+
+/// One species.
+#[derive(Debug, Clone)]
+struct Kind {
+    radius: f64,
+    walls: Walls,
+    /// By sensor state: a power of two of them.
+    gaits: Vec<Gait>,
+    sensors: Vec<Sensing>,
+    /// Whether all sensors are the paper's and all robots of the swarm have one size.
+    plain: bool,
+    /// Unit vectors along which its sensors look, as seen from a robot that heads along x.
+    directions: Vec<[f64; 2]>,
+}
+
+/// One sensor of a species.
+#[derive(Debug, Clone)]
+struct Sensing {
+    eye: Eye,
+    /// The robots that it sees.
+    seen: Vec<Group>,
+    wall_range: Option<f64>,
+}
+
+impl Kinds {
+    pub(super) fn new(controller: &SwarmController, world: &World, boundary: Boundary) -> Self {
+        let population = controller.population();
+        let by_species = by_species(population);
+        let groups = by_size(&by_species);
+        let pairs = population.species().iter().zip(controller.controllers());
+        let kind = |(species, controller): (&Species, &RobotController)| {
+            let (robot, angles) = (species.robot(), controller.angles());
+            let sensors = robot.sensors().iter().zip(angles);
+            let sensors: Vec<_> = sensors
+                .map(|(sensor, &angle)| Sensing {
+                    eye: Eye::new(sensor, angle),
+                    seen: seen(sensor, population, &by_species, &groups),
+                    wall_range: sensor.wall_range(),
+                })
+                .collect();
+            Kind {
+                radius: robot.radius(),
+                walls: walls(robot, world, boundary),
+                gaits: controller
+                    .pairs()
+                    .map(|pair| Gait::of(robot, pair, world.dt()))
+                    .collect(),
+                plain: groups.len() == 1 && robot.sensors().iter().all(Sensor::is_plain_ray),
+                directions: sensors.iter().map(|sensor| sensor.eye.direction()).collect(),
+                sensors,
+            }
+        };
+        Self {
+            kinds: pairs.map(kind).collect(),
+            kind_of: population.species_of_robots().map(|place| place as u8).collect(),
+            sides: match boundary {
+                Boundary::Walls => sides(world),
+                Boundary::Open => Vec::new(),
+            },
+            groups,
+        }
+    }
+
+    /// Radius of the largest body.
+    pub(super) fn largest_radius(&self) -> f64 {
+        self.groups.iter().map(|group| group.radius).fold(0.0, f64::max)
+    }
+
+    /// Radius of robot `i`.
+    pub(super) fn radius(&self, i: usize) -> f64 {
+        self.kind(i).radius
+    }
+
+    /// Unit vectors along which the sensors of robot `i` look when it heads along x.
+    pub(super) fn directions(&self, i: usize) -> &[[f64; 2]] {
+        &self.kind(i).directions
+    }
+
+    #[inline(always)]
+    fn kind(&self, i: usize) -> &Kind {
+        &self.kinds[usize::from(self.kind_of[i])]
+    }
+
+    /// What a robot senses without moving.
+    #[inline(always)]
+    pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven) -> u8 {
+        let mut state = 0;
+        for sensor in &self.kind(robot.index).sensors {
+            let gaze = sensor.eye.turned(robot.heading);
+            let mut on = false;
+            for group in &sensor.seen {
+                on = on || others.sees(simd, &gaze, group, robot.index, robot.at);
+            }
+            if let Some(range) = sensor.wall_range {
+                for &(normal, distance) in &self.sides {
+                    let ahead = distance - (normal[0] * robot.at[0] + normal[1] * robot.at[1]);
+                    on = on || range * gaze.reach(normal) >= ahead;
+                }
+            }
+            state = 2 * state + u8::from(on);
+        }
+        state
+    }
+}
+
+impl Mind for &Kinds {
+    #[inline(always)]
+    fn gait(&self, i: usize, sensed: u8) -> &Gait {
+        let gaits = &self.kind(i).gaits;
+        &gaits[usize::from(sensed) % gaits.len()]
+    }
+
+    #[inline(always)]
+    fn walls(&self, i: usize) -> &Walls {
+        &self.kind(i).walls
+    }
+
+    #[inline(always)]
+    fn settle<S: Simd>(
+        &self,
+        simd: S,
+        others: &impl Others,
+        collisions: &mut Collisions,
+        robot: Driven,
+    ) -> ([f64; 2], u8) {
+        let kind = self.kind(robot.index);
+        if kind.plain {
+            let directions = kind.directions.as_slice();
+            return match directions.len() {
+                1 => settle_rays(simd, others, collisions, turned::<1>(robot, directions)),
+                2 => settle_rays(simd, others, collisions, turned::<2>(robot, directions)),
+                3 => settle_rays(simd, others, collisions, turned::<3>(robot, directions)),
+                4 => settle_rays(simd, others, collisions, turned::<4>(robot, directions)),
+                5 => settle_rays(simd, others, collisions, turned::<5>(robot, directions)),
+                _ => settle_rays(simd, others, collisions, turned::<6>(robot, directions)),
+            };
+        }
+        let me = (robot.index, kind.radius);
+        let at = collisions.push_out_of_groups(simd, others, &self.groups, me, robot.at);
+        (at, self.sense(simd, others, Driven { at, ..robot }))
+    }
+}
+
+/// Checks that `world` is for as many robots as a population has, and that each fits between its walls.
+pub(super) fn check_fit(population: &Population, world: &World, boundary: Boundary) -> Result<(), Invalid> {
+    if world.agents() != population.robots() {
+        let allowed = format!("{}: as many as all species have together", population.robots());
+        return Err(Invalid::new("agents", world.agents(), allowed));
+    }
+    let side = world.width().min(world.height());
+    for (i, species) in population.species().iter().enumerate() {
+        let radius = species.robot().radius();
+        if boundary == Boundary::Walls && 2.0 * (radius + world.padding()) > side {
+            let allowed = format!(
+                "at most {}, or it does not fit between the walls",
+                side / 2.0 - world.padding()
+            );
+            return Err(Invalid::new(
+                format!("species[{i}].robot.radius"),
+                radius,
+                allowed,
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// A robot that looks along `SENSORS` rays.
+#[inline(always)]
+fn turned<const SENSORS: usize>(robot: Driven, directions: &[[f64; 2]]) -> Observer<SENSORS> {
+    let mut rays = [robot.heading; SENSORS];
+    for (ray, &direction) in rays.iter_mut().zip(directions) {
+        *ray = rotate(robot.heading, direction);
+    }
+    robot.observer(rays)
+}
+
+/// The robots of each species.
+fn by_species(population: &Population) -> Vec<Group> {
+    let mut end = 0;
+    let group = |species: &Species| {
+        let first = end;
+        end += species.count() as usize;
+        Group {
+            first,
+            end,
+            radius: species.robot().radius(),
+        }
+    };
+    population.species().iter().map(group).collect()
+}
+
+/// The same robots, neighbouring species of one size as one group.
+fn by_size(species: &[Group]) -> Vec<Group> {
+    let of_one_size = species.chunk_by(|a, b| a.radius == b.radius);
+    let whole = |groups: &[Group]| Group {
+        end: groups[groups.len() - 1].end,
+        ..groups[0]
+    };
+    of_one_size.map(whole).collect()
+}
+
+/// The robots that a sensor sees.
+fn seen(sensor: &Sensor, population: &Population, by_species: &[Group], by_size: &[Group]) -> Vec<Group> {
+    match sensor.robots() {
+        SeenRobots::None => Vec::new(),
+        SeenRobots::All => by_size.to_vec(),
+        SeenRobots::Species(name) => population
+            .place(name)
+            .map(|place| by_species[place])
+            .into_iter()
+            .collect(),
+    }
+}
+
+pub(super) fn walls(robot: &Robot, world: &World, boundary: Boundary) -> Walls {
+    match boundary {
+        Boundary::Walls => Walls::within(world, robot.radius() + world.padding()),
+        Boundary::Open => Walls::NONE,
+    }
+}
+
+/// The sides of the rectangle at the world's padding, their normals pointing outwards.
+fn sides(world: &World) -> Vec<([f64; 2], f64)> {
+    let (low, width, height) = (world.padding(), world.width(), world.height());
+    vec![
+        ([-1.0, 0.0], -low),
+        ([1.0, 0.0], width - low),
+        ([0.0, -1.0], -low),
+        ([0.0, 1.0], height - low),
+    ]
+}

@@ -1,0 +1,136 @@
+//! What differs between kinds of robots in a step: the gait, the walls that bound them, and what happens once they have driven.
+
+use super::{
+    Walls,
+    collide::Collisions,
+    drive::{self, Gait, rotate},
+    others::Others,
+    sight::{Observer, Reach},
+};
+use murmuration_proto::{Controller, World};
+use pulp::Simd;
+
+/// The kinds of robots of a swarm.
+pub(super) trait Mind {
+    /// How robot `i` moves after it sensed `sensed`.
+    fn gait(&self, i: usize, sensed: u8) -> &Gait;
+
+    /// Where the centre of robot `i` may be.
+    fn walls(&self, i: usize) -> &Walls;
+
+    /// Pushes robot `i`, which has driven to `at`, out of the others; then it looks. Where it ends, and what it senses.
+    fn settle<S: Simd>(
+        &self,
+        simd: S,
+        others: &impl Others,
+        collisions: &mut Collisions,
+        robot: Driven,
+    ) -> ([f64; 2], u8);
+}
+
+/// A robot that has driven and not yet looked.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Driven {
+    pub(super) index: usize,
+    pub(super) at: [f64; 2],
+    pub(super) heading: [f64; 2],
+}
+
+/// The robots of the paper's two models: all alike, with rays without limit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Paper {
+    pub(super) walls: Walls,
+    pub(super) gaits: [Gait; 4],
+    /// (cos, sin) of the second sensor's angle.
+    pub(super) second_sensor: Option<[f64; 2]>,
+}
+
+/// [`Paper`] robots with what turns a heading into their rays.
+pub(super) struct PaperMind<R> {
+    pub(super) paper: Paper,
+    pub(super) rays: R,
+}
+
+impl Paper {
+    pub(super) fn new(controller: &Controller, world: &World) -> Self {
+        Self {
+            walls: Walls::of(world),
+            gaits: drive::gaits(controller, world),
+            second_sensor: controller.angle().map(drive::direction),
+        }
+    }
+
+    /// What an agent senses without moving.
+    pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Others, robot: Driven, reach: Reach) -> u8 {
+        match self.second_sensor {
+            None => others.sense(simd, robot.observer([robot.heading]), reach),
+            Some(angle) => {
+                let rays = [robot.heading, rotate(robot.heading, angle)];
+                others.sense(simd, robot.observer(rays), reach)
+            }
+        }
+    }
+}
+
+impl Driven {
+    #[inline(always)]
+    pub(super) const fn observer<const SENSORS: usize>(self, rays: [[f64; 2]; SENSORS]) -> Observer<SENSORS> {
+        Observer {
+            index: self.index,
+            at: self.at,
+            rays,
+        }
+    }
+}
+
+impl<const SENSORS: usize, R> Mind for PaperMind<R>
+where
+    R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
+{
+    #[inline(always)]
+    fn gait(&self, _: usize, sensed: u8) -> &Gait {
+        &self.paper.gaits[usize::from(sensed % 4)]
+    }
+
+    #[inline(always)]
+    fn walls(&self, _: usize) -> &Walls {
+        &self.paper.walls
+    }
+
+    #[inline(always)]
+    fn settle<S: Simd>(
+        &self,
+        simd: S,
+        others: &impl Others,
+        collisions: &mut Collisions,
+        robot: Driven,
+    ) -> ([f64; 2], u8) {
+        settle_rays(
+            simd,
+            others,
+            collisions,
+            robot.observer((self.rays)(robot.heading)),
+        )
+    }
+}
+
+/// [`Mind::settle`] of a robot among robots of its size, whose sensors are rays without limit.
+#[inline(always)]
+pub(super) fn settle_rays<S: Simd, const SENSORS: usize>(
+    simd: S,
+    others: &impl Others,
+    collisions: &mut Collisions,
+    mut observer: Observer<SENSORS>,
+) -> ([f64; 2], u8) {
+    let reach = collisions.reach();
+    let mut at = observer.at;
+    let sensed = match others.sense_unless_touched(simd, observer, reach) {
+        Some(sensed) => sensed,
+        None => {
+            at = collisions.push_out(simd, others, observer.index, at);
+            observer.at = at;
+            others.sense(simd, observer, reach)
+        }
+    };
+    (at, sensed)
+}
