@@ -19,7 +19,7 @@ mod sample;
 
 pub use names::Names;
 
-use crate::picture::{Paper, PictureError};
+use crate::picture::{Colouring, Paper, PictureError};
 use files::Folder;
 use murmuration_model::Repetition;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay};
@@ -283,8 +283,16 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
     let draw = |medoid: &MedoidEntry| -> Result<MedoidPictures, PictureError> {
         let (world, format) = (report.spec.world(), report.spec.image());
         let grey = |scale| picture::grey_png(&medoid.image, format.resolution(), scale);
-        let paths =
-            |size, paper| picture::trajectory_png(&medoid.replay, world, format.window(), size, paper);
+        let paths = |size, paper| {
+            picture::trajectory_png(
+                &medoid.replay,
+                world,
+                Colouring::Agents,
+                format.window(),
+                size,
+                paper,
+            )
+        };
         Ok(MedoidPictures {
             image: grey(1)?,
             image_large: grey((400 / format.resolution()).max(1))?,

@@ -439,6 +439,7 @@ fn a_sample_to_look_at() {
             let gif = picture::animation_gif(
                 &medoid.replay,
                 report.spec.world(),
+                picture::Colouring::Agents,
                 &picture::Animation::default(),
             )
             .unwrap();

@@ -7,8 +7,8 @@ use super::{
     run::read_spec,
 };
 use murmuration_link::{InputKind, outln};
-use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, World};
-use murmuration_report::picture::{self, Animation, Paper};
+use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
+use murmuration_report::picture::{self, Animation, Colouring, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
     num::NonZeroU32,
@@ -29,7 +29,8 @@ wheel speeds and an angle (two-sensor). The angle may be a multiple of pi.
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration simulate --controller 0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 --seed 3 --png nested-cycle.png
-  murmuration simulate --case tests/vectors/milling_s0.json --json")]
+  murmuration simulate --case tests/vectors/milling_s0.json --json
+  murmuration simulate --case tests/vectors/robots/cyclone.feb2023.json --gif cyclone.gif")]
 pub(super) struct Simulate {
     /// Wheel speeds (and angle) of a controller, separated by commas: -0.7,0.3,1,1
     #[arg(long, required_unless_present = "case", conflicts_with = "case")]
@@ -46,11 +47,11 @@ pub(super) struct Simulate {
     /// Reference case to simulate; prints the case with the simulated values
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
-    /// Write the whole run to this animated GIF
-    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    /// Write the whole run to this animated GIF; robots of several species have the colour of their species
+    #[arg(long, value_name = "FILE")]
     gif: Option<PathBuf>,
     /// Write the trajectories of the last steps to this PNG, in colour
-    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Write the behaviour image, as an embedder sees it, to this enlarged PNG
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
@@ -61,7 +62,7 @@ impl Simulate {
     pub(super) fn execute(self, as_json: bool) -> Result<(), CliError> {
         self.check_files()?;
         match (&self.case, &self.controller) {
-            (Some(case), _) => simulate_case(case),
+            (Some(case), _) => self.simulate_case(case),
             (None, Some(controller)) => self.simulate_controller(&controller::parse(controller)?, as_json),
             (None, None) => Err(CliError::Input(
                 "a controller is missing: give --controller or --case".to_owned(),
@@ -92,7 +93,13 @@ impl Simulate {
         };
         let start = Start::seeded(self.seed);
         let evaluation = evaluate(controller, &world, &format, &start)?;
-        self.write_pictures(controller, &world, &format, &start, evaluation.image())?;
+        self.write_motion(&world, format.window(), Colouring::Agents, |stride| {
+            replay(controller, &world, &start, stride)
+        })?;
+        if let Some(path) = &self.image {
+            let image = evaluation.image();
+            write(path, &picture::grey_png(image, format.resolution(), GREY_SCALE)?)?;
+        }
         if as_json {
             json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;
         } else {
@@ -104,43 +111,46 @@ impl Simulate {
         Ok(())
     }
 
-    fn write_pictures(
+    /// Draws the motion that `replay` records with every so many steps.
+    fn write_motion(
         &self,
-        controller: &Controller,
         world: &World,
-        format: &ImageFormat,
-        start: &Start,
-        image: &[u8],
+        window: u32,
+        colouring: Colouring<'_>,
+        replay: impl Fn(NonZeroU32) -> Result<Replay, Invalid>,
     ) -> Result<(), CliError> {
+        let every = |frames| NonZeroU32::new(world.horizon() / frames).unwrap_or(NonZeroU32::MIN);
         if let Some(path) = &self.gif {
             let animation = Animation::default();
-            let stride = NonZeroU32::new(world.horizon() / animation.frames).unwrap_or(NonZeroU32::MIN);
-            let gif = picture::animation_gif(&replay(controller, world, start, stride)?, world, &animation)?;
-            write(path, &gif)?;
-        }
-        if let Some(path) = &self.png {
-            let stride = NonZeroU32::new(world.horizon() / 1200).unwrap_or(NonZeroU32::MIN);
-            let replay = replay(controller, world, start, stride)?;
+            let motion = replay(every(animation.frames))?;
             write(
                 path,
-                &picture::trajectory_png(&replay, world, format.window(), TRAJECTORY_SIZE, Paper::Light)?,
+                &picture::animation_gif(&motion, world, colouring, &animation)?,
             )?;
         }
-        if let Some(path) = &self.image {
-            write(path, &picture::grey_png(image, format.resolution(), GREY_SCALE)?)?;
+        if let Some(path) = &self.png {
+            let motion = replay(every(1200))?;
+            let png =
+                picture::trajectory_png(&motion, world, colouring, window, TRAJECTORY_SIZE, Paper::Light)?;
+            write(path, &png)?;
         }
         Ok(())
     }
-}
 
-fn simulate_case(path: &Path) -> Result<(), CliError> {
-    let text = read_words(path, InputKind::Case)?;
-    let named = |error| CliError::Input(format!("{}: {error}", path.display()));
-    outln!(
-        "{}",
-        Case::from_json(&text)
-            .and_then(|case| case.run())
-            .map_err(named)?
-    )?;
-    Ok(())
+    fn simulate_case(&self, path: &Path) -> Result<(), CliError> {
+        let named = |error| CliError::Input(format!("{}: {error}", path.display()));
+        let case = Case::from_json(&read_words(path, InputKind::Case)?).map_err(named)?;
+        let outcome = case.run().map_err(named)?;
+        let species: Vec<usize> = match case.species() {
+            Some(controller) => controller.population().species_of_robots().collect(),
+            None => Vec::new(),
+        };
+        let colouring = match species.last() {
+            Some(1..) => Colouring::Species(&species),
+            _ => Colouring::Agents,
+        };
+        let window = ImageFormat::default().window();
+        self.write_motion(case.world(), window, colouring, |stride| case.replay(stride))?;
+        Ok(outln!("{outcome}")?)
+    }
 }

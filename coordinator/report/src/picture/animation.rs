@@ -3,7 +3,7 @@
 use super::{
     PictureError,
     indexed::{Palette, UNCHANGED},
-    sketch::Sketch,
+    sketch::{Colouring, Sketch},
 };
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
 use murmuration_proto::{Pose, Replay, World};
@@ -42,14 +42,19 @@ const AGES: usize = 4;
 /// How long the end is held before the animation begins again, hundredths of a second.
 const HOLD: u16 = 150;
 
-/// The whole run as a GIF that loops: coloured agents with short trails on a light background.
+/// The whole run as a GIF that loops: agents coloured by `colouring`, with short trails, on a light background.
 ///
 /// Works from one agent to 10,000; of a swarm too large for `animation.frames` pictures, fewer are shown.
 ///
 /// # Errors
 /// [`PictureError::Size`] where the picture would be too small or too large.
-pub fn animation_gif(replay: &Replay, world: &World, animation: &Animation) -> Result<Vec<u8>, PictureError> {
-    let mut sketch = Sketch::new(world, animation.size)?;
+pub fn animation_gif(
+    replay: &Replay,
+    world: &World,
+    colouring: Colouring<'_>,
+    animation: &Animation,
+) -> Result<Vec<u8>, PictureError> {
+    let mut sketch = Sketch::new(world, animation.size, colouring)?;
     let mut palette = Palette::new();
     let (width, height) = (sketch.width() as u16, sketch.height() as u16);
     let mut encoder = Encoder::new(Vec::new(), width, height, &palette.bytes())?;
@@ -182,6 +187,7 @@ mod tests {
             &animation_gif(
                 &replay,
                 &world,
+                Colouring::Agents,
                 &Animation {
                     size: 500,
                     ..Animation::default()
@@ -201,11 +207,19 @@ mod tests {
     #[test]
     fn a_long_replay_is_thinned_and_an_unmoving_one_kept() {
         let wide = world("width = 1000.0\nheight = 250.0");
-        let (size, frames, _) =
-            play(&animation_gif(&ring(&wide, 900, 1), &wide, &Animation::default()).unwrap());
+        let (size, frames, _) = play(
+            &animation_gif(
+                &ring(&wide, 900, 1),
+                &wide,
+                Colouring::Agents,
+                &Animation::default(),
+            )
+            .unwrap(),
+        );
         assert_eq!((size, frames.len()), ((480, 120), 300));
         let still = Replay::new(vec![0, 1, 2], 1, vec![[100.0, 100.0, 0.0]; 3]).unwrap();
-        let (_, frames, _) = play(&animation_gif(&still, &world(""), &Animation::default()).unwrap());
+        let (_, frames, _) =
+            play(&animation_gif(&still, &world(""), Colouring::Agents, &Animation::default()).unwrap());
         assert_eq!(frames.len(), 3);
     }
 
@@ -221,9 +235,14 @@ mod tests {
                 frames: if world.agents() > 24 { 10 } else { 300 },
                 ..Animation::default()
             };
-            let bytes = animation_gif(&ring(&world, 1200, 40.min(world.agents())), &world, &small)
-                .unwrap()
-                .len();
+            let bytes = animation_gif(
+                &ring(&world, 1200, 40.min(world.agents())),
+                &world,
+                Colouring::Agents,
+                &small,
+            )
+            .unwrap()
+            .len();
             assert!(bytes < most, "{} agents: {bytes} bytes", world.agents());
         }
     }

@@ -14,6 +14,7 @@ mod trajectory;
 pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::grey_png;
+pub use sketch::Colouring;
 pub use trajectory::{Paper, trajectory_png};
 
 /// Sides in pixels that can be asked for of a coloured picture; a grey one may be smaller.

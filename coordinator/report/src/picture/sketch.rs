@@ -9,8 +9,29 @@ use tiny_skia::{
     BlendMode, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
+/// What the colour of an agent says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Colouring<'a> {
+    /// Which agent it is.
+    Agents,
+    /// Its species: for each agent, the place of its species.
+    Species(&'a [usize]),
+}
+
+impl Colouring<'_> {
+    /// The agents that have the colour at `place`, out of so many.
+    fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
+        let count = colours::AGENTS.len();
+        (0..agents).filter(move |&agent| match self {
+            Self::Agents => agent % count == place,
+            Self::Species(species) => species.get(agent).is_some_and(|species| species % count == place),
+        })
+    }
+}
+
 /// A sheet of pixels that shows a world, transparent where nothing is drawn.
-pub(super) struct Sketch {
+pub(super) struct Sketch<'a> {
+    colouring: Colouring<'a>,
     pixels: Pixmap,
     /// Pixels in a world unit.
     scale: f32,
@@ -18,13 +39,14 @@ pub(super) struct Sketch {
     radius: f32,
 }
 
-impl Sketch {
+impl<'a> Sketch<'a> {
     /// An empty sheet for `world` whose longer side is `size` pixels.
-    pub(super) fn new(world: &World, size: u32) -> Result<Self, PictureError> {
+    pub(super) fn new(world: &World, size: u32, colouring: Colouring<'a>) -> Result<Self, PictureError> {
         let size = f64::from(side(size.into())?);
         let scale = size / world.width().max(world.height());
         let pixels = |length: f64| (length * scale).round().max(1.0) as u32;
         Ok(Self {
+            colouring,
             pixels: Pixmap::new(pixels(world.width()), pixels(world.height()))
                 .ok_or(PictureError::Size(size as u64))?,
             scale: scale as f32,
@@ -67,7 +89,7 @@ impl Sketch {
         let agents = frames.first().map_or(0, |frame| frame.len());
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
             let mut path = PathBuilder::new();
-            for agent in (place..agents).step_by(colours::AGENTS.len()) {
+            for agent in self.colouring.agents(place, agents) {
                 for (i, frame) in frames.iter().enumerate() {
                     let (x, y) = self.pixel(frame[agent]);
                     match i {
@@ -87,7 +109,11 @@ impl Sketch {
         let radius = self.radius;
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
             let (mut discs, mut ticks) = (PathBuilder::new(), PathBuilder::new());
-            for &pose in poses.iter().skip(place).step_by(colours::AGENTS.len()) {
+            for pose in self
+                .colouring
+                .agents(place, poses.len())
+                .map(|agent| poses[agent])
+            {
                 let (x, y) = self.pixel(pose);
                 discs.push_circle(x, y, radius);
                 ticks.move_to(x, y);

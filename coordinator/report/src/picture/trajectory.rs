@@ -1,6 +1,9 @@
 //! The paths of a swarm in colour.
 
-use super::{PictureError, sketch::Sketch};
+use super::{
+    PictureError,
+    sketch::{Colouring, Sketch},
+};
 use murmuration_model::colours;
 use murmuration_proto::{Pose, Replay, World};
 
@@ -18,7 +21,7 @@ const AGES: u32 = 20;
 
 /// The paths of the last `window` steps as a PNG whose longer side is `size` pixels (16 to 4096).
 ///
-/// Every agent has its own colour, older parts are fainter, the bodies stand where they are at the end, each with a
+/// Agents are coloured by `colouring`, older parts are fainter, the bodies stand where they are at the end, each with a
 /// tick that points where it heads, and the walls are a thin line. x goes right and y down, as on the screen.
 ///
 /// # Errors
@@ -26,11 +29,12 @@ const AGES: u32 = 20;
 pub fn trajectory_png(
     replay: &Replay,
     world: &World,
+    colouring: Colouring<'_>,
     window: u32,
     size: u32,
     paper: Paper,
 ) -> Result<Vec<u8>, PictureError> {
-    let mut sketch = Sketch::new(world, size)?;
+    let mut sketch = Sketch::new(world, size, colouring)?;
     sketch.walls(world);
     let frames: Vec<&[Pose]> = replay.frames().collect();
     let width = (size as f32 / 290.0).max(1.0);
@@ -94,7 +98,15 @@ mod tests {
     #[test]
     fn the_picture_keeps_the_worlds_shape() {
         let world = world("width = 600.0\nheight = 200.0");
-        let png = trajectory_png(&ring(&world, 400, 5), &world, 160, 300, Paper::Light).unwrap();
+        let png = trajectory_png(
+            &ring(&world, 400, 5),
+            &world,
+            Colouring::Agents,
+            160,
+            300,
+            Paper::Light,
+        )
+        .unwrap();
         let (width, height, pixels) = decode_png(&png);
         assert_eq!((width, height), (300, 100));
         assert_eq!(pixels.len(), 3 * 300 * 100);
@@ -105,7 +117,8 @@ mod tests {
         let world = world("agents = 1");
         let poses = vec![[100.0, 300.0, 0.0], [200.0, 300.0, 0.0]];
         let replay = Replay::new(vec![0, 50], 1, poses).unwrap();
-        let (_, _, pixels) = decode_png(&trajectory_png(&replay, &world, 160, 500, Paper::Light).unwrap());
+        let (_, _, pixels) =
+            decode_png(&trajectory_png(&replay, &world, Colouring::Agents, 160, 500, Paper::Light).unwrap());
         let at = |x: usize, y: usize| [0, 1, 2].map(|i| pixels[3 * (y * 500 + x) + i]);
         assert_eq!(at(200, 300), colours::AGENTS[0], "the body");
         assert_eq!(at(208, 300), colours::AGENTS[0], "its tick, to the right");
@@ -118,9 +131,36 @@ mod tests {
     }
 
     #[test]
+    fn robots_of_one_species_have_one_colour() {
+        let world = world("agents = 3");
+        let places = [[100.0, 100.0], [200.0, 300.0], [400.0, 200.0]];
+        let poses = places.map(|[x, y]| [x, y, 0.0]);
+        let replay = Replay::new(vec![0, 50], 3, [poses, poses].concat()).unwrap();
+        let colours_of = |colouring| {
+            let png = trajectory_png(&replay, &world, colouring, 160, 500, Paper::Light).unwrap();
+            let (_, _, pixels) = decode_png(&png);
+            places.map(|[x, y]| [0, 1, 2].map(|i| pixels[3 * (y as usize * 500 + x as usize) + i]))
+        };
+        let [first, second, third] = [0, 1, 2].map(|place| colours::AGENTS[place]);
+        assert_eq!(colours_of(Colouring::Agents), [first, second, third]);
+        assert_eq!(
+            colours_of(Colouring::Species(&[0, 1, 1])),
+            [first, second, second]
+        );
+    }
+
+    #[test]
     fn a_clear_picture_is_transparent_where_nothing_is() {
         let world = world("");
-        let png = trajectory_png(&ring(&world, 400, 5), &world, 160, 100, Paper::Clear).unwrap();
+        let png = trajectory_png(
+            &ring(&world, 400, 5),
+            &world,
+            Colouring::Agents,
+            160,
+            100,
+            Paper::Clear,
+        )
+        .unwrap();
         let (_, _, pixels) = decode_png(&png);
         assert_eq!(pixels[3], 0);
         assert!(pixels.chunks(4).any(|pixel| pixel[3] == 255));
@@ -144,7 +184,15 @@ mod tests {
     fn a_start_alone_and_a_huge_swarm_are_pictures_too() {
         let crowd = world("agents = 10000\nwidth = 5000.0\nheight = 5000.0");
         for (world, steps) in [(world("agents = 1"), 0), (crowd, 10)] {
-            let png = trajectory_png(&ring(&world, steps, 5), &world, 160, 200, Paper::Light).unwrap();
+            let png = trajectory_png(
+                &ring(&world, steps, 5),
+                &world,
+                Colouring::Agents,
+                160,
+                200,
+                Paper::Light,
+            )
+            .unwrap();
             assert_eq!(decode_png(&png).0, 200);
         }
     }
@@ -152,8 +200,15 @@ mod tests {
     #[test]
     fn an_impossible_size_is_refused() {
         for size in [0, 15, 4097] {
-            let error =
-                trajectory_png(&ring(&world(""), 1, 1), &world(""), 160, size, Paper::Light).unwrap_err();
+            let error = trajectory_png(
+                &ring(&world(""), 1, 1),
+                &world(""),
+                Colouring::Agents,
+                160,
+                size,
+                Paper::Light,
+            )
+            .unwrap_err();
             assert!(matches!(error, PictureError::Size(n) if n == u64::from(size)));
         }
     }
