@@ -9,12 +9,13 @@ export CARGO_TERM_COLOR ?= auto
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# Everything that must pass before a change lands. Runs every test and lists failures at the end.
+# Everything that must pass before a change lands. Runs every test and lists failures at the end; then counts instructions.
 test: lint runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		bases="$$(tests/containers/base-images)" && \
 		MURMURATION_TEST_BASES="$$bases" PATH="$${python:+$$python:}$$PATH" \
 		$(CARGO) test --workspace --no-fail-fast
+	scripts/instruction-counts
 
 # Only the pages, in a real browser; screenshots land in target/screenshots.
 test-browser: toolchain browser
@@ -57,7 +58,7 @@ bench: build runtime
 	$(CARGO) bench --workspace
 
 # Counts the instructions of fixed work with valgrind, and fails where they grew by more than 5 %.
-instructions:
+instructions: toolchain
 	scripts/instruction-counts
 
 # Fuzzes every parser of outside input, for SECONDS each; `make test` runs the same targets on changed inputs.
