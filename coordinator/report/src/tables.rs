@@ -32,7 +32,7 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
 /// One row a medoid, largest cluster first. Its novelty is measured in the whole archive.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let own = ["behaviour", "index", "cluster_size", "mean_distance", "novelty"].map(str::to_owned);
+    let own = ["cluster", "index", "cluster_size", "mean_distance", "novelty"].map(str::to_owned);
     table.write_record(columns(&own, report))?;
     for (place, medoid) in report.medoids.iter().enumerate() {
         let own = [
