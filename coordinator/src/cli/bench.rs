@@ -1,6 +1,8 @@
 //! `bench`: what this machine does, and what labels bring.
 
+mod all;
 mod cluster;
+mod cpu_time;
 mod labels;
 
 use super::{
@@ -24,6 +26,8 @@ use std::{
 /// A benchmark.
 #[derive(Debug, clap::Subcommand)]
 pub(super) enum Bench {
+    /// Measure simulation, cluster, training and novelty in short, each beside its peer, in one table
+    All(all::AllBench),
     /// Measure evaluations a second on one core, with and without SIMD
     Simulate {
         /// Seconds that each measurement takes
@@ -46,6 +50,7 @@ impl Bench {
     pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
         let as_json = global.json;
         match self {
+            Self::All(all) => all.execute(as_json).await,
             Self::Simulate { seconds } => simulations(seconds, as_json),
             Self::Cluster(cluster) => cluster.execute(global).await,
             Self::Train { behaviours } => trainings(behaviours, as_json),
@@ -92,8 +97,7 @@ fn trainings(behaviours: usize, as_json: bool) -> Result<(), CliError> {
 }
 
 fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
-    let span = Duration::try_from_secs_f64(seconds)
-        .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))?;
+    let span = span(seconds)?;
     let mut table = Table::new([
         left("MODEL"),
         left("WHAT"),
@@ -125,6 +129,12 @@ fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
         table.print()?;
     }
     Ok(())
+}
+
+/// What `--seconds` says.
+fn span(seconds: f64) -> Result<Duration, CliError> {
+    Duration::try_from_secs_f64(seconds)
+        .map_err(|_| CliError::Input(format!("--seconds {seconds}: must be a positive number")))
 }
 
 /// Evaluations a second, scalar and with this machine's best instructions: the same uniform sample of the paper's

@@ -17,8 +17,8 @@ pub(super) use machines::{
     Certificate, Certificates, LiftedQuarantine, Quarantine, QuarantinedMachine, Token,
 };
 pub(super) use measures::{
-    Accuracy, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, PatternCounts, Set,
-    UntrainedAccuracy,
+    Accuracy, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, Machine,
+    PatternCounts, Set, UntrainedAccuracy,
 };
 
 use murmuration_link::{OutputError, outln};

@@ -1,19 +1,20 @@
 //! `bench cluster`: what the coordinator, the network and the disk cost beside the evaluations themselves.
 
 mod campaign;
-mod cpu_time;
 mod null_worker;
 mod plain_loop;
 
-use super::super::{
-    CliError,
-    files::read,
-    json,
-    table::{Table, left, right},
+use super::{
+    super::{
+        CliError,
+        files::read,
+        json,
+        table::{Table, left, right},
+    },
+    cpu_time::CpuTime,
 };
 use crate::{cli::Global, local::InProcess};
 use campaign::{BenchCampaign, Finished};
-use cpu_time::CpuTime;
 use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
@@ -125,6 +126,28 @@ impl ClusterBench {
             table.print()?;
         }
         Ok(())
+    }
+
+    /// Two workers, for `bench all`; the best of three rounds.
+    pub(super) const fn short(generations: u32, null_generations: u32) -> Self {
+        Self {
+            workers: 2,
+            generations,
+            null_generations,
+            rounds: 3,
+            checkpoint: None,
+        }
+    }
+
+    /// Results a second of a campaign, and of a plain loop over the same controllers.
+    pub(super) async fn campaign_and_loop(&self) -> Result<[f64; 2], CliError> {
+        let (campaign, plain) = self.beside_loop(&self.hand_crafted()?, None).await?;
+        Ok([campaign.per_second(), plain.per_second()])
+    }
+
+    /// Null results a second of the coordinator's CPU time.
+    pub(super) async fn null_results(&self) -> Result<f64, CliError> {
+        Ok(self.null_evaluations().await?.cpu_seconds_each().recip())
     }
 
     /// The same controllers in a campaign and in a plain loop, in turns.

@@ -1,9 +1,9 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    Accuracy, AddedLabels, Agreement, Backup, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, Campaign,
-    Certificates, Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label, LiftedQuarantine,
-    Quarantine, Report, Run, Token, UntrainedAccuracy, schema_of,
+    Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain,
+    Campaign, Certificates, Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label,
+    LiftedQuarantine, Quarantine, Report, Run, Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -51,6 +51,8 @@ pub(in crate::cli) enum Kind {
     Token,
     /// New certificates: certs
     Certificates,
+    /// A speed of this machine beside that of a peer: bench all
+    BenchAll,
     /// A speed of the simulator: bench simulate
     BenchSimulate,
     /// A speed of a cluster: bench cluster
@@ -85,6 +87,7 @@ impl Kind {
             Self::LiftedQuarantine => schema_of::<LiftedQuarantine>(),
             Self::Token => schema_of::<Token>(),
             Self::Certificates => schema_of::<Certificates>(),
+            Self::BenchAll => schema_of::<BenchAll>(),
             Self::BenchSimulate => schema_of::<BenchSimulate>(),
             Self::BenchCluster => schema_of::<BenchCluster>(),
             Self::BenchTrain => schema_of::<BenchTrain>(),

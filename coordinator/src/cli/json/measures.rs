@@ -113,6 +113,41 @@ pub(in crate::cli) struct FilterScore {
     pub(in crate::cli) passes: bool,
 }
 
+/// A speed of this machine beside that of a peer.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct BenchAll {
+    /// What was measured.
+    pub(in crate::cli) item: &'static str,
+    /// The unit of `ours` and `peer`.
+    pub(in crate::cli) unit: &'static str,
+    /// The speed of Murmuration.
+    pub(in crate::cli) ours: f64,
+    /// The speed of the peer in the same run; null if there is no peer, or it is not installed.
+    pub(in crate::cli) peer: Option<f64>,
+    /// Name of the peer; null if there is none.
+    pub(in crate::cli) peer_name: Option<&'static str>,
+    /// `ours` divided by `peer`; null without `peer`.
+    pub(in crate::cli) ratio: Option<f64>,
+    /// The least that one result takes, as docs/performance.md counts it by hand; null where nothing was counted.
+    pub(in crate::cli) floor: Option<u64>,
+    /// What the floor counts; null without `floor`.
+    pub(in crate::cli) floor_unit: Option<&'static str>,
+    /// Where it was measured.
+    pub(in crate::cli) machine: Machine,
+}
+
+/// A machine that measures.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+#[schemars(inline)]
+pub(in crate::cli) struct Machine {
+    /// Name of the CPU; null if the system does not say.
+    pub(in crate::cli) cpu: Option<String>,
+    /// Threads that run at once.
+    pub(in crate::cli) cores: usize,
+    /// Bits of the vectors that the simulator computes with; 64 without vectors.
+    pub(in crate::cli) vector_bits: u32,
+}
+
 /// A speed of the simulator.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct BenchSimulate {

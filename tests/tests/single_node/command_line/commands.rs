@@ -142,6 +142,32 @@ fn trainings_are_measured() {
 }
 
 #[test]
+fn every_speed_is_measured_beside_its_peer() {
+    let desk = Desk::new();
+    let arguments = ["bench", "all", "--seconds", "0.02", "--python", "missing"];
+    let as_json = desk.murmuration.run(&[&arguments[..], &["--json"]].concat());
+    Schemas::new(&desk).check("bench-all", &as_json.stdout);
+    let rows = as_json.lines();
+    assert_eq!(rows.len(), 8);
+    for row in &rows {
+        let figure = |name: &str| row[name].as_f64();
+        assert!(figure("ours").unwrap() > 0.0, "{row}");
+        let ratio = figure("peer").map(|peer| figure("ours").unwrap() / peer);
+        assert_eq!(figure("ratio"), ratio, "{row}");
+        assert_eq!(row["machine"], rows[0]["machine"]);
+    }
+    let beside: Vec<_> = rows.iter().filter(|row| row["ratio"].is_number()).collect();
+    let peers: Vec<_> = beside.iter().map(|row| row["peer_name"].as_str()).collect();
+    assert_eq!(peers, [Some("plain loop"), Some("brute force")]);
+    assert!(as_json.stderr.contains("pip install"), "{}", as_json.stderr);
+    let table = desk.murmuration.run(&arguments);
+    let lines: Vec<&str> = table.stdout.lines().collect();
+    assert_eq!(lines.len(), 10, "{}", table.stdout);
+    assert!(lines[0].starts_with("ITEM ") && lines[9].starts_with("machine: "));
+    desk.check(&["bench", "all", "--seconds=-1"], 2, "--seconds");
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish"] {

@@ -5,8 +5,8 @@ use boon::Compiler;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
-/// Kinds that no transcript prints, since they take a machine that computed wrongly, or minutes.
-const NOT_PRINTED: [&str; 3] = ["lifted-quarantine", "bench-train", "bench-labels"];
+/// Kinds that no transcript prints, since they take a machine that computed wrongly, or minutes, or name the machine.
+const NOT_PRINTED: [&str; 4] = ["lifted-quarantine", "bench-all", "bench-train", "bench-labels"];
 
 /// The schemas that the program prints.
 pub struct Schemas<'a> {

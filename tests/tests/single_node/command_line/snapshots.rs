@@ -165,9 +165,10 @@ fn every_snapshot_is_of_a_test() {
 /// Every command has a transcript, or is known to have none.
 #[test]
 fn every_command_has_a_transcript() {
-    // A script for a shell, and clap's; what lasts minutes; and what other tests here run.
+    // A script for a shell, and clap's; what names the machine or lasts minutes; and what other tests here run.
     let without = [
         "murmuration completions",
+        "murmuration bench all",
         "murmuration bench train",
         "murmuration bench labels",
         "murmuration schema",

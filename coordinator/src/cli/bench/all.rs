@@ -1,0 +1,224 @@
+//! `bench all`: every speed that has a peer, in one table.
+
+mod evaluations;
+mod machine;
+mod novelty;
+mod peer;
+mod training;
+
+use super::{
+    super::{
+        CliError, json,
+        table::{Table, left, right},
+    },
+    cluster::ClusterBench,
+    span,
+};
+use json::Machine;
+use murmuration_link::{OutputError, errln, outln};
+use murmuration_proto::{CapabilityModel, grouped};
+use std::time::Duration;
+
+/// Arguments of `bench all`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+A short form of what the other benchmarks measure, a row an item, with its peer in the same run, in turns. The ratio is ours \
+divided by the peer's; figures of one thread are CPU time, and each is the best of its rounds.
+
+The peers of simulation and training are a loop in numba and a step in PyTorch, which Python runs (option --python). Where \
+Python lacks them the row has \"-\". A campaign's peer is the same evaluations in a plain loop, and that of novelty is brute \
+force. Null evaluations have peers in benches/null_tasks_beside_dask_and_ray.py, novelty has a further one in \
+benches/novelty_against_scikit_learn.py.
+
+The floor is what one result takes at least, counted by hand: docs/performance.md says how.
+
+Example:
+  murmuration bench all --seconds 0.1")]
+pub(in crate::cli) struct AllBench {
+    /// Seconds that each measurement takes; the campaigns have 10 generations for each second, and at most 100
+    #[arg(long, default_value_t = 5.0)]
+    seconds: f64,
+    /// Python that has the peers numba and torch
+    #[arg(long, value_name = "PROGRAM", default_value = "python3")]
+    python: String,
+}
+
+/// What was measured, in results a second.
+#[derive(Debug)]
+struct Row {
+    item: &'static str,
+    unit: &'static str,
+    ours: f64,
+    peer: Option<f64>,
+    peer_name: Option<&'static str>,
+    floor: Option<Floor>,
+}
+
+/// The least that a result takes.
+#[derive(Debug, Clone, Copy)]
+struct Floor {
+    count: u64,
+    of: &'static str,
+}
+
+impl Row {
+    fn ratio(&self) -> Option<f64> {
+        self.peer.map(|peer| self.ours / peer)
+    }
+
+    fn document(&self, machine: &Machine) -> json::BenchAll {
+        json::BenchAll {
+            item: self.item,
+            unit: self.unit,
+            ours: self.ours,
+            peer: self.peer,
+            peer_name: self.peer_name,
+            ratio: self.ratio(),
+            floor: self.floor.map(|floor| floor.count),
+            floor_unit: self.floor.map(|floor| floor.of),
+            machine: machine.clone(),
+        }
+    }
+
+    fn cells(&self) -> [String; 7] {
+        let or_none = |cell: Option<String>| cell.unwrap_or_else(|| "-".to_owned());
+        [
+            self.item.to_owned(),
+            self.unit.to_owned(),
+            rate(self.ours),
+            or_none(self.peer.map(rate)),
+            or_none(self.peer_name.map(str::to_owned)),
+            or_none(self.ratio().map(|ratio| format!("{ratio:.2}"))),
+            or_none(
+                self.floor
+                    .map(|floor| format!("{} {}", grouped(floor.count), floor.of)),
+            ),
+        ]
+    }
+}
+
+/// Three digits or more.
+fn rate(rate: f64) -> String {
+    if rate < 100.0 {
+        format!("{rate:.2}")
+    } else {
+        grouped(rate.round() as u64)
+    }
+}
+
+impl AllBench {
+    pub(super) async fn execute(self, as_json: bool) -> Result<(), CliError> {
+        let span = span(self.seconds)?;
+        let machine = machine::this();
+        let mut printed = Printed::new(as_json, machine);
+        for model in CapabilityModel::ALL {
+            for row in evaluations::rows(model, span, &self.python)? {
+                printed.tell(&row)?;
+            }
+        }
+        for row in self.cluster().await? {
+            printed.tell(&row)?;
+        }
+        printed.tell(&training::row(span, &self.python)?)?;
+        printed.tell(&novelty::row(span)?)?;
+        printed.end()?;
+        if printed.misses_a_peer {
+            errln!(
+                "{} does not run every peer: `pip install numba torch` in an environment of Python, and name its program by \
+                 --python",
+                self.python
+            );
+        }
+        Ok(())
+    }
+
+    async fn cluster(&self) -> Result<[Row; 2], CliError> {
+        let generations = (10.0 * self.seconds).clamp(1.0, 100.0) as u32;
+        let cluster = ClusterBench::short(generations, generations);
+        let [campaign, plain] = cluster.campaign_and_loop().await?;
+        let null = cluster.null_results().await?;
+        let campaign = Row {
+            item: "campaign, two workers",
+            unit: "evaluations/s",
+            ours: campaign,
+            peer: Some(plain),
+            peer_name: Some("plain loop"),
+            floor: None,
+        };
+        let null = Row {
+            item: "coordinator, null evaluations",
+            unit: "results/s of CPU",
+            ours: null,
+            peer: None,
+            peer_name: None,
+            floor: None,
+        };
+        Ok([campaign, null])
+    }
+}
+
+/// The rows so far.
+struct Printed {
+    as_json: bool,
+    machine: Machine,
+    table: Table,
+    misses_a_peer: bool,
+}
+
+impl Printed {
+    fn new(as_json: bool, machine: Machine) -> Self {
+        let table = Table::new([
+            left("ITEM"),
+            left("UNIT"),
+            right("OURS"),
+            right("PEER"),
+            left("PEER'S NAME"),
+            right("RATIO"),
+            right("FLOOR"),
+        ]);
+        Self {
+            as_json,
+            machine,
+            table,
+            misses_a_peer: false,
+        }
+    }
+
+    fn tell(&mut self, row: &Row) -> Result<(), OutputError> {
+        errln!("measured: {}", row.item);
+        self.misses_a_peer |= row.peer.is_none() && row.peer_name.is_some();
+        if self.as_json {
+            json::print(row.document(&self.machine))?;
+        }
+        self.table.row(row.cells());
+        Ok(())
+    }
+
+    fn end(&self) -> Result<(), OutputError> {
+        if self.as_json {
+            return Ok(());
+        }
+        self.table.print()?;
+        outln!("machine: {}", machine::words(&self.machine))
+    }
+}
+
+/// The least time of each of two kinds of work in turns, seconds of CPU time, for as long as `span`, at least once. A round
+/// says what each took; a peer that is not there took `None`.
+fn in_turns(
+    span: Duration,
+    mut round: impl FnMut() -> Result<(f64, Option<f64>), CliError>,
+) -> Result<(f64, Option<f64>), CliError> {
+    let (mut ours, mut peer) = round()?;
+    let mut spent = ours + peer.unwrap_or_default();
+    while spent < span.as_secs_f64() {
+        let (took, peer_took) = round()?;
+        spent += took + peer_took.unwrap_or_default();
+        ours = ours.min(took);
+        peer = peer.zip(peer_took).map(|(least, took)| least.min(took));
+    }
+    Ok((ours, peer))
+}
+
+#[cfg(test)]
+mod tests;

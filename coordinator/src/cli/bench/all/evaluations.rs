@@ -1,0 +1,94 @@
+//! Simulations and evaluations of uniform controllers on one thread, beside the simulation's loop in numba.
+
+use super::{super::cpu_time::CpuTime, CliError, Floor, Row, in_turns, peer::Peer};
+use murmuration_proto::{
+    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, v1,
+};
+use murmuration_worker::{
+    evaluate::Evaluator,
+    simulate::{Agent, Start, Swarm},
+};
+use serde_json::json;
+use std::{hint::black_box, time::Duration};
+
+const LOOP: &str = include_str!("../../../../../worker/benches/numba_loop.py");
+/// Controllers in all, and how many of them are evaluated at once.
+const CONTROLLERS: usize = 48;
+const AT_ONCE: usize = 8;
+/// Pairs of robots that look at each other in an evaluation of the paper's world.
+const PAIRS: u64 = 24 * 23 * 1200;
+
+/// The loop alone, and with features and picture.
+pub(super) fn rows(model: CapabilityModel, span: Duration, python: &str) -> Result<[Row; 2], CliError> {
+    let world = World::default();
+    let tasks = uniform(model)?;
+    let mut numba = Peer::start(python, "numba", LOOP, "", &population(&tasks, &world)?);
+    // The first step of a window clears the canvas: the shortest window draws one step.
+    let shortest = v1::ImageFormat {
+        window: Some(2),
+        ..ImageFormat::default().into()
+    };
+    let bare = ImageFormat::for_world(shortest, &world)?;
+    let (simulation, evaluation, operations_a_pair) = match model {
+        CapabilityModel::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", 14),
+        CapabilityModel::TwoSensor => ("simulation, two sensors", "evaluation, two sensors", 21),
+    };
+    let floor = Floor {
+        count: PAIRS * operations_a_pair,
+        of: "operations",
+    };
+    let mut row = |item, format: &ImageFormat| {
+        let mut evaluator = Evaluator::new(&world, format)?;
+        let (ours, peer) = in_turns(span, || {
+            let took = evaluated(&mut evaluator, &tasks)?;
+            Ok((took, numba.as_mut().map(simulated).transpose()?))
+        })?;
+        let rate = |seconds: f64| CONTROLLERS as f64 / seconds;
+        Ok::<_, CliError>(Row {
+            item,
+            unit: "evaluations/s",
+            ours: rate(ours),
+            peer: peer.map(rate),
+            peer_name: Some("numba, loop alone"),
+            floor: Some(floor),
+        })
+    };
+    Ok([row(simulation, &bare)?, row(evaluation, &ImageFormat::default())?])
+}
+
+fn uniform(model: CapabilityModel) -> Result<Vec<(Controller, Start)>, CliError> {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model)?;
+    let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
+    let starts = (0..CONTROLLERS as u64).map(Start::seeded);
+    Ok(starts.map(|start| (space.sample(&mut stream), start)).collect())
+}
+
+/// Seconds of this thread's CPU time.
+fn evaluated(evaluator: &mut Evaluator, tasks: &[(Controller, Start)]) -> Result<f64, CliError> {
+    let begun = CpuTime::of_thread();
+    for tasks in tasks.chunks(AT_ONCE) {
+        black_box(evaluator.evaluate_all(tasks)?);
+    }
+    Ok(CpuTime::of_thread().without(begun).as_secs_f64())
+}
+
+/// Seconds that numba takes for the same swarms.
+fn simulated(numba: &mut Peer) -> Result<f64, CliError> {
+    let seconds = numba.round()?;
+    seconds.parse().map_err(|_| numba.failed(&seconds))
+}
+
+/// What the script reads first: where each swarm starts, and its controller.
+fn population(tasks: &[(Controller, Start)], world: &World) -> Result<String, CliError> {
+    let pose = |agent: Agent| [agent.position[0], agent.position[1], agent.theta];
+    let swarms = tasks.iter().map(|(controller, start)| {
+        let swarm = Swarm::new(controller, world, start)?;
+        Ok(json!({
+            "poses": swarm.agents().map(pose).collect::<Vec<_>>(),
+            "speeds": controller.speeds(),
+            "angle": controller.angle().unwrap_or_default(),
+            "sensors": 1 + u32::from(controller.angle().is_some()),
+        }))
+    });
+    Ok(json!(swarms.collect::<Result<Vec<_>, CliError>>()?).to_string())
+}

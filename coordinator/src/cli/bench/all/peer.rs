@@ -1,0 +1,74 @@
+//! A peer in a process of Python, which takes a round for each line that it reads.
+
+use super::CliError;
+use std::{
+    io::{self, BufRead, BufReader, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+};
+
+/// A peer that is ready.
+pub(super) struct Peer {
+    name: &'static str,
+    process: Child,
+    to: ChildStdin,
+    from: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    /// Runs the text of a script with an argument, and sends it a line. `None` where Python or the package is missing.
+    pub(super) fn start(
+        python: &str,
+        package: &'static str,
+        script: &str,
+        argument: &str,
+        line: &str,
+    ) -> Option<Self> {
+        let mut process = Command::new(python)
+            .args(["-c", script, argument])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        let (to, from) = (process.stdin.take()?, BufReader::new(process.stdout.take()?));
+        let mut peer = Self {
+            name: package,
+            process,
+            to,
+            from,
+        };
+        if !line.is_empty() {
+            writeln!(peer.to, "{line}").ok()?;
+        }
+        // The first line says that it is ready; a script that fails ends without one.
+        peer.line().ok()?;
+        Some(peer)
+    }
+
+    /// Takes a round, and gives what the script prints.
+    pub(super) fn round(&mut self) -> Result<String, CliError> {
+        let answer = writeln!(self.to).and_then(|()| self.line());
+        answer.map_err(|error| self.failed(&error.to_string()))
+    }
+
+    /// That its answer cannot be used.
+    pub(super) fn failed(&self, why: &str) -> CliError {
+        CliError::Failed(format!("{} ended or answered something else: {why}", self.name))
+    }
+
+    fn line(&mut self) -> io::Result<String> {
+        let mut line = String::new();
+        match self.from.read_line(&mut line)? {
+            0 => Err(io::ErrorKind::UnexpectedEof.into()),
+            _ => Ok(line.trim().to_owned()),
+        }
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        // It may have ended already.
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}

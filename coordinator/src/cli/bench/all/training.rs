@@ -1,0 +1,45 @@
+//! A training step on one thread, beside PyTorch's.
+
+use super::{super::cpu_time::CpuTime, CliError, Floor, Row, in_turns, peer::Peer};
+use murmuration_trainer::bench::Steps;
+use rayon::ThreadPoolBuilder;
+use std::time::Duration;
+
+const STEP: &str = include_str!("../../../../../trainer/benches/pytorch_step.py");
+/// Anchors of a step of the default recipe.
+const ANCHORS: usize = 256;
+/// Multiply-adds of a picture, forward and back; docs/performance.md counts them.
+const A_PICTURE: u64 = 4_546_112;
+
+pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
+    let cannot = |error: &dyn std::error::Error| CliError::Failed(error.to_string());
+    let pool = ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.map_err(|error| cannot(&error))?;
+    let mut steps = Steps::new(ANCHORS).map_err(|error| cannot(&error))?;
+    let mut pytorch = Peer::start(python, "torch", STEP, "1", "");
+    let (ours, peer) = in_turns(span, || {
+        let begun = CpuTime::of_process();
+        pool.install(|| steps.step());
+        let took = CpuTime::of_process().without(begun).as_secs_f64();
+        Ok((took, pytorch.as_mut().map(best).transpose()?))
+    })?;
+    Ok(Row {
+        item: "training step",
+        unit: "steps/s",
+        ours: ours.recip(),
+        peer: peer.map(f64::recip),
+        peer_name: Some("PyTorch at its best"),
+        floor: Some(Floor {
+            count: 2 * ANCHORS as u64 * A_PICTURE,
+            of: "multiply-adds",
+        }),
+    })
+}
+
+/// The least CPU time of a step among the ways in which PyTorch takes it. The script prints wall time and CPU time of each.
+fn best(pytorch: &mut Peer) -> Result<f64, CliError> {
+    let line = pytorch.round()?;
+    let ways: Vec<[f64; 2]> = serde_json::from_str(&line).unwrap_or_default();
+    let cpu = ways.into_iter().map(|[_, cpu]| cpu);
+    cpu.reduce(f64::min).ok_or_else(|| pytorch.failed(&line))
+}
