@@ -5,6 +5,9 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
+mod cpu_time;
+
+use cpu_time::timed;
 use murmuration_proto::{
     CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, v1,
 };
@@ -12,7 +15,6 @@ use murmuration_worker::{
     evaluate::Evaluator,
     simulate::{Start, Swarm},
 };
-use rustix::time::{ClockId, clock_gettime};
 use serde_json::json;
 use std::{
     env,
@@ -91,17 +93,6 @@ fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
         }
     }
     best
-}
-
-/// Seconds of this thread's CPU time.
-fn timed(work: impl FnOnce()) -> f64 {
-    let now = || {
-        let now = clock_gettime(ClockId::ThreadCPUTime);
-        now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
-    };
-    let begun = now();
-    work();
-    now() - begun
 }
 
 /// The paper's controllers, those that clump, uniform samples, those that the filter passes, and an evolved generation.

@@ -5,9 +5,11 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
+mod cpu_time;
+
+use cpu_time::timed;
 use murmuration_proto::{CapabilityModel, Controller, World, v1};
 use murmuration_worker::simulate::{Arch, Start, Swarm};
-use rustix::time::{ClockId, clock_gettime};
 use std::{env, hint::black_box};
 
 const ROBOTS: [u32; 6] = [24, 100, 256, 512, 1_000, 10_000];
@@ -69,15 +71,4 @@ fn measured(controller: &Controller, robots: u32, rounds: u32) -> [f64; 2] {
         }
     }
     best
-}
-
-/// Seconds of this thread's CPU time.
-fn timed(work: impl FnOnce()) -> f64 {
-    let now = || {
-        let now = clock_gettime(ClockId::ThreadCPUTime);
-        now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
-    };
-    let begun = now();
-    work();
-    now() - begun
 }

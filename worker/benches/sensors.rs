@@ -5,12 +5,14 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 
+mod cpu_time;
+
+use cpu_time::timed;
 use murmuration_proto::{
     Boundary, CapabilityModel, Controller, Drive, ImageFormat, Population, Robot, Sensor, SensorAngle,
     SensorDescription, Species, SpeciesName, SwarmController, World,
 };
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
-use rustix::time::{ClockId, clock_gettime};
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box, sync::Arc};
 
 /// What is measured: a name, and evaluations to do at once.
@@ -113,15 +115,4 @@ fn described(name: &str, sensors: usize, half_angle: f64, range: Option<f64>) ->
         tasks: Tasks::Described((0..TASKS).map(task).collect()),
         best: f64::INFINITY,
     }
-}
-
-/// Seconds of this thread's CPU time.
-fn timed(work: impl FnOnce()) -> f64 {
-    let now = || {
-        let now = clock_gettime(ClockId::ThreadCPUTime);
-        now.tv_sec as f64 + now.tv_nsec as f64 * 1e-9
-    };
-    let begun = now();
-    work();
-    now() - begun
 }

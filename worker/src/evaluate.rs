@@ -7,7 +7,7 @@ mod tests;
 use crate::{
     features::{FEATURE_STEPS, FeatureMeans},
     rasterise::Rasteriser,
-    simulate::{Start, Swarm},
+    simulate::{Start, Swarm, batch_is_for},
 };
 use batch::Swarms;
 use murmuration_proto::{Boundary, Controller, Evaluation, ImageFormat, Invalid, SwarmController, World};
@@ -116,7 +116,7 @@ impl Evaluator {
     ) -> Result<Vec<Evaluation>, Invalid> {
         let mut evaluations = Vec::with_capacity(tasks.len());
         for alike in tasks.chunk_by(|(a, _), (b, _)| a.population() == b.population()) {
-            let can_batch = batch::can_batch(alike[0].0.population());
+            let can_batch = batch_is_for(alike[0].0.population());
             for tasks in alike.chunks(self.lanes) {
                 if can_batch && 2 * tasks.len() > self.lanes && self.lanes > 1 {
                     evaluations.extend(self.evaluate_batch(Swarms::Described(boundary, tasks))?);

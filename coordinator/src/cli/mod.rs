@@ -240,7 +240,7 @@ pub fn main() -> ExitCode {
 }
 
 async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliError> {
-    // Apart from each other: one state machine of all commands takes the compiler minutes.
+    // Apart from each other: one state machine of all commands takes long to compile.
     let global = &global;
     let done: Pin<Box<dyn Future<Output = Result<(), CliError>> + '_>> = match command {
         Command::Run(run) => Box::pin(run.execute(global)),

@@ -1,7 +1,7 @@
 //! The numbers that control robots: a pair of speeds for each sensor state, and the free angles.
 
 use super::{Population, Robot};
-use crate::{Controller, Invalid, counted, invalid};
+use crate::{Invalid, counted, invalid};
 use std::sync::Arc;
 
 /// The controller of one kind of robot.
@@ -105,14 +105,6 @@ impl SwarmController {
             population,
             controllers,
         })
-    }
-
-    /// The paper's controller, of a swarm that is all of one preset robot.
-    ///
-    /// # Errors
-    /// If `population` is not one species of a robot with as many genes.
-    pub fn of_paper(population: Arc<Population>, controller: &Controller) -> Result<Self, Invalid> {
-        Self::new(population, controller.genes())
     }
 
     /// The swarm that it controls.

@@ -4,10 +4,10 @@ use super::Window;
 use crate::{
     features::LaneMeans,
     rasterise::Rasteriser,
-    simulate::{Batch, MOST_AGENTS, Start, batch_is_for},
+    simulate::{Batch, MOST_AGENTS, Start},
 };
 use murmuration_proto::{
-    Boundary, Controller, Evaluation, ImageFormat, Invalid, Population, Sensor, SwarmController, World,
+    Boundary, Controller, Evaluation, ImageFormat, Invalid, Sensor, SwarmController, World,
 };
 use pulp::{Arch, Simd, WithSimd};
 
@@ -48,13 +48,8 @@ pub(super) struct Tasks<'a> {
 pub(super) enum Swarms<'a> {
     /// Of one of the paper's models.
     Paper(&'a [(Controller, Start)]),
-    /// Of one population that [`can_batch`].
+    /// Of one population that a batch is for.
     Described(Boundary, &'a [(SwarmController, Start)]),
-}
-
-/// Whether swarms of this population can be simulated at once.
-pub(super) fn can_batch(population: &Population) -> bool {
-    batch_is_for(population)
 }
 
 impl WithSimd for Tasks<'_> {

@@ -16,7 +16,9 @@ const JITTER_BELOW: f64 = 1e-4;
 /// The rule of collisions in one world, and what it has to remember.
 #[derive(Debug, Clone)]
 pub(super) struct Collisions {
-    /// Two radii.
+    /// All agents, by size, in index order.
+    groups: Vec<Group>,
+    /// Two radii of the largest body.
     diameter: f64,
     reach: Reach,
     centre: [f64; 2],
@@ -27,9 +29,11 @@ pub(super) struct Collisions {
 }
 
 impl Collisions {
-    /// The rule for robots of this radius, or of this one at most.
-    pub(super) fn new(world: &World, radius: f64, start: &Start) -> Self {
+    /// The rule among all agents of a world, which `groups` has in index order.
+    pub(super) fn new(world: &World, groups: Vec<Group>, start: &Start) -> Self {
+        let radius = groups.iter().map(|group| group.radius).fold(0.0, f64::max);
         Self {
+            groups,
             diameter: 2.0 * radius,
             reach: Reach::of(radius),
             centre: [world.width() / 2.0, world.height() / 2.0],
@@ -45,7 +49,7 @@ impl Collisions {
         self.reach
     }
 
-    /// Two radii.
+    /// Two radii of the largest body.
     pub(super) const fn diameter(&self) -> f64 {
         self.diameter
     }
@@ -59,44 +63,21 @@ impl Collisions {
         self.jitter_events
     }
 
-    /// Where agent `me`, now at `at`, ends once it is pushed out of all others.
+    /// Where agent `me` of radius `radius`, now at `at`, ends once it is pushed out of all others.
     #[inline(always)]
     pub(super) fn push_out<S: Simd>(
         &mut self,
         simd: S,
         others: &impl Others,
-        me: usize,
-        mut at: [f64; 2],
-    ) -> [f64; 2] {
-        let mut touched = std::mem::take(&mut self.touched);
-        for _ in 0..PASSES {
-            others.list_touched(simd, &mut touched, me, at, self.reach);
-            if touched.is_empty() {
-                break;
-            }
-            for &other in &touched {
-                at = self.pushed(at, others.get(other));
-            }
-        }
-        self.touched = touched;
-        at
-    }
-
-    /// As [`Collisions::push_out`], of an agent of radius `radius` among those of all `groups`, whose bodies differ.
-    #[inline(always)]
-    pub(super) fn push_out_of_groups<S: Simd>(
-        &mut self,
-        simd: S,
-        others: &impl Others,
-        groups: &[Group],
         (me, radius): (usize, f64),
         mut at: [f64; 2],
     ) -> [f64; 2] {
         let mut touched = std::mem::take(&mut self.touched);
+        let groups = std::mem::take(&mut self.groups);
         for _ in 0..PASSES {
             touched.clear();
-            for group in groups {
-                others.list_touched_of(simd, &mut touched, group, me, at, radius + group.radius);
+            for group in &groups {
+                others.list_touched(simd, &mut touched, group, me, at, radius + group.radius);
             }
             if touched.is_empty() {
                 break;
@@ -111,7 +92,7 @@ impl Collisions {
                 at = self.pushed_to(radius + group.radius, at, others.get(other));
             }
         }
-        self.touched = touched;
+        (self.touched, self.groups) = (touched, groups);
         at
     }
 

@@ -18,13 +18,9 @@ pub(super) struct Gait {
 /// The paper's equation has the two middle rows exchanged; its pictures follow this order.
 pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
     let mut gaits = [Gait::default(); 4];
-    for (gait, speeds) in gaits.iter_mut().zip(controller.speeds().chunks_exact(2)) {
-        let turn = (speeds[0] - speeds[1]) / (2.0 * world.radius()) * world.dt();
-        *gait = Gait {
-            ahead: world.wheel_radius() / 2.0 * (speeds[0] + speeds[1]) * world.dt(),
-            turn,
-            rotation: direction(turn),
-        };
+    let (pairs, _) = controller.speeds().as_chunks();
+    for (gait, &pair) in gaits.iter_mut().zip(pairs) {
+        *gait = Gait::of_wheels(world.wheel_radius(), world.radius(), pair, world.dt());
     }
     gaits
 }
@@ -32,13 +28,23 @@ pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
 impl Gait {
     /// What the pair (a, b) does to a robot in `dt`.
     pub(super) fn of(robot: &Robot, [a, b]: [f64; 2], dt: f64) -> Self {
-        let (ahead, turn) = match robot.drive().kind() {
-            DriveKind::Differential { wheel_radius } => (
-                wheel_radius / 2.0 * (a + b) * dt,
-                (a - b) / (2.0 * robot.radius()) * dt,
-            ),
-            DriveKind::Unicycle => (a * dt, b * dt),
-        };
+        match robot.drive().kind() {
+            DriveKind::Differential { wheel_radius } => {
+                Self::of_wheels(wheel_radius, robot.radius(), [a, b], dt)
+            }
+            DriveKind::Unicycle => Self::new(a * dt, b * dt),
+        }
+    }
+
+    /// What the speeds of a left and a right wheel do to a body of this radius in `dt`.
+    fn of_wheels(wheel_radius: f64, radius: f64, [left, right]: [f64; 2], dt: f64) -> Self {
+        Self::new(
+            wheel_radius / 2.0 * (left + right) * dt,
+            (left - right) / (2.0 * radius) * dt,
+        )
+    }
+
+    fn new(ahead: f64, turn: f64) -> Self {
         Self {
             ahead,
             turn,

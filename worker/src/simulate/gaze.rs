@@ -14,7 +14,7 @@ use super::{
     positions::{LANES, Positions},
 };
 use crate::lanes::{Planar, any, dot, minus, splat};
-use murmuration_proto::Sensor;
+use murmuration_proto::{Sensor, World};
 use pulp::Simd;
 use std::f64::consts::FRAC_PI_2;
 
@@ -58,6 +58,15 @@ pub(super) struct Group {
 }
 
 impl Group {
+    /// All agents of a world whose bodies have its radius.
+    pub(super) fn whole(world: &World) -> Self {
+        Self {
+            first: 0,
+            end: world.agents() as usize,
+            radius: world.radius(),
+        }
+    }
+
     #[inline(always)]
     pub(super) const fn has(&self, robot: usize) -> bool {
         self.first <= robot && robot < self.end

@@ -98,18 +98,12 @@ impl Grid {
         }
     }
 
-    /// Lists the agents other than `me` that touch one at `at`, in index order.
-    pub(super) fn list_touched(&self, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
-        list.clear();
-        list.extend(self.touching(me, at, reach));
-        list.sort_unstable();
-    }
-
     /// Whether an agent other than `me` touches one at `at`.
     pub(super) fn touches_any(&self, me: usize, at: [f64; 2], reach: Reach) -> bool {
         self.touching(me, at, reach).next().is_some()
     }
 
+    /// The agents other than `me` that touch one at `at`, in no order.
     pub(super) fn touching(&self, me: usize, at: [f64; 2], reach: Reach) -> impl Iterator<Item = usize> {
         let near = self.near(at, 2.0 * self.radius);
         let touching = near.filter(move |member| member.agent != me && reach.touches(member.at, at));

@@ -23,8 +23,6 @@ pub(super) struct Kinds {
     kinds: Vec<Kind>,
     /// The kind of each robot.
     kind_of: Vec<u8>,
-    /// All robots, by size.
-    groups: Vec<Group>,
     /// Sides of the rectangle that sensors see, as (normal, distance from the origin); none where there are no walls.
     sides: Vec<([f64; 2], f64)>,
 }
@@ -53,10 +51,15 @@ struct Sensing {
 }
 
 impl Kinds {
-    pub(super) fn new(controller: &SwarmController, world: &World, boundary: Boundary) -> Self {
+    /// The species of a swarm whose robots are, by size, those of `groups`.
+    pub(super) fn new(
+        controller: &SwarmController,
+        groups: &[Group],
+        world: &World,
+        boundary: Boundary,
+    ) -> Self {
         let population = controller.population();
         let by_species = by_species(population);
-        let groups = by_size(&by_species);
         let pairs = population.species().iter().zip(controller.controllers());
         let kind = |(species, controller): (&Species, &RobotController)| {
             let (robot, angles) = (species.robot(), controller.angles());
@@ -64,7 +67,7 @@ impl Kinds {
             let sensors: Vec<_> = sensors
                 .map(|(sensor, &angle)| Sensing {
                     eye: Eye::new(sensor, angle),
-                    seen: seen(sensor, population, &by_species, &groups),
+                    seen: seen(sensor, population, &by_species, groups),
                     wall_range: sensor.wall_range(),
                 })
                 .collect();
@@ -87,13 +90,7 @@ impl Kinds {
                 Boundary::Walls => sides(world),
                 Boundary::Open => Vec::new(),
             },
-            groups,
         }
-    }
-
-    /// Radius of the largest body.
-    pub(super) fn largest_radius(&self) -> f64 {
-        self.groups.iter().map(|group| group.radius).fold(0.0, f64::max)
     }
 
     /// Radius of robot `i`.
@@ -166,7 +163,7 @@ impl Mind for &Kinds {
             };
         }
         let me = (robot.index, kind.radius);
-        let at = collisions.push_out_of_groups(simd, others, &self.groups, me, robot.at);
+        let at = collisions.push_out(simd, others, me, robot.at);
         (at, self.sense(simd, others, Driven { at, ..robot }))
     }
 }
@@ -220,8 +217,9 @@ fn by_species(population: &Population) -> Vec<Group> {
     population.species().iter().map(group).collect()
 }
 
-/// The same robots, neighbouring species of one size as one group.
-fn by_size(species: &[Group]) -> Vec<Group> {
+/// All robots, neighbouring species of one size as one group.
+pub(super) fn by_size(population: &Population) -> Vec<Group> {
+    let species = by_species(population);
     let of_one_size = species.chunk_by(|a, b| a.radius == b.radius);
     let whole = |groups: &[Group]| Group {
         end: groups[groups.len() - 1].end,

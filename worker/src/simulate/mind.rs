@@ -127,7 +127,7 @@ pub(super) fn settle_rays<S: Simd, const SENSORS: usize>(
     let sensed = match others.sense_unless_touched(simd, observer, reach) {
         Some(sensed) => sensed,
         None => {
-            at = collisions.push_out(simd, others, observer.index, at);
+            at = collisions.push_out(simd, others, (observer.index, collisions.diameter() / 2.0), at);
             observer.at = at;
             others.sense(simd, observer, reach)
         }

@@ -23,6 +23,7 @@ pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::rotate;
+use gaze::Group;
 use grid::Grid;
 use kinds::Kinds;
 use mind::{Driven, Mind, Paper, PaperMind};
@@ -133,7 +134,7 @@ impl Swarm {
         Self::at_start(
             arch,
             minds,
-            Collisions::new(world, world.radius(), start),
+            Collisions::new(world, vec![Group::whole(world)], start),
             world,
             start,
         )
@@ -171,8 +172,9 @@ impl Swarm {
         start: &Start,
     ) -> Result<Self, Invalid> {
         kinds::check_fit(controller.population(), world, boundary)?;
-        let kinds = Kinds::new(controller, world, boundary);
-        let collisions = Collisions::new(world, kinds.largest_radius(), start);
+        let groups = kinds::by_size(controller.population());
+        let kinds = Kinds::new(controller, &groups, world, boundary);
+        let collisions = Collisions::new(world, groups, start);
         Self::at_start(arch, Minds::Described(kinds), collisions, world, start)
     }
 

@@ -16,9 +16,6 @@ pub(super) trait Others {
     /// Moves agent `i`.
     fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]);
 
-    /// Lists the agents other than `me` that touch one at `at`, in index order.
-    fn list_touched<S: Simd>(&self, simd: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach);
-
     /// The sensor state of `observer`.
     fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8;
 
@@ -31,7 +28,7 @@ pub(super) trait Others {
     ) -> Option<u8>;
 
     /// Adds to `list` the agents of `group` other than `me` whose centres are nearer than `touch` to `at`, in index order.
-    fn list_touched_of<S: Simd>(
+    fn list_touched<S: Simd>(
         &self,
         simd: S,
         list: &mut Vec<usize>,
@@ -57,25 +54,6 @@ impl Others for Positions {
     }
 
     #[inline(always)]
-    fn list_touched<S: Simd>(&self, simd: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
-        list.clear();
-        let [x, y] = at.map(|value| simd.splat_f64s(value));
-        let touch = simd.splat_f64s(reach.touch);
-        for (b, block) in self.blocks().iter().enumerate() {
-            for (v, lanes) in block.vectors(simd, me.wrapping_sub(b * LANES)).enumerate() {
-                let [ex, ey] = [simd.sub_f64s(lanes.x, x), simd.sub_f64s(lanes.y, y)];
-                let squared = simd.add_f64s(simd.mul_f64s(ex, ex), simd.mul_f64s(ey, ey));
-                let near = simd.and_m64s(lanes.other, simd.less_than_f64s(squared, touch));
-                if simd.first_true_m64s(near) < S::F64_LANES {
-                    let first = b * LANES + v * S::F64_LANES;
-                    let near = |&i: &usize| i != me && reach.touches(self.get(i), at);
-                    list.extend((first..first + S::F64_LANES).filter(near));
-                }
-            }
-        }
-    }
-
-    #[inline(always)]
     fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8 {
         observer.sense(simd, self, reach)
     }
@@ -91,7 +69,7 @@ impl Others for Positions {
     }
 
     #[inline(always)]
-    fn list_touched_of<S: Simd>(
+    fn list_touched<S: Simd>(
         &self,
         simd: S,
         list: &mut Vec<usize>,
@@ -133,10 +111,6 @@ impl Others for Grid {
         self.set(i, at);
     }
 
-    fn list_touched<S: Simd>(&self, _: S, list: &mut Vec<usize>, me: usize, at: [f64; 2], reach: Reach) {
-        self.list_touched(list, me, at, reach);
-    }
-
     fn sense<S: Simd, const SENSORS: usize>(&self, _: S, observer: Observer<SENSORS>, reach: Reach) -> u8 {
         self.sense(&observer, reach)
     }
@@ -151,7 +125,7 @@ impl Others for Grid {
         (!touched).then(|| self.sense(&observer, reach))
     }
 
-    fn list_touched_of<S: Simd>(
+    fn list_touched<S: Simd>(
         &self,
         _: S,
         list: &mut Vec<usize>,

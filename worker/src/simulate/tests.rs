@@ -281,7 +281,7 @@ fn jitter_is_seeded_and_only_where_it_is_asked_for() {
         let poses = Start::seeded(9).poses_for(&world).unwrap().into_owned();
         let mut swarm =
             Swarm::new(&single([0.6, 1.0, 0.4, 0.5]), &world, &Start::at(poses).unwrap()).unwrap();
-        swarm.robots.collisions = Collisions::new(&world, world.radius(), &Start::seeded(seed));
+        swarm.robots.collisions = Collisions::new(&world, vec![Group::whole(&world)], &Start::seeded(seed));
         swarm.advance(20);
         assert!(swarm.jitter_events() > 0);
         bits(&swarm)

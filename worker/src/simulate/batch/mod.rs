@@ -11,7 +11,9 @@ mod look;
 use super::{
     RENORMALISE_EVERY, Start, Walls,
     collide::{Collisions, PASSES},
-    drive, kinds,
+    drive,
+    gaze::Group,
+    kinds,
     sight::Reach,
 };
 use crate::lanes::{
@@ -209,7 +211,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             cones,
             collisions: starts
                 .iter()
-                .map(|start| Collisions::new(world, radius, start))
+                .map(|start| Collisions::new(world, vec![Group { radius, ..Group::whole(world) }], start))
                 .collect(),
             positions: agents
                 .clone()

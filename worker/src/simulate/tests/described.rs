@@ -15,7 +15,7 @@ fn described(controller: &Controller, world: &World) -> SwarmController {
     let robot = Robot::of_model(controller.model(), world.radius(), world.wheel_radius()).unwrap();
     let species = Species::new(name("a"), robot, world.agents()).unwrap();
     let population = Arc::new(Population::new(vec![species]).unwrap());
-    SwarmController::of_paper(population, controller).unwrap()
+    SwarmController::new(population, controller.genes()).unwrap()
 }
 
 /// Sensors of all kinds, in a swarm whose other species is "b".
