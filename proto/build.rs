@@ -4,7 +4,10 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 8] = [
+const WRITTEN_BY_PEOPLE: [&str; 11] = [
+    "Sensor",
+    "Robot",
+    "Species",
     "World",
     "ImageFormat",
     "ControllerSpace",
@@ -41,18 +44,28 @@ fn main() -> Result<(), Box<dyn Error>> {
                 "#[serde(default, deny_unknown_fields)]",
             );
     }
+    for list in [
+        "ControllerSpace.angles",
+        "Sensor.angle_range",
+        "Sensor.angles",
+        "Sensor.sees",
+        "CampaignSpec.species",
+    ] {
+        let skip = "#[serde(skip_serializing_if = \"Vec::is_empty\")]";
+        config = config.field_attribute(format!("murmuration.v1.{list}"), skip);
+    }
     config
         .field_attribute(
-            "murmuration.v1.CampaignSpec.model",
-            "#[serde(with = \"crate::toml_names::model\")]",
+            "murmuration.v1.Sensor.angle",
+            "#[serde(with = \"crate::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.CampaignSpec.ratios",
+            "#[serde(with = \"crate::toml_names::ratios\", skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.method",
             "#[serde(with = \"crate::toml_names::method\")]",
-        )
-        .field_attribute(
-            "murmuration.v1.ControllerSpace.angles",
-            "#[serde(skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.training",

@@ -9,7 +9,7 @@ use murmuration_model::{
     CampaignId, Weight,
     labels::{Action, Change, Labels},
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Purpose, RandomStream, Strategy};
+use murmuration_proto::{CampaignSpec, Controller, Preset, Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use std::{
@@ -33,7 +33,7 @@ fn labelled(store: &Store) -> Done<CampaignId> {
     for generation in 0..ARCHIVE / POPULATION {
         let mut individuals = Vec::new();
         for index in generation * POPULATION..(generation + 1) * POPULATION {
-            let controller = Controller::new(CapabilityModel::SingleSensor, &[0.0; 4])?;
+            let controller = Controller::new(Preset::SingleSensor, &[0.0; 4])?;
             individuals.push(ArchivedIndividual {
                 features: std::array::from_fn(|_| stream.unit()),
                 ..ArchivedIndividual::unmeasured(index, generation as u32, controller)

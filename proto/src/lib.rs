@@ -9,9 +9,7 @@
 
 mod beginning;
 mod campaign_spec;
-mod capability;
 mod checkpoint;
-mod controller;
 mod counted;
 mod dataset;
 mod embedder;
@@ -40,9 +38,7 @@ pub mod training;
 mod world;
 
 pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
-pub use capability::CapabilityModel;
 pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
-pub use controller::Controller;
 pub use counted::{counted, figure, grouped, noun};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
@@ -57,12 +53,12 @@ pub use method::Method;
 pub use random::{Purpose, RandomStream};
 pub use replay::{Frames, Pose, Replay};
 pub use robot::{
-    Boundary, Drive, DriveKind, Population, Preset, Robot, RobotController, Seen, SeenRobots, Sensor,
-    SensorAngle, SensorDescription, Species, SpeciesName, SwarmController,
+    Boundary, CapabilityModel, Controller, Drive, DriveKind, Preset, Robot, RobotController, Seen,
+    SeenRobots, Sensor, SensorAngle, SensorDescription, Species, SpeciesName,
 };
 pub use search::Search;
 pub use seen::SeenPictures;
-pub use space::ControllerSpace;
+pub use space::{ControllerSpace, GeneSpace};
 pub use text::Text;
 pub use toml_errors::TomlError;
 pub use world::World;

@@ -4,8 +4,10 @@
 //! and the angles of the sensors that are free to be chosen.
 
 mod boundary;
+mod capability_model;
 mod controller;
 mod drive;
+mod messages;
 mod preset;
 mod sensor;
 mod species;
@@ -14,11 +16,13 @@ mod species_name;
 mod tests;
 
 pub use boundary::Boundary;
-pub use controller::{RobotController, SwarmController};
+pub use capability_model::CapabilityModel;
+pub use controller::{Controller, RobotController};
 pub use drive::{Drive, DriveKind};
+pub(crate) use messages::{Defaults, ratios, robot};
 pub use preset::Preset;
 pub use sensor::{Seen, SeenRobots, Sensor, SensorAngle, SensorDescription};
-pub use species::{Population, Species};
+pub use species::Species;
 pub use species_name::SpeciesName;
 
 use crate::{Invalid, counted, invalid};

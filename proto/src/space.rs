@@ -1,17 +1,36 @@
 //! The controllers that a search can propose.
 
-use crate::{CapabilityModel, Controller, Invalid, RandomStream, counted, invalid, v1};
+use crate::{CapabilityModel, Controller, Invalid, Preset, RandomStream, SensorAngle, counted, invalid, v1};
 use std::f64::consts::PI;
 
-/// The controller space U(C): wheel speeds on a grid over \[-1, 1\] (or continuous), and a set of sensor angles
-/// (paper, appendix "Informed Heuristic Filtering").
+/// The controller space U(C): speeds on a grid (or continuous), and sets or ranges of sensor angles (paper, appendix "Informed
+/// Heuristic Filtering"); where there are several species, their controllers side by side, and a ratio.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ControllerSpace {
     model: CapabilityModel,
-    /// Grid steps in a unit of speed; 0 for a continuous space.
-    steps_per_unit: u32,
-    /// Empty for the single-sensor model.
+    /// Grid steps from 0 to a largest speed; 0 for a continuous space.
+    steps: u32,
+    /// Choices for every free angle that has no list of its own; empty: any in its range.
     angles: Vec<f64>,
+    genes: Vec<GeneSpace>,
+}
+
+/// The values of one gene of a controller space.
+#[derive(Debug, Clone, PartialEq)]
+pub enum GeneSpace {
+    /// A speed.
+    Speed {
+        /// Its largest magnitude.
+        limit: f64,
+        /// Grid steps from 0 to `limit`; 0 for any value.
+        steps: u32,
+    },
+    /// One of these angles, radians.
+    Among(Vec<f64>),
+    /// Any angle from the lowest to the highest, radians.
+    Within([f64; 2]),
+    /// The place of one of so many ratios.
+    Ratio(usize),
 }
 
 impl ControllerSpace {
@@ -27,100 +46,135 @@ impl ControllerSpace {
     /// Validates a space for `model`.
     ///
     /// # Errors
-    /// Names the invalid field: a step that does not divide 1 evenly, an angle out of range, angles for a model that has
-    /// none.
-    pub fn for_model(message: v1::ControllerSpace, model: CapabilityModel) -> Result<Self, Invalid> {
-        let angles = match model {
-            CapabilityModel::SingleSensor if !message.angles.is_empty() => {
-                let allowed = "absent: the single-sensor model has no second sensor";
-                return Err(Invalid::new("angles", format!("{:?}", message.angles), allowed));
-            }
-            CapabilityModel::SingleSensor => Vec::new(),
-            CapabilityModel::TwoSensor if message.angles.is_empty() => Self::paper_angles(),
-            CapabilityModel::TwoSensor => message.angles,
+    /// Names the invalid field: a step that does not divide 1 evenly, an angle out of a sensor's range, angles for a model that
+    /// has none to choose.
+    pub fn for_model(message: v1::ControllerSpace, model: &CapabilityModel) -> Result<Self, Invalid> {
+        let steps = steps(message.step.unwrap_or(0.1))?;
+        let angles = match model.preset() {
+            Some(Preset::TwoSensor) if message.angles.is_empty() => Self::paper_angles(),
+            _ => message.angles,
         };
-        for (i, &angle) in angles.iter().enumerate() {
-            invalid::real(&format!("angles[{i}]"), angle, -PI..=PI)?;
-        }
-        if angles.len() > 1000 {
-            return Err(Invalid::new(
-                "angles",
-                counted(angles.len() as u64, "value"),
-                "at most 1000 values",
-            ));
-        }
+        check_angles(&angles, model)?;
         Ok(Self {
-            model,
-            steps_per_unit: steps_per_unit(message.step.unwrap_or(0.1))?,
+            genes: genes(model, steps, &angles),
+            model: model.clone(),
+            steps,
             angles,
         })
     }
 
     /// The capability model of these controllers.
     #[must_use]
-    pub const fn model(&self) -> CapabilityModel {
-        self.model
+    pub const fn model(&self) -> &CapabilityModel {
+        &self.model
     }
 
-    /// The possible angles of the second sensor, radians; empty for the single-sensor model.
+    /// The values of each gene, in their order.
     #[must_use]
-    pub fn angles(&self) -> &[f64] {
-        &self.angles
+    pub fn genes(&self) -> &[GeneSpace] {
+        &self.genes
     }
 
     /// A uniform sample of the space.
     pub fn sample(&self, stream: &mut RandomStream) -> Controller {
-        let mut genes = [0.0; 9];
-        let genes = &mut genes[..self.model.genes()];
-        for gene in &mut genes[..self.model.speeds()] {
-            *gene = self.sample_speed(stream);
-        }
-        for gene in &mut genes[self.model.speeds()..] {
-            *gene = self.sample_angle(stream);
-        }
-        self.controller(genes)
-    }
-
-    /// A uniform sample of the space's wheel speeds.
-    pub fn sample_speed(&self, stream: &mut RandomStream) -> f64 {
-        match self.steps_per_unit {
-            0 => stream.between(-1.0, 1.0),
-            steps => {
-                let place = stream.below(2 * u64::from(steps) + 1);
-                (place as f64 - f64::from(steps)) / f64::from(steps)
-            }
-        }
-    }
-
-    /// A uniform sample of the space's angles (0 if there are none).
-    pub fn sample_angle(&self, stream: &mut RandomStream) -> f64 {
-        match self.angles.len() {
-            0 => 0.0,
-            count => self.angles[stream.below(count as u64) as usize],
-        }
-    }
-
-    /// The speed of the space nearest to `speed`.
-    #[must_use]
-    pub fn nearest_speed(&self, speed: f64) -> f64 {
-        let inside = speed.clamp(-1.0, 1.0);
-        match self.steps_per_unit {
-            0 => inside,
-            steps => (inside * f64::from(steps)).round() / f64::from(steps),
-        }
+        let genes: Vec<_> = self.genes.iter().map(|gene| gene.sample(stream)).collect();
+        self.controller(&genes)
     }
 
     /// The controller of these genes, each already a member of the space.
     #[expect(clippy::expect_used, reason = "members of the space are valid genes")]
     pub fn controller(&self, genes: &[f64]) -> Controller {
-        Controller::new(self.model, genes).expect("genes taken from the controller space")
+        Controller::new(&self.model, genes).expect("genes taken from the controller space")
     }
+}
+
+impl GeneSpace {
+    /// A uniform sample.
+    pub fn sample(&self, stream: &mut RandomStream) -> f64 {
+        match self {
+            &Self::Speed { limit, steps: 0 } => limit * stream.between(-1.0, 1.0),
+            &Self::Speed { limit, steps } => {
+                let place = stream.below(2 * u64::from(steps) + 1);
+                limit * ((place as f64 - f64::from(steps)) / f64::from(steps))
+            }
+            Self::Among(angles) => angles[stream.below(angles.len() as u64) as usize],
+            &Self::Within([low, high]) => stream.between(low, high),
+            &Self::Ratio(count) => stream.below(count as u64) as f64,
+        }
+    }
+
+    /// The speed of the space nearest to `share` of the limit; 0 where the gene is not a speed.
+    #[must_use]
+    pub fn nearest_speed(&self, share: f64) -> f64 {
+        let inside = share.clamp(-1.0, 1.0);
+        match *self {
+            Self::Speed { limit, steps: 0 } => limit * inside,
+            Self::Speed { limit, steps } => limit * ((inside * f64::from(steps)).round() / f64::from(steps)),
+            Self::Among(_) | Self::Within(_) | Self::Ratio(_) => 0.0,
+        }
+    }
+}
+
+/// The values of each gene of a model's controllers.
+fn genes(model: &CapabilityModel, steps: u32, angles: &[f64]) -> Vec<GeneSpace> {
+    let mut genes = Vec::with_capacity(model.genes());
+    for species in model.species() {
+        let robot = species.robot();
+        let limits = robot.drive().limits().into_iter().cycle();
+        genes.extend(
+            limits
+                .take(robot.speeds())
+                .map(|limit| GeneSpace::Speed { limit, steps }),
+        );
+        genes.extend(robot.free_angles().map(|(_, free)| match (free.range(), angles) {
+            (Some(range), []) => GeneSpace::Within(range),
+            (Some(_), angles) => GeneSpace::Among(angles.to_vec()),
+            (None, _) => GeneSpace::Among(free.choices().to_vec()),
+        }));
+    }
+    if model.ratios().len() > 1 {
+        genes.push(GeneSpace::Ratio(model.ratios().len()));
+    }
+    genes
+}
+
+/// Checks that there are sensors for these angles, and that each angle is in their ranges.
+fn check_angles(angles: &[f64], model: &CapabilityModel) -> Result<(), Invalid> {
+    if angles.is_empty() {
+        return Ok(());
+    }
+    if angles.len() > SensorAngle::MAX_CHOICES {
+        let allowed = format!("at most {} values", SensorAngle::MAX_CHOICES);
+        return Err(Invalid::new(
+            "angles",
+            counted(angles.len() as u64, "value"),
+            allowed,
+        ));
+    }
+    let free = model
+        .species()
+        .iter()
+        .flat_map(|species| species.robot().free_angles());
+    let ranges: Vec<_> = free.filter_map(|(_, angle)| angle.range()).collect();
+    if ranges.is_empty() {
+        let allowed = match model.preset() {
+            Some(Preset::SingleSensor) => "absent: the single-sensor model has no second sensor".to_owned(),
+            _ => "absent: no sensor has an angle that is free in a range".to_owned(),
+        };
+        return Err(Invalid::new("angles", format!("{angles:?}"), allowed));
+    }
+    for [low, high] in ranges {
+        for (i, &angle) in angles.iter().enumerate() {
+            invalid::real(&format!("angles[{i}]"), angle, low..=high)?;
+        }
+    }
+    Ok(())
 }
 
 impl From<&ControllerSpace> for v1::ControllerSpace {
     fn from(space: &ControllerSpace) -> Self {
         Self {
-            step: Some(match space.steps_per_unit {
+            step: Some(match space.steps {
                 0 => 0.0,
                 steps => 1.0 / f64::from(steps),
             }),
@@ -129,7 +183,7 @@ impl From<&ControllerSpace> for v1::ControllerSpace {
     }
 }
 
-fn steps_per_unit(step: f64) -> Result<u32, Invalid> {
+fn steps(step: f64) -> Result<u32, Invalid> {
     let allowed = "0 (continuous) or a number from 0.0001 to 1 that divides 1 evenly, such as 0.1";
     let steps = (1.0 / step).round();
     match step {
@@ -146,16 +200,16 @@ mod tests {
 
     #[test]
     fn the_grid_is_the_papers_and_every_point_is_sampled() {
-        let space = ControllerSpace::for_model(v1::ControllerSpace::default(), CapabilityModel::SingleSensor)
-            .unwrap();
+        let space =
+            ControllerSpace::for_model(v1::ControllerSpace::default(), &Preset::SingleSensor.into()).unwrap();
         let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
-        let mut seen: Vec<f64> = (0..2000).map(|_| space.sample_speed(&mut stream)).collect();
+        let mut seen: Vec<f64> = (0..2000).map(|_| space.genes()[0].sample(&mut stream)).collect();
         seen.sort_by(f64::total_cmp);
         seen.dedup();
         let grid: Vec<f64> = (-10..=10).map(|i| f64::from(i) / 10.0).collect();
         assert_eq!(seen, grid);
-        assert_eq!(space.nearest_speed(0.26), 0.3);
-        assert_eq!(space.nearest_speed(-7.0), -1.0);
+        assert_eq!(space.genes()[0].nearest_speed(0.26), 0.3);
+        assert_eq!(space.genes()[0].nearest_speed(-7.0), -1.0);
     }
 
     #[test]
@@ -165,7 +219,7 @@ mod tests {
                 step: Some(step),
                 ..Default::default()
             };
-            let error = ControllerSpace::for_model(message, CapabilityModel::TwoSensor).unwrap_err();
+            let error = ControllerSpace::for_model(message, &Preset::TwoSensor.into()).unwrap_err();
             assert_eq!(error.field, "step");
         }
     }

@@ -116,10 +116,13 @@ fn what_is_wrong(message: &str, field: &Field) -> String {
 /// exist.
 fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) -> String {
     let sections = sections();
-    // The path of a recipe's field contains the recipe's name, but the path of an error about it does not.
-    let same = sections
-        .iter()
-        .find(|(name, fields)| name.starts_with(section) && fields.iter().eq(known));
+    // The path of a recipe's field contains the recipe's name, but the path of an error about it does not. A robot's sensors may
+    // be in a species.
+    let bare = without_places(section);
+    let same = sections.iter().find(|(name, fields)| {
+        let near = name.starts_with(&bare) || (!name.is_empty() && bare.ends_with(name));
+        near && fields.iter().eq(known)
+    });
     let (within, here) = match same.map_or(section, |(name, _)| *name) {
         "" => (String::new(), "The top of the file".to_owned()),
         section => (format!(" in [{section}]"), format!("[{section}]")),
@@ -128,6 +131,12 @@ fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) ->
     let meant = meant.map_or(".".to_owned(), |meant| format!(": {meant}"));
     let fields = list(known, "and");
     format!("unknown field `{name}`{within}{meant} {here} has {fields}")
+}
+
+/// `robot.sensors` of `robot.sensors[1]`.
+fn without_places(section: &str) -> String {
+    let is_place = |part: &&str| part.ends_with(']') && part[..part.len() - 1].parse::<usize>().is_ok();
+    section.split('[').filter(|part| !is_place(part)).collect()
 }
 
 /// The section where a misplaced field belongs, or the field that may have been meant.
@@ -206,15 +215,22 @@ fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Field> {
             DeValue::Array(values) => values.iter().any(|value| value.span() == *span),
             _ => false,
         };
-        let mut field = if name.span() == *span || value.span() == *span || is_here(value.get_ref()) {
-            Field {
-                path: Vec::new(),
+        if name.span() == *span || value.span() == *span || is_here(value.get_ref()) {
+            return Some(Field {
+                path: vec![name.get_ref().to_string()],
                 inner: value.get_ref().as_table().map_or_else(Vec::new, names),
+            });
+        }
+        let (mut field, name) = match value.get_ref() {
+            DeValue::Table(inner) => (find(inner, span)?, name.get_ref().to_string()),
+            DeValue::Array(values) => {
+                let mut tables = values.iter().map(|value| value.get_ref().as_table()).enumerate();
+                let (place, found) = tables.find_map(|(place, table)| Some((place, find(table?, span)?)))?;
+                (found, format!("{}[{place}]", name.get_ref()))
             }
-        } else {
-            find(value.get_ref().as_table()?, span)?
+            _ => return None,
         };
-        field.path.insert(0, name.get_ref().to_string());
+        field.path.insert(0, name);
         Some(field)
     })
 }
@@ -338,6 +354,14 @@ mod tests {
         check(
             "[image]\npopluation = 5",
             "did you mean `population`, which belongs in [search]?",
+        );
+        check(
+            "[[species]]\nname = \"a\"\nrobot.sensors = [{}, { agnle = 1.0 }]",
+            "unknown field `agnle` in [robot.sensors]: did you mean `angle`?",
+        );
+        check(
+            "[[species]]\nname = \"a\"\nradius = 3",
+            "unknown field `radius` in [species]: it belongs in [robot] or in [world].",
         );
         check(
             "[training]\nmargin = 5",

@@ -1,6 +1,6 @@
 //! The arena and the agents in it.
 
-use crate::{Invalid, invalid, record::record, v1};
+use crate::{Boundary, CapabilityModel, Invalid, invalid, record::record, v1};
 
 record! {
     /// The arena of a swarm, and the length of a simulation (paper, "Simulation and Data").
@@ -16,9 +16,9 @@ record! {
         padding: f64,
         /// Number of agents, 1 to 10,000.
         agents: u32,
-        /// Radius of an agent's body, over 0.
+        /// Radius of the largest agent's body, over 0.
         radius: f64,
-        /// Radius of a wheel, over 0.
+        /// Radius of the wheels of an agent that does not say its own, over 0.
         wheel_radius: f64,
         /// Duration of one step, over 0.
         dt: f64,
@@ -26,6 +26,8 @@ record! {
         horizon: u32,
         /// Whether collisions add the authors' seeded jitter.
         jitter: bool,
+        /// What is at the edges.
+        boundary: Boundary,
     }
 }
 
@@ -34,6 +36,18 @@ impl World {
     pub const MAX_SIDE: f64 = 10_000.0;
     /// Maximum number of agents in a world.
     pub const MAX_AGENTS: u32 = 10_000;
+
+    /// The paper's world, for robots of this model.
+    ///
+    /// # Errors
+    /// If they do not fit.
+    pub fn for_model(model: &CapabilityModel) -> Result<Self, Invalid> {
+        Self::try_from(v1::World {
+            agents: model.robots(),
+            radius: Some(model.largest_radius()),
+            ..v1::World::default()
+        })
+    }
 
     /// Half the world's diagonal: the R of the paper's Table 1.
     #[must_use]
@@ -60,6 +74,7 @@ impl Default for World {
             dt: 1.0,
             horizon: 1200,
             jitter: false,
+            boundary: Boundary::Walls,
         }
     }
 }
@@ -100,6 +115,10 @@ impl TryFrom<v1::World> for World {
                 1..=10_000_000,
             )?,
             jitter: message.jitter.unwrap_or(default.jitter),
+            boundary: match message.boundary {
+                Some(name) => name.parse()?,
+                None => default.boundary,
+            },
         };
         let needed = 2.0 * world.margin();
         if needed > width.min(height) {
@@ -124,6 +143,7 @@ impl From<World> for v1::World {
             dt: Some(world.dt),
             horizon: Some(world.horizon),
             jitter: Some(world.jitter),
+            boundary: Some(world.boundary.name().to_owned()),
         }
     }
 }

@@ -5,8 +5,8 @@
 
 use murmuration_model::labels::{Labelled, Table, to_csv};
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Purpose,
-    RandomStream, Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
+    CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
+    Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
 };
 use murmuration_worker::case::Case;
 use prost::Message;
@@ -88,7 +88,7 @@ pub fn messages(bytes: &[u8]) {
             let Some(individual) = decoded::<v1::Individual>(bytes) else {
                 return;
             };
-            for model in [CapabilityModel::SingleSensor, CapabilityModel::TwoSensor] {
+            for model in [Preset::SingleSensor, Preset::TwoSensor] {
                 if let Ok(controller) = Controller::new(model, &individual.controller) {
                     let again = Controller::new(controller.model(), controller.genes());
                     assert_eq!(again.as_ref(), Ok(&controller));

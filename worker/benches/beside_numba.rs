@@ -9,7 +9,7 @@ mod cpu_time;
 
 use cpu_time::timed;
 use murmuration_proto::{
-    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, v1,
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
 };
 use murmuration_worker::{
     evaluate::Evaluator,
@@ -100,7 +100,7 @@ fn populations() -> Vec<(&'static str, Vec<Tasks>)> {
     let milling = [0.6, 1.0, 0.4, 0.5];
     let aggregation = [-0.7, -1.0, 1.0, -1.0];
     let nested = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -FRAC_PI_3];
-    let [single, two] = [CapabilityModel::SingleSensor, CapabilityModel::TwoSensor];
+    let [single, two] = [Preset::SingleSensor, Preset::TwoSensor];
     vec![
         ("one sensor, milling", vec![same(single, &milling)]),
         ("one sensor, aggregation", vec![same(single, &aggregation)]),
@@ -114,15 +114,15 @@ fn populations() -> Vec<(&'static str, Vec<Tasks>)> {
     ]
 }
 
-fn same(model: CapabilityModel, genes: &[f64]) -> Tasks {
+fn same(model: Preset, genes: &[f64]) -> Tasks {
     let controller = Controller::new(model, genes).unwrap();
     (0..SWARMS)
-        .map(|seed| (controller, Start::seeded(seed)))
+        .map(|seed| (controller.clone(), Start::seeded(seed)))
         .collect()
 }
 
-fn uniform(model: CapabilityModel) -> Vec<Tasks> {
-    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model).unwrap();
+fn uniform(model: Preset) -> Vec<Tasks> {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), &model.into()).unwrap();
     let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
     let mut draw = |seed| (space.sample(&mut stream), Start::seeded(seed));
     (0..DRAWS)
@@ -131,7 +131,7 @@ fn uniform(model: CapabilityModel) -> Vec<Tasks> {
 }
 
 /// The controllers of `controllers.txt` with these two words before their genes.
-fn listed(kind: &str, name: &str, model: CapabilityModel) -> Vec<Tasks> {
+fn listed(kind: &str, name: &str, model: Preset) -> Vec<Tasks> {
     let list = include_str!("controllers.txt").lines();
     let genes = list.filter_map(|line| line.strip_prefix(kind)?.strip_prefix(' ')?.strip_prefix(name));
     let controllers: Vec<_> = genes
@@ -177,9 +177,9 @@ impl Numba {
                 };
                 json!({
                     "poses": swarm.agents().map(pose).collect::<Vec<_>>(),
-                    "speeds": controller.speeds(),
-                    "angle": controller.angle().unwrap_or_default(),
-                    "sensors": 1 + u32::from(controller.angle().is_some()),
+                    "speeds": controller.robots().flat_map(|robot| robot.pairs().as_flattened()).collect::<Vec<_>>(),
+                    "angle": controller.robots().flat_map(RobotController::angles).last(),
+                    "sensors": controller.model().species()[0].robot().sensors().len(),
                 })
             })
             .collect();

@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use murmuration_proto::{CapabilityModel, Controller, ImageFormat, World};
+use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_worker::{
     evaluate::Evaluator,
     simulate::{Start, Swarm},
@@ -12,10 +12,10 @@ use pulp::Arch;
 use std::{hint::black_box, time::Duration};
 
 /// The paper's milling and nested-cycle controllers.
-const CONTROLLERS: [(CapabilityModel, &[f64]); 2] = [
-    (CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]),
+const CONTROLLERS: [(Preset, &[f64]); 2] = [
+    (Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]),
     (
-        CapabilityModel::TwoSensor,
+        Preset::TwoSensor,
         &[
             0.8,
             0.5,

@@ -1,7 +1,7 @@
 //! Fixed work for `scripts/instruction-counts`, which counts its instructions: one item, so many times.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 
-use murmuration_proto::{CapabilityModel, Controller, ImageFormat, World};
+use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_worker::{
     evaluate::Evaluator,
     rasterise::Rasteriser,
@@ -9,9 +9,9 @@ use murmuration_worker::{
 };
 use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
-const SINGLE: (CapabilityModel, &[f64]) = (CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]);
-const TWO: (CapabilityModel, &[f64]) = (
-    CapabilityModel::TwoSensor,
+const SINGLE: (Preset, &[f64]) = (Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]);
+const TWO: (Preset, &[f64]) = (
+    Preset::TwoSensor,
     &[0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -FRAC_PI_3],
 );
 
@@ -46,19 +46,19 @@ fn work(item: &str) {
     }
 }
 
-fn controller((model, genes): (CapabilityModel, &[f64])) -> Controller {
+fn controller((model, genes): (Preset, &[f64])) -> Controller {
     Controller::new(model, genes).unwrap()
 }
 
 /// The loop of a swarm alone.
-fn simulate(of: (CapabilityModel, &[f64])) {
+fn simulate(of: (Preset, &[f64])) {
     let mut swarm = Swarm::new(&controller(of), &World::default(), &Start::seeded(1)).unwrap();
     swarm.advance(600);
     black_box(swarm);
 }
 
 /// Eight evaluations at once.
-fn evaluate(of: (CapabilityModel, &[f64])) {
+fn evaluate(of: (Preset, &[f64])) {
     let tasks: Vec<_> = (0..8).map(|seed| (controller(of), Start::seeded(seed))).collect();
     let mut evaluator = Evaluator::new(&World::default(), &ImageFormat::default()).unwrap();
     black_box(evaluator.evaluate_all(&tasks).unwrap());

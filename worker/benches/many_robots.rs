@@ -8,7 +8,7 @@
 mod cpu_time;
 
 use cpu_time::timed;
-use murmuration_proto::{CapabilityModel, Controller, World, v1};
+use murmuration_proto::{Controller, Preset, World, v1};
 use murmuration_worker::simulate::{Arch, Start, Swarm};
 use std::{env, hint::black_box};
 
@@ -29,7 +29,7 @@ fn main() {
         "CONTROLLER", "ROBOTS", "ALL PAIRS, ns", "AS IT IS, ns", "RATIO"
     );
     for (name, genes) in CONTROLLERS {
-        let controller = Controller::new(CapabilityModel::SingleSensor, &genes).unwrap();
+        let controller = Controller::new(Preset::SingleSensor, &genes).unwrap();
         for robots in ROBOTS {
             let [pairs, own] = measured(&controller, robots, rounds);
             println!(

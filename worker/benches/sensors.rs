@@ -9,23 +9,18 @@ mod cpu_time;
 
 use cpu_time::timed;
 use murmuration_proto::{
-    Boundary, CapabilityModel, Controller, Drive, ImageFormat, Population, Robot, Sensor, SensorAngle,
-    SensorDescription, Species, SpeciesName, SwarmController, World,
+    CapabilityModel, Controller, Drive, ImageFormat, Preset, Robot, Sensor, SensorAngle, SensorDescription,
+    World,
 };
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
-use std::{env, f64::consts::FRAC_PI_3, hint::black_box, sync::Arc};
+use std::{env, f64::consts::FRAC_PI_3, hint::black_box};
 
 /// What is measured: a name, and evaluations to do at once.
 struct Item {
     name: String,
     sensors: usize,
-    tasks: Tasks,
+    tasks: Vec<(Controller, Start)>,
     best: f64,
-}
-
-enum Tasks {
-    Paper(Vec<(Controller, Start)>),
-    Described(Vec<(SwarmController, Start)>),
 }
 
 /// The wheel speeds of all robots, whatever they see: they all do the same, and collide as often.
@@ -44,14 +39,7 @@ fn main() {
     let mut evaluator = Evaluator::new(&World::default(), &ImageFormat::default()).unwrap();
     for _ in 0..rounds {
         for item in &mut items {
-            let seconds = timed(|| match &item.tasks {
-                Tasks::Paper(tasks) => drop(black_box(evaluator.evaluate_all(tasks).unwrap())),
-                Tasks::Described(tasks) => {
-                    drop(black_box(
-                        evaluator.evaluate_all_species(Boundary::Walls, tasks).unwrap(),
-                    ));
-                }
-            });
+            let seconds = timed(|| drop(black_box(evaluator.evaluate_all(&item.tasks).unwrap())));
             item.best = item.best.min(seconds * 1e6 / TASKS as f64);
         }
     }
@@ -80,14 +68,17 @@ fn report(items: &[Item]) {
 
 fn paper() -> Item {
     let genes = [MOTION.repeat(4), vec![-FRAC_PI_3]].concat();
-    let controller = Controller::new(CapabilityModel::TwoSensor, &genes).unwrap();
-    let task = |seed| (controller, Start::seeded(seed));
     Item {
         name: "two-sensor model".to_owned(),
         sensors: 2,
-        tasks: Tasks::Paper((0..TASKS).map(task).collect()),
+        tasks: tasks(&Controller::new(Preset::TwoSensor, &genes).unwrap()),
         best: f64::INFINITY,
     }
+}
+
+fn tasks(controller: &Controller) -> Vec<(Controller, Start)> {
+    let starts = (0..TASKS).map(Start::seeded);
+    starts.map(|start| (controller.clone(), start)).collect()
 }
 
 /// Sensors that look in as many directions.
@@ -102,17 +93,12 @@ fn described(name: &str, sensors: usize, half_angle: f64, range: Option<f64>) ->
         .unwrap()
     });
     let robot = Robot::new(eyes.collect(), 5.0, Drive::differential(2.0, 1.0).unwrap()).unwrap();
-    let species = Species::new(SpeciesName::parse("name", "a").unwrap(), robot, 24).unwrap();
-    let population = Arc::new(Population::new(vec![species]).unwrap());
-    let task = |seed| {
-        let genes = MOTION.repeat(population.genes() / 2);
-        let controller = SwarmController::new(Arc::clone(&population), &genes).unwrap();
-        (controller, Start::seeded(seed))
-    };
+    let model = CapabilityModel::of_one(robot).unwrap();
+    let genes = MOTION.repeat(model.genes() / 2);
     Item {
         name: name.to_owned(),
         sensors,
-        tasks: Tasks::Described((0..TASKS).map(task).collect()),
+        tasks: tasks(&Controller::new(model, &genes).unwrap()),
         best: f64::INFINITY,
     }
 }

@@ -9,8 +9,7 @@ use crate::{
     rasterise::Rasteriser,
     simulate::{Start, Swarm, batch_is_for},
 };
-use batch::Swarms;
-use murmuration_proto::{Boundary, Controller, Evaluation, ImageFormat, Invalid, SwarmController, World};
+use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World};
 use pulp::Arch;
 
 /// Evaluates controllers in one world, and reuses its buffers.
@@ -52,28 +51,12 @@ impl Evaluator {
     /// The features are means over the last 100 steps. The picture shows all steps of the format's window but the first,
     /// which clears the canvas.
     ///
-    /// # Errors
-    /// If `start` does not fit the world, or a feature is not finite (which no robot of a sensible size reaches).
-    pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
-        let swarm = Swarm::on(self.arch, controller, &self.world, start)?;
-        self.finish(swarm)
-    }
-
-    /// As [`Evaluator::evaluate`], of described robots. In the picture their bodies have the radius of the world's robots.
+    /// In the picture, all bodies have the radius of the world's largest.
     ///
     /// # Errors
-    /// As [`Swarm::of_species`], or if a feature is not finite.
-    pub fn evaluate_species(
-        &mut self,
-        controller: &SwarmController,
-        boundary: Boundary,
-        start: &Start,
-    ) -> Result<Evaluation, Invalid> {
-        let swarm = Swarm::of_species(self.arch, controller, &self.world, boundary, start)?;
-        self.finish(swarm)
-    }
-
-    fn finish(&mut self, mut swarm: Swarm) -> Result<Evaluation, Invalid> {
+    /// As [`Swarm::new`], or if a feature is not finite (which no robot of a sensible size reaches).
+    pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
+        let mut swarm = Swarm::on(self.arch, controller, &self.world, start)?;
         let mut ending = Ending::new(&self.world, &self.format, &mut self.rasteriser);
         swarm.advance(ending.first_step());
         while swarm.steps() < self.world.horizon() {
@@ -83,17 +66,19 @@ impl Evaluator {
         Evaluation::new(ending.features.means(), ending.rasteriser.image(), &self.format)
     }
 
-    /// As [`Evaluator::evaluate`] of each of `tasks` in turn, and faster: the bits are the same.
+    /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
+    /// up to 64 robots whose sensors see all robots and nothing else.
     ///
     /// # Errors
     /// The first error that [`Evaluator::evaluate`] has.
     pub fn evaluate_all(&mut self, tasks: &[(Controller, Start)]) -> Result<Vec<Evaluation>, Invalid> {
         let mut evaluations = Vec::with_capacity(tasks.len());
-        for of_one_model in tasks.chunk_by(|(a, _), (b, _)| a.model() == b.model()) {
-            for tasks in of_one_model.chunks(self.lanes) {
+        for alike in tasks.chunk_by(|(a, _), (b, _)| a.model() == b.model()) {
+            let can_batch = self.lanes > 1 && batch_is_for(alike[0].0.model(), &self.world);
+            for tasks in alike.chunks(self.lanes) {
                 // A vector with half its lanes empty is no faster than its swarms one by one.
-                if 2 * tasks.len() > self.lanes && self.lanes > 1 {
-                    evaluations.extend(self.evaluate_batch(Swarms::Paper(tasks))?);
+                if can_batch && 2 * tasks.len() > self.lanes {
+                    evaluations.extend(self.evaluate_batch(tasks)?);
                 } else {
                     for (controller, start) in tasks {
                         evaluations.push(self.evaluate(controller, start)?);
@@ -104,38 +89,12 @@ impl Evaluator {
         Ok(evaluations)
     }
 
-    /// As [`Evaluator::evaluate_species`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one
-    /// species of up to 64 robots whose sensors see robots and nothing else.
-    ///
-    /// # Errors
-    /// The first error that [`Evaluator::evaluate_species`] has.
-    pub fn evaluate_all_species(
-        &mut self,
-        boundary: Boundary,
-        tasks: &[(SwarmController, Start)],
-    ) -> Result<Vec<Evaluation>, Invalid> {
-        let mut evaluations = Vec::with_capacity(tasks.len());
-        for alike in tasks.chunk_by(|(a, _), (b, _)| a.population() == b.population()) {
-            let can_batch = batch_is_for(alike[0].0.population());
-            for tasks in alike.chunks(self.lanes) {
-                if can_batch && 2 * tasks.len() > self.lanes && self.lanes > 1 {
-                    evaluations.extend(self.evaluate_batch(Swarms::Described(boundary, tasks))?);
-                } else {
-                    for (controller, start) in tasks {
-                        evaluations.push(self.evaluate_species(controller, boundary, start)?);
-                    }
-                }
-            }
-        }
-        Ok(evaluations)
-    }
-
-    fn evaluate_batch(&mut self, swarms: Swarms<'_>) -> Result<Vec<Evaluation>, Invalid> {
+    fn evaluate_batch(&mut self, tasks: &[(Controller, Start)]) -> Result<Vec<Evaluation>, Invalid> {
         self.arch.dispatch(batch::Tasks {
             world: &self.world,
             format: &self.format,
             rasteriser: &mut self.rasteriser,
-            swarms,
+            tasks,
         })
     }
 }

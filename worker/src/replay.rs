@@ -17,14 +17,7 @@ pub fn replay(
     start: &Start,
     stride: NonZeroU32,
 ) -> Result<Replay, Invalid> {
-    replay_swarm(Swarm::new(controller, world, start)?, world, stride)
-}
-
-/// As [`replay`], of a swarm at its start.
-///
-/// # Errors
-/// If the replay would hold more than [`MAX_POSES`], or a pose is not finite.
-pub fn replay_swarm(swarm: Swarm, world: &World, stride: NonZeroU32) -> Result<Replay, Invalid> {
+    let swarm = Swarm::new(controller, world, start)?;
     let horizon = world.horizon();
     let frames = u64::from(horizon.div_ceil(stride.get())) + 1;
     let poses = frames * u64::from(world.agents());
@@ -69,14 +62,14 @@ fn record(mut swarm: Swarm, wanted: impl Iterator<Item = u32>, count: u64) -> Re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{CapabilityModel, v1};
+    use murmuration_proto::{Preset, v1};
 
     fn recorded(horizon: u32, stride: u32) -> Result<Replay, Invalid> {
         let message = v1::World {
             horizon: Some(horizon),
             ..World::default().into()
         };
-        let controller = Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5])?;
+        let controller = Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5])?;
         let world = World::try_from(message)?;
         replay(
             &controller,
@@ -107,7 +100,7 @@ mod tests {
     #[test]
     fn the_end_of_a_motion_is_the_same_whether_or_not_more_is_recorded() {
         let whole = recorded(1200, 4).unwrap();
-        let controller = Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap();
+        let controller = Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap();
         let world = World::default();
         let frames = Frames::of_end(160, NonZeroU32::new(4).unwrap(), &world);
         let end = replay_frames(&controller, &world, &Start::seeded(4), &frames).unwrap();

@@ -35,7 +35,7 @@ impl EvaluationJob {
         Self {
             campaign: record.id.clone(),
             weight: record.weight,
-            model: record.spec.model(),
+            model: record.spec.model().clone(),
             world: *record.spec.world(),
             image: *record.spec.image(),
             embedder,

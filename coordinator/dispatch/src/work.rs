@@ -126,7 +126,7 @@ impl Work for EvaluationJob {
         let tasks = places.iter().map(|&place| &self.tasks[place]);
         let checkpoint = self.embedder.map(|embedder| embedder.checkpoint.to_string());
         v1::lease::Work::Evaluations(v1::EvaluationBatch {
-            model: v1::CapabilityModel::from(self.model) as i32,
+            model: Some((&self.model).into()),
             world: Some(self.world.into()),
             image: Some(self.image.into()),
             tasks: tasks.map(|(controller, seed)| task(controller, *seed)).collect(),
@@ -139,7 +139,7 @@ impl Work for EvaluationJob {
             return Err(other_work());
         };
         let dimensions = self.embedder.map(|embedder| embedder.dimensions);
-        let bounds = FeatureBounds::of(&self.world);
+        let bounds = FeatureBounds::of(&self.model, &self.world);
         let take = |evaluation| {
             let evaluation = Evaluation::for_format(evaluation, &self.image, dimensions)?;
             bounds.check(evaluation.features())?;
@@ -239,7 +239,7 @@ impl Work for ReplayJob {
 
     fn batch(&self, _places: &[usize]) -> v1::lease::Work {
         v1::lease::Work::Replay(v1::ReplayTask {
-            model: v1::CapabilityModel::from(self.controller.model()) as i32,
+            model: Some(self.controller.model().into()),
             world: Some(self.world.into()),
             task: Some(task(&self.controller, self.seed)),
             stride: self.frames.stride().get(),
@@ -265,7 +265,8 @@ impl Work for ReplayJob {
             return Err(Invalid::new("replay.agents", replay.agents(), agents.to_string()));
         }
         let poses = replay.frames().flatten();
-        check_positions(&self.world, poses.map(|&[x, y, _]| [x.into(), y.into()]))?;
+        let positions = poses.map(|&[x, y, _]| [x.into(), y.into()]);
+        check_positions(self.controller.model(), &self.world, positions)?;
         Ok(vec![replay])
     }
 

@@ -96,9 +96,9 @@ impl SyntheticAnnotator {
     }
 
     async fn answer(&self, record: &CampaignRecord, index: u64) -> Result<Change, AnnotatorError> {
-        let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model());
+        let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model().clone());
         let ArchivedIndividual { controller, seed, .. } =
-            blocking(move || store.individual(&id, model, index)).await??;
+            blocking(move || store.individual(&id, &model, index)).await??;
         let world: World = *record.spec.world();
         let job = ReplayJob {
             campaign: record.id.clone(),

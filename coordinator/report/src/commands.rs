@@ -22,14 +22,13 @@ pub(super) fn write_labels(report: &Report) -> String {
 pub(super) fn simulate(spec: &CampaignSpec, entry: &Entry, gif: &str) -> String {
     let model = spec.model();
     let genes: Vec<String> = entry.controller.genes().iter().map(f64::to_string).collect();
-    let world = if *spec.world() == World::default() {
-        ""
-    } else {
-        " --spec spec.toml"
+    let robots = match model.preset() {
+        Some(preset) if *spec.world() == World::default() => format!("--model {preset}"),
+        _ => "--spec spec.toml".to_owned(),
     };
     // Brackets, so that a first gene below zero is not taken for an option.
     format!(
-        "murmuration simulate{world} --model {model} --controller \"[{}]\" --seed {} --gif {gif}",
+        "murmuration simulate {robots} --controller \"[{}]\" --seed {} --gif {gif}",
         genes.join(", "),
         entry.seed
     )

@@ -80,18 +80,14 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
 
 /// The columns of a table of individuals: its own, then what is known of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
-    let model = report.spec.model();
     let known = ["generation", "seed", "novelty_when_evaluated"]
         .into_iter()
         .chain(FEATURE_NAMES);
-    let speeds = (0..model.speeds() / 2).flat_map(|state| [format!("vl{state}"), format!("vr{state}")]);
-    let angles = (0..model.angles()).map(|_| "angle".to_owned());
     let embedding = (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"));
     own.iter()
         .cloned()
         .chain(known.map(str::to_owned))
-        .chain(speeds)
-        .chain(angles)
+        .chain(report.spec.model().gene_names())
         .chain(embedding)
         .chain(["class".to_owned()])
         .collect()

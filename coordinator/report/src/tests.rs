@@ -6,7 +6,7 @@ use super::{
 };
 use crate::picture::sample::decode_png;
 use murmuration_model::{Round, labels::GivenClass};
-use murmuration_proto::{CapabilityModel, CheckpointDigest};
+use murmuration_proto::{CheckpointDigest, Preset};
 use std::fs;
 
 fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {
@@ -267,7 +267,7 @@ fn tables_hold_every_number_exactly() {
     };
     let archive = table("archive.csv");
     assert_eq!(archive.len(), 1 + report.individuals.len());
-    assert_eq!(archive[0][12..].join(","), "vl0,vr0,vl1,vr1,class");
+    assert_eq!(archive[0][12..].join(","), "left_0,right_0,left_1,right_1,class");
     for (index, (row, entry)) in archive[1..].iter().zip(&report.individuals).enumerate() {
         let expected = [index as f64, f64::from(report.clusters[index] + 1)]
             .into_iter()
@@ -339,9 +339,7 @@ fn commands_repeat_what_the_card_shows() {
     for medoid in &report.medoids {
         let entry = &report.individuals[medoid.index as usize];
         let command = commands::simulate(&report.spec, entry, "a.gif");
-        assert!(
-            command.contains("--model two-sensor") && command.contains(&format!("--seed {} ", entry.seed))
-        );
+        assert!(command.contains(&format!("--seed {} ", entry.seed)), "{command}");
         assert!(
             command.contains("--spec spec.toml"),
             "the world is not the default: {command}"
@@ -349,7 +347,7 @@ fn commands_repeat_what_the_card_shows() {
         let genes = command.split(['[', ']']).nth(1).unwrap().split(", ");
         let genes: Vec<f64> = genes.map(|gene| gene.parse().unwrap()).collect();
         assert_eq!(
-            Controller::new(CapabilityModel::TwoSensor, &genes).unwrap(),
+            Controller::new(Preset::TwoSensor, &genes).unwrap(),
             entry.controller
         );
     }

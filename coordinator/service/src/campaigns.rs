@@ -184,9 +184,9 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         tokio::spawn(async move {
             let mut next = 0;
             loop {
-                let (id, model) = (record.id.clone(), record.spec.model());
+                let (id, model) = (record.id.clone(), record.spec.model().clone());
                 let read = api
-                    .read(move |store| store.individuals(&id, model, next..next + chunk, images))
+                    .read(move |store| store.individuals(&id, &model, next..next + chunk, images))
                     .await;
                 let last = read
                     .as_ref()

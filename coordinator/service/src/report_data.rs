@@ -177,7 +177,7 @@ fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
 async fn archive<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
-    model: CapabilityModel,
+    model: &CapabilityModel,
 ) -> Result<Vec<Entry>, ReportDataError>
 where
     C: GrpcService<Body> + Send,
@@ -199,7 +199,7 @@ where
     Ok(entries)
 }
 
-fn entry(individual: &v1::Individual, model: CapabilityModel) -> Result<Entry, Invalid> {
+fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, Invalid> {
     Ok(Entry {
         generation: individual.generation,
         controller: Controller::new(model, &individual.controller)?,

@@ -11,7 +11,7 @@ use super::{
 };
 use murmuration_link::errln;
 use murmuration_proto::{
-    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, grouped, v1,
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, World, grouped, v1,
 };
 use murmuration_trainer::bench as train;
 use murmuration_worker::{
@@ -104,7 +104,7 @@ fn simulations(seconds: f64, as_json: bool) -> Result<(), CliError> {
         right("EVALUATIONS/S"),
         right("x SCALAR"),
     ]);
-    for model in CapabilityModel::ALL {
+    for model in Preset::PAPER {
         for (what, full) in [("simulation", false), ("simulation + features + image", true)] {
             let [scalar, fast] = alternately(model, full, span)?;
             let ratio = fast / scalar;
@@ -139,8 +139,8 @@ fn span(seconds: f64) -> Result<Duration, CliError> {
 
 /// Evaluations a second, scalar and with this machine's best instructions: the same uniform sample of the paper's
 /// controllers in turns, so that whatever else the machine does disturbs both alike.
-fn alternately(model: CapabilityModel, full: bool, span: Duration) -> Result<[f64; 2], CliError> {
-    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model)?;
+fn alternately(model: Preset, full: bool, span: Duration) -> Result<[f64; 2], CliError> {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), &model.into())?;
     let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
     let arches = [Arch::Scalar, Arch::new()];
     let mut evaluators = [evaluator(arches[0])?, evaluator(arches[1])?];

@@ -184,7 +184,7 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
             state(&campaign),
             stage(&campaign).to_owned(),
             format!("{done}/{all}"),
-            spec.model().name().to_owned(),
+            spec.model().to_string(),
             spec.method().name().to_owned(),
         ]);
     }

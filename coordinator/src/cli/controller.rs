@@ -1,12 +1,12 @@
 //! Controllers as people type them.
 
 use super::CliError;
-use murmuration_proto::{CapabilityModel, Controller, Invalid, counted, text::quoted};
+use murmuration_proto::{CapabilityModel, Controller, Invalid, Preset, counted, text::quoted};
 use std::{f64::consts::PI, ffi::OsString};
 
-/// Reads `0.6,1,0.4,0.5`, also in brackets, as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Nine values make a two-sensor
-/// controller, whose angle may be written like `-pi/3` or `2pi/3`.
-pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
+/// Reads `0.6,1,0.4,0.5`, also in brackets, as controllers are printed: `[0.6, 1, 0.4, 0.5]`. Angles may be written like
+/// `-pi/3` or `2pi/3`. Without a `model`, it is the paper's with as many genes.
+pub(super) fn parse(text: &str, model: Option<&CapabilityModel>) -> Result<Controller, CliError> {
     let text = text.trim();
     let in_brackets = text.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let genes = in_brackets
@@ -14,10 +14,13 @@ pub(super) fn parse(text: &str) -> Result<Controller, CliError> {
         .split(',')
         .map(|gene| number(gene.trim()).ok_or_else(|| Invalid::new("controller", quoted(text), FORM)))
         .collect::<Result<Vec<_>, _>>()?;
-    let model = CapabilityModel::ALL
-        .into_iter()
-        .find(|model| model.genes() == genes.len())
-        .ok_or_else(|| Invalid::new("controller", counted(genes.len() as u64, "value"), FORM))?;
+    if let Some(model) = model {
+        return Ok(Controller::new(model, &genes)?);
+    }
+    let models = Preset::PAPER.map(CapabilityModel::from);
+    let found = models.into_iter().find(|model| model.genes() == genes.len());
+    let model =
+        found.ok_or_else(|| Invalid::new("controller", counted(genes.len() as u64, "value"), FORM))?;
     Ok(Controller::new(model, &genes)?)
 }
 
@@ -64,7 +67,7 @@ mod tests {
 
     #[track_caller]
     fn check(text: &str, genes: &[f64]) {
-        assert_eq!(parse(text).unwrap().genes(), genes);
+        assert_eq!(parse(text, None).unwrap().genes(), genes);
     }
 
     #[test]
@@ -116,7 +119,7 @@ mod tests {
             "0 0 0 0",
             "0,0,,0,0",
         ] {
-            let error = parse(bad).unwrap_err().to_string();
+            let error = parse(bad, None).unwrap_err().to_string();
             assert!(error.starts_with("controller"), "{error}");
         }
     }

@@ -35,7 +35,7 @@ impl Filter {
         }
         let controllers = texts
             .iter()
-            .map(|text| controller::parse(text))
+            .map(|text| controller::parse(text, None))
             .collect::<Result<Vec<_>, _>>()?;
         if as_json {
             json::print_all(controllers.iter().map(document))?;

@@ -7,7 +7,9 @@ use super::{
     run::read_spec,
 };
 use murmuration_link::{InputKind, outln};
-use murmuration_proto::{CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Preset, Replay, World,
+};
 use murmuration_report::picture::{self, Animation, Colouring, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
@@ -35,14 +37,17 @@ pub(super) struct Simulate {
     /// Wheel speeds (and angle) of a controller, separated by commas: -0.7,0.3,1,1
     #[arg(long, required_unless_present = "case", conflicts_with = "case")]
     controller: Option<String>,
-    /// Capability model, checked against the length of the controller
-    #[arg(long, requires = "controller")]
-    model: Option<CapabilityModel>,
+    /// Robots by name: single-sensor, two-sensor, flockbots or turbopi [default: the paper's with as many numbers]
+    #[arg(long, value_name = "NAME", requires = "controller")]
+    model: Option<Preset>,
+    /// File that describes the robots, and their world if it is not the paper's, as a campaign file does
+    #[arg(long, value_name = "FILE", requires = "controller", conflicts_with = "model")]
+    robot: Option<PathBuf>,
     /// Seed of the swarm's start
     #[arg(long, default_value_t = 1, conflicts_with = "case")]
     seed: u64,
-    /// Campaign file whose world and image format to use [default: the paper's]
-    #[arg(long, value_name = "SPEC.toml", conflicts_with = "case")]
+    /// Campaign file whose robots, world and image format to use [default: the paper's]
+    #[arg(long, value_name = "SPEC.toml", conflicts_with_all = ["case", "model", "robot"])]
     spec: Option<PathBuf>,
     /// Reference case to simulate; prints the case with the simulated values
     #[arg(long, value_name = "FILE")]
@@ -63,7 +68,7 @@ impl Simulate {
         self.check_files()?;
         match (&self.case, &self.controller) {
             (Some(case), _) => self.simulate_case(case),
-            (None, Some(controller)) => self.simulate_controller(&controller::parse(controller)?, as_json),
+            (None, Some(controller)) => self.simulate_controller(controller, as_json),
             (None, None) => Err(CliError::Input(
                 "a controller is missing: give --controller or --case".to_owned(),
             )),
@@ -82,18 +87,35 @@ impl Simulate {
         named.try_for_each(|(kind, option, path)| kind.check(option, path))
     }
 
-    fn simulate_controller(&self, controller: &Controller, as_json: bool) -> Result<(), CliError> {
-        if let Some(model) = self.model.filter(|&model| model != controller.model()) {
-            let allowed = format!("{} values for the {model} model", model.genes());
-            return Err(Invalid::new("controller", controller, allowed).into());
+    /// The robots if any are named or described, their world, and the format of their picture.
+    fn robots(&self) -> Result<(Option<CapabilityModel>, World, ImageFormat), CliError> {
+        if let Some(path) = &self.spec {
+            let spec = read_spec(path, None)?;
+            return Ok((Some(spec.model().clone()), *spec.world(), *spec.image()));
         }
-        let (world, format) = match &self.spec {
-            Some(path) => read_spec(path, None).map(|spec| (*spec.world(), *spec.image()))?,
-            None => (World::default(), ImageFormat::default()),
-        };
+        let format = ImageFormat::default();
+        if let Some(path) = &self.robot {
+            let text = read_words(path, InputKind::Campaign)?;
+            let named = |error| CliError::Input(format!("{}: {error}", path.display()));
+            let (model, world) = CampaignSpec::robots_from_toml(&text).map_err(named)?;
+            return Ok((Some(model), world, format));
+        }
+        Ok(match self.model.map(CapabilityModel::from) {
+            Some(model) => {
+                let world = World::for_model(&model)?;
+                (Some(model), world, format)
+            }
+            None => (None, World::default(), format),
+        })
+    }
+
+    fn simulate_controller(&self, genes: &str, as_json: bool) -> Result<(), CliError> {
+        let (model, world, format) = self.robots()?;
+        let controller = &controller::parse(genes, model.as_ref())?;
         let start = Start::seeded(self.seed);
         let evaluation = evaluate(controller, &world, &format, &start)?;
-        self.write_motion(&world, format.window(), Colouring::Agents, |stride| {
+        let species = species(controller, &world);
+        self.write_motion(&world, format.window(), colouring(&species), |stride| {
             replay(controller, &world, &start, stride)
         })?;
         if let Some(path) = &self.image {
@@ -141,16 +163,27 @@ impl Simulate {
         let named = |error| CliError::Input(format!("{}: {error}", path.display()));
         let case = Case::from_json(&read_words(path, InputKind::Case)?).map_err(named)?;
         let outcome = case.run().map_err(named)?;
-        let species: Vec<usize> = match case.species() {
-            Some(controller) => controller.population().species_of_robots().collect(),
-            None => Vec::new(),
-        };
-        let colouring = match species.last() {
-            Some(1..) => Colouring::Species(&species),
-            _ => Colouring::Agents,
-        };
+        let species = species(case.controller(), case.world());
         let window = ImageFormat::default().window();
-        self.write_motion(case.world(), window, colouring, |stride| case.replay(stride))?;
+        self.write_motion(case.world(), window, colouring(&species), |stride| {
+            case.replay(stride)
+        })?;
         Ok(outln!("{outcome}")?)
+    }
+}
+
+/// The species of each robot, by its place.
+fn species(controller: &Controller, world: &World) -> Vec<usize> {
+    let counts = controller.counts(world.agents()).into_iter().enumerate();
+    counts
+        .flat_map(|(place, count)| std::iter::repeat_n(place, count as usize))
+        .collect()
+}
+
+/// Robots of several species have the colours of their species.
+fn colouring(species: &[usize]) -> Colouring<'_> {
+    match species.last() {
+        Some(1..) => Colouring::Species(species),
+        _ => Colouring::Agents,
     }
 }

@@ -32,10 +32,10 @@ impl Pretrained {
             return Err(Invalid::new("method", format!("\"{}\"", spec.method()), allowed).into());
         };
         let tasks = dataset_tasks(spec, dataset, 0..u64::from(dataset.controllers()))?;
-        let images = tasks.par_iter().map(|&(controller, seed)| {
+        let images = tasks.par_iter().map(|(controller, seed)| {
             let mut evaluator = Evaluator::new(spec.world(), spec.image())?;
             Ok(evaluator
-                .evaluate(&controller, &Start::seeded(seed))?
+                .evaluate(controller, &Start::seeded(*seed))?
                 .into_image())
         });
         let images = images.collect::<Result<Vec<_>, Invalid>>()?.concat();

@@ -6,7 +6,7 @@
 //! Holds one generation in memory at a time, and prints what was written.
 
 use murmuration_model::{MachineId, Maker, Weight};
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, EmbeddingKind, Purpose, RandomStream};
+use murmuration_proto::{CampaignSpec, Controller, EmbeddingKind, Preset, Purpose, RandomStream};
 use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
 use std::{
     env, error::Error, f64::consts::TAU, io::Write as _, path::Path, process::ExitCode, time::Instant,
@@ -40,11 +40,7 @@ fn individual(index: u64, generation: u32) -> Result<ArchivedIndividual, Box<dyn
         features,
         novelty: stream.unit(),
         image: Some(picture(&mut stream)),
-        ..ArchivedIndividual::unmeasured(
-            index,
-            generation,
-            Controller::new(CapabilityModel::SingleSensor, &genes)?,
-        )
+        ..ArchivedIndividual::unmeasured(index, generation, Controller::new(Preset::SingleSensor, &genes)?)
     })
 }
 

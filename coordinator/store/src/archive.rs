@@ -169,7 +169,7 @@ impl Store {
     pub fn individuals(
         &self,
         campaign: &CampaignId,
-        model: CapabilityModel,
+        model: &CapabilityModel,
         range: Range<u64>,
         with_images: bool,
     ) -> Result<Vec<ArchivedIndividual>, StoreError> {
@@ -204,7 +204,7 @@ impl Store {
     pub fn individual(
         &self,
         campaign: &CampaignId,
-        model: CapabilityModel,
+        model: &CapabilityModel,
         index: u64,
     ) -> Result<ArchivedIndividual, StoreError> {
         self.one(campaign, model, index, true)
@@ -214,7 +214,7 @@ impl Store {
     pub(super) fn one(
         &self,
         campaign: &CampaignId,
-        model: CapabilityModel,
+        model: &CapabilityModel,
         index: u64,
         with_image: bool,
     ) -> Result<ArchivedIndividual, StoreError> {
@@ -364,7 +364,7 @@ fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>
 /// The individual in a row, with its image if there is something to decompress that with.
 fn individual(
     row: &Row<'_>,
-    model: CapabilityModel,
+    model: &CapabilityModel,
     images: Option<&mut Decompressor>,
 ) -> Result<ArchivedIndividual, StoreError> {
     let index: i64 = row.get(0)?;
@@ -407,7 +407,7 @@ impl ArchivedIndividual {
     /// A swarm that never moved.
     #[cfg(test)]
     pub(crate) fn still(index: u64, generation: u32) -> Self {
-        let controller = Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap();
+        let controller = Controller::new(murmuration_proto::Preset::SingleSensor, &[0.0; 4]).unwrap();
         Self::unmeasured(index, generation, controller)
     }
 }

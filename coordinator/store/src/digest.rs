@@ -25,7 +25,7 @@ pub struct ArchiveDigest {
 pub fn digest(
     store: &Store,
     campaign: &CampaignId,
-    model: CapabilityModel,
+    model: &CapabilityModel,
 ) -> Result<ArchiveDigest, StoreError> {
     let mut hasher = blake3::Hasher::new_derive_key("murmuration archive v1");
     let mut evaluations = 0;

@@ -64,7 +64,7 @@ impl Store {
     pub fn picture(
         &self,
         campaign: &CampaignId,
-        model: CapabilityModel,
+        model: &CapabilityModel,
         place: u64,
     ) -> Result<Picture, StoreError> {
         self.read(|connection| {

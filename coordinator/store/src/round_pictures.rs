@@ -32,7 +32,7 @@ pub struct RoundPictures {
 }
 
 /// A labelled controller to be simulated from another start.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct FurtherStart {
     /// The controller.
     pub controller: Controller,
@@ -68,7 +68,7 @@ impl Store {
                 match further.get(&(seed, floats_to_blob(controller.genes()))) {
                     Some(&place) => round.pictures.push((RoundPicture::Further(place), class)),
                     None => round.missing.push(FurtherStart {
-                        controller,
+                        controller: controller.clone(),
                         seed,
                         labelled,
                     }),

@@ -5,13 +5,11 @@ mod switches;
 
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
-use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, Lineage,
-};
+use murmuration_proto::{CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Lineage, Preset};
 use murmuration_search::medoids::Clustering;
 use std::fs;
 
-const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
+const MODEL: Preset = Preset::SingleSensor;
 
 fn open() -> (tempfile::TempDir, Store) {
     let folder = tempfile::tempdir().unwrap();
@@ -122,7 +120,7 @@ fn a_committed_generation_reads_back_to_the_bit() {
     let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
     commit(&store, &id, 0).unwrap();
     commit(&store, &id, 1).unwrap();
-    let read = store.individuals(&id, MODEL, 1..100, true).unwrap();
+    let read = store.individuals(&id, &MODEL.into(), 1..100, true).unwrap();
     assert_eq!(read, [individual(1), individual(2), individual(3)]);
     assert!(read[0].features[2].is_sign_negative());
     assert_eq!(store.generations(&id).unwrap().len(), 2);
@@ -189,7 +187,7 @@ fn what_is_not_there_is_named() {
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
     let error = store.campaign("nobody-7").unwrap_err().to_string();
     assert!(error.contains("no campaign \"nobody-7\""), "{error}");
-    let error = store.individual(&id, MODEL, 5).unwrap_err().to_string();
+    let error = store.individual(&id, &MODEL.into(), 5).unwrap_err().to_string();
     assert!(error.contains("no individual 5: its archive holds 0"), "{error}");
 }
 

@@ -1,5 +1,8 @@
 //! What is at the edges of an arena.
 
+use crate::{Invalid, text};
+use std::{fmt, str::FromStr};
+
 /// What happens to a robot at the edges of its world.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Boundary {
@@ -8,4 +11,36 @@ pub enum Boundary {
     Walls,
     /// Nothing: robots may leave the world, and no sensor sees a wall.
     Open,
+}
+
+impl Boundary {
+    /// Every boundary.
+    pub const ALL: [Self; 2] = [Self::Walls, Self::Open];
+
+    /// Its name in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Walls => "walls",
+            Self::Open => "open",
+        }
+    }
+}
+
+impl FromStr for Boundary {
+    type Err = Invalid;
+
+    fn from_str(name: &str) -> Result<Self, Invalid> {
+        let found = Self::ALL.into_iter().find(|boundary| boundary.name() == name);
+        found.ok_or_else(|| {
+            let names = Self::ALL.map(|boundary| text::quoted(boundary.name()).to_string());
+            Invalid::new("boundary", text::quoted(name), names.join(" or "))
+        })
+    }
+}
+
+impl fmt::Display for Boundary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }

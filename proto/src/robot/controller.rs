@@ -1,133 +1,182 @@
-//! The numbers that control robots: a pair of speeds for each sensor state, and the free angles.
+//! The numbers that control robots: a pair of speeds for each sensor state, the free angles, and the ratio of the species.
 
-use super::{Population, Robot};
-use crate::{Invalid, counted, invalid};
-use std::sync::Arc;
+use super::{CapabilityModel, Robot};
+use crate::{Invalid, invalid};
+use std::fmt;
 
-/// The controller of one kind of robot.
+/// A controller of a swarm: the genes of all its species, which [`CapabilityModel::gene_names`] names (paper, Eq. 2 and 4).
 ///
 /// Negative zero becomes zero, so that equal controllers have equal bits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct RobotController {
-    genes: Vec<f64>,
-    /// How many of the genes are speeds.
-    speeds: usize,
-    /// The angle of each sensor, fixed or chosen.
-    angles: Vec<f64>,
+pub struct Controller {
+    model: CapabilityModel,
+    genes: Box<[f64]>,
 }
 
-/// A controller for each species of a swarm.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SwarmController {
-    population: Arc<Population>,
-    controllers: Vec<RobotController>,
+/// The part of a controller that controls the robots of one species.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RobotController<'a> {
+    robot: &'a Robot,
+    genes: &'a [f64],
 }
 
-impl RobotController {
-    /// A controller for `robot` from its genes, which [`Robot::gene_names`] names: a pair for each of the 2^k sensor states in
-    /// their order, then the free angles.
+impl Controller {
+    /// A controller for `model` from its genes: of each species, a pair of speeds for each sensor state, then the free angles;
+    /// at last the ratio, if there are several.
     ///
     /// # Errors
     /// Says which gene is out of range, or how many genes there should have been.
-    pub fn new(robot: &Robot, genes: &[f64]) -> Result<Self, Invalid> {
-        Self::starting_at(robot, genes, 0)
-    }
-
-    /// As [`RobotController::new`], in an error the first gene having the number `first`.
-    fn starting_at(robot: &Robot, genes: &[f64], first: usize) -> Result<Self, Invalid> {
-        if genes.len() != robot.genes() {
-            return Err(wrong_count(genes.len(), robot.genes()));
+    pub fn new(model: impl Into<CapabilityModel>, genes: &[f64]) -> Result<Self, Invalid> {
+        let model = model.into();
+        if genes.len() != model.genes() {
+            let allowed = format!("{} values for the {model} model", model.genes());
+            return Err(Invalid::new("controller", format!("{genes:?}"), allowed));
         }
-        let field = |i: usize| format!("controller[{}]", first + i);
         let mut checked = Vec::with_capacity(genes.len());
-        for (i, &speed) in genes[..robot.speeds()].iter().enumerate() {
-            let limit = robot.drive().limits()[i % 2];
-            checked.push(invalid::real(&field(i), speed, -limit..=limit)? + 0.0);
+        for species in model.species() {
+            let own = &genes[checked.len()..][..species.robot().genes()];
+            check_genes(species.robot(), own, &mut checked)?;
         }
-        let mut angles = Vec::with_capacity(robot.sensors().len());
-        for sensor in robot.sensors() {
-            angles.push(match sensor.angle().value() {
-                Some(angle) => angle,
-                None => {
-                    let i = checked.len();
-                    let angle = sensor.angle().chosen(&field(i), genes[i])?;
-                    checked.push(angle);
-                    angle
-                }
-            });
+        if let Some(&ratio) = genes.get(checked.len()) {
+            checked.push(check_ratio(checked.len(), ratio, model.ratios().len())?);
         }
         Ok(Self {
-            genes: checked,
-            speeds: robot.speeds(),
-            angles,
+            model,
+            genes: checked.into(),
         })
     }
 
-    /// All genes: the pairs, then the free angles.
+    /// The capability model of the swarm.
     #[must_use]
-    pub fn genes(&self) -> &[f64] {
+    pub const fn model(&self) -> &CapabilityModel {
+        &self.model
+    }
+
+    /// All genes.
+    #[must_use]
+    pub const fn genes(&self) -> &[f64] {
         &self.genes
+    }
+
+    /// The controller of the robots of each species, in their order.
+    pub fn robots(&self) -> impl Iterator<Item = RobotController<'_>> + Clone {
+        let mut first = 0;
+        self.model.species().iter().map(move |species| {
+            let robot = species.robot();
+            let genes = &self.genes[first..first + robot.genes()];
+            first += genes.len();
+            RobotController { robot, genes }
+        })
+    }
+
+    /// How many robots there are of each species in a swarm of `robots`, which is [`CapabilityModel::robots`] unless that is
+    /// `None`.
+    #[must_use]
+    pub fn counts(&self, robots: u32) -> Vec<u32> {
+        match (self.model.ratios(), self.genes.last()) {
+            ([], _) => vec![robots],
+            ([only], _) => only.clone(),
+            (ratios, place) => ratios[place.map_or(0, |&place| place as usize)].clone(),
+        }
+    }
+}
+
+impl<'a> RobotController<'a> {
+    /// The robot.
+    #[must_use]
+    pub const fn robot(self) -> &'a Robot {
+        self.robot
+    }
+
+    /// Its genes: the pairs, then the free angles.
+    #[must_use]
+    pub const fn genes(self) -> &'a [f64] {
+        self.genes
     }
 
     /// The pair of each sensor state, in order: `[left, right]`, or `[speed, turn]` of a unicycle.
     ///
     /// The state is the number whose highest bit is S1: `sum S_j 2^(k - j)`.
-    pub fn pairs(&self) -> impl ExactSizeIterator<Item = [f64; 2]> {
-        let (pairs, _) = self.genes[..self.speeds].as_chunks();
-        pairs.iter().copied()
+    #[must_use]
+    pub fn pairs(self) -> &'a [[f64; 2]] {
+        self.genes[..self.robot.speeds()].as_chunks().0
     }
 
     /// The angle of each sensor, S1 first, radians: the fixed ones too.
-    #[must_use]
-    pub fn angles(&self) -> &[f64] {
-        &self.angles
-    }
-}
-
-impl SwarmController {
-    /// Controllers of all species from their genes, one species after the other, which [`Population::gene_names`] names.
-    ///
-    /// # Errors
-    /// Says which gene is out of range, or how many genes there should have been.
-    pub fn new(population: Arc<Population>, genes: &[f64]) -> Result<Self, Invalid> {
-        if genes.len() != population.genes() {
-            return Err(wrong_count(genes.len(), population.genes()));
-        }
-        let mut controllers = Vec::with_capacity(population.species().len());
-        let (mut rest, mut first) = (genes, 0);
-        for species in population.species() {
-            let robot = species.robot();
-            let (own, others) = rest.split_at(robot.genes());
-            controllers.push(RobotController::starting_at(robot, own, first)?);
-            (rest, first) = (others, first + own.len());
-        }
-        Ok(Self {
-            population,
-            controllers,
+    pub fn angles(self) -> impl Iterator<Item = f64> + use<'a> {
+        let mut free = self.genes[self.robot.speeds()..].iter();
+        let sensors = self.robot.sensors().iter();
+        sensors.map(move |sensor| match sensor.angle().value() {
+            Some(angle) => angle,
+            None => free.next().copied().unwrap_or_default(),
         })
     }
+}
 
-    /// The swarm that it controls.
-    #[must_use]
-    pub const fn population(&self) -> &Arc<Population> {
-        &self.population
-    }
-
-    /// A controller for each species, in their order.
-    #[must_use]
-    pub fn controllers(&self) -> &[RobotController] {
-        &self.controllers
-    }
-
-    /// The genes of all species, one after the other.
-    #[must_use]
-    pub fn genes(&self) -> Vec<f64> {
-        let genes = self.controllers.iter().flat_map(RobotController::genes);
-        genes.copied().collect()
+impl fmt::Display for Controller {
+    /// `[0.6, 1, 0.4, 0.5]`; angles with four decimals.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut shown = Vec::with_capacity(self.genes.len());
+        for robot in self.robots() {
+            let (speeds, angles) = robot.genes().split_at(robot.robot().speeds());
+            shown.extend(speeds.iter().map(f64::to_string));
+            shown.extend(angles.iter().map(|angle| format!("{angle:.4}")));
+        }
+        shown.extend(self.genes[shown.len()..].iter().map(f64::to_string));
+        write!(f, "[{}]", shown.join(", "))
     }
 }
 
-fn wrong_count(given: usize, needed: usize) -> Invalid {
-    let [given, needed] = [given, needed].map(|count| counted(count as u64, "value"));
-    Invalid::new("controller", given, needed)
+/// Appends the genes of one robot to `checked`, which has those of the robots before.
+fn check_genes(robot: &Robot, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
+    let (speeds, angles) = genes.split_at(robot.speeds());
+    for (i, &speed) in speeds.iter().enumerate() {
+        let limit = robot.drive().limits()[i % 2];
+        checked.push(invalid::real(&field(checked.len()), speed, -limit..=limit)? + 0.0);
+    }
+    for ((_, free), &angle) in robot.free_angles().zip(angles) {
+        checked.push(free.chosen(&field(checked.len()), angle)?);
+    }
+    Ok(())
+}
+
+fn check_ratio(place: usize, ratio: f64, ratios: usize) -> Result<f64, Invalid> {
+    if ratio >= 0.0 && ratio < ratios as f64 && ratio.fract() == 0.0 {
+        return Ok(ratio + 0.0);
+    }
+    let allowed = format!("the place of a ratio: a whole number from 0 to {}", ratios - 1);
+    Err(Invalid::new(field(place), ratio, allowed))
+}
+
+fn field(gene: usize) -> String {
+    format!("controller[{gene}]")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Preset;
+
+    #[test]
+    fn the_wrong_number_of_genes_is_named() {
+        let error = Controller::new(Preset::TwoSensor, &[0.0; 4]).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "controller = [0.0, 0.0, 0.0, 0.0]: must be 9 values for the two-sensor model"
+        );
+    }
+
+    #[test]
+    fn a_gene_out_of_range_or_not_a_number_is_named() {
+        for bad in [1.1, f64::NAN, f64::INFINITY] {
+            let error = Controller::new(Preset::SingleSensor, &[0.0, bad, 0.0, 0.0]).unwrap_err();
+            assert_eq!(error.field, "controller[1]");
+        }
+    }
+
+    #[test]
+    fn negative_zero_is_zero() {
+        let controller = Controller::new(Preset::SingleSensor, &[-0.0; 4]).unwrap();
+        assert!(controller.genes().iter().all(|gene| gene.is_sign_positive()));
+    }
 }

@@ -67,6 +67,15 @@ impl Drive {
         self.limits
     }
 
+    /// Largest distance that a robot drives in a unit of time, world units.
+    #[must_use]
+    pub fn top_speed(&self) -> f64 {
+        match self.kind {
+            DriveKind::Differential { wheel_radius } => wheel_radius * self.limits[0],
+            DriveKind::Unicycle => self.limits[0],
+        }
+    }
+
     /// What the two numbers of a pair are called: left and right, or speed and turn.
     #[must_use]
     pub const fn pair_names(&self) -> [&'static str; 2] {

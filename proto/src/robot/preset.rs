@@ -1,7 +1,7 @@
 //! Robots that have a name: the paper's two, and two real ones.
 
-use super::{Drive, Robot, Sensor, SensorAngle, SensorDescription};
-use crate::{CapabilityModel, Invalid};
+use super::{CapabilityModel, Drive, DriveKind, Robot, Sensor, SensorAngle, SensorDescription};
+use crate::{Invalid, World};
 use std::{f64::consts::PI, fmt, str::FromStr};
 
 /// A robot that is known by name.
@@ -30,6 +30,9 @@ impl Preset {
         Self::TurboPi,
     ];
 
+    /// The paper's two.
+    pub const PAPER: [Self; 2] = [Self::SingleSensor, Self::TwoSensor];
+
     /// Its name in files and on the command line.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -45,23 +48,43 @@ impl Preset {
     #[must_use]
     #[expect(clippy::expect_used, reason = "a preset is a valid robot: a test makes each")]
     pub fn robot(self) -> Robot {
-        let robot = match self {
-            Self::SingleSensor => paper(5.0, 2.0, false),
-            Self::TwoSensor => paper(5.0, 2.0, true),
-            Self::Flockbots => camera(0.2, 360.0, 7.5),
-            Self::TurboPi => camera(0.45, 100.0, 10.0),
-        };
-        robot.expect("a preset is a valid robot")
+        self.sized(5.0, 2.0).expect("a preset is a valid robot")
     }
 }
 
-impl Robot {
-    /// The robot of one of the paper's models, with a body and wheels of these radii (world units).
+impl Preset {
+    /// The preset that a robot is; the paper's robots whatever the radius of their bodies and wheels.
+    pub(super) fn of(robot: &Robot) -> Option<Self> {
+        let is = |preset: &Self| match (preset, robot.drive().kind()) {
+            (Self::SingleSensor | Self::TwoSensor, DriveKind::Differential { wheel_radius }) => {
+                preset.sized(robot.radius(), wheel_radius).as_ref() == Ok(robot)
+            }
+            (Self::SingleSensor | Self::TwoSensor, DriveKind::Unicycle) => false,
+            (Self::Flockbots | Self::TurboPi, _) => preset.robot() == *robot,
+        };
+        Self::ALL.into_iter().find(is)
+    }
+
+    /// The model of a swarm of these robots; the paper's two have the body and wheels of `world`.
     ///
     /// # Errors
-    /// If a radius is not over 0 and at most [`Robot::MAX_RADIUS`].
-    pub fn of_model(model: CapabilityModel, radius: f64, wheel_radius: f64) -> Result<Self, Invalid> {
-        paper(radius, wheel_radius, model == CapabilityModel::TwoSensor)
+    /// If the radii of the world are not allowed for a robot.
+    pub fn in_world(self, world: &World) -> Result<CapabilityModel, Invalid> {
+        CapabilityModel::of_one(self.sized(world.radius(), world.wheel_radius())?)
+    }
+
+    /// The robot with a body and wheels of these radii (world units), which the paper's two may have; the others are what they
+    /// are.
+    ///
+    /// # Errors
+    /// If a radius is not over 0 and at most [`Robot::MAX_RADIUS`] or [`Drive::MAX`].
+    pub fn sized(self, radius: f64, wheel_radius: f64) -> Result<Robot, Invalid> {
+        match self {
+            Self::SingleSensor => paper(radius, wheel_radius, false),
+            Self::TwoSensor => paper(radius, wheel_radius, true),
+            Self::Flockbots => camera(0.2, 360.0, 7.5),
+            Self::TurboPi => camera(0.45, 100.0, 10.0),
+        }
     }
 }
 
@@ -89,15 +112,6 @@ fn camera(half_angle: f64, range: f64, radius: f64) -> Result<Robot, Invalid> {
     Robot::new(vec![eye], radius, Drive::unicycle(20.0, 2.0)?)
 }
 
-impl From<CapabilityModel> for Preset {
-    fn from(model: CapabilityModel) -> Self {
-        match model {
-            CapabilityModel::SingleSensor => Self::SingleSensor,
-            CapabilityModel::TwoSensor => Self::TwoSensor,
-        }
-    }
-}
-
 impl FromStr for Preset {
     type Err = Invalid;
 
@@ -105,7 +119,7 @@ impl FromStr for Preset {
         let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
         found.ok_or_else(|| {
             let names = Self::ALL.map(|preset| format!("\"{preset}\"")).join(" or ");
-            Invalid::new("robot", format!("\"{name}\""), names)
+            Invalid::new("model", format!("\"{name}\""), names)
         })
     }
 }

@@ -12,6 +12,11 @@ impl SpeciesName {
     const MAX_CHARS: usize = 32;
     const RESERVED: [&str; 4] = ["all", "robots", "walls", "obstacles"];
 
+    /// The name of the only species of a swarm, which is shown nowhere.
+    pub(super) fn of_one() -> Self {
+        Self("robot".to_owned())
+    }
+
     /// Checks a name.
     ///
     /// # Errors

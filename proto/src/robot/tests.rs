@@ -1,7 +1,7 @@
 //! Which robots there can be, and how their genes are called.
 
 use super::*;
-use std::{f64::consts::PI, sync::Arc};
+use std::f64::consts::PI;
 
 fn sensor(described: SensorDescription) -> Result<Sensor, Invalid> {
     Sensor::try_from(described)
@@ -137,16 +137,19 @@ fn genes_are_named_by_what_the_sensors_see() {
     ];
     assert_eq!(differential.gene_names(), names);
     let unicycle = Robot::new(sensors[..1].to_vec(), 5.0, Drive::unicycle(20.0, 2.0).unwrap()).unwrap();
-    let species = |called, robot, count| Species::new(name(called), robot, count).unwrap();
-    let both = Population::new(vec![species("a", unicycle, 2), species("b", differential, 1)]).unwrap();
+    let species = vec![
+        Species::new(name("a"), unicycle),
+        Species::new(name("b"), differential),
+    ];
+    let both = CapabilityModel::new(species, vec![vec![2, 1], vec![1, 2]]).unwrap();
     let names = both.gene_names();
     assert_eq!(names[..4], ["a.speed_0", "a.turn_0", "a.speed_1", "a.turn_1"]);
     assert_eq!(
         (names[4].as_str(), names[12].as_str()),
         ("b.left_00", "b.angle_2")
     );
-    assert_eq!((both.genes(), names.len()), (13, 13));
-    assert_eq!(both.species_of_robots().collect::<Vec<_>>(), [0, 0, 1]);
+    assert_eq!((both.genes(), names.len()), (14, 14));
+    assert_eq!((names[13].as_str(), both.robots()), ("ratio", Some(3)));
 }
 
 #[test]
@@ -159,23 +162,24 @@ fn species_see_only_species_that_there_are() {
     };
     let with = |called, seen| {
         let robot = Robot::new(vec![sees(seen).unwrap()], 5.0, wheels()).unwrap();
-        Species::new(name(called), robot, 6_000).unwrap()
+        Species::new(name(called), robot)
     };
+    let swarm = |species: Vec<Species>, counts: &[u32]| CapabilityModel::new(species, vec![counts.to_vec()]);
     refused(
-        Population::new(vec![with("a", "robots"), with("b", "c")]),
+        swarm(vec![with("a", "robots"), with("b", "c")], &[1, 1]),
         "species[1].robot.sensors[0].sees = \"c\": must be robots, walls, obstacles, or one of the species a, b",
     );
     refused(
-        Population::new(vec![with("a", "a"), with("a", "a")]),
+        swarm(vec![with("a", "a"), with("a", "a")], &[1, 1]),
         "species[1].name = a: must be a name that no other species has",
     );
     refused(
-        Population::new(vec![with("a", "b"), with("b", "b")]),
-        "species = 12,000 robots: must be at most 10000 robots in all",
+        swarm(Vec::new(), &[]),
+        "species = 0 species: must be 1 to 8 species",
     );
     refused(
-        Population::new(Vec::new()),
-        "species = 0 species: must be 1 to 8 species",
+        CapabilityModel::of_one(with("a", "b").robot().clone()),
+        "sensors[0].sees = \"b\": must be robots, walls or obstacles where there are no species",
     );
     for bad in ["", "walls", "2b", "a.b", "a b", &"a".repeat(33)] {
         assert!(SpeciesName::parse("name", bad).is_err(), "{bad}");
@@ -183,9 +187,46 @@ fn species_see_only_species_that_there_are() {
 }
 
 #[test]
+fn ratios_are_of_all_species_and_of_one_number_of_robots() {
+    let robot = || robot(1).unwrap();
+    let with = |ratios: &[&[u32]]| {
+        let species = vec![Species::new(name("a"), robot()), Species::new(name("b"), robot())];
+        CapabilityModel::new(species, ratios.iter().map(|counts| counts.to_vec()).collect())
+    };
+    refused(with(&[]), "ratios = 0 ratios: must be 1 to 1000 ratios");
+    let numbers = "must be 2 numbers, one for each species, each at least 1";
+    refused(with(&[&[1]]), &format!("ratios[0] = [1]: {numbers}"));
+    refused(
+        with(&[&[1, 1], &[2, 0]]),
+        &format!("ratios[1] = [2, 0]: {numbers}"),
+    );
+    refused(
+        with(&[&[1, 2], &[2, 2]]),
+        "ratios[1] = [2, 2]: must be 3 robots in all, as in the first ratio",
+    );
+    refused(
+        with(&[&[u32::MAX, 1]]),
+        "ratios[0] = [4294967295, 1]: must be at most 10000 robots in all",
+    );
+    refused(
+        with(&[&[1, 2], &[1, 2]]),
+        "ratios[1] = [1, 2]: must be a ratio that is not given twice",
+    );
+    let model = with(&[&[12, 12], &[8, 16]]).unwrap();
+    let mut genes = vec![0.5; 9];
+    genes[8] = 1.0;
+    let controller = Controller::new(&model, &genes).unwrap();
+    assert_eq!(controller.counts(24), [8, 16]);
+    for bad in [-1.0, 0.5, 2.0, f64::NAN] {
+        genes[8] = bad;
+        let error = Controller::new(&model, &genes).unwrap_err();
+        assert_eq!(error.allowed, "the place of a ratio: a whole number from 0 to 1");
+    }
+}
+
+#[test]
 fn a_controller_keeps_to_the_limits_of_its_robot() {
-    let unicycle = Preset::Flockbots.robot();
-    let check = |genes: &[f64], expected: &str| refused(RobotController::new(&unicycle, genes), expected);
+    let check = |genes: &[f64], expected: &str| refused(Controller::new(Preset::Flockbots, genes), expected);
     check(
         &[20.0, 2.0, -20.0, 2.1],
         "controller[3] = 2.1: must be a number from -2 to 2",
@@ -194,23 +235,63 @@ fn a_controller_keeps_to_the_limits_of_its_robot() {
         &[21.0, 2.0, -20.0, 2.0],
         "controller[0] = 21: must be a number from -20 to 20",
     );
-    check(&[1.0], "controller = 1 value: must be 4 values");
-    let two = Preset::TwoSensor.robot();
     let genes = [0.1, -0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, -1.5];
-    let controller = RobotController::new(&two, &genes).unwrap();
-    assert_eq!(controller.angles(), [0.0, -1.5]);
-    assert_eq!(controller.pairs().nth(2), Some([0.4, 0.5]));
-    assert!(controller.genes()[1].is_sign_positive());
-    let species = |called| Species::new(name(called), two.clone(), 3).unwrap();
-    let both = Arc::new(Population::new(vec![species("a"), species("b")]).unwrap());
-    let mut twice = [genes, genes].concat();
-    let controllers = SwarmController::new(Arc::clone(&both), &twice).unwrap();
-    assert_eq!(controllers.genes(), twice);
-    twice[17] = 4.0;
+    let controller = Controller::new(Preset::TwoSensor, &genes).unwrap();
+    let robot = controller.robots().next().unwrap();
+    assert_eq!(robot.angles().collect::<Vec<_>>(), [0.0, -1.5]);
+    assert_eq!(robot.pairs()[2], [0.4, 0.5]);
     assert_eq!(
-        SwarmController::new(both, &twice).unwrap_err().field,
-        "controller[17]"
+        controller.to_string(),
+        "[0.1, 0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, -1.5000]"
     );
+    let species = |called| Species::new(name(called), Preset::TwoSensor.robot());
+    let both = CapabilityModel::new(vec![species("a"), species("b")], vec![vec![3, 3]]).unwrap();
+    let mut twice = [genes, genes].concat();
+    let controller = Controller::new(&both, &twice).unwrap();
+    assert_eq!(controller.genes(), twice);
+    assert!(controller.robots().all(|robot| robot.genes() == genes));
+    twice[17] = 4.0;
+    assert_eq!(Controller::new(both, &twice).unwrap_err().field, "controller[17]");
+}
+
+#[test]
+fn a_model_is_the_same_after_its_message() {
+    let cone = sensor(SensorDescription {
+        angle: SensorAngle::free(Some([-1.0, 1.0]), &[]).unwrap(),
+        half_angle: 0.2,
+        range: Some(120.0),
+        sees: vec!["b".parse().unwrap(), Seen::Walls],
+        wall_range: Some(40.0),
+    });
+    let among = sensor(SensorDescription {
+        angle: SensorAngle::free(None, &[0.5, -0.5]).unwrap(),
+        ..plain()
+    });
+    let sensors = vec![cone.unwrap(), among.unwrap()];
+    let a = Robot::new(sensors, 7.0, Drive::unicycle(20.0, 2.0).unwrap()).unwrap();
+    let species = vec![
+        Species::new(name("a"), a),
+        Species::new(name("b"), robot(3).unwrap()),
+    ];
+    let several = CapabilityModel::new(species, vec![vec![3, 1], vec![2, 2]]).unwrap();
+    for model in Preset::ALL
+        .map(CapabilityModel::from)
+        .into_iter()
+        .chain([several])
+    {
+        let message = crate::v1::CapabilityModel::from(&model);
+        assert_eq!(CapabilityModel::try_from(message).as_ref(), Ok(&model));
+        let line = model.to_line();
+        assert!(!line.contains('\n'), "{line}");
+        let world = crate::World::default();
+        assert_eq!(
+            CapabilityModel::of_line("robots", &line, &world),
+            Ok(model),
+            "{line}"
+        );
+    }
+    let large = CapabilityModel::of_one(Preset::TwoSensor.sized(9.0, 1.0).unwrap()).unwrap();
+    assert_eq!(large.preset(), Some(Preset::TwoSensor));
 }
 
 #[test]
@@ -223,6 +304,6 @@ fn every_preset_is_a_robot_and_is_found_by_its_name() {
     assert_eq!(Preset::TwoSensor.robot().genes(), 9);
     refused(
         "three".parse::<Preset>(),
-        "robot = \"three\": must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\"",
+        "model = \"three\": must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\"",
     );
 }

@@ -4,7 +4,7 @@
     reason = "a test that cannot read its vectors should fail"
 )]
 
-use murmuration_proto::{CapabilityModel, Controller, ImageFormat, World};
+use murmuration_proto::{Controller, ImageFormat, Preset, World};
 use murmuration_worker::{case::Case, evaluate::Evaluator, simulate::Start};
 use serde_json::Value;
 use std::{
@@ -110,7 +110,7 @@ fn numbers(cells: &[String]) -> Vec<f64> {
 /// The swarms are the first forty of each set, by id, that this simulator reproduces: 1,664 of all 2,064. The
 /// others are chaotic: the last bit of a heading grows until robots are elsewhere. With the authors' sines and
 /// norms in place of ours all are reproduced but four, whose robots start in the same corner and are parted here.
-fn check_labelled(set: &str, model: CapabilityModel) {
+fn check_labelled(set: &str, model: Preset) {
     let mut starts = BTreeMap::<String, Vec<[f64; 3]>>::new();
     for row in rows(&format!("labelled/{set}_starts.csv")) {
         let pose = numbers(&row[2..]).try_into().unwrap();
@@ -140,15 +140,15 @@ fn check_labelled(set: &str, model: CapabilityModel) {
 
 #[test]
 fn labelled_single_sensor_images_are_reproduced() {
-    check_labelled("single_sensor", CapabilityModel::SingleSensor);
+    check_labelled("single_sensor", Preset::SingleSensor);
 }
 
 #[test]
 fn labelled_two_sensor_images_are_reproduced() {
-    check_labelled("two_sensor", CapabilityModel::TwoSensor);
+    check_labelled("two_sensor", Preset::TwoSensor);
 }
 
 #[test]
 fn labelled_rare_images_are_reproduced() {
-    check_labelled("rare", CapabilityModel::TwoSensor);
+    check_labelled("rare", Preset::TwoSensor);
 }

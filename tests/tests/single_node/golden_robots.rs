@@ -6,12 +6,12 @@
 
 use super::golden::{POSITION_TOLERANCE, close, folder, run};
 use murmuration_proto::{
-    Boundary, Drive, Population, Robot, Seen, Sensor, SensorAngle, SensorDescription, Species, SpeciesName,
-    SwarmController, World, v1,
+    Boundary, CapabilityModel, Controller, Drive, Robot, Seen, Sensor, SensorAngle, SensorDescription,
+    Species, SpeciesName, World, v1,
 };
-use murmuration_worker::simulate::{Arch, Start, Swarm};
+use murmuration_worker::simulate::{Start, Swarm};
 use serde_json::Value;
-use std::{fs, sync::Arc};
+use std::fs;
 
 /// The vectors whose names end so, with their names.
 fn vectors(ending: &str) -> Vec<(String, Value)> {
@@ -87,21 +87,22 @@ impl Table<'_> {
         // Robots of a species follow one another: here by the place of their species.
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&i| &kinds[i]);
+        let members = |name: &String| (0..count).filter(|&i| kinds[i] == *name).collect::<Vec<_>>();
+        let counts = names.iter().map(|name| members(name).len() as u32).collect();
         let species = names.iter().map(|name| {
-            let members: Vec<_> = (0..count).filter(|&i| kinds[i] == *name).collect();
-            let radius = self.radius(members[0]);
+            let radius = self.radius(members(name)[0]);
             let drive = Drive::differential(2.0, 1.0).unwrap();
             let robot = Robot::new(vec![self.sensor()], radius, drive).unwrap();
             let name = SpeciesName::parse("name", name).unwrap();
-            Species::new(name, robot, members.len() as u32).unwrap()
+            Species::new(name, robot)
         });
-        let population = Arc::new(Population::new(species.collect()).unwrap());
-        let genes = vec![0.0; population.genes()];
-        let controller = SwarmController::new(population, &genes).unwrap();
+        let model = CapabilityModel::new(species.collect(), vec![counts]).unwrap();
+        let world = self.world(&model);
+        let genes = vec![0.0; model.genes()];
+        let controller = Controller::new(model, &genes).unwrap();
         let pose = |&i: &usize| [0, 1, 2].map(|k| self.0["agents"][i][k].as_f64().unwrap());
         let start = Start::at(order.iter().map(pose).collect()).unwrap();
-        let (world, boundary) = self.world(count as u32);
-        let swarm = Swarm::of_species(Arch::new(), &controller, &world, boundary, &start).unwrap();
+        let swarm = Swarm::new(&controller, &world, &start).unwrap();
         let mut readings = vec![0; count];
         for (&i, reading) in order.iter().zip(swarm.readings()) {
             readings[i] = u64::from(reading);
@@ -139,20 +140,18 @@ impl Table<'_> {
     }
 
     /// The rectangle of the table, if it has one, as the padding of a world; else a world without walls.
-    fn world(&self, agents: u32) -> (World, Boundary) {
+    fn world(&self, model: &CapabilityModel) -> World {
         let corner = |i: usize, axis: usize| self.0["rectangle"][i][axis].as_f64();
         let message = v1::World {
             width: corner(1, 0).map(|high| high + corner(0, 0).unwrap()),
             height: corner(1, 1).map(|high| high + corner(0, 1).unwrap()),
             padding: corner(0, 0),
-            agents: Some(agents),
+            agents: model.robots(),
+            radius: Some(model.largest_radius()),
+            boundary: corner(0, 0).is_none().then(|| Boundary::Open.name().to_owned()),
             ..v1::World::default()
         };
-        let boundary = match corner(0, 0) {
-            Some(_) => Boundary::Walls,
-            None => Boundary::Open,
-        };
-        (World::try_from(message).unwrap(), boundary)
+        World::try_from(message).unwrap()
     }
 }
 

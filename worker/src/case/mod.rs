@@ -16,10 +16,10 @@ mod species;
 mod tests;
 
 use crate::{
-    replay::replay_swarm,
-    simulate::{Arch, Start, Swarm},
+    replay::replay,
+    simulate::{Start, Swarm},
 };
-use murmuration_proto::{Boundary, Controller, ImageFormat, Invalid, Replay, SwarmController, World};
+use murmuration_proto::{Controller, ImageFormat, Invalid, Replay, World};
 use serde_json::{Map, Value};
 use std::num::NonZeroU32;
 
@@ -27,22 +27,12 @@ use std::num::NonZeroU32;
 #[derive(Debug, Clone)]
 pub struct Case {
     document: Map<String, Value>,
-    robots: Robots,
+    controller: Controller,
     world: World,
     image: ImageFormat,
     start: Start,
     /// Steps to report, as spelled in the case and as numbers.
     checkpoints: Vec<(String, u32)>,
-}
-
-/// What is simulated.
-#[derive(Debug, Clone)]
-enum Robots {
-    Paper(Controller),
-    Described {
-        controller: SwarmController,
-        boundary: Boundary,
-    },
 }
 
 /// Why a text is not a case.
@@ -89,13 +79,10 @@ impl Case {
         &self.world
     }
 
-    /// The species of the agents and their controllers; `None` if they are of one of the paper's models.
+    /// The controller of its swarm.
     #[must_use]
-    pub const fn species(&self) -> Option<&SwarmController> {
-        match &self.robots {
-            Robots::Paper(_) => None,
-            Robots::Described { controller, .. } => Some(controller),
-        }
+    pub const fn controller(&self) -> &Controller {
+        &self.controller
     }
 
     /// The motion of the case: its start, every `stride`-th step, and the end.
@@ -103,7 +90,7 @@ impl Case {
     /// # Errors
     /// As [`replay`](crate::replay::replay()).
     pub fn replay(&self, stride: NonZeroU32) -> Result<Replay, Invalid> {
-        replay_swarm(self.swarm()?, &self.world, stride)
+        replay(&self.controller, &self.world, &self.start, stride)
     }
 
     /// The swarm at its start.
@@ -111,12 +98,6 @@ impl Case {
     /// # Errors
     /// If the start does not fit the world.
     pub fn swarm(&self) -> Result<Swarm, Invalid> {
-        let arch = Arch::new();
-        match &self.robots {
-            Robots::Paper(controller) => Swarm::on(arch, controller, &self.world, &self.start),
-            Robots::Described { controller, boundary } => {
-                Swarm::of_species(arch, controller, &self.world, *boundary, &self.start)
-            }
-        }
+        Swarm::new(&self.controller, &self.world, &self.start)
     }
 }

@@ -1,12 +1,14 @@
 //! Reads a case from a JSON object, with errors that name the key.
 
 use super::{
-    Case, Robots,
+    Case,
     keys::{Keys, array, numbers, shown},
     species,
 };
 use crate::simulate::Start;
-use murmuration_proto::{CapabilityModel, Controller, ImageFormat, Invalid, World, counted, v1};
+use murmuration_proto::{
+    Boundary, CapabilityModel, Controller, ImageFormat, Invalid, Preset, World, counted, v1,
+};
 use serde_json::Value;
 
 /// Steps to report if a case names none (those within its horizon, and its end).
@@ -17,14 +19,26 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
         return Err(Invalid::new("case", shown(&document), "a JSON object"));
     };
     let keys = Keys::new(&document);
-    let (robots, radius) = match keys.get("species") {
-        Some(_) => species::robots(keys).map(|(robots, largest)| (robots, Some(largest)))?,
-        None => (Robots::Paper(controller(keys)?), keys.number("agent_radius")?),
-    };
     let poses = poses(keys)?;
-    let world = world(keys, poses.len(), radius)?;
+    let model = match keys.get("species") {
+        Some(_) => None,
+        None => Some(model(keys)?),
+    };
+    let controller = match model {
+        None => species::controller(keys)?,
+        Some(preset) => {
+            let radius = keys.number("agent_radius")?.unwrap_or(World::default().radius());
+            let wheel_radius = keys
+                .number("wheel_radius")?
+                .unwrap_or(World::default().wheel_radius());
+            let robot = preset.sized(radius, wheel_radius).map_err(in_case)?;
+            let genes = numbers("controller", keys.required("controller")?)?;
+            Controller::new(CapabilityModel::of_one(robot)?, &genes)?
+        }
+    };
+    let world = world(keys, poses.len(), controller.model().largest_radius())?;
     Ok(Case {
-        robots,
+        controller,
         world,
         image: image(keys, &world)?,
         start: Start::at(poses)?,
@@ -33,40 +47,32 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     })
 }
 
-fn controller(keys: Keys<'_>) -> Result<Controller, Invalid> {
-    let genes = numbers("controller", keys.required("controller")?)?;
-    let model = match keys.get("model") {
-        None => CapabilityModel::ALL
+/// The preset of a case without species: that of its name, or the paper's with as many genes.
+fn model(keys: Keys<'_>) -> Result<Preset, Invalid> {
+    let Some(value) = keys.get("model") else {
+        let genes = array("controller", keys.required("controller")?)?.len();
+        let found = MODELS
             .into_iter()
-            .find(|model| model.genes() == genes.len()),
-        Some(value) => {
-            let named = |model: &CapabilityModel| {
-                let name = value.as_str().unwrap_or_default();
-                name == model.name() || name == file_name(*model)
-            };
-            let found = CapabilityModel::ALL.into_iter().find(named);
-            let allowed = || {
-                CapabilityModel::ALL
-                    .map(|model| format!("{:?}", file_name(model)))
-                    .join(" or ")
-            };
-            Some(found.ok_or_else(|| Invalid::new("model", shown(value), allowed()))?)
-        }
+            .find(|(_, preset)| preset.robot().genes() == genes);
+        return found.map(|(_, preset)| preset).ok_or_else(|| {
+            let allowed = "4 values for the single-sensor model or 9 for the two-sensor model";
+            Invalid::new("controller", counted(genes as u64, "value"), allowed)
+        });
     };
-    let model = model.ok_or_else(|| {
-        let allowed = "4 values for the single-sensor model or 9 for the two-sensor model";
-        Invalid::new("controller", counted(genes.len() as u64, "value"), allowed)
-    })?;
-    Controller::new(model, &genes)
+    let name = value.as_str().unwrap_or_default();
+    let named = |(file_name, preset): &(&str, Preset)| name == *file_name || name == preset.name();
+    let found = MODELS.into_iter().find(named).map(|(_, preset)| preset);
+    found.ok_or_else(|| {
+        let allowed = MODELS.map(|(file_name, _)| format!("{file_name:?}")).join(" or ");
+        Invalid::new("model", shown(value), allowed)
+    })
 }
 
-/// A model's name in case files.
-const fn file_name(model: CapabilityModel) -> &'static str {
-    match model {
-        CapabilityModel::SingleSensor => "single_sensor",
-        CapabilityModel::TwoSensor => "two_sensor",
-    }
-}
+/// The paper's models under their names in case files.
+const MODELS: [(&str, Preset); 2] = [
+    ("single_sensor", Preset::SingleSensor),
+    ("two_sensor", Preset::TwoSensor),
+];
 
 fn poses(keys: Keys<'_>) -> Result<Vec<[f64; 3]>, Invalid> {
     let value = keys.required("initial")?;
@@ -79,7 +85,7 @@ fn poses(keys: Keys<'_>) -> Result<Vec<[f64; 3]>, Invalid> {
     poses.iter().enumerate().map(pose).collect()
 }
 
-fn world(keys: Keys<'_>, poses: usize, radius: Option<f64>) -> Result<World, Invalid> {
+fn world(keys: Keys<'_>, poses: usize, radius: f64) -> Result<World, Invalid> {
     let agents = keys.whole("agents")?;
     if let Some(agents) = agents
         && agents as usize != poses
@@ -105,13 +111,22 @@ fn world(keys: Keys<'_>, poses: usize, radius: Option<f64>) -> Result<World, Inv
         height: sides[1],
         padding: keys.number("padding")?,
         agents: Some(u32::try_from(poses).unwrap_or(u32::MAX)),
-        radius,
+        radius: Some(radius),
         wheel_radius: keys.number("wheel_radius")?,
         dt: keys.number("dt")?,
         horizon: keys.whole("steps")?,
         jitter: jitter(keys)?,
+        boundary: keys.flag("walls")?.map(|walls| {
+            let boundary = if walls { Boundary::Walls } else { Boundary::Open };
+            boundary.name().to_owned()
+        }),
     };
-    World::try_from(message).map_err(|error| Invalid {
+    World::try_from(message).map_err(in_case)
+}
+
+/// The same error, its field by its name in a case.
+fn in_case(error: Invalid) -> Invalid {
+    Invalid {
         field: match error.field.as_str() {
             "width" => "world[0]".into(),
             "height" => "world[1]".into(),
@@ -120,7 +135,7 @@ fn world(keys: Keys<'_>, poses: usize, radius: Option<f64>) -> Result<World, Inv
             _ => error.field,
         },
         ..error
-    })
+    }
 }
 
 fn jitter(keys: Keys<'_>) -> Result<Option<bool>, Invalid> {

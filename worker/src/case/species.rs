@@ -1,43 +1,33 @@
 //! Reads what cases of several species have in place of a model and a controller.
 
-use super::{
-    Robots,
-    keys::{Keys, array, number, numbers, shown},
-};
+use super::keys::{Keys, array, number, numbers, shown};
 use murmuration_proto::{
-    Boundary, Drive, Invalid, Population, Robot, Seen, Sensor, SensorAngle, SensorDescription, Species,
-    SpeciesName, SwarmController, World, counted,
+    CapabilityModel, Controller, Drive, Invalid, Robot, Seen, Sensor, SensorAngle, SensorDescription,
+    Species, SpeciesName, World, counted,
 };
 use serde_json::Value;
-use std::sync::Arc;
 
-/// The species of a case with their controllers, and the radius of the largest robot.
-pub(super) fn robots(keys: Keys<'_>) -> Result<(Robots, f64), Invalid> {
+/// The controller of a case with species.
+pub(super) fn controller(keys: Keys<'_>) -> Result<Controller, Invalid> {
     if keys.get("goal").is_some() {
         return Err(Invalid::new("goal", "given", "absent: goals are not simulated"));
     }
     let listed = array("species", keys.required("species")?)?;
     let mut species = Vec::with_capacity(listed.len());
-    let mut genes = Vec::new();
+    let (mut counts, mut genes) = (Vec::new(), Vec::new());
     for (i, described) in listed.iter().enumerate() {
-        let (of, own) = one(described).map_err(|error| error.within(&format!("species[{i}]")))?;
+        let (of, count, own) = one(described).map_err(|error| error.within(&format!("species[{i}]")))?;
         species.push(of);
+        counts.push(count);
         genes.extend(own);
     }
-    let radii = species.iter().map(|of| of.robot().radius());
-    let largest = radii.fold(0.0, f64::max);
-    let population = Arc::new(Population::new(species)?);
-    check_order(keys, &population)?;
-    let controller = SwarmController::new(population, &genes)?;
-    let boundary = match keys.flag("walls")? {
-        Some(false) => Boundary::Open,
-        Some(true) | None => Boundary::Walls,
-    };
-    Ok((Robots::Described { controller, boundary }, largest))
+    let model = CapabilityModel::new(species, vec![counts])?;
+    check_order(keys, &model)?;
+    Controller::new(model, &genes)
 }
 
-/// A species, and the genes of its controller.
-fn one(described: &Value) -> Result<(Species, Vec<f64>), Invalid> {
+/// A species, the number of its robots, and the genes of its controller.
+fn one(described: &Value) -> Result<(Species, u32, Vec<f64>), Invalid> {
     let keys = Keys::of("species", described)?;
     let radius = keys.number("radius")?.unwrap_or(World::default().radius());
     let sensors = array("sensors", keys.required("sensors")?)?.iter().enumerate();
@@ -59,7 +49,7 @@ fn one(described: &Value) -> Result<(Species, Vec<f64>), Invalid> {
     let name = SpeciesName::parse("name", name.as_str().unwrap_or(&shown(name)))?;
     let count = keys.whole("count")?;
     let count = count.ok_or_else(|| Invalid::new("count", "nothing", "given"))?;
-    Ok((Species::new(name, robot, count)?, genes))
+    Ok((Species::new(name, robot), count, genes))
 }
 
 /// The drive of a species. A case only simulates: its speeds are whatever they are.
@@ -125,13 +115,14 @@ fn sensor(described: &Value) -> Result<Sensor, Invalid> {
 }
 
 /// Checks that agents of the first species come first, as everywhere here.
-fn check_order(keys: Keys<'_>, population: &Population) -> Result<(), Invalid> {
+fn check_order(keys: Keys<'_>, model: &CapabilityModel) -> Result<(), Invalid> {
     let Some(value) = keys.get("species_of_agent") else {
         return Ok(());
     };
     let given = array("species_of_agent", value)?;
-    let species = population.species();
-    let ours = population.species_of_robots();
+    let species = model.species();
+    let counts = model.ratios().iter().flatten().enumerate();
+    let ours = counts.flat_map(|(place, &count)| std::iter::repeat_n(place, count as usize));
     let named = |given: &Value, place: usize| match given {
         Value::String(name) => name == species[place].name().as_str(),
         other => other.as_u64() == Some(place as u64),

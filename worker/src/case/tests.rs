@@ -184,8 +184,7 @@ fn robots_of_several_species_are_simulated() {
     assert_eq!(end["checkpoints"]["40"][1][0], json!(482.0));
     assert_eq!(end["checkpoints"]["40"][1][3].as_u64().unwrap() % 2, 1);
     let case = Case::from_json(&walled.to_string()).unwrap();
-    let species = case.species().unwrap().population().species_of_robots();
-    assert_eq!(species.collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(case.controller().counts(2), [1, 1]);
     let replay = case.replay(NonZeroU32::new(8).unwrap()).unwrap();
     assert_eq!((replay.steps().len(), case.world().agents()), (6, 2));
 }

@@ -93,7 +93,7 @@ impl Executor {
             None => (world, image, Evaluator::new(&world, &image)?),
         };
         let evaluator = &mut self.evaluator.insert(entry).2;
-        let task = |&(controller, seed): &_| (controller, Start::seeded(seed));
+        let task = |(controller, seed): &(Controller, u64)| (controller.clone(), Start::seeded(*seed));
         evaluator.evaluate_all(&tasks.iter().map(task).collect::<Vec<_>>())
     }
 

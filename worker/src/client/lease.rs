@@ -134,13 +134,13 @@ fn unknown(found: &str) -> Invalid {
 }
 
 fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {
-    let model = CapabilityModel::try_from(batch.model)?;
+    let model = CapabilityModel::try_from(batch.model.unwrap_or_default())?;
     let world = world(batch.world)?;
     check_number("tasks", batch.tasks.len())?;
     let tasks = batch
         .tasks
         .iter()
-        .map(|task| self::task(model, task))
+        .map(|task| self::task(&model, task))
         .collect::<Result<_, _>>()?;
     let checkpoint = match batch.checkpoint.as_str() {
         "" => None,
@@ -163,8 +163,8 @@ fn embeddings(batch: v1::EmbeddingBatch) -> Result<Work, Invalid> {
 }
 
 fn replay(task: v1::ReplayTask) -> Result<Work, Invalid> {
-    let model = CapabilityModel::try_from(task.model)?;
-    let (controller, seed) = self::task(model, &task.task.unwrap_or_default())?;
+    let model = CapabilityModel::try_from(task.model.unwrap_or_default())?;
+    let (controller, seed) = self::task(&model, &task.task.unwrap_or_default())?;
     let world = world(task.world)?;
     Ok(Work::Replay {
         // Frames that could not be sent are refused before they are computed.
@@ -190,13 +190,14 @@ fn check_number(of: &str, number: usize) -> Result<(), Invalid> {
     ))
 }
 
-fn task(model: CapabilityModel, task: &v1::EvaluationTask) -> Result<(Controller, u64), Invalid> {
+fn task(model: &CapabilityModel, task: &v1::EvaluationTask) -> Result<(Controller, u64), Invalid> {
     Ok((Controller::new(model, &task.controller)?, task.seed))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::Preset;
 
     fn taken_in(work: v1::lease::Work) -> Result<Work, String> {
         let lease = v1::Lease {
@@ -222,7 +223,7 @@ mod tests {
             seed: 1,
         };
         v1::lease::Work::Evaluations(v1::EvaluationBatch {
-            model: v1::CapabilityModel::SingleSensor.into(),
+            model: Some((&CapabilityModel::from(Preset::SingleSensor)).into()),
             tasks: vec![task; 3],
             checkpoint: checkpoint.to_owned(),
             ..v1::EvaluationBatch::default()
@@ -249,7 +250,7 @@ mod tests {
 
     fn replay_task(stride: u32) -> v1::lease::Work {
         v1::lease::Work::Replay(v1::ReplayTask {
-            model: v1::CapabilityModel::SingleSensor.into(),
+            model: Some((&CapabilityModel::from(Preset::SingleSensor)).into()),
             world: Some(v1::World {
                 agents: Some(10_000),
                 ..v1::World::default()

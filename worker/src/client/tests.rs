@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_link::{Address, Credentials, Role};
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, EmbeddingKind, ImageFormat, World,
+    CheckpointDigest, Controller, EmbeddingKind, ImageFormat, Preset, World,
     v1::{
         self,
         checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
@@ -179,7 +179,7 @@ async fn a_checkpoint_of_pictures_of_another_size_fails_for_good() {
         image: ImageFormat::for_world(v1::ImageFormat::default(), &world).unwrap(),
         world,
         tasks: vec![(
-            Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),
+            Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),
             1,
         )],
         checkpoint: Some(CheckpointDigest::of(SMALL)),

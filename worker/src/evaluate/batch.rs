@@ -6,9 +6,7 @@ use crate::{
     rasterise::Rasteriser,
     simulate::{Batch, MOST_AGENTS, Start},
 };
-use murmuration_proto::{
-    Boundary, Controller, Evaluation, ImageFormat, Invalid, Sensor, SwarmController, World,
-};
+use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, Sensor, World};
 use pulp::{Arch, Simd, WithSimd};
 
 /// Most pixels of a canvas of which there is one a lane: beyond, they leave the caches.
@@ -35,21 +33,13 @@ impl WithSimd for Lanes {
     }
 }
 
-/// Tasks to do at once.
+/// Swarms of robots that are alike but for their controllers, to evaluate at once: at least one and at most as many as there
+/// are lanes, of a model that a batch is for.
 pub(super) struct Tasks<'a> {
     pub(super) world: &'a World,
     pub(super) format: &'a ImageFormat,
     pub(super) rasteriser: &'a mut Rasteriser,
-    pub(super) swarms: Swarms<'a>,
-}
-
-/// Swarms of robots that are alike but for their controllers, at least one and at most as many as there are lanes.
-#[derive(Clone, Copy)]
-pub(super) enum Swarms<'a> {
-    /// Of one of the paper's models.
-    Paper(&'a [(Controller, Start)]),
-    /// Of one population that a batch is for.
-    Described(Boundary, &'a [(SwarmController, Start)]),
+    pub(super) tasks: &'a [(Controller, Start)],
 }
 
 impl WithSimd for Tasks<'_> {
@@ -57,55 +47,22 @@ impl WithSimd for Tasks<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        if self.swarms.have_cones() {
-            self.evaluate_all::<S, true>(simd)
-        } else {
+        if self.sensors().iter().all(Sensor::is_plain_ray) {
             self.evaluate_all::<S, false>(simd)
-        }
-    }
-}
-
-impl Swarms<'_> {
-    fn sensors(&self) -> usize {
-        match self {
-            Self::Paper(tasks) => 1 + tasks[0].0.model().angles(),
-            Self::Described(_, tasks) => tasks[0].0.population().species()[0].robot().sensors().len(),
-        }
-    }
-
-    fn have_cones(&self) -> bool {
-        match self {
-            Self::Paper(_) => false,
-            Self::Described(_, tasks) => {
-                let sensors = tasks[0].0.population().species()[0].robot().sensors();
-                !sensors.iter().all(Sensor::is_plain_ray)
-            }
-        }
-    }
-
-    const fn len(&self) -> usize {
-        match self {
-            Self::Paper(tasks) => tasks.len(),
-            Self::Described(_, tasks) => tasks.len(),
-        }
-    }
-
-    fn batch<S: Simd, const SENSORS: usize, const CONES: bool>(
-        &self,
-        simd: S,
-        world: &World,
-    ) -> Result<Batch<S, SENSORS, CONES>, Invalid> {
-        match self {
-            Self::Paper(tasks) => Batch::new(simd, world, tasks),
-            Self::Described(boundary, tasks) => Batch::of_species(simd, world, *boundary, tasks),
+        } else {
+            self.evaluate_all::<S, true>(simd)
         }
     }
 }
 
 impl Tasks<'_> {
+    fn sensors(&self) -> &[Sensor] {
+        self.tasks[0].0.model().species()[0].robot().sensors()
+    }
+
     #[inline(always)]
     fn evaluate_all<S: Simd, const CONES: bool>(self, simd: S) -> Result<Vec<Evaluation>, Invalid> {
-        match self.swarms.sensors() {
+        match self.sensors().len() {
             1 => self.evaluate::<S, 1, CONES>(simd),
             2 => self.evaluate::<S, 2, CONES>(simd),
             3 => self.evaluate::<S, 3, CONES>(simd),
@@ -120,9 +77,9 @@ impl Tasks<'_> {
         self,
         simd: S,
     ) -> Result<Vec<Evaluation>, Invalid> {
-        let lanes = self.swarms.len();
+        let lanes = self.tasks.len();
         let window = Window::new(self.world, self.format);
-        let mut batch = self.swarms.batch::<S, SENSORS, CONES>(simd, self.world)?;
+        let mut batch = Batch::<S, SENSORS, CONES>::new(simd, self.world, self.tasks)?;
         let mut features = LaneMeans::new(simd, self.world);
         self.rasteriser.clear_lanes(lanes);
         batch.advance(simd, window.first_step());

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::simulate;
-use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};
+use murmuration_proto::{Preset, Purpose, RandomStream, v1};
 use proptest::prelude::*;
-use std::{sync::Arc, thread};
+use std::thread;
 
 fn world(horizon: u32) -> World {
     let message = v1::World {
@@ -17,8 +17,8 @@ fn world(horizon: u32) -> World {
 fn controllers() -> Vec<Controller> {
     let two = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0];
     vec![
-        Controller::new(CapabilityModel::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),
-        Controller::new(CapabilityModel::TwoSensor, &two).unwrap(),
+        Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),
+        Controller::new(Preset::TwoSensor, &two).unwrap(),
     ]
 }
 
@@ -99,7 +99,7 @@ fn a_number_that_is_not_finite_is_an_error() {
     };
     let world = World::try_from(speck).unwrap();
     let error = evaluate(
-        &controllers()[0],
+        &simulate::tests::sized(&controllers()[0], &world),
         &world,
         &ImageFormat::default(),
         &Start::seeded(1),
@@ -134,7 +134,8 @@ proptest! {
         let (single, two): (Vec<_>, Vec<_>) = controllers
             .into_iter()
             .zip(starts)
-            .partition(|(controller, _)| controller.model() == CapabilityModel::SingleSensor);
+            .map(|(controller, start)| (simulate::tests::sized(&controller, &world), start))
+            .partition(|(controller, _)| controller.model().preset() == Some(Preset::SingleSensor));
         let tasks = [single, two].concat();
         let mut scalar = Evaluator::on(Arch::Scalar, &world, &format).unwrap();
         let alone: Vec<_> =
@@ -154,7 +155,9 @@ proptest! {
 fn the_papers_swarms_have_the_same_bits_at_once_and_alone() {
     let (world, format) = (World::default(), ImageFormat::default());
     for controller in controllers() {
-        let tasks: Vec<_> = (0..8).map(|seed| (controller, Start::seeded(seed))).collect();
+        let tasks: Vec<_> = (0..8)
+            .map(|seed| (controller.clone(), Start::seeded(seed)))
+            .collect();
         for arch in simulate::tests::arches() {
             let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
             let together = evaluator.evaluate_all(&tasks).unwrap();
@@ -170,7 +173,7 @@ fn the_papers_swarms_have_the_same_bits_at_once_and_alone() {
 
 #[test]
 fn what_is_wrong_with_one_of_many_is_an_error() {
-    let mut tasks = vec![(controllers()[0], Start::seeded(1)); 8];
+    let mut tasks = vec![(controllers()[0].clone(), Start::seeded(1)); 8];
     tasks[5].1 = Start::at(vec![[1.0; 3]; 3]).unwrap();
     let mut evaluator = Evaluator::new(&world(2), &ImageFormat::default()).unwrap();
     assert_eq!(evaluator.evaluate_all(&tasks).unwrap_err().field, "initial");
@@ -183,7 +186,8 @@ proptest! {
     /// Evaluations alone take the whole of another code: what is seen by the definition.
     #[test]
     fn described_swarms_together_have_the_bits_of_each_alone(
-        population in simulate::tests::described::alone(),
+        model in simulate::tests::described::alone(),
+        agents in 1..=40_u32,
         boundary in simulate::tests::described::boundaries(),
         side in 60.0..400.0_f64,
         seed: u64,
@@ -192,7 +196,9 @@ proptest! {
             width: Some(side),
             height: Some(side),
             padding: Some(1.0),
-            agents: Some(population.robots()),
+            agents: Some(agents),
+            radius: Some(model.largest_radius()),
+            boundary: Some(boundary.name().to_owned()),
             horizon: Some(300),
             ..World::default().into()
         };
@@ -200,15 +206,15 @@ proptest! {
         let format = ImageFormat::for_world(v1::ImageFormat { resolution: Some(50), window: Some(290) }, &world).unwrap();
         let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
         let tasks: Vec<_> = (0..11).map(|start| {
-            let genes: Vec<f64> = (0..population.genes()).map(|_| stream.between(-1.0, 1.0)).collect();
-            (SwarmController::new(Arc::clone(&population), &genes).unwrap(), Start::seeded(seed ^ start))
+            let genes: Vec<f64> = (0..model.genes()).map(|_| stream.between(-1.0, 1.0)).collect();
+            (Controller::new(&model, &genes).unwrap(), Start::seeded(seed ^ start))
         }).collect();
         for arch in simulate::tests::arches() {
             let mut evaluator = Evaluator::on(arch, &world, &format).unwrap();
-            let together = evaluator.evaluate_all_species(boundary, &tasks).unwrap();
+            let together = evaluator.evaluate_all(&tasks).unwrap();
             let alone: Vec<_> = tasks
                 .iter()
-                .map(|(controller, start)| evaluator.evaluate_species(controller, boundary, start).unwrap())
+                .map(|(controller, start)| evaluator.evaluate(controller, start).unwrap())
                 .collect();
             assert_same(&together, &alone);
         }

@@ -2,20 +2,22 @@
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most `wheel_radius * dt` (wheel speeds are at most 1), and is clamped to the walls: a projection, which
-//!   takes it no further from where it was than the drive did, and besides as far as it was outside the walls before.
+//! - It drives at most as far as its drive's top speed takes it in `dt`, and is clamped to the walls, if there are any: a
+//!   projection, which takes it no further from where it was than the drive did, and besides as far as it was outside the walls
+//!   before.
 //! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
 //!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
 //!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
 //!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
 //!   which there is room in [`push`].
 //!
-//! So after its step every agent is within a push of the walls. Distances from the centroid have a mean square of at most a
+//! So after its step every agent is within a push of the walls; without walls, within as many drives and pushes of the world as
+//! there are steps. Distances from the centroid have a mean square of at most a
 //! quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
-use murmuration_proto::{FEATURE_NAMES, Features, Invalid, World};
+use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, World};
 use std::f64::consts::SQRT_2;
 
 /// Room for what is rounded: in proportion, and absolutely.
@@ -29,22 +31,29 @@ pub struct FeatureBounds {
 }
 
 impl FeatureBounds {
-    /// Those of swarms in `world`.
+    /// Those of swarms of this model in `world`.
     #[must_use]
-    pub fn of(world: &World) -> Self {
-        let (push, margin) = (push(world), world.margin());
+    pub fn of(model: &CapabilityModel, world: &World) -> Self {
+        let (push, drive) = (push(world), model.top_speed() * world.dt());
         let [width, height] = [world.width(), world.height()];
-        let reached = [width, height].map(|side| (side - 2.0 * margin).max(0.0) + 2.0 * push);
+        // How far agents get from the room for their centres, and how far that is from the edges.
+        let (beyond, margin) = match world.boundary() {
+            Boundary::Walls => (push, world.margin()),
+            Boundary::Open => (roam(model, world), 0.0),
+        };
+        let reached = [width, height].map(|side| (side - 2.0 * margin).max(0.0) + 2.0 * beyond);
         let diagonal = reached[0].hypot(reached[1]);
         // A start may be anywhere in the world.
         let sees_start = world.horizon() <= FEATURE_STEPS;
-        let (outside, crossed) = if sees_start {
-            let sides = [width, height].map(|side| side + 2.0 * (push - margin).max(0.0));
-            (push.max(SQRT_2 * margin), sides[0].hypot(sides[1]))
-        } else {
-            (push, diagonal)
+        let (outside, crossed) = match world.boundary() {
+            Boundary::Open => (0.0, diagonal),
+            Boundary::Walls if sees_start => {
+                let sides = [width, height].map(|side| side + 2.0 * (push - margin).max(0.0));
+                (push.max(SQRT_2 * margin), sides[0].hypot(sides[1]))
+            }
+            Boundary::Walls => (push, diagonal),
         };
-        let speed = (world.wheel_radius() * world.dt() + outside + push).min(crossed);
+        let speed = (drive + outside + push).min(crossed);
         let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
         let spread = spread / world.half_diagonal();
         let most = [
@@ -80,12 +89,19 @@ impl FeatureBounds {
     }
 }
 
-/// Whether agents of a swarm in `world` can be there, at its start or after any step.
+/// Whether agents of a swarm of this model in `world` can be there, at its start or after any step.
 ///
 /// # Errors
 /// Names the first coordinate that none has.
-pub fn check_positions(world: &World, positions: impl IntoIterator<Item = [f64; 2]>) -> Result<(), Invalid> {
-    let push = push(world) + ROUNDING.1;
+pub fn check_positions(
+    model: &CapabilityModel,
+    world: &World,
+    positions: impl IntoIterator<Item = [f64; 2]>,
+) -> Result<(), Invalid> {
+    let push = match world.boundary() {
+        Boundary::Walls => push(world),
+        Boundary::Open => roam(model, world),
+    } + ROUNDING.1;
     let sides = [world.width(), world.height()];
     for position in positions {
         for ((axis, value), side) in ["x", "y"].into_iter().zip(position).zip(sides) {
@@ -108,6 +124,11 @@ pub fn check_positions(world: &World, positions: impl IntoIterator<Item = [f64; 
     Ok(())
 }
 
+/// Furthest that an agent gets from the world in a whole simulation without walls.
+fn roam(model: &CapabilityModel, world: &World) -> f64 {
+    f64::from(world.horizon()) * (model.top_speed() * world.dt() + push(world))
+}
+
 /// Furthest that an agent is pushed out of others in a step.
 fn push(world: &World) -> f64 {
     let once = 5.0 * world.radius() + 2.0 * (GAP + JITTER);
@@ -120,9 +141,9 @@ mod tests {
     use super::*;
     use crate::{
         features::FeatureMeans,
-        simulate::{Start, Swarm},
+        simulate::{Start, Swarm, tests::sized},
     };
-    use murmuration_proto::{CapabilityModel, Controller, v1};
+    use murmuration_proto::{Controller, Preset, v1};
     use proptest::prelude::*;
 
     fn features(controller: &Controller, world: &World, seed: u64) -> Features {
@@ -140,10 +161,10 @@ mod tests {
         // The fastest, and those that stand or turn, more often than chance has them.
         let speed = || prop_oneof![Just(1.0), Just(-1.0), Just(0.0), -1.0..=1.0];
         let single = prop::collection::vec(speed(), 4)
-            .prop_map(|genes| Controller::new(CapabilityModel::SingleSensor, &genes).unwrap());
+            .prop_map(|genes| Controller::new(Preset::SingleSensor, &genes).unwrap());
         let two = (prop::collection::vec(speed(), 8), -3.0..3.0).prop_map(|(mut genes, angle)| {
             genes.push(angle);
-            Controller::new(CapabilityModel::TwoSensor, &genes).unwrap()
+            Controller::new(Preset::TwoSensor, &genes).unwrap()
         });
         prop_oneof![single, two]
     }
@@ -163,7 +184,7 @@ mod tests {
         let motion = (
             decades(-3.0, 3.0),
             prop_oneof![Just(1.0), decades(-3.0, 3.0)],
-            any::<bool>(),
+            any::<[bool; 2]>(),
         );
         let size = (
             prop_oneof![1..4_u32, 4..60_u32],
@@ -171,7 +192,7 @@ mod tests {
         );
         let parts = (sides, bodies, motion, size);
         parts.prop_map(
-            |((width, height), (filled, padded), (wheel_radius, dt, jitter), (agents, horizon))| {
+            |((width, height), (filled, padded), (wheel_radius, dt, [jitter, open]), (agents, horizon))| {
                 let half = f64::min(width, height) / 2.0;
                 let radius = (half * filled).min(1000.0);
                 World::try_from(v1::World {
@@ -184,6 +205,7 @@ mod tests {
                     dt: Some(dt),
                     horizon: Some(horizon),
                     jitter: Some(jitter),
+                    boundary: open.then(|| Boundary::Open.name().to_owned()),
                 })
                 .unwrap()
             },
@@ -195,18 +217,20 @@ mod tests {
 
         #[test]
         fn every_swarm_is_within_them(controller in controllers(), world in worlds(), seed: u64) {
+            let controller = sized(&controller, &world);
             let features = features(&controller, &world, seed);
-            let checked = FeatureBounds::of(&world).check(&features);
+            let checked = FeatureBounds::of(controller.model(), &world).check(&features);
             prop_assert!(checked.is_ok(), "{checked:?} {features:?} {world:?}");
         }
 
         #[test]
         fn every_agent_is_where_agents_can_be(controller in controllers(), world in worlds(), seed: u64) {
+            let controller = sized(&controller, &world);
             let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
             for _ in 0..=world.horizon() {
                 // As motions are sent.
                 let positions = swarm.agents().map(|agent| agent.position.map(|value| f64::from(value as f32)));
-                let checked = check_positions(&world, positions);
+                let checked = check_positions(controller.model(), &world, positions);
                 prop_assert!(checked.is_ok(), "{checked:?} {world:?}");
                 swarm.step();
             }
@@ -215,7 +239,8 @@ mod tests {
 
     #[test]
     fn where_no_agent_can_be_is_named() {
-        let check = |position| check_positions(&World::default(), [[0.0, 0.0], position]);
+        let model = Preset::SingleSensor.into();
+        let check = |position| check_positions(&model, &World::default(), [[0.0, 0.0], position]);
         assert!(check([500.0, 500.0]).is_ok());
         for (position, axis) in [([3.4e38, 0.0], "x"), ([0.0, -1e4], "y"), ([f64::NAN, 0.0], "x")] {
             assert_eq!(check(position).unwrap_err().field, format!("replay.{axis}"));
@@ -224,7 +249,7 @@ mod tests {
 
     #[test]
     fn what_no_swarm_has_is_named() {
-        let paper = FeatureBounds::of(&World::default());
+        let paper = FeatureBounds::of(&Preset::SingleSensor.into(), &World::default());
         for (place, name) in FEATURE_NAMES.iter().enumerate() {
             for value in [1e4, -1e4, f64::NAN, f64::INFINITY] {
                 let mut features = [0.0; 5];
@@ -248,7 +273,7 @@ mod tests {
             agents: Some(1),
             ..World::default().into()
         };
-        let bounds = FeatureBounds::of(&World::try_from(alone).unwrap());
+        let bounds = FeatureBounds::of(&Preset::SingleSensor.into(), &World::try_from(alone).unwrap());
         assert!(bounds.check(&[2.0, 0.0, 0.0, 0.0, 0.0]).is_ok());
         assert!(bounds.check(&[2.1, 0.0, 0.0, 0.0, 0.0]).is_err());
         assert!(bounds.check(&[2.0, 0.1, 0.0, 0.0, 0.0]).is_err());

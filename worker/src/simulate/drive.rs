@@ -1,6 +1,6 @@
 //! What a pair of a controller's numbers does to a pose in one step; wheel speeds: paper, appendix "Swarm Kinematics".
 
-use murmuration_proto::{Controller, DriveKind, Robot, World};
+use murmuration_proto::{DriveKind, Robot, RobotController};
 
 /// The motion of one step under one sensor state.
 #[derive(Debug, Clone, Copy, Default)]
@@ -13,38 +13,27 @@ pub(super) struct Gait {
     pub(super) rotation: [f64; 2],
 }
 
-/// The gait of each sensor state: off, on; or indexed by 2 S1 + S2.
+/// The gait of each sensor state, by its number.
 ///
 /// The paper's equation has the two middle rows exchanged; its pictures follow this order.
-pub(super) fn gaits(controller: &Controller, world: &World) -> [Gait; 4] {
-    let mut gaits = [Gait::default(); 4];
-    let (pairs, _) = controller.speeds().as_chunks();
-    for (gait, &pair) in gaits.iter_mut().zip(pairs) {
-        *gait = Gait::of_wheels(world.wheel_radius(), world.radius(), pair, world.dt());
-    }
-    gaits
+pub(super) fn gaits(controller: RobotController<'_>, dt: f64) -> impl Iterator<Item = Gait> {
+    let robot = controller.robot();
+    controller
+        .pairs()
+        .iter()
+        .map(move |&pair| Gait::of(robot, pair, dt))
 }
 
 impl Gait {
     /// What the pair (a, b) does to a robot in `dt`.
-    pub(super) fn of(robot: &Robot, [a, b]: [f64; 2], dt: f64) -> Self {
-        match robot.drive().kind() {
-            DriveKind::Differential { wheel_radius } => {
-                Self::of_wheels(wheel_radius, robot.radius(), [a, b], dt)
-            }
-            DriveKind::Unicycle => Self::new(a * dt, b * dt),
-        }
-    }
-
-    /// What the speeds of a left and a right wheel do to a body of this radius in `dt`.
-    fn of_wheels(wheel_radius: f64, radius: f64, [left, right]: [f64; 2], dt: f64) -> Self {
-        Self::new(
-            wheel_radius / 2.0 * (left + right) * dt,
-            (left - right) / (2.0 * radius) * dt,
-        )
-    }
-
-    fn new(ahead: f64, turn: f64) -> Self {
+    fn of(robot: &Robot, [a, b]: [f64; 2], dt: f64) -> Self {
+        let (ahead, turn) = match robot.drive().kind() {
+            DriveKind::Differential { wheel_radius } => (
+                wheel_radius / 2.0 * (a + b) * dt,
+                (a - b) / (2.0 * robot.radius()) * dt,
+            ),
+            DriveKind::Unicycle => (a * dt, b * dt),
+        };
         Self {
             ahead,
             turn,

@@ -58,12 +58,12 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// All agents of a world whose bodies have its radius.
-    pub(super) fn whole(world: &World) -> Self {
+    /// All agents of a world, with bodies of one radius.
+    pub(super) fn whole(world: &World, radius: f64) -> Self {
         Self {
             first: 0,
             end: world.agents() as usize,
-            radius: world.radius(),
+            radius,
         }
     }
 

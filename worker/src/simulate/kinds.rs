@@ -5,15 +5,14 @@
 use super::{
     Walls,
     collide::Collisions,
-    drive::{Gait, rotate},
+    drive::{self, Gait, rotate},
     gaze::{Eye, Group},
     mind::{Driven, Mind, settle_rays},
     others::Others,
     sight::Observer,
 };
 use murmuration_proto::{
-    Boundary, Invalid, Population, Robot, RobotController, SeenRobots, Sensor, Species, SwarmController,
-    World,
+    Boundary, CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, Species, World,
 };
 use pulp::Simd;
 
@@ -52,41 +51,35 @@ struct Sensing {
 
 impl Kinds {
     /// The species of a swarm whose robots are, by size, those of `groups`.
-    pub(super) fn new(
-        controller: &SwarmController,
-        groups: &[Group],
-        world: &World,
-        boundary: Boundary,
-    ) -> Self {
-        let population = controller.population();
-        let by_species = by_species(population);
-        let pairs = population.species().iter().zip(controller.controllers());
-        let kind = |(species, controller): (&Species, &RobotController)| {
-            let (robot, angles) = (species.robot(), controller.angles());
-            let sensors = robot.sensors().iter().zip(angles);
+    pub(super) fn new(controller: &Controller, groups: &[Group], world: &World) -> Self {
+        let model = controller.model();
+        let by_species = by_species(controller, world);
+        let kind = |controller: RobotController<'_>| {
+            let robot = controller.robot();
+            let sensors = robot.sensors().iter().zip(controller.angles());
             let sensors: Vec<_> = sensors
-                .map(|(sensor, &angle)| Sensing {
+                .map(|(sensor, angle)| Sensing {
                     eye: Eye::new(sensor, angle),
-                    seen: seen(sensor, population, &by_species, groups),
+                    seen: seen(sensor, model, &by_species, groups),
                     wall_range: sensor.wall_range(),
                 })
                 .collect();
             Kind {
                 radius: robot.radius(),
-                walls: walls(robot, world, boundary),
-                gaits: controller
-                    .pairs()
-                    .map(|pair| Gait::of(robot, pair, world.dt()))
-                    .collect(),
+                walls: Walls::of(robot, world),
+                gaits: drive::gaits(controller, world.dt()).collect(),
                 plain: groups.len() == 1 && robot.sensors().iter().all(Sensor::is_plain_ray),
                 directions: sensors.iter().map(|sensor| sensor.eye.direction()).collect(),
                 sensors,
             }
         };
+        let places = by_species.iter().enumerate();
+        let kind_of =
+            places.flat_map(|(place, group)| std::iter::repeat_n(place as u8, group.end - group.first));
         Self {
-            kinds: pairs.map(kind).collect(),
-            kind_of: population.species_of_robots().map(|place| place as u8).collect(),
-            sides: match boundary {
+            kinds: controller.robots().map(kind).collect(),
+            kind_of: kind_of.collect(),
+            sides: match world.boundary() {
                 Boundary::Walls => sides(world),
                 Boundary::Open => Vec::new(),
             },
@@ -168,26 +161,16 @@ impl Mind for &Kinds {
     }
 }
 
-/// Checks that `world` is for as many robots as a population has, and that each fits between its walls.
-pub(super) fn check_fit(population: &Population, world: &World, boundary: Boundary) -> Result<(), Invalid> {
-    if world.agents() != population.robots() {
-        let allowed = format!("{}: as many as all species have together", population.robots());
+/// Checks that `world` is for as many robots as a model has, and for bodies as large as theirs.
+pub(super) fn check_fit(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
+    if let Some(robots) = model.robots().filter(|&robots| robots != world.agents()) {
+        let allowed = format!("{robots}: as many as all species have together");
         return Err(Invalid::new("agents", world.agents(), allowed));
     }
-    let side = world.width().min(world.height());
-    for (i, species) in population.species().iter().enumerate() {
-        let radius = species.robot().radius();
-        if boundary == Boundary::Walls && 2.0 * (radius + world.padding()) > side {
-            let allowed = format!(
-                "at most {}, or it does not fit between the walls",
-                side / 2.0 - world.padding()
-            );
-            return Err(Invalid::new(
-                format!("species[{i}].robot.radius"),
-                radius,
-                allowed,
-            ));
-        }
+    let largest = model.largest_radius();
+    if world.radius() != largest {
+        let allowed = format!("{largest}, the radius of the largest robot");
+        return Err(Invalid::new("radius", world.radius(), allowed));
     }
     Ok(())
 }
@@ -203,24 +186,30 @@ fn turned<const SENSORS: usize>(robot: Driven, directions: &[[f64; 2]]) -> Obser
 }
 
 /// The robots of each species.
-fn by_species(population: &Population) -> Vec<Group> {
+pub(super) fn by_species(controller: &Controller, world: &World) -> Vec<Group> {
     let mut end = 0;
-    let group = |species: &Species| {
+    let group = |(species, count): (&Species, u32)| {
         let first = end;
-        end += species.count() as usize;
+        end += count as usize;
         Group {
             first,
             end,
             radius: species.robot().radius(),
         }
     };
-    population.species().iter().map(group).collect()
+    let counts = controller.counts(world.agents());
+    controller
+        .model()
+        .species()
+        .iter()
+        .zip(counts)
+        .map(group)
+        .collect()
 }
 
-/// All robots, neighbouring species of one size as one group.
-pub(super) fn by_size(population: &Population) -> Vec<Group> {
-    let species = by_species(population);
-    let of_one_size = species.chunk_by(|a, b| a.radius == b.radius);
+/// The robots of all species, neighbouring species of one size as one group.
+pub(super) fn by_size(by_species: &[Group]) -> Vec<Group> {
+    let of_one_size = by_species.chunk_by(|a, b| a.radius == b.radius);
     let whole = |groups: &[Group]| Group {
         end: groups[groups.len() - 1].end,
         ..groups[0]
@@ -229,22 +218,15 @@ pub(super) fn by_size(population: &Population) -> Vec<Group> {
 }
 
 /// The robots that a sensor sees.
-fn seen(sensor: &Sensor, population: &Population, by_species: &[Group], by_size: &[Group]) -> Vec<Group> {
+fn seen(sensor: &Sensor, model: &CapabilityModel, by_species: &[Group], by_size: &[Group]) -> Vec<Group> {
     match sensor.robots() {
         SeenRobots::None => Vec::new(),
         SeenRobots::All => by_size.to_vec(),
-        SeenRobots::Species(name) => population
+        SeenRobots::Species(name) => model
             .place(name)
             .map(|place| by_species[place])
             .into_iter()
             .collect(),
-    }
-}
-
-pub(super) fn walls(robot: &Robot, world: &World, boundary: Boundary) -> Walls {
-    match boundary {
-        Boundary::Walls => Walls::within(world, robot.radius() + world.padding()),
-        Boundary::Open => Walls::NONE,
     }
 }
 

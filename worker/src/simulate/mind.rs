@@ -7,7 +7,7 @@ use super::{
     others::Others,
     sight::{Observer, Reach},
 };
-use murmuration_proto::{Controller, World};
+use murmuration_proto::{RobotController, World};
 use pulp::Simd;
 
 /// The kinds of robots of a swarm.
@@ -52,11 +52,16 @@ pub(super) struct PaperMind<R> {
 }
 
 impl Paper {
-    pub(super) fn new(controller: &Controller, world: &World) -> Self {
+    /// Robots of a preset of the paper's.
+    pub(super) fn new(controller: RobotController<'_>, world: &World) -> Self {
+        let mut gaits = [Gait::default(); 4];
+        for (gait, of_state) in gaits.iter_mut().zip(drive::gaits(controller, world.dt())) {
+            *gait = of_state;
+        }
         Self {
-            walls: Walls::of(world),
-            gaits: drive::gaits(controller, world),
-            second_sensor: controller.angle().map(drive::direction),
+            walls: Walls::of(controller.robot(), world),
+            gaits,
+            second_sensor: controller.angles().nth(1).map(drive::direction),
         }
     }
 

@@ -23,11 +23,10 @@ pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::rotate;
-use gaze::Group;
 use grid::Grid;
 use kinds::Kinds;
 use mind::{Driven, Mind, Paper, PaperMind};
-use murmuration_proto::{Boundary, Controller, Invalid, SwarmController, World};
+use murmuration_proto::{Boundary, Controller, Invalid, Preset, Robot, World};
 use others::Others;
 use positions::Positions;
 pub use pulp::Arch;
@@ -36,7 +35,7 @@ use pulp::{Simd, WithSimd};
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
 
-/// A swarm in its world, to be stepped and looked at: robots of one of the paper's models, or of described species.
+/// A swarm in its world, to be stepped and looked at.
 ///
 /// Its bits depend on controller, world and start alone: not on the CPU, nor on how the steps are grouped.
 #[derive(Debug, Clone)]
@@ -106,7 +105,8 @@ impl Swarm {
     /// A swarm at its start, on the fastest instructions that this CPU has.
     ///
     /// # Errors
-    /// Where `start` does not have one pose for each of the world's agents.
+    /// If there are not as many robots as the world has agents, the largest body is not what the world says, or `start` does not
+    /// have one pose for each.
     pub fn new(controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
         Self::on(Arch::new(), controller, world, start)
     }
@@ -116,7 +116,7 @@ impl Swarm {
     /// # Errors
     /// As [`Swarm::new`].
     pub fn on(arch: Arch, controller: &Controller, world: &World, start: &Start) -> Result<Self, Invalid> {
-        Ok(Self::pairwise(arch, controller, world, start)?.with_grid(world, world.radius()))
+        Ok(Self::pairwise(arch, controller, world, start)?.with_grid(world))
     }
 
     /// As [`Swarm::on`], every agent looking at every other however many there are: the bits are the same. It is there to be
@@ -130,67 +130,20 @@ impl Swarm {
         world: &World,
         start: &Start,
     ) -> Result<Self, Invalid> {
-        let minds = Minds::Paper(Paper::new(controller, world));
-        Self::at_start(
-            arch,
-            minds,
-            Collisions::new(world, vec![Group::whole(world)], start),
-            world,
-            start,
-        )
-    }
-
-    /// A swarm of described robots at its start, on the instructions of `arch`: the bits do not depend on them.
-    ///
-    /// Robots have the radii and wheels of their descriptions, not those of `world`. Sensors see no obstacles: worlds have
-    /// none yet.
-    ///
-    /// # Errors
-    /// If the world does not have room for one robot for each of the population's, or one does not fit between its walls, or
-    /// `start` does not have one pose for each.
-    pub fn of_species(
-        arch: Arch,
-        controller: &SwarmController,
-        world: &World,
-        boundary: Boundary,
-        start: &Start,
-    ) -> Result<Self, Invalid> {
-        let swarm = Self::of_species_pairwise(arch, controller, world, boundary, start)?;
-        let largest = swarm.largest_radius();
-        Ok(swarm.with_grid(world, largest))
-    }
-
-    /// As [`Swarm::of_species`], every robot looking at every other however many there are: the bits are the same.
-    ///
-    /// # Errors
-    /// As [`Swarm::of_species`].
-    pub fn of_species_pairwise(
-        arch: Arch,
-        controller: &SwarmController,
-        world: &World,
-        boundary: Boundary,
-        start: &Start,
-    ) -> Result<Self, Invalid> {
-        kinds::check_fit(controller.population(), world, boundary)?;
-        let groups = kinds::by_size(controller.population());
-        let kinds = Kinds::new(controller, &groups, world, boundary);
-        let collisions = Collisions::new(world, groups, start);
-        Self::at_start(arch, Minds::Described(kinds), collisions, world, start)
-    }
-
-    fn at_start(
-        arch: Arch,
-        minds: Minds,
-        collisions: Collisions,
-        world: &World,
-        start: &Start,
-    ) -> Result<Self, Invalid> {
+        kinds::check_fit(controller.model(), world)?;
+        let groups = kinds::by_size(&kinds::by_species(controller, world));
+        let minds = match (controller.model().preset(), controller.robots().next()) {
+            (Some(Preset::SingleSensor | Preset::TwoSensor), Some(robot)) => {
+                Minds::Paper(Paper::new(robot, world))
+            }
+            _ => Minds::Described(Kinds::new(controller, &groups, world)),
+        };
         let poses = start.poses_for(world)?;
         Ok(Self {
             arch,
             minds,
             robots: Robots {
-                collisions,
+                collisions: Collisions::new(world, groups, start),
                 bodies: poses.iter().map(Body::at).collect(),
                 steps: 0,
             },
@@ -198,11 +151,12 @@ impl Swarm {
         })
     }
 
-    /// The same swarm with a grid, if it is large enough for one; no body is larger than `radius`.
-    fn with_grid(mut self, world: &World, radius: f64) -> Self {
+    /// The same swarm with a grid, if it is large enough for one.
+    fn with_grid(mut self, world: &World) -> Self {
         if world.agents() >= grid::WORTH {
             let positions: Vec<_> = self.agents().map(|agent| agent.position).collect();
-            self.others = Lookup::Near(Grid::new(world, radius, &positions));
+            let largest = self.robots.collisions.diameter() / 2.0;
+            self.others = Lookup::Near(Grid::new(world, largest, &positions));
         }
         self
     }
@@ -279,10 +233,6 @@ impl Swarm {
             Minds::Paper(paper) => paper.sense(simd, others, robot, self.robots.collisions.reach()),
             Minds::Described(kinds) => kinds.sense(simd, others, robot),
         }
-    }
-
-    fn largest_radius(&self) -> f64 {
-        self.robots.collisions.diameter() / 2.0
     }
 
     /// How often a push was one that the authors' simulator adds its jitter to, whether or not the world has it.
@@ -393,8 +343,12 @@ impl Walls {
         high: [f64::INFINITY; 2],
     };
 
-    fn of(world: &World) -> Self {
-        Self::within(world, world.margin())
+    /// Where the centre of this robot may be.
+    fn of(robot: &Robot, world: &World) -> Self {
+        match world.boundary() {
+            Boundary::Walls => Self::within(world, robot.radius() + world.padding()),
+            Boundary::Open => Self::NONE,
+        }
     }
 
     /// Walls that keep a centre `margin` from each edge of the world.

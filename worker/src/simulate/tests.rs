@@ -3,7 +3,7 @@
 pub(crate) mod described;
 
 use super::*;
-use murmuration_proto::{CapabilityModel, Purpose, RandomStream, v1};
+use murmuration_proto::{Preset, Purpose, RandomStream, v1};
 use proptest::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -30,8 +30,14 @@ fn square(side: f64, agents: u32) -> World {
     })
 }
 
+/// The same preset with the bodies and wheels of `world`.
+pub(crate) fn sized(controller: &Controller, world: &World) -> Controller {
+    let preset = controller.model().preset().unwrap();
+    Controller::new(preset.in_world(world).unwrap(), controller.genes()).unwrap()
+}
+
 fn single(genes: [f64; 4]) -> Controller {
-    Controller::new(CapabilityModel::SingleSensor, &genes).unwrap()
+    Controller::new(Preset::SingleSensor, &genes).unwrap()
 }
 
 fn bits(swarm: &Swarm) -> Vec<[u64; 8]> {
@@ -47,10 +53,10 @@ fn bits(swarm: &Swarm) -> Vec<[u64; 8]> {
 pub(crate) fn controllers() -> impl Strategy<Value = Controller> {
     let speeds = || -1.0..=1.0;
     let single = prop::collection::vec(speeds(), 4)
-        .prop_map(|genes| Controller::new(CapabilityModel::SingleSensor, &genes).unwrap());
+        .prop_map(|genes| Controller::new(Preset::SingleSensor, &genes).unwrap());
     let two = (prop::collection::vec(speeds(), 8), -PI..=PI).prop_map(|(mut genes, angle)| {
         genes.push(angle);
-        Controller::new(CapabilityModel::TwoSensor, &genes).unwrap()
+        Controller::new(Preset::TwoSensor, &genes).unwrap()
     });
     prop_oneof![single, two]
 }
@@ -73,6 +79,7 @@ pub(crate) fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value 
                 dt: Some(dt),
                 horizon: None,
                 jitter: Some(jitter),
+                boundary: None,
             })
         })
 }
@@ -99,6 +106,7 @@ proptest! {
         world in worlds(1..=70u32),
         seed: u64,
     ) {
+        let controller = sized(&controller, &world);
         let start = Start::seeded(seed);
         let run = |arch| {
             let mut swarm = Swarm::on(arch, &controller, &world, &start).unwrap();
@@ -119,6 +127,7 @@ proptest! {
         seed: u64,
         spread in prop_oneof![Just(1.0), 0.0..3.0_f64],
     ) {
+        let controller = sized(&controller, &world);
         let poses = Start::seeded(seed).poses_for(&world).unwrap().into_owned();
         let start = Start::at(poses.iter().map(|&[x, y, theta]| [spread * x - 0.3 * x, spread * y, theta]).collect()).unwrap();
         let mut all = Swarm::pairwise(Arch::new(), &controller, &world, &start).unwrap();
@@ -139,6 +148,7 @@ proptest! {
         seed: u64,
         groups in prop::collection::vec(1u32..300, 1..5),
     ) {
+        let controller = sized(&controller, &world);
         let start = Start::seeded(seed);
         let mut grouped = Swarm::new(&controller, &world, &start).unwrap();
         let mut single = grouped.clone();
@@ -156,6 +166,7 @@ proptest! {
         world in worlds(1..=40u32),
         seed: u64,
     ) {
+        let controller = sized(&controller, &world);
         let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
         swarm.advance(300);
         for agent in swarm.agents() {
@@ -180,7 +191,7 @@ proptest! {
         swarm.step();
         let mut positions: Vec<[f64; 2]> = before.iter().map(|agent| agent.position).collect();
         for (i, (was, is)) in before.iter().zip(swarm.agents()).enumerate() {
-            let [left, right] = [0, 1].map(|side| controller.speeds()[2 * usize::from(was.sensed) + side]);
+            let [left, right] = controller.robots().next().unwrap().pairs()[usize::from(was.sensed)];
             let driven = [0, 1].map(|axis| (was.position[axis] + (left + right) * was.heading[axis]).clamp(6.0, 9994.0));
             let pushed = is.position != driven;
             if pushed {
@@ -281,7 +292,11 @@ fn jitter_is_seeded_and_only_where_it_is_asked_for() {
         let poses = Start::seeded(9).poses_for(&world).unwrap().into_owned();
         let mut swarm =
             Swarm::new(&single([0.6, 1.0, 0.4, 0.5]), &world, &Start::at(poses).unwrap()).unwrap();
-        swarm.robots.collisions = Collisions::new(&world, vec![Group::whole(&world)], &Start::seeded(seed));
+        swarm.robots.collisions = Collisions::new(
+            &world,
+            vec![gaze::Group::whole(&world, world.radius())],
+            &Start::seeded(seed),
+        );
         swarm.advance(20);
         assert!(swarm.jitter_events() > 0);
         bits(&swarm)

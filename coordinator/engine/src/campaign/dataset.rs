@@ -75,7 +75,7 @@ pub fn tasks(
         let controller = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
         for place in index * starts..(index + 1) * starts {
             let seed = RandomStream::derive(spec.seed(), Purpose::DatasetStart, place).bits();
-            tasks.push((controller, seed));
+            tasks.push((controller.clone(), seed));
         }
     }
     Ok(tasks)
@@ -96,7 +96,7 @@ fn substitutes(
     let substitute = breeding::sample(spec.controllers(), dataset.filter(), &mut stream)?;
     let places = controller * starts..(controller + 1) * starts;
     Ok(places
-        .map(|place| (place as usize, (substitute, stream.bits())))
+        .map(|place| (place as usize, (substitute.clone(), stream.bits())))
         .collect())
 }
 

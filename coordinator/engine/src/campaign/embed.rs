@@ -43,9 +43,9 @@ pub(super) async fn embed(
     let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
     let at_once = pictures_at_once(spec.image(), CHUNK) as u64;
     loop {
-        let (store, of, model) = (context.store.clone(), id.clone(), spec.model());
+        let (store, of, model) = (context.store.clone(), id.clone(), spec.model().clone());
         let range = embedded..embedded + at_once;
-        let individuals = blocking(move || store.individuals(&of, model, range, true)).await??;
+        let individuals = blocking(move || store.individuals(&of, &model, range, true)).await??;
         if individuals.is_empty() {
             break;
         }

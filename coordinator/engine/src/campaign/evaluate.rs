@@ -60,11 +60,12 @@ pub(super) async fn evaluate(
     let mut tasks = job.tasks.clone();
     let mut results: Vec<Option<(Evaluation, Maker)>> = vec![None; tasks.len()];
     let mut poisoned = Vec::new();
-    let mut wanted: Vec<Placed> = tasks.iter().copied().enumerate().collect();
+    let mut wanted: Vec<Placed> = tasks.iter().cloned().enumerate().collect();
     for attempt in 1.. {
         let job = EvaluationJob {
             campaign: job.campaign.clone(),
-            tasks: wanted.iter().map(|(_, task)| *task).collect(),
+            model: job.model.clone(),
+            tasks: wanted.iter().map(|(_, task)| task.clone()).collect(),
             ..job
         };
         let Some(evaluated) = handle
@@ -86,8 +87,8 @@ pub(super) async fn evaluate(
                 }
             }
         }
-        for (&place, &task) in &substitutes {
-            tasks[place] = task;
+        for (&place, task) in &substitutes {
+            tasks[place] = task.clone();
             results[place] = None;
         }
         wanted = substitutes.into_iter().collect();

@@ -70,15 +70,15 @@ async fn further_starts(
     for starts in missing.chunks(pictures_at_once(record.spec.image(), CHUNK)) {
         let tasks = starts
             .iter()
-            .map(|start| (start.controller, start.seed))
+            .map(|start| (start.controller.clone(), start.seed))
             .collect();
         let job = EvaluationJob::of(record, None, tasks);
         // In the place of what kills its workers comes what was labelled, which does not.
         let labelled = |place: usize, _| {
             let FurtherStart {
                 controller, labelled, ..
-            } = starts[place];
-            Ok(vec![(place, (controller, labelled))])
+            } = &starts[place];
+            Ok(vec![(place, (controller.clone(), *labelled))])
         };
         let Some(done) = evaluate(&context.dispatch, handle, job, labelled).await? else {
             return Ok(Outcome::Stopped);

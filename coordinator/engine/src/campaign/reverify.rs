@@ -109,12 +109,15 @@ async fn wrong_picture(
     suspects: &[Suspect],
     handle: &mut RunHandle,
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
-    let (id, model) = (record.id.clone(), record.spec.model());
+    let (id, model) = (record.id.clone(), record.spec.model().clone());
     let pictures = read_all(context, suspects, move |store, place| {
-        store.picture(&id, model, place)
+        store.picture(&id, &model, place)
     })
     .await?;
-    let tasks = pictures.iter().map(|old| (old.controller, old.seed)).collect();
+    let tasks = pictures
+        .iter()
+        .map(|old| (old.controller.clone(), old.seed))
+        .collect();
     let job = EvaluationJob::of(record, None, tasks);
     let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
@@ -133,7 +136,10 @@ async fn wrong_individual(
     let archived = archived(context, record, suspects).await?;
     let embedder = context.embedder(record).await?;
     let moved = moved(context, record).await?;
-    let tasks = archived.iter().map(|old| (old.controller, old.seed)).collect();
+    let tasks = archived
+        .iter()
+        .map(|old| (old.controller.clone(), old.seed))
+        .collect();
     let job = EvaluationJob::of(record, embedder, tasks);
     let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
@@ -195,9 +201,9 @@ async fn archived(
     record: &CampaignRecord,
     suspects: &[Suspect],
 ) -> Result<Vec<ArchivedIndividual>, CampaignError> {
-    let (id, model) = (record.id.clone(), record.spec.model());
+    let (id, model) = (record.id.clone(), record.spec.model().clone());
     read_all(context, suspects, move |store, index| {
-        store.individual(&id, model, index)
+        store.individual(&id, &model, index)
     })
     .await
 }
@@ -233,7 +239,7 @@ async fn evaluated_again(
     handle: &mut RunHandle,
 ) -> Result<Option<Done>, CampaignError> {
     let tasks: Vec<(Controller, u64)> = job.tasks.clone();
-    let same = |place: usize, _| Ok(vec![(place, tasks[place])]);
+    let same = |place: usize, _| Ok(vec![(place, tasks[place].clone())]);
     evaluate(&context.dispatch, handle, job, same).await
 }
 

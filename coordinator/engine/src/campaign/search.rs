@@ -74,7 +74,7 @@ pub(super) async fn evolve(
         .await?;
         search = unchanged;
         let proposal = proposal?;
-        let tasks = proposal.controllers.iter().copied().zip(search.seeds()).collect();
+        let tasks = proposal.controllers.iter().cloned().zip(search.seeds()).collect();
         let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
         let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
@@ -246,11 +246,11 @@ impl Search {
             .zip(&done.tasks)
             .zip(done.evaluations.into_iter().zip(&novelty))
             .map(
-                |((index, &(controller, seed)), (evaluation, &novelty))| ArchivedIndividual {
+                |((index, (controller, seed)), (evaluation, &novelty))| ArchivedIndividual {
                     index,
                     generation: record.generation,
-                    controller,
-                    seed,
+                    controller: controller.clone(),
+                    seed: *seed,
                     features: *evaluation.features(),
                     embedding: evaluation.embedding().to_vec(),
                     novelty,

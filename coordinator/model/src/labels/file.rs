@@ -7,8 +7,8 @@ use super::{Annotator, Answer, of_cell, quotes::unclosed};
 use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
-    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, World, counted, text::quoted,
-    v1,
+    CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
+    text::quoted, v1,
 };
 use std::{
     path::{Path, PathBuf},
@@ -16,9 +16,23 @@ use std::{
 };
 
 /// Columns of wheel speeds; those of one sensor are the first four.
-pub(super) const SPEEDS: [&str; 8] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8"];
+const SPEEDS: [&str; 8] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8"];
 /// Column of the second sensor's angle; a file without it is of the single-sensor model.
-pub(super) const ANGLE: &str = "theta";
+const ANGLE: &str = "theta";
+/// Columns of the genes of a two-sensor controller.
+const PAPER_GENES: [&str; 9] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8", ANGLE];
+/// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
+pub(super) const ROBOTS: &str = "robots";
+
+/// Columns of the genes of a model's controllers.
+pub(super) fn gene_columns(model: &CapabilityModel) -> Vec<String> {
+    let papers: &[&str] = match model.preset() {
+        Some(Preset::SingleSensor) => &SPEEDS[..4],
+        Some(Preset::TwoSensor) => &PAPER_GENES,
+        Some(Preset::Flockbots | Preset::TurboPi) | None => return model.gene_names(),
+    };
+    papers.iter().copied().map(str::to_owned).collect()
+}
 
 /// A file of labels, taken apart; nothing but its columns has been understood.
 #[derive(Debug, Clone)]
@@ -337,16 +351,25 @@ impl<'a> Row<'a> {
         self.needed("seed", "a whole number")
     }
 
-    /// The controller: `v1` to `v4`, or `v1` to `v8` and `theta`.
+    /// The capability model: that of the column `robots`, which no row need have if they are the paper's.
+    fn model(&self) -> Result<CapabilityModel, LabelFileError> {
+        let world = self.world()?;
+        let model = match (self.cell(ROBOTS), self.file.has(ANGLE)) {
+            ("", false) => Preset::SingleSensor.in_world(&world),
+            ("", true) => Preset::TwoSensor.in_world(&world),
+            (line, _) => CapabilityModel::of_line(ROBOTS, line, &world),
+        };
+        model.map_err(|error| self.refused(error))
+    }
+
+    /// The controller: `v1` to `v4`, or `v1` to `v8` and `theta`; with a column `robots`, a column for each gene by its name.
     ///
     /// # Errors
     /// Where a column is missing, or a gene is no number or out of range.
     pub fn controller(&self) -> Result<Controller, LabelFileError> {
-        let (model, names) = match self.file.has(ANGLE) {
-            true => (CapabilityModel::TwoSensor, [SPEEDS.as_slice(), &[ANGLE]].concat()),
-            false => (CapabilityModel::SingleSensor, SPEEDS[..4].to_vec()),
-        };
-        let genes = names.iter().map(|name| self.needed(name, "a number"));
+        let model = self.model()?;
+        let genes = gene_columns(&model);
+        let genes = genes.iter().map(|name| self.needed(name, "a number"));
         let genes = genes.collect::<Result<Vec<f64>, _>>()?;
         Controller::new(model, &genes).map_err(|error| self.refused(error))
     }
@@ -390,6 +413,7 @@ impl<'a> Row<'a> {
             dt: self.given("dt", "a number")?,
             horizon: self.given("horizon", "a whole number")?,
             jitter: self.given("jitter", "true or false")?,
+            boundary: self.given("boundary", "walls or open")?,
         };
         World::try_from(world).map_err(|error| self.refused(error))
     }
@@ -421,7 +445,7 @@ impl<'a> Row<'a> {
 }
 
 /// What a behaviour's world and picture are, as the columns that say so.
-pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 11] {
+pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 12] {
     [
         ("width", world.width().to_string()),
         ("height", world.height().to_string()),
@@ -432,6 +456,7 @@ pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, Str
         ("dt", world.dt().to_string()),
         ("horizon", world.horizon().to_string()),
         ("jitter", world.jitter().to_string()),
+        ("boundary", world.boundary().to_string()),
         ("resolution", format.resolution().to_string()),
         ("window", format.window().to_string()),
     ]

@@ -4,15 +4,18 @@
 
 use super::{
     Annotator, LabelFile, LabelFileError,
-    file::{ANGLE, Row, SPEEDS, settings},
+    file::{ROBOTS, Row, gene_columns, settings},
     to_cell,
 };
 use crate::Timestamp;
-use murmuration_proto::{CampaignSpec, FEATURE_NAMES, ImageFormat, Invalid, World, counted, v1};
+use murmuration_proto::{CampaignSpec, FEATURE_NAMES, ImageFormat, Invalid, Preset, World, counted, v1};
 use std::path::Path;
 
 /// What a file says of every label, whatever it is about.
 const COLUMNS: [&str; 5] = ["id", "class", "annotator", "time", "seed"];
+
+/// Column of the first gene of the paper's robots.
+const FIRST_SPEED: &str = "v1";
 
 /// A file of answers, read and understood.
 #[derive(Debug)]
@@ -71,7 +74,11 @@ impl Table {
     /// Whether the file says which individuals it is about by more than their indices.
     #[must_use]
     pub fn describes(&self) -> bool {
-        self.file.has("seed") || self.file.has(SPEEDS[0])
+        self.file.has("seed") || self.has_controllers()
+    }
+
+    fn has_controllers(&self) -> bool {
+        self.file.has(FIRST_SPEED) || self.file.has(ROBOTS)
     }
 
     /// Checks that the individuals, where the file says what their controllers and seeds are, have just these in the archive
@@ -84,7 +91,7 @@ impl Table {
         campaign: &str,
         individual: impl Fn(u64) -> Option<&'a v1::Individual>,
     ) -> Result<(), LabelFileError> {
-        let has_controller = self.file.has(SPEEDS[0]);
+        let has_controller = self.has_controllers();
         let has_seed = self.file.has("seed");
         self.check(|row, answer| {
             let found = individual(answer.index);
@@ -134,19 +141,24 @@ pub fn to_csv<'a>(
     labels: impl Iterator<Item = Labelled<'a>>,
 ) -> Result<Vec<u8>, csv::Error> {
     let model = spec.model();
-    let genes = SPEEDS[..model.speeds()]
-        .iter()
-        .chain((model.angles() > 0).then_some(&ANGLE));
+    let genes = gene_columns(model);
+    let robots = match model.preset() {
+        Some(Preset::SingleSensor | Preset::TwoSensor) => None,
+        Some(Preset::Flockbots | Preset::TurboPi) | None => Some((ROBOTS, model.to_line())),
+    };
     let papers = settings(World::default(), ImageFormat::default());
     let own = settings(*spec.world(), *spec.image());
     let differing: Vec<_> = own
         .into_iter()
         .zip(papers)
         .filter(|(own, papers)| own != papers)
+        .map(|(own, _)| own)
+        .chain(robots)
         .collect();
-    let named = COLUMNS.iter().chain(genes).copied().chain(FEATURE_NAMES);
+    let genes = genes.iter().map(String::as_str);
+    let named = COLUMNS.into_iter().chain(genes).chain(FEATURE_NAMES);
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(named.chain(differing.iter().map(|((name, _), _)| *name)))?;
+    writer.write_record(named.chain(differing.iter().map(|(name, _)| *name)))?;
     for Labelled { answer, individual } in labels {
         let own = [
             answer.index.to_string(),
@@ -156,7 +168,7 @@ pub fn to_csv<'a>(
             individual.seed.to_string(),
         ];
         let numbers = individual.controller.iter().chain(&individual.features);
-        let settings = differing.iter().map(|((_, value), _)| value.clone());
+        let settings = differing.iter().map(|(_, value)| value.clone());
         writer.write_record(own.into_iter().chain(numbers.map(f64::to_string)).chain(settings))?;
     }
     writer.into_inner().map_err(|error| error.into_error().into())
@@ -279,8 +291,8 @@ mod tests {
             answers in answers(), genes in prop::collection::vec(-1.0..=1.0, 9), two in any::<bool>(),
             features in prop::collection::vec(-1e3..1e3, 5), seed in any::<u64>(), horizon in 1..2000_u32,
         ) {
-            let model = if two { "two-sensor" } else { "single-sensor" };
-            let text = format!("model = \"{model}\"\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5");
+            let model = if two { "model = \"two-sensor\"" } else { "robot.sensors = [{ half_angle = 0.5 }]" };
+            let text = format!("{model}\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5");
             let spec = CampaignSpec::from_toml(&text).unwrap();
             let individual = v1::Individual {
                 controller: genes[..spec.model().genes()].to_vec(),

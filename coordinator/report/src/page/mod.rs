@@ -15,7 +15,7 @@ use super::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
-use murmuration_proto::{CapabilityModel, Method};
+use murmuration_proto::Method;
 
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order, so that one that fails takes no other with it.
@@ -151,15 +151,25 @@ fn footer(report: &Report) -> Markup {
     }
 }
 
-/// `24 single-sensor robots`.
+/// `24 single-sensor robots`, `24 robots with 3 sensors`, or `24 robots of the species a and b`.
 fn robots(report: &Report) -> String {
-    let sensors = match report.spec.model() {
-        CapabilityModel::SingleSensor => "single-sensor",
-        CapabilityModel::TwoSensor => "two-sensor",
-    };
-    match report.spec.world().agents() {
-        1 => format!("one {sensors} robot"),
-        agents => format!("{} {sensors} robots", grouped(agents.into())),
+    let model = report.spec.model();
+    let agents = report.spec.world().agents();
+    match (model.preset(), model.species()) {
+        (Some(preset), _) if agents == 1 => format!("one {preset} robot"),
+        (Some(preset), _) => format!("{} {preset} robots", grouped(agents.into())),
+        (None, [alone]) => {
+            let sensors = counted(alone.robot().sensors().len() as u64, "sensor");
+            format!("{} with {sensors}", counted(agents.into(), "robot"))
+        }
+        (None, species) => {
+            let names: Vec<_> = species.iter().map(|species| species.name().as_str()).collect();
+            format!(
+                "{} of the species {}",
+                counted(agents.into(), "robot"),
+                names.join(" and ")
+            )
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::{
 };
 use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
-use murmuration_proto::{FEATURE_NAMES, Method};
+use murmuration_proto::{FEATURE_NAMES, Method, Preset};
 use murmuration_worker::features::FEATURE_STEPS;
 
 /// The behaviour space in two dimensions.
@@ -270,6 +270,25 @@ pub(super) fn specification(report: &Report, files: Files) -> Markup {
     }
 }
 
+/// What the numbers of a controller are.
+fn controller(report: &Report) -> Markup {
+    let model = report.spec.model();
+    match model.preset() {
+        Some(Preset::SingleSensor) => html! {
+            "The speeds of the left and right wheel while the sensor sees no robot, then while it sees one. Speeds are between −1 "
+            "and 1."
+        },
+        Some(Preset::TwoSensor) => html! {
+            "The speeds of the left and right wheel while neither sensor sees a robot, while the second does, the first, and both, "
+            "followed by the angle of the second sensor in radians. Speeds are between −1 and 1."
+        },
+        Some(Preset::Flockbots | Preset::TurboPi) | None => html! {
+            "The genes, in this order: " (model.gene_names().join(", ")) ". The digits say which sensors see something (1) or nothing "
+            "(0), the first sensor first. Angles are in radians."
+        },
+    }
+}
+
 /// The meaning of the words and pictures.
 pub(super) fn reading(report: &Report) -> Markup {
     let entry = |word: &str, meaning: Markup| html! { div { dt { (word) } dd { (meaning) } } };
@@ -289,14 +308,7 @@ pub(super) fn reading(report: &Report) -> Markup {
                     (report.spec.image().resolution()) " grey values, without colours"
                     @if report.spec.method().embeds() { ": what the network sees of the swarm." } @else { ". This campaign measures nothing on it." }
                 }))
-                (entry("Controller", html! {
-                    "The speeds of the left and right wheel while the sensor sees no robot, then while it sees one"
-                    @if report.spec.model().angles() > 0 {
-                        "; with two sensors, the four pairs are for neither sensor, the second, the first, and both, followed by the "
-                        "angle of the second sensor in radians"
-                    }
-                    ". Speeds are between −1 and 1."
-                }))
+                (entry("Controller", controller(report)))
                 (entry("Novelty", html! {
                     "On a card, and in the table of the taxonomy: the mean distance of a behaviour to its "
                     (report.spec.search().neighbours()) " nearest neighbours in the whole archive. A high value means that few behaviours are near it."

@@ -36,7 +36,7 @@ pub struct Proposal {
 }
 
 /// An individual of the generation before.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Parent {
     /// Its controller.
     pub controller: Controller,
@@ -45,7 +45,7 @@ pub struct Parent {
 }
 
 /// Why a generation cannot be proposed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProposeError {
     /// A generation after the first must be bred, and there is nothing to breed it from.
     #[error("generation {generation} has no parents")]
@@ -92,8 +92,8 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
         if given != expected {
             return Err(ProposeError::ForeignParent {
                 parent,
-                given,
-                expected,
+                given: given.clone(),
+                expected: expected.clone(),
             });
         }
     }

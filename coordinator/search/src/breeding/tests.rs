@@ -1,7 +1,7 @@
 //! Proposals: reproducible, within the space, and selected and varied with the stated probabilities.
 
 use super::*;
-use murmuration_proto::ControllerSpace;
+use murmuration_proto::{ControllerSpace, GeneSpace, Preset};
 use proptest::prelude::*;
 
 /// A campaign with these lines in its `[search]`, and `filter` and so on before them.
@@ -16,8 +16,8 @@ fn single(top: &str, search: &str) -> CampaignSpec {
 
 fn parent(genes: &[f64], novelty: f64) -> Parent {
     let model = match genes.len() {
-        4 => CapabilityModel::SingleSensor,
-        _ => CapabilityModel::TwoSensor,
+        4 => Preset::SingleSensor,
+        _ => Preset::TwoSensor,
     };
     let controller = Controller::new(model, genes).unwrap();
     Parent { controller, novelty }
@@ -36,9 +36,13 @@ fn parents(model: &str, count: usize) -> Vec<Parent> {
 }
 
 fn is_in(space: &ControllerSpace, controller: &Controller) -> bool {
-    let on_grid = |speed: &f64| space.nearest_speed(*speed) == *speed;
-    let angle = controller.angle();
-    controller.speeds().iter().all(on_grid) && angle.is_none_or(|angle| space.angles().contains(&angle))
+    let mut genes = controller.genes().iter().zip(space.genes());
+    genes.all(|(&gene, values)| match values {
+        GeneSpace::Speed { limit, .. } => (values.nearest_speed(gene / limit) - gene).abs() < 1e-12,
+        GeneSpace::Among(angles) => angles.contains(&gene),
+        GeneSpace::Within([low, high]) => (low..=high).contains(&&gene),
+        GeneSpace::Ratio(count) => gene.fract() == 0.0 && (0.0..*count as f64).contains(&gene),
+    })
 }
 
 /// The share of `total` that `count` is, within four standard deviations of `expected`.
@@ -192,7 +196,7 @@ fn mutation_moves_within_its_step_and_flips_signs() {
     let children = propose(&spec, 1, &[founder]).unwrap().controllers;
     let speeds: Vec<f64> = children
         .iter()
-        .flat_map(|child| child.speeds().to_vec())
+        .flat_map(|child| child.genes()[..8].to_vec())
         .collect();
     assert!(speeds.iter().all(|speed| (0.3..=0.7).contains(&speed.abs())));
     let share = |expected, is: &dyn Fn(f64) -> bool| {
@@ -207,7 +211,7 @@ fn mutation_moves_within_its_step_and_flips_signs() {
     share(0.5 * 0.75 / 8.0, &|speed| speed == 0.3);
     share(0.5 * 0.75 / 4.0, &|speed| speed == 0.4);
     share(0.5 + 0.5 * 0.75 / 4.0, &|speed| speed == 0.5);
-    let kept = children.iter().filter(|child| child.angle() == Some(angle));
+    let kept = children.iter().filter(|child| child.genes()[8] == angle);
     check_share(kept.count(), 10_000, 0.5 + 0.5 / 10.0);
 }
 
@@ -221,8 +225,8 @@ fn what_cannot_be_bred_is_said() {
     let mixed = [parent(&[0.5; 4], 1.0), parent(&[0.5; 9], 1.0)];
     let foreign = ProposeError::ForeignParent {
         parent: 1,
-        given: CapabilityModel::TwoSensor,
-        expected: CapabilityModel::SingleSensor,
+        given: Preset::TwoSensor.into(),
+        expected: Preset::SingleSensor.into(),
     };
     assert_eq!(propose(&plain, 1, &mixed), Err(foreign));
     let stuck = single("filter = true", "mutation = 0.0");
@@ -233,24 +237,35 @@ fn what_cannot_be_bred_is_said() {
     );
 }
 
+/// Robots of all kinds, as campaign files have them.
+const ROBOTS: [&str; 5] = [
+    "model = \"single-sensor\"",
+    "model = \"two-sensor\"",
+    "model = \"flockbots\"",
+    "robot.sensors = [{ angle = \"free\", angle_range = [-0.5, 1.0], half_angle = 0.3 }, { angle = \"free\", angles = [0.1, 2.0] }, \
+     {}]",
+    "ratios = [[12, 12], [8, 16], [3, 21]]\nspecies = [{ name = \"a\", model = \"two-sensor\" }, { name = \"b\", robot = { drive = \
+     \"unicycle\", max_speed = 5, max_turn = 0.5, sensors = [{ sees = [\"a\"] }] } }]",
+];
+
 proptest! {
     #[test]
     fn a_generation_fills_the_population_from_the_space(
         seed in 0..1000u64,
-        two: bool,
+        robots in prop::sample::select(ROBOTS.to_vec()),
         filter: bool,
         step in prop::sample::select(vec![0.0, 0.1, 0.25, 1.0]),
         generation in 0..3u32,
         population in 1..40u32,
         rates in prop::array::uniform3(0.05..=1.0f64),
     ) {
-        let model = if two { "two-sensor" } else { "single-sensor" };
         let [crossover, mutation, sign_flip] = rates;
         let top = format!("seed = {seed}\nfilter = {filter}\ncontrollers = {{ step = {step} }}\ntaxonomy = {{ medoids = 1 }}");
         let search = format!(
             "population = {population}\ncrossover = {crossover}\nmutation = {mutation}\nsign_flip = {sign_flip}"
         );
-        let spec = spec(model, "hand-crafted", &top, &search);
+        let text = format!("method = \"hand-crafted\"\n{top}\n{robots}\n[search]\n{search}\n");
+        let spec = CampaignSpec::from_toml(&text).unwrap();
         let first = propose(&spec, 0, &[]).unwrap().controllers;
         let parents: Vec<Parent> = (0..).zip(first)
             .map(|(i, controller)| Parent { controller, novelty: f64::from(i % 7) })

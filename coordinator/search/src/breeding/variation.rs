@@ -1,6 +1,6 @@
 //! How a child differs from its parents: crossover and mutation.
 
-use murmuration_proto::{ControllerSpace, RandomStream, Search};
+use murmuration_proto::{ControllerSpace, GeneSpace, RandomStream, Search};
 
 /// One-point crossover: `genes` keeps its head and takes the tail of `other`, at least one gene each.
 pub(super) fn cross_over(genes: &mut [f64], other: &[f64], stream: &mut RandomStream) {
@@ -10,21 +10,21 @@ pub(super) fn cross_over(genes: &mut [f64], other: &[f64], stream: &mut RandomSt
 
 /// Mutates each gene with the search's probability.
 ///
-/// A wheel speed moves by a uniform amount within the mutation step, may change its sign, and becomes the
-/// nearest speed of the space. An angle is drawn anew from the space's angles.
+/// A speed moves by a uniform amount within the mutation step (a share of its limit), may change its sign, and becomes the
+/// nearest speed of the space. Every other gene is drawn anew.
 pub(super) fn mutate(genes: &mut [f64], space: &ControllerSpace, search: &Search, stream: &mut RandomStream) {
-    let (speeds, angles) = genes.split_at_mut(space.model().speeds());
-    for speed in speeds {
-        if stream.chance(search.mutation()) {
-            let step = search.mutation_step();
-            let moved = *speed + stream.between(-step, step);
-            let flipped = stream.chance(search.sign_flip());
-            *speed = space.nearest_speed(if flipped { -moved } else { moved });
+    for (gene, values) in genes.iter_mut().zip(space.genes()) {
+        if !stream.chance(search.mutation()) {
+            continue;
         }
-    }
-    for angle in angles {
-        if stream.chance(search.mutation()) {
-            *angle = space.sample_angle(stream);
-        }
+        *gene = match values {
+            GeneSpace::Speed { limit, .. } => {
+                let step = search.mutation_step();
+                let moved = *gene / limit + stream.between(-step, step);
+                let flipped = stream.chance(search.sign_flip());
+                values.nearest_speed(if flipped { -moved } else { moved })
+            }
+            GeneSpace::Among(_) | GeneSpace::Within(_) | GeneSpace::Ratio(_) => values.sample(stream),
+        };
     }
 }

@@ -6,6 +6,19 @@
 //! passes if the sum is at least 4.0. Of a two-sensor controller only the first four wheel speeds (nothing
 //! seen, and only the second sensor sees) are looked at.
 //!
+//! # Other robots
+//!
+//! The paper says nothing of them. Here:
+//!
+//! * a, b are the speeds while no sensor sees anything, and c, d while only the last one does, however many there are; the
+//!   pairs of all other states are not looked at, nor are angles;
+//! * speeds are shares of their limits, so the thresholds are as strict for fast robots as for the paper's;
+//! * a unicycle's pair (v, w) counts as the wheels that would do as much, at most at full speed: v + w and v - w, each from -1
+//!   to 1;
+//! * "another robot" in the meanings of the last two metrics is whatever the last sensor sees: for one that sees only walls,
+//!   a neglectful robot neglects walls;
+//! * a swarm of several species has the score of the species with the highest one: it is discarded only if all are.
+//!
 //! # Ties
 //!
 //! A metric equal to its threshold is not under it, and a total equal to the cutoff passes; but on a grid of
@@ -27,7 +40,7 @@
 //! tolerance to be agreed on. It matters little: of the 967 labelled behaviours that were drawn through a filter
 //! with exact ties, three are discarded here.
 
-use murmuration_proto::Controller;
+use murmuration_proto::{Controller, DriveKind, RobotController};
 
 /// One metric of the filter.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,14 +96,29 @@ pub struct Score {
 }
 
 impl Score {
-    /// Scores a controller of either model.
+    /// Scores a controller.
     #[must_use]
     pub fn of(controller: &Controller) -> Self {
-        let metrics = match *controller.speeds() {
-            [a, b, c, d, ..] => measure(a, b, c, d),
-            // A controller has four or eight wheel speeds; one that had fewer would stand still.
-            _ => [0.0; 5],
+        let scores = controller.robots().map(Self::of_robot);
+        let highest = scores.reduce(|best, other| if other.total > best.total { other } else { best });
+        // A swarm has a species.
+        highest.unwrap_or(Self::of_metrics([0.0; 5]))
+    }
+
+    fn of_robot(controller: RobotController<'_>) -> Self {
+        let [limit_a, limit_b] = controller.robot().drive().limits();
+        let wheels = |&[a, b]: &[f64; 2]| {
+            let [a, b] = [a / limit_a, b / limit_b];
+            match controller.robot().drive().kind() {
+                DriveKind::Differential { .. } => [a, b],
+                DriveKind::Unicycle => [a + b, a - b].map(|speed| speed.clamp(-1.0, 1.0)),
+            }
         };
+        let [off, on] = [0, 1].map(|state| controller.pairs().get(state).map_or([0.0; 2], wheels));
+        Self::of_metrics(measure(off, on))
+    }
+
+    fn of_metrics(metrics: [f64; 5]) -> Self {
         let total = contributions(&metrics)
             .into_iter()
             .fold(0.0, |sum, part| sum + part);
@@ -122,7 +150,7 @@ impl Score {
     }
 }
 
-fn measure(a: f64, b: f64, c: f64, d: f64) -> [f64; 5] {
+fn measure([a, b]: [f64; 2], [c, d]: [f64; 2]) -> [f64; 5] {
     let length = |x: f64, y: f64| (x * x + y * y).sqrt();
     [
         a.abs().max(b.abs()).max(c.abs()).max(d.abs()),

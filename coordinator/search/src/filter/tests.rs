@@ -1,11 +1,11 @@
 //! The filter against the paper's numbers, exact arithmetic, and labelled controllers.
 
 use super::*;
-use murmuration_proto::CapabilityModel;
+use murmuration_proto::Preset;
 use proptest::prelude::*;
 
 fn score(speeds: [f64; 4]) -> Score {
-    Score::of(&Controller::new(CapabilityModel::SingleSensor, &speeds).unwrap())
+    Score::of(&Controller::new(Preset::SingleSensor, &speeds).unwrap())
 }
 
 /// Every quadruple of tenths from -10 to 10.
@@ -144,7 +144,7 @@ proptest! {
         angle in -3.0..=3.0f64,
     ) {
         let genes: Vec<f64> = seen.into_iter().chain(rest).chain([angle]).collect();
-        let two = Controller::new(CapabilityModel::TwoSensor, &genes).unwrap();
+        let two = Controller::new(Preset::TwoSensor, &genes).unwrap();
         prop_assert_eq!(Score::of(&two), score(seen));
     }
 

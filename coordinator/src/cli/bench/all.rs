@@ -16,7 +16,7 @@ use super::{
 };
 use json::Machine;
 use murmuration_link::{OutputError, errln, outln};
-use murmuration_proto::{CapabilityModel, grouped};
+use murmuration_proto::{Preset, grouped};
 use std::time::Duration;
 
 /// Arguments of `bench all`.
@@ -111,7 +111,7 @@ impl AllBench {
         let span = span(self.seconds)?;
         let machine = machine::this();
         let mut printed = Printed::new(as_json, machine);
-        for model in CapabilityModel::ALL {
+        for model in Preset::PAPER {
             for row in evaluations::rows(model, span, &self.python)? {
                 printed.tell(&row)?;
             }

@@ -87,7 +87,7 @@ impl LabelsBench {
             print_table(&points)?;
         }
         if let Some(file) = &self.plot {
-            let svg = plot(&points, spec.model().name()).map_err(CliError::Failed)?;
+            let svg = plot(&points, &spec.model().to_string()).map_err(CliError::Failed)?;
             write(file, svg)?;
         }
         Ok(())

@@ -6,11 +6,11 @@ use murmuration_model::{
     CampaignId, CampaignState, Weight,
     labels::{Action, Answer, Change, RequestId},
 };
-use murmuration_proto::{CampaignSpec, CapabilityModel};
+use murmuration_proto::{CampaignSpec, Preset};
 use murmuration_search::medoids::Clustering;
 use rusqlite::Connection;
 
-const MODEL: CapabilityModel = CapabilityModel::SingleSensor;
+const MODEL: Preset = Preset::SingleSensor;
 
 /// A data directory with a completed campaign of three generations of two, and three labels.
 fn data() -> (tempfile::TempDir, CampaignId) {
@@ -75,7 +75,7 @@ async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
     let store = Store::open(&DataDirectory::hold(&target).unwrap()).unwrap();
     let kept = store.campaign(id.as_str()).ok();
     let kept = kept.map(|record| {
-        let individuals = store.individuals(&id, MODEL, 0..100, true).unwrap();
+        let individuals = store.individuals(&id, &MODEL.into(), 0..100, true).unwrap();
         assert_eq!(individuals.len() as u64, record.individuals());
         (
             record.generations_done,

@@ -1,7 +1,7 @@
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture};
 use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller};
+use murmuration_proto::{CampaignSpec, Controller, Preset};
 
 /// How the machines of the tests embed.
 const KIND: u64 = 5;
@@ -22,7 +22,7 @@ pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
         notices,
     };
     let picture = |seed| Picture {
-        controller: Controller::new(CapabilityModel::SingleSensor, &[0.5; 4]).unwrap(),
+        controller: Controller::new(Preset::SingleSensor, &[0.5; 4]).unwrap(),
         seed,
         image: vec![seed as u8; 2500],
     };

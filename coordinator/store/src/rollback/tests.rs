@@ -4,10 +4,10 @@ use crate::{
     provenance::tests::{open, suspect, wrong},
 };
 use murmuration_model::labels::Answer;
-use murmuration_proto::CapabilityModel;
+use murmuration_proto::Preset;
 
 fn left(store: &Store, id: &CampaignId) -> Vec<u64> {
-    let individuals = store.individuals(id, CapabilityModel::SingleSensor, 0..9, true);
+    let individuals = store.individuals(id, &Preset::SingleSensor.into(), 0..9, true);
     individuals.unwrap().iter().map(|left| left.index).collect()
 }
 

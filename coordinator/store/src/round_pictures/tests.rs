@@ -52,7 +52,7 @@ fn add(store: &Store, id: &CampaignId, first: u64, starts: &[FurtherStart]) {
         .iter()
         .zip(first..)
         .map(|(start, place)| Picture {
-            controller: start.controller,
+            controller: start.controller.clone(),
             seed: start.seed,
             image: vec![100 + place as u8; 2500],
         })
@@ -79,7 +79,8 @@ fn what_a_labelled_controller_does_from_further_starts_has_its_class() {
     assert_eq!(before.missing.len(), 4);
 
     // One of each is there: the others are still missing.
-    let (there, missing) = ([before.missing[1], before.missing[2]], before.missing[0]);
+    let [missing, second, third, _] = <[_; 4]>::try_from(before.missing).unwrap();
+    let there = [second, third];
     add(&store, &id, 4, &there);
     let between = round();
     let learned = [
@@ -89,7 +90,7 @@ fn what_a_labelled_controller_does_from_further_starts_has_its_class() {
         (RoundPicture::Further(5), clump),
     ];
     assert_eq!((between.labels, between.pictures), (2, learned.to_vec()));
-    assert_eq!((between.missing.len(), between.missing[0]), (2, missing));
+    assert_eq!((between.missing.len(), between.missing[0].clone()), (2, missing));
 
     let record = store.campaign("latest").unwrap();
     let greys = learned.map(|(picture, _)| store.round_image(&record, picture).unwrap()[7]);

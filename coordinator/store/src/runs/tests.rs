@@ -3,7 +3,7 @@
 use super::*;
 use crate::{ArchivedIndividual, DataDirectory, GenerationRecord, Picture, Provenance, Switch};
 use murmuration_model::{SavedTraining, Weight, labels::RequestId};
-use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Lineage};
+use murmuration_proto::{CampaignSpec, Controller, Lineage, Preset};
 use murmuration_search::medoids::Clustering;
 
 fn open() -> (tempfile::TempDir, Store, CampaignId) {
@@ -42,7 +42,7 @@ const COMMITS: [(&str, Commit); 11] = [
     }),
     ("pictures", |store, id| {
         let picture = Picture {
-            controller: Controller::new(CapabilityModel::SingleSensor, &[0.0; 4]).unwrap(),
+            controller: Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap(),
             seed: 1,
             image: vec![0; 2500],
         };

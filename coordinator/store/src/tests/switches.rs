@@ -4,7 +4,7 @@ use super::*;
 use murmuration_model::ArchiveEmbedder;
 
 fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
-    let individuals = store.individuals(id, MODEL, 0..10, false).unwrap();
+    let individuals = store.individuals(id, &MODEL.into(), 0..10, false).unwrap();
     individuals
         .into_iter()
         .map(|individual| individual.embedding)
@@ -49,7 +49,7 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     assert_eq!(record.embedder, ArchiveEmbedder::Checkpoint(second));
     assert_eq!(record.last_novelty, Some((5.0, 4.0)));
     assert_eq!(embeddings(&store, &id), [[7.0], [8.0]]);
-    assert_eq!(store.individual(&id, MODEL, 1).unwrap().novelty, 5.0);
+    assert_eq!(store.individual(&id, &MODEL.into(), 1).unwrap().novelty, 5.0);
     assert_eq!(store.taxonomy(&id).unwrap(), None);
 }
 

@@ -68,7 +68,7 @@ impl<S: Simd, const SENSORS: usize> ConeViewer<S, SENSORS> {
 
 impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     /// The cones of a robot whose sensors look at these angles, by lane and sensor.
-    pub(super) fn new(simd: S, robot: &Robot, angles: &[&[f64]]) -> Option<Self> {
+    pub(super) fn new(simd: S, robot: &Robot, angles: &[Vec<f64>]) -> Option<Self> {
         let sensors: &[Sensor; SENSORS] = robot.sensors().try_into().ok()?;
         let radius = robot.radius();
         let cone = |s: usize| {

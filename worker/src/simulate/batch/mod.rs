@@ -23,9 +23,7 @@ use crate::lanes::{
 use collide::Touched;
 use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
-use murmuration_proto::{
-    Boundary, Controller, Invalid, Population, SeenRobots, Sensor, SwarmController, World,
-};
+use murmuration_proto::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
 use pulp::Simd;
 
 /// Most agents in a swarm of a batch: whom an agent touches is a word of bits.
@@ -70,16 +68,16 @@ struct Body<S: Simd, const SENSORS: usize> {
 struct Brain {
     /// By sensor state.
     gaits: Vec<drive::Gait>,
-    /// (cos, sin) of the sensors' angles; there may be more than are sensors.
+    /// (cos, sin) of the sensors' angles.
     directions: Vec<[f64; 2]>,
 }
 
-/// Whether swarms of this population can be simulated in a batch: one species, few robots, sensors that see all robots and
-/// nothing else.
-pub(crate) fn is_for(population: &Population) -> bool {
+/// Whether swarms of this model can be simulated in a batch: one species, few robots, sensors that see all robots and nothing
+/// else.
+pub(crate) fn is_for(model: &CapabilityModel, world: &World) -> bool {
     let sees_robots = |sensor: &Sensor| *sensor.robots() != SeenRobots::None && sensor.wall_range().is_none();
-    match population.species() {
-        [alone] => alone.count() <= MOST_AGENTS && alone.robot().sensors().iter().all(sees_robots),
+    match model.species() {
+        [alone] => world.agents() <= MOST_AGENTS && alone.robot().sensors().iter().all(sees_robots),
         _ => false,
     }
 }
@@ -108,68 +106,35 @@ pub(crate) struct Agents<S: Simd> {
 
 impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
     /// Swarms at their starts, one for each of `tasks`, of which there are at least one and at most as many as lanes;
-    /// lanes beyond repeat the last.
+    /// lanes beyond repeat the last. Their robots, which [`is_for`] says it is for, have `SENSORS` sensors.
     ///
     /// # Errors
-    /// Where a start does not have one pose for each of the world's agents.
+    /// As [`Swarm::new`](super::Swarm::new).
     pub(crate) fn new(simd: S, world: &World, tasks: &[(Controller, Start)]) -> Result<Self, Invalid> {
         let lanes = in_lanes::<S, _>(tasks);
-        let ahead = [1.0, 0.0];
-        let brains = lanes.iter().map(|(controller, _)| Brain {
-            gaits: drive::gaits(controller, world).to_vec(),
-            directions: vec![ahead, controller.angle().map_or(ahead, drive::direction)],
-        });
-        let starts = lanes.iter().map(|(_, start)| start).collect();
-        Self::at_start(
-            simd,
-            world,
-            Walls::of(world),
-            (world.radius(), None),
-            brains.collect(),
-            starts,
-        )
-    }
-
-    /// As [`Batch::new`], of described robots that [`is_for`] says it is for, with `SENSORS` sensors.
-    ///
-    /// # Errors
-    /// As [`Swarm::of_species`](super::Swarm::of_species).
-    pub(crate) fn of_species(
-        simd: S,
-        world: &World,
-        boundary: Boundary,
-        tasks: &[(SwarmController, Start)],
-    ) -> Result<Self, Invalid> {
-        let lanes = in_lanes::<S, _>(tasks);
-        let population = lanes[0].0.population();
-        kinds::check_fit(population, world, boundary)?;
-        let robot = population.species()[0].robot();
-        let controllers = lanes.iter().map(|(controller, _)| &controller.controllers()[0]);
-        let brains = controllers.clone().map(|controller| Brain {
-            gaits: controller
-                .pairs()
-                .map(|pair| drive::Gait::of(robot, pair, world.dt()))
-                .collect(),
-            directions: controller
-                .angles()
-                .iter()
-                .map(|&angle| drive::direction(angle))
-                .collect(),
-        });
-        let angles: Vec<_> = controllers
-            .clone()
-            .map(|controller| controller.angles())
+        let model = lanes[0].0.model();
+        kinds::check_fit(model, world)?;
+        let robot = model.species()[0].robot();
+        let angles: Vec<Vec<_>> = lanes
+            .iter()
+            .map(|(controller, _)| controller.robots().flat_map(RobotController::angles).collect())
             .collect();
+        let brains = lanes.iter().zip(&angles).map(|((controller, _), angles)| Brain {
+            gaits: controller
+                .robots()
+                .flat_map(|robot| drive::gaits(robot, world.dt()))
+                .collect(),
+            directions: angles.iter().map(|&angle| drive::direction(angle)).collect(),
+        });
         let cones = match robot.sensors().iter().all(Sensor::is_plain_ray) {
             true => None,
             false => Cones::new(simd, robot, &angles),
         };
-        let walls = kinds::walls(robot, world, boundary);
         let starts = lanes.iter().map(|(_, start)| start).collect();
         Self::at_start(
             simd,
             world,
-            walls,
+            Walls::of(robot, world),
             (robot.radius(), cones),
             brains.collect(),
             starts,
@@ -205,13 +170,16 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             far,
             reach: Reach::of(radius),
             few_gaits: std::array::from_fn(|state| gait(state % (1 << SENSORS))),
-            many_gaits: (0..1 << SENSORS).map(gait).collect(),
+            many_gaits: match SENSORS {
+                1 | 2 => Vec::new(),
+                _ => (0..1 << SENSORS).map(gait).collect(),
+            },
             directions: std::array::from_fn(direction),
             first_is_ahead: brains.iter().all(|brain| brain.directions[0] == [1.0, 0.0]),
             cones,
             collisions: starts
                 .iter()
-                .map(|start| Collisions::new(world, vec![Group { radius, ..Group::whole(world) }], start))
+                .map(|start| Collisions::new(world, vec![Group::whole(world, radius)], start))
                 .collect(),
             positions: agents
                 .clone()

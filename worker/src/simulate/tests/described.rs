@@ -2,20 +2,20 @@
 
 use super::*;
 use murmuration_proto::{
-    Drive, Population, Robot, Seen, Sensor, SensorAngle, SensorDescription, Species, SpeciesName,
+    CapabilityModel, Drive, Robot, Seen, SeenRobots, Sensor, SensorAngle, SensorDescription, Species,
+    SpeciesName,
 };
-use std::{f64::consts::FRAC_PI_2, sync::Arc};
+use std::f64::consts::FRAC_PI_2;
 
 fn name(name: &str) -> SpeciesName {
     SpeciesName::parse("name", name).unwrap()
 }
 
-/// A swarm of one species, made of the paper's robots of this world.
-fn described(controller: &Controller, world: &World) -> SwarmController {
-    let robot = Robot::of_model(controller.model(), world.radius(), world.wheel_radius()).unwrap();
-    let species = Species::new(name("a"), robot, world.agents()).unwrap();
-    let population = Arc::new(Population::new(vec![species]).unwrap());
-    SwarmController::new(population, controller.genes()).unwrap()
+/// The same robots as a species with a number, which makes them no preset.
+fn described(controller: &Controller, world: &World) -> Controller {
+    let robot = controller.model().species()[0].robot().clone();
+    let model = CapabilityModel::new(vec![Species::new(name("a"), robot)], vec![vec![world.agents()]]);
+    Controller::new(model.unwrap(), controller.genes()).unwrap()
 }
 
 /// Sensors of all kinds, in a swarm whose other species is "b".
@@ -61,17 +61,14 @@ fn robots_with(sensor: impl Strategy<Value = Sensor>) -> impl Strategy<Value = R
         .prop_map(|(sensors, radius, drive)| Robot::new(sensors, radius, drive).unwrap())
 }
 
-/// Populations that a batch is for.
-pub(crate) fn alone() -> impl Strategy<Value = Arc<Population>> {
+/// Models that a batch is for.
+pub(crate) fn alone() -> impl Strategy<Value = CapabilityModel> {
     let rays = Just(Sensor::try_from(SensorDescription::default()).unwrap());
     let robots = prop_oneof![
         robots_with(sensors_that_see(Just(vec!["robots"]))),
         robots_with(rays)
     ];
-    (robots, 1..=40_u32).prop_map(|(robot, count)| {
-        let species = Species::new(name("a"), robot, count).unwrap();
-        Arc::new(Population::new(vec![species]).unwrap())
-    })
+    robots.prop_map(|robot| CapabilityModel::of_one(robot).unwrap())
 }
 
 pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
@@ -79,47 +76,51 @@ pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
 }
 
 /// Two species, or three so that one size comes twice, and their genes.
-fn swarms(count: u32) -> impl Strategy<Value = SwarmController> {
+fn swarms(count: u32) -> impl Strategy<Value = Controller> {
     (robots(), robots(), any::<bool>(), any::<u64>()).prop_map(move |(a, b, thrice, seed)| {
-        let species =
-            |called, robot: &Robot, count| Species::new(name(called), robot.clone(), count).unwrap();
-        let mut all = vec![species("a", &a, count), species("b", &b, count + 3)];
+        let species = |called, robot: &Robot| Species::new(name(called), robot.clone());
+        let (mut all, mut counts) = (vec![species("a", &a), species("b", &b)], vec![count, count + 3]);
         if thrice {
-            all.push(species("c", &a, 5));
+            all.push(species("c", &a));
+            counts.push(5);
         }
-        let population = Arc::new(Population::new(all).unwrap());
+        let model = CapabilityModel::new(all, vec![counts]).unwrap();
         let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
-        let genes: Vec<f64> = (0..population.genes())
-            .map(|_| stream.between(-1.0, 1.0))
-            .collect();
-        SwarmController::new(population, &genes).unwrap()
+        let genes: Vec<f64> = (0..model.genes()).map(|_| stream.between(-1.0, 1.0)).collect();
+        Controller::new(model, &genes).unwrap()
     })
 }
 
-fn world_of(controller: &SwarmController, side: f64) -> World {
-    square(side, controller.population().robots())
+fn world_of(model: &CapabilityModel, side: f64, boundary: Boundary) -> World {
+    world(v1::World {
+        width: Some(side),
+        height: Some(side),
+        padding: Some(1.0),
+        agents: model.robots(),
+        radius: Some(model.largest_radius()),
+        boundary: Some(boundary.name().to_owned()),
+        ..World::default().into()
+    })
 }
 
 /// What a robot senses, by the definition in words: no rotated vectors but angles.
-fn sensed_by_angles(
-    population: &Population,
-    robots: &[Agent],
-    i: usize,
-    world: &World,
-    boundary: Boundary,
-) -> u8 {
-    let of: Vec<usize> = population.species_of_robots().collect();
+fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: &World) -> u8 {
+    let counts = controller.counts(world.agents()).into_iter().enumerate();
+    let of: Vec<usize> = counts
+        .flat_map(|(place, count)| vec![place; count as usize])
+        .collect();
     let me = robots[i];
-    let species = &population.species()[of[i]];
+    let all = controller.model().species();
+    let species = &all[of[i]];
     species.robot().sensors().iter().fold(0, |state, sensor| {
         let looks = me.theta + sensor.angle().value().unwrap();
         let off = |e: [f64; 2]| (e[1].atan2(e[0]) - looks + PI).rem_euclid(TAU) - PI;
         let seen = |(j, other): (usize, &Agent)| {
-            let theirs = &population.species()[of[j]];
+            let theirs = &all[of[j]];
             let wanted = match sensor.robots() {
-                murmuration_proto::SeenRobots::None => false,
-                murmuration_proto::SeenRobots::All => true,
-                murmuration_proto::SeenRobots::Species(name) => name == theirs.name(),
+                SeenRobots::None => false,
+                SeenRobots::All => true,
+                SeenRobots::Species(name) => name == theirs.name(),
             };
             let e = [0, 1].map(|axis| other.position[axis] - me.position[axis]);
             let distance = e[0].hypot(e[1]);
@@ -144,7 +145,7 @@ fn sensed_by_angles(
                 (0..2).any(|axis| end[axis] <= world.padding() || end[axis] >= high[axis])
             };
             let already = me.position.iter().any(|&value| value <= world.padding());
-            boundary == Boundary::Walls && (already || on_arc.into_iter().any(beyond))
+            world.boundary() == Boundary::Walls && (already || on_arc.into_iter().any(beyond))
         });
         2 * state + u8::from(wall || robots.iter().enumerate().any(seen))
     })
@@ -160,8 +161,9 @@ proptest! {
         seed: u64,
     ) {
         let start = Start::seeded(seed);
+        let controller = sized(&controller, &world);
         let mut paper = Swarm::new(&controller, &world, &start).unwrap();
-        let mut same = Swarm::of_species(Arch::new(), &described(&controller, &world), &world, Boundary::Walls, &start).unwrap();
+        let mut same = Swarm::new(&described(&controller, &world), &world, &start).unwrap();
         for swarm in [&mut paper, &mut same] {
             swarm.advance(60);
         }
@@ -174,20 +176,19 @@ proptest! {
     /// sees it but by chance, in a world without walls.
     #[test]
     fn the_general_path_has_the_papers_bits_too(controller in controllers(), seed: u64) {
-        let [without, with] = [39, 40].map(|agents| square(10_000.0, agents));
-        let alone = described(&controller, &without);
-        let first = alone.population().species()[0].clone();
-        let ray = first.robot().sensors()[0].clone();
-        let other = Robot::new(vec![ray], 4.0, *first.robot().drive()).unwrap();
-        let population = Population::new(vec![first, Species::new(name("b"), other, 1).unwrap()]).unwrap();
-        let genes = [alone.genes(), vec![0.0; 4]].concat();
-        let both = SwarmController::new(Arc::new(population), &genes).unwrap();
+        let without = square(10_000.0, 39);
+        let first = controller.model().species()[0].robot().clone();
+        let other = Robot::new(vec![first.sensors()[0].clone()], 4.0, *first.drive()).unwrap();
+        let species = vec![Species::new(name("a"), first), Species::new(name("b"), other)];
+        let model = CapabilityModel::new(species, vec![vec![39, 1]]).unwrap();
+        let with = world_of(&model, 10_000.0, Boundary::Open);
+        let both = Controller::new(model, &[controller.genes(), &[0.0; 4]].concat()).unwrap();
         let near = |&[x, y, theta]: &[f64; 3]| [5_000.0 + 0.02 * x, 5_000.0 + 0.02 * y, theta];
         let mut poses: Vec<_> = Start::seeded(seed).poses_for(&without).unwrap().iter().map(near).collect();
         let mut paper = Swarm::new(&controller, &without, &Start::at(poses.clone()).unwrap()).unwrap();
         poses.push([1e9, 1e12, 0.0]);
         let start = Start::at(poses).unwrap();
-        let mut general = Swarm::of_species(Arch::new(), &both, &with, Boundary::Open, &start).unwrap();
+        let mut general = Swarm::new(&both, &with, &start).unwrap();
         for swarm in [&mut paper, &mut general] {
             swarm.advance(60);
         }
@@ -200,13 +201,13 @@ proptest! {
         boundary in boundaries(),
         seed: u64,
     ) {
-        let world = world_of(&controller, 250.0);
+        let world = world_of(controller.model(), 250.0, boundary);
         let start = Start::seeded(seed);
         let run = |arch, grid| {
-            let mut swarm = Swarm::of_species_pairwise(arch, &controller, &world, boundary, &start).unwrap();
+            let mut swarm = Swarm::pairwise(arch, &controller, &world, &start).unwrap();
             if grid {
                 let positions: Vec<_> = swarm.agents().map(|agent| agent.position).collect();
-                swarm.others = Lookup::Near(Grid::new(&world, swarm.largest_radius(), &positions));
+                swarm.others = Lookup::Near(Grid::new(&world, world.radius(), &positions));
             }
             let mut states = vec![swarm.readings()];
             swarm.advance(40);
@@ -227,12 +228,12 @@ proptest! {
         boundary in boundaries(),
         seed: u64,
     ) {
-        let world = world_of(&controller, 300.0);
-        let mut swarm = Swarm::of_species(Arch::new(), &controller, &world, boundary, &Start::seeded(seed)).unwrap();
+        let world = world_of(controller.model(), 300.0, boundary);
+        let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
         swarm.advance(3);
         let robots: Vec<Agent> = swarm.agents().collect();
         for (i, reading) in swarm.readings().into_iter().enumerate() {
-            let by_angles = sensed_by_angles(controller.population(), &robots, i, &world, boundary);
+            let by_angles = sensed_by_angles(&controller, &robots, i, &world);
             prop_assert_eq!(reading, by_angles, "robot {}", i);
         }
     }
@@ -242,13 +243,14 @@ proptest! {
         let ray = Sensor::try_from(SensorDescription::default()).unwrap();
         let species = |called, radius| {
             let robot = Robot::new(vec![ray.clone()], radius, Drive::unicycle(5.0, 1.0).unwrap()).unwrap();
-            Species::new(name(called), robot, 1).unwrap()
+            Species::new(name(called), robot)
         };
-        let population = Population::new(vec![species("a", sizes[0]), species("b", sizes[1])]).unwrap();
+        let species = vec![species("a", sizes[0]), species("b", sizes[1])];
+        let model = CapabilityModel::new(species, vec![vec![1, 1]]).unwrap();
         let genes = [3.0, 0.1, 4.0, -0.3, 2.0, 0.5, 5.0, 0.0];
-        let controller = SwarmController::new(Arc::new(population), &genes).unwrap();
-        let world = square(60.0, 2);
-        let mut swarm = Swarm::of_species(Arch::new(), &controller, &world, Boundary::Walls, &Start::seeded(seed)).unwrap();
+        let world = world_of(&model, 60.0, Boundary::Walls);
+        let controller = Controller::new(model, &genes).unwrap();
+        let mut swarm = Swarm::new(&controller, &world, &Start::seeded(seed)).unwrap();
         for _ in 0..200 {
             swarm.step();
             let at: Vec<[f64; 2]> = swarm.agents().map(|agent| agent.position).collect();
@@ -262,50 +264,40 @@ proptest! {
 #[test]
 fn an_open_world_has_no_walls() {
     let controller = single([1.0; 4]);
-    let world = square(60.0, 1);
     let start = Start::at(vec![[30.0, 30.0, 0.0]]).unwrap();
-    let of = |boundary| {
-        let mut swarm = Swarm::of_species(
-            Arch::new(),
-            &described(&controller, &world),
-            &world,
-            boundary,
-            &start,
-        )
-        .unwrap();
-        swarm.advance(100);
-        swarm.agents().next().unwrap().position[0]
+    let of = |boundary: Boundary| {
+        let world = world(v1::World {
+            boundary: Some(boundary.name().to_owned()),
+            ..square(60.0, 1).into()
+        });
+        let end = |controller: &Controller| {
+            let mut swarm = Swarm::new(controller, &world, &start).unwrap();
+            swarm.advance(100);
+            swarm.agents().next().unwrap().position[0]
+        };
+        [end(&controller), end(&described(&controller, &world))]
     };
-    assert_eq!((of(Boundary::Walls), of(Boundary::Open)), (54.0, 230.0));
+    assert_eq!((of(Boundary::Walls), of(Boundary::Open)), ([54.0; 2], [230.0; 2]));
 }
 
 #[test]
-fn a_world_has_room_for_the_robots_described() {
+fn a_world_is_for_the_robots_that_are_in_it() {
     let controller = described(&single([0.0; 4]), &square(60.0, 3));
     let error = |world: &World| {
-        Swarm::of_species(
-            Arch::new(),
-            &controller,
-            world,
-            Boundary::Walls,
-            &Start::seeded(1),
-        )
-        .unwrap_err()
-        .to_string()
+        Swarm::new(&controller, world, &Start::seeded(1))
+            .unwrap_err()
+            .to_string()
     };
     assert_eq!(
         error(&square(60.0, 4)),
         "agents = 4: must be 3: as many as all species have together"
     );
-    let narrow = world(v1::World {
-        width: Some(11.0),
-        agents: Some(3),
-        padding: Some(1.0),
+    let smaller = world(v1::World {
         radius: Some(1.0),
-        ..World::default().into()
+        ..square(60.0, 3).into()
     });
     assert_eq!(
-        error(&narrow),
-        "species[0].robot.radius = 5: must be at most 4.5, or it does not fit between the walls"
+        error(&smaller),
+        "radius = 1: must be 5, the radius of the largest robot"
     );
 }

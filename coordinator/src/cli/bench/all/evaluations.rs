@@ -2,7 +2,7 @@
 
 use super::{super::cpu_time::CpuTime, CliError, Floor, Row, in_turns, peer::Peer};
 use murmuration_proto::{
-    CapabilityModel, Controller, ControllerSpace, ImageFormat, Purpose, RandomStream, World, v1,
+    Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
 };
 use murmuration_worker::{
     evaluate::Evaluator,
@@ -19,7 +19,7 @@ const AT_ONCE: usize = 8;
 const PAIRS: u64 = 24 * 23 * 1200;
 
 /// The loop alone, and with features and picture.
-pub(super) fn rows(model: CapabilityModel, span: Duration, python: &str) -> Result<[Row; 2], CliError> {
+pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 2], CliError> {
     let world = World::default();
     let tasks = uniform(model)?;
     let mut numba = Peer::start(python, "numba", LOOP, "", &population(&tasks, &world)?);
@@ -30,8 +30,8 @@ pub(super) fn rows(model: CapabilityModel, span: Duration, python: &str) -> Resu
     };
     let bare = ImageFormat::for_world(shortest, &world)?;
     let (simulation, evaluation, operations_a_pair) = match model {
-        CapabilityModel::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", 14),
-        CapabilityModel::TwoSensor => ("simulation, two sensors", "evaluation, two sensors", 21),
+        Preset::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", 14),
+        _ => ("simulation, two sensors", "evaluation, two sensors", 21),
     };
     let floor = Floor {
         count: PAIRS * operations_a_pair,
@@ -56,8 +56,8 @@ pub(super) fn rows(model: CapabilityModel, span: Duration, python: &str) -> Resu
     Ok([row(simulation, &bare)?, row(evaluation, &ImageFormat::default())?])
 }
 
-fn uniform(model: CapabilityModel) -> Result<Vec<(Controller, Start)>, CliError> {
-    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), model)?;
+fn uniform(model: Preset) -> Result<Vec<(Controller, Start)>, CliError> {
+    let space = ControllerSpace::for_model(v1::ControllerSpace::default(), &model.into())?;
     let mut stream = RandomStream::derive(1, Purpose::Propose, 0);
     let starts = (0..CONTROLLERS as u64).map(Start::seeded);
     Ok(starts.map(|start| (space.sample(&mut stream), start)).collect())
@@ -85,9 +85,9 @@ fn population(tasks: &[(Controller, Start)], world: &World) -> Result<String, Cl
         let swarm = Swarm::new(controller, world, start)?;
         Ok(json!({
             "poses": swarm.agents().map(pose).collect::<Vec<_>>(),
-            "speeds": controller.speeds(),
-            "angle": controller.angle().unwrap_or_default(),
-            "sensors": 1 + u32::from(controller.angle().is_some()),
+            "speeds": controller.robots().flat_map(|robot| robot.pairs().as_flattened()).collect::<Vec<_>>(),
+            "angle": controller.robots().flat_map(RobotController::angles).last(),
+            "sensors": controller.model().species()[0].robot().sensors().len(),
         }))
     });
     Ok(json!(swarms.collect::<Result<Vec<_>, CliError>>()?).to_string())
