@@ -37,7 +37,7 @@ def main() -> int:
     address, ca = sys.argv[1:]
     spec = messages.CampaignSpec(
         name="from-python",
-        model=messages.CAPABILITY_MODEL_SINGLE_SENSOR,
+        model="single-sensor",
         method=messages.METHOD_HAND_CRAFTED,
         world=messages.World(horizon=200),
         search=messages.Search(population=20, generations=5),

@@ -282,12 +282,14 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
     };
     let draw = |medoid: &MedoidEntry| -> Result<MedoidPictures, PictureError> {
         let (world, format) = (report.spec.world(), report.spec.image());
+        let controller = &report.individuals[medoid.index as usize].controller;
+        let species = controller.species_of_robots(world.agents());
         let grey = |scale| picture::grey_png(&medoid.image, format.resolution(), scale);
         let paths = |size, paper| {
             picture::trajectory_png(
                 &medoid.replay,
                 world,
-                Colouring::Agents,
+                Colouring::of(&species),
                 format.window(),
                 size,
                 paper,

@@ -39,6 +39,7 @@ pub(super) enum Written {
     Gif,
     Png,
     Svg,
+    Header,
 }
 
 impl Written {
@@ -48,6 +49,7 @@ impl Written {
             Self::Gif => ("an animated GIF", "gif"),
             Self::Png => ("a PNG picture", "png"),
             Self::Svg => ("an SVG picture", "svg"),
+            Self::Header => ("a C header", "h"),
         };
         match path.extension() {
             Some(other) if !other.eq_ignore_ascii_case(ending) => Err(CliError::Input(format!(

@@ -7,6 +7,7 @@ mod kinds;
 mod labels;
 mod machines;
 mod measures;
+mod robots;
 
 pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
@@ -20,6 +21,7 @@ pub(super) use measures::{
     Accuracy, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, Machine,
     PatternCounts, Set, UntrainedAccuracy,
 };
+pub(super) use robots::{ExportedController, Robots};
 
 use murmuration_link::{OutputError, outln};
 use murmuration_model::Timestamp;

@@ -11,6 +11,7 @@ mod checkpoints;
 mod connection;
 mod controller;
 mod error;
+mod export;
 mod files;
 mod filter;
 mod follow;
@@ -23,6 +24,7 @@ mod maintenance;
 mod next_step;
 mod quarantine;
 mod report;
+mod robots;
 mod run;
 mod serve;
 mod simulate;
@@ -159,6 +161,11 @@ enum Command {
     Report(report::ReportCommand),
     /// Simulate one controller, or a reference case
     Simulate(simulate::Simulate),
+    /// Show the robots that a file describes: their sensors, drives and genes
+    Robot(robots::ShowRobot),
+    /// Export a controller to real robots
+    #[command(subcommand)]
+    Controller(export::ControllerCommand),
     /// Score controllers with the heuristic filter
     Filter(filter::Filter),
     /// List, show, export and import checkpoints (trained embedders)
@@ -259,6 +266,8 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
+        Command::Robot(robot) => Box::pin(ready(robot.execute(global.json))),
+        Command::Controller(controller) => Box::pin(controller.execute(global)),
         Command::Filter(filter) => Box::pin(ready(filter.execute(global.json))),
         Command::Checkpoints(checkpoints) => Box::pin(checkpoints.execute(global)),
         Command::Label(label) => Box::pin(label.execute(global)),

@@ -4,12 +4,10 @@ use super::{
     CliError, controller,
     files::{Written, read_words, write},
     json,
-    run::read_spec,
+    robots::RobotArgs,
 };
 use murmuration_link::{InputKind, outln};
-use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Preset, Replay, World,
-};
+use murmuration_proto::{FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Colouring, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
@@ -26,7 +24,7 @@ const GREY_SCALE: u32 = 10;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A controller is a list of numbers separated by commas, with or without square brackets: 4 wheel speeds (single-sensor), or 8 \
-wheel speeds and an angle (two-sensor). The angle may be a multiple of pi.
+wheel speeds and an angle (two-sensor). The angle may be a multiple of pi. `murmuration robot` prints the genes of other robots.
 
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
@@ -34,21 +32,14 @@ Examples:
   murmuration simulate --case tests/vectors/milling_s0.json --json
   murmuration simulate --case tests/vectors/robots/cyclone.feb2023.json --gif cyclone.gif")]
 pub(super) struct Simulate {
-    /// Wheel speeds (and angle) of a controller, separated by commas: -0.7,0.3,1,1
+    /// Numbers of a controller, separated by commas: -0.7,0.3,1,1
     #[arg(long, required_unless_present = "case", conflicts_with = "case")]
     controller: Option<String>,
-    /// Robots by name: single-sensor, two-sensor, flockbots or turbopi [default: the paper's with as many numbers]
-    #[arg(long, value_name = "NAME", requires = "controller")]
-    model: Option<Preset>,
-    /// File that describes the robots, and their world if it is not the paper's, as a campaign file does
-    #[arg(long, value_name = "FILE", requires = "controller", conflicts_with = "model")]
-    robot: Option<PathBuf>,
+    #[command(flatten)]
+    robots: RobotArgs,
     /// Seed of the swarm's start
     #[arg(long, default_value_t = 1, conflicts_with = "case")]
     seed: u64,
-    /// Campaign file whose robots, world and image format to use [default: the paper's]
-    #[arg(long, value_name = "SPEC.toml", conflicts_with_all = ["case", "model", "robot"])]
-    spec: Option<PathBuf>,
     /// Reference case to simulate; prints the case with the simulated values
     #[arg(long, value_name = "FILE")]
     case: Option<PathBuf>,
@@ -87,35 +78,13 @@ impl Simulate {
         named.try_for_each(|(kind, option, path)| kind.check(option, path))
     }
 
-    /// The robots if any are named or described, their world, and the format of their picture.
-    fn robots(&self) -> Result<(Option<CapabilityModel>, World, ImageFormat), CliError> {
-        if let Some(path) = &self.spec {
-            let spec = read_spec(path, None)?;
-            return Ok((Some(spec.model().clone()), *spec.world(), *spec.image()));
-        }
-        let format = ImageFormat::default();
-        if let Some(path) = &self.robot {
-            let text = read_words(path, InputKind::Campaign)?;
-            let named = |error| CliError::Input(format!("{}: {error}", path.display()));
-            let (model, world) = CampaignSpec::robots_from_toml(&text).map_err(named)?;
-            return Ok((Some(model), world, format));
-        }
-        Ok(match self.model.map(CapabilityModel::from) {
-            Some(model) => {
-                let world = World::for_model(&model)?;
-                (Some(model), world, format)
-            }
-            None => (None, World::default(), format),
-        })
-    }
-
     fn simulate_controller(&self, genes: &str, as_json: bool) -> Result<(), CliError> {
-        let (model, world, format) = self.robots()?;
+        let (model, world, format) = self.robots.read()?;
         let controller = &controller::parse(genes, model.as_ref())?;
         let start = Start::seeded(self.seed);
         let evaluation = evaluate(controller, &world, &format, &start)?;
-        let species = species(controller, &world);
-        self.write_motion(&world, format.window(), colouring(&species), |stride| {
+        let species = controller.species_of_robots(world.agents());
+        self.write_motion(&world, format.window(), Colouring::of(&species), |stride| {
             replay(controller, &world, &start, stride)
         })?;
         if let Some(path) = &self.image {
@@ -163,27 +132,11 @@ impl Simulate {
         let named = |error| CliError::Input(format!("{}: {error}", path.display()));
         let case = Case::from_json(&read_words(path, InputKind::Case)?).map_err(named)?;
         let outcome = case.run().map_err(named)?;
-        let species = species(case.controller(), case.world());
+        let species = case.controller().species_of_robots(case.world().agents());
         let window = ImageFormat::default().window();
-        self.write_motion(case.world(), window, colouring(&species), |stride| {
+        self.write_motion(case.world(), window, Colouring::of(&species), |stride| {
             case.replay(stride)
         })?;
         Ok(outln!("{outcome}")?)
-    }
-}
-
-/// The species of each robot, by its place.
-fn species(controller: &Controller, world: &World) -> Vec<usize> {
-    let counts = controller.counts(world.agents()).into_iter().enumerate();
-    counts
-        .flat_map(|(place, count)| std::iter::repeat_n(place, count as usize))
-        .collect()
-}
-
-/// Robots of several species have the colours of their species.
-fn colouring(species: &[usize]) -> Colouring<'_> {
-    match species.last() {
-        Some(1..) => Colouring::Species(species),
-        _ => Colouring::Agents,
     }
 }

@@ -6,13 +6,14 @@ use axum::{
     extract::{Path, Query, State},
     response::IntoResponse,
 };
+use murmuration_engine::blocking::blocking;
 use murmuration_model::colours;
 use murmuration_proto::{
     Frames, Replay,
     parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
-use murmuration_report::picture::columns;
+use murmuration_report::picture::{Colouring, columns};
 use murmuration_service::OrStatus as _;
 use serde_json::json;
 use std::time::Duration;
@@ -39,10 +40,14 @@ pub(super) async fn motion(
     let replay = tokio::time::timeout(REPLAY_TIMEOUT, web.archive.get_replay(Request::new(request)));
     let late = || Status::unavailable("the workers have not simulated this yet");
     let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
+    let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
+    let individual = blocking(move || store.individual(&id, &model, index)).await;
+    let individual = individual.or_status()?.or_status()?;
+    let species = individual.controller.species_of_robots(world.agents());
     let told = json!({
         "world": columns::world(&world),
         "colours": colours::AGENTS.map(colours::hex),
-        "run": columns::motion(&Replay::try_from(replay)?, &world, MOTION_BYTES),
+        "run": columns::motion(&Replay::try_from(replay)?, &world, Colouring::of(&species), MOTION_BYTES),
     });
     Ok(([created.keep(&record)], Json(told)))
 }

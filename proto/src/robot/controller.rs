@@ -79,6 +79,15 @@ impl Controller {
             (ratios, place) => ratios[place.map_or(0, |&place| place as usize)].clone(),
         }
     }
+
+    /// The place of the species of each robot in a swarm of `robots`, in index order.
+    #[must_use]
+    pub fn species_of_robots(&self, robots: u32) -> Vec<usize> {
+        let counts = self.counts(robots).into_iter().enumerate();
+        counts
+            .flat_map(|(place, count)| std::iter::repeat_n(place, count as usize))
+            .collect()
+    }
 }
 
 impl<'a> RobotController<'a> {

@@ -8,6 +8,7 @@ mod map;
 mod options;
 mod pages;
 mod references;
+mod robots;
 mod script;
 
 use murmuration_tests::{run_one_by_one, test};
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),
         test!(pages::every_block_says_what_it_is),
+        test!(robots::every_drawing_is_of_the_description_above_it),
         test!(help::prose_flows_to_the_width_of_the_terminal),
         test!(help::what_every_command_has_stands_after_its_own_options),
         test!(help::every_example_works),

@@ -1,6 +1,6 @@
 //! The taxonomy: one card a medoid.
 
-use super::{copyable, inline_png};
+use super::{copyable, inline_png, robots::robots};
 use crate::{
     MedoidEntry, MedoidPictures, Report, commands,
     numbers::{counted, grouped, percent, short},
@@ -85,6 +85,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                 }
                 h4 { "Controller" }
                 (copyable("controller", &controller))
+                (robots(report, &entry.controller))
                 h4 { "Replay" }
                 (copyable("command", &command))
             }

@@ -19,6 +19,7 @@ window.murmuration = {
     generation: column(archive.generation, Uint32Array),
     novelty: column(archive.novelty, Float32Array),
     genes: column(archive.genes, Int16Array),
+    geneUnit: archive.geneUnit,
     medoids: archive.medoids,
   },
   Playback,

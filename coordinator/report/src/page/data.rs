@@ -4,6 +4,7 @@
 use crate::{
     Report,
     picture::{
+        Colouring,
         columns::{self, column, span, spread},
         thinned,
     },
@@ -38,7 +39,12 @@ fn content(report: &Report) -> Value {
     let runs: Vec<Value> = report
         .medoids
         .iter()
-        .map(|medoid| columns::motion(&medoid.replay, world, MOTION_BYTES / report.medoids.len()))
+        .map(|medoid| {
+            let controller = &report.individuals[medoid.index as usize].controller;
+            let species = controller.species_of_robots(world.agents());
+            let most_bytes = MOTION_BYTES / report.medoids.len();
+            columns::motion(&medoid.replay, world, Colouring::of(&species), most_bytes)
+        })
         .collect();
     json!({
         "world": columns::world(world),
@@ -53,12 +59,16 @@ fn content(report: &Report) -> Value {
 /// The class of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
-/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated and genes in ten-thousandths.
+/// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated, and genes in
+/// ten-thousandths, or coarser where genes are large.
 fn archive(report: &Report) -> Value {
     let shown = shown_points(report);
     let entries = || shown.iter().map(|&index| &report.individuals[index]);
     let axis = |axis: usize| shown.iter().map(move |&index| report.map.points[index][axis]);
     let place_of = |medoid: u64| shown.partition_point(|&index| index < medoid as usize);
+    let genes = || entries().flat_map(|entry| entry.controller.genes());
+    let largest = genes().fold(0.0, |largest: f64, gene| largest.max(gene.abs()));
+    let gene_unit = f64::max(1e-4, largest / f64::from(i16::MAX));
     json!({
         "x": spread(axis(0)),
         "y": spread(axis(1)),
@@ -71,7 +81,8 @@ fn archive(report: &Report) -> Value {
         "machine": column(shown.iter().map(|&index| [u8::from(report.names.is_by_machine(index as u64))])),
         "generation": column(entries().map(|entry| entry.generation.to_le_bytes())),
         "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
-        "genes": column(entries().flat_map(|entry| entry.controller.genes()).map(|gene| ((gene * 1e4).round() as i16).to_le_bytes())),
+        "genes": column(genes().map(|gene| ((gene / gene_unit).round() as i16).to_le_bytes())),
+        "geneUnit": gene_unit,
         "medoids": report.medoids.iter().map(|medoid| place_of(medoid.index)).collect::<Vec<_>>(),
     })
 }

@@ -179,7 +179,9 @@ function named(i) {
 }
 
 function describe(i) {
-  const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) => gene / 10000);
+  const values = Array.from(archive.genes.subarray(i * genes, (i + 1) * genes), (gene) =>
+    Number((gene * archive.geneUnit).toFixed(4)),
+  );
   const lines = [
     `Individual ${grouped(archive.index[i])} · behaviour ${archive.cluster[i] + 1}${named(i)}`,
     `[${values.join(", ")}]`,

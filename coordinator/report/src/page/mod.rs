@@ -5,6 +5,7 @@
 
 mod cards;
 mod data;
+mod robots;
 mod sections;
 
 use super::{

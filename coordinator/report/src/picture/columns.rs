@@ -1,6 +1,6 @@
 //! Numbers for scripts to draw from: columns of little-endian binary in base64, small and quick to read.
 
-use super::thinned;
+use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use murmuration_proto::{Frames, Replay, World};
 use serde_json::{Value, json};
@@ -16,9 +16,9 @@ pub fn world(world: &World) -> Value {
     })
 }
 
-/// Steps, number of agents, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
+/// Steps, number of agents, the place of the species of each if there are several, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
 /// a turn), each as one column; frames are left out to keep to `most_bytes` before base64.
-pub fn motion(replay: &Replay, world: &World, most_bytes: usize) -> Value {
+pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> Value {
     let agents = replay.agents();
     let most = (most_bytes / (POSE_BYTES * agents)).min(MOST_FRAMES);
     let frames: Vec<_> = replay.frames().collect();
@@ -28,8 +28,13 @@ pub fn motion(replay: &Replay, world: &World, most_bytes: usize) -> Value {
         let turns = f64::from(heading) / std::f64::consts::TAU;
         ((turns - turns.floor()) * 256.0).round() as u32 as u8
     };
+    let species = match colouring {
+        Colouring::Agents => None,
+        Colouring::Species(species) => Some(column(species.iter().map(|&place| [place as u8]))),
+    };
     json!({
         "agents": agents,
+        "species": species,
         "steps": shown.iter().map(|&frame| replay.steps()[frame]).collect::<Vec<_>>(),
         "x": column(poses().map(|pose| sixteen_bits(f64::from(pose[0]) / world.width()).to_le_bytes())),
         "y": column(poses().map(|pose| sixteen_bits(f64::from(pose[1]) / world.height()).to_le_bytes())),
@@ -76,7 +81,7 @@ mod tests {
     fn a_run_reads_back_to_within_its_resolution() {
         let world = world("width = 800.0");
         let replay = ring(&world, 1200, 3);
-        let run = motion(&replay, &world, MEGABYTES);
+        let run = motion(&replay, &world, Colouring::Agents, MEGABYTES);
         assert_eq!(run["steps"].as_array().unwrap().len(), 400);
         assert_eq!(run["steps"][399], 1200);
         let (xs, headings) = (bytes(&run, "x"), bytes(&run, "heading"));
@@ -98,7 +103,7 @@ mod tests {
     #[test]
     fn huge_swarms_lose_frames_not_the_start_or_the_end() {
         let crowd = world("agents = 10000\nwidth = 5000.0\nheight = 5000.0");
-        let run = motion(&ring(&crowd, 400, 10), &crowd, MEGABYTES);
+        let run = motion(&ring(&crowd, 400, 10), &crowd, Colouring::Agents, MEGABYTES);
         let steps = run["steps"].as_array().unwrap();
         assert_eq!(
             (steps[0].clone(), steps.last().unwrap().clone()),

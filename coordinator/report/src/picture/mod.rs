@@ -8,12 +8,14 @@ pub mod axis;
 pub mod columns;
 mod grey;
 mod indexed;
+mod robot;
 mod sketch;
 mod trajectory;
 
 pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::grey_png;
+pub use robot::{robot_svg, sensor_in_words};
 pub use sketch::Colouring;
 pub use trajectory::{Paper, trajectory_png};
 

@@ -18,7 +18,15 @@ pub enum Colouring<'a> {
     Species(&'a [usize]),
 }
 
-impl Colouring<'_> {
+impl<'a> Colouring<'a> {
+    /// By species if there are several: `species` has the place of the species of each agent.
+    #[must_use]
+    pub fn of(species: &'a [usize]) -> Self {
+        match species.iter().any(|&place| place > 0) {
+            true => Self::Species(species),
+            false => Self::Agents,
+        }
+    }
     /// The agents that have the colour at `place`, out of so many.
     fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
         let count = colours::AGENTS.len();

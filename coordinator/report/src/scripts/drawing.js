@@ -30,14 +30,20 @@ function equalScale(spans, width, height, room) {
 
 // A swarm's motion, to be asked for its poses at any step.
 class Run {
-  constructor({ agents, steps, x, y, heading }) {
+  constructor({ agents, species, steps, x, y, heading }) {
     this.agents = agents;
+    this.species = species ? column(species, Uint8Array) : null;
     this.steps = steps;
     this.x = column(x, Uint16Array);
     this.y = column(y, Uint16Array);
     this.heading = column(heading, Uint8Array);
     this.last = steps[steps.length - 1];
     this.poses = { x: new Float64Array(agents), y: new Float64Array(agents), heading: new Float64Array(agents) };
+  }
+
+  // The place of an agent's colour: that of its species if there are several.
+  colourOf(agent, colours) {
+    return (this.species ? this.species[agent] : agent) % colours.length;
   }
 
   // The last frame at or before a step.
@@ -105,7 +111,7 @@ function drawTrails(pen, run, step, frame, colours, across, down) {
     if (from === to) continue;
     pen.globalAlpha = 0.1 + (0.5 * (age + 1)) / TRAIL_AGES;
     for (let agent = 0; agent < run.agents; agent++) {
-      pen.strokeStyle = colours[agent % colours.length];
+      pen.strokeStyle = colours[run.colourOf(agent, colours)];
       pen.beginPath();
       for (let at = from; at <= to; at++) {
         const now = at > frame;
@@ -121,10 +127,12 @@ function drawBodies(pen, run, colours, radius, across, down) {
   const { poses } = run;
   pen.globalAlpha = 1;
   pen.lineWidth = Math.max(0.4 * radius, 1.2);
-  colours.slice(0, run.agents).forEach((colour, place) => {
+  const members = colours.map(() => []);
+  for (let i = 0; i < run.agents; i++) members[run.colourOf(i, colours)].push(i);
+  colours.forEach((colour, place) => {
     const discs = new Path2D();
     const ticks = new Path2D();
-    for (let i = place; i < run.agents; i += colours.length) {
+    for (const i of members[place]) {
       const x = poses.x[i] * across;
       const y = poses.y[i] * down;
       discs.moveTo(x + radius, y);

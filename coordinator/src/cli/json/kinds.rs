@@ -2,8 +2,8 @@
 
 use super::{
     Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain,
-    Campaign, Certificates, Checkpoint, Class, Digest, Doctor, FilterScore, Individual, Judge, Label,
-    LiftedQuarantine, Quarantine, Report, Run, Token, UntrainedAccuracy, schema_of,
+    Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController, FilterScore, Individual,
+    Judge, Label, LiftedQuarantine, Quarantine, Report, Robots, Run, Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -39,6 +39,10 @@ pub(in crate::cli) enum Kind {
     Judge,
     /// The score of a controller: filter
     FilterScore,
+    /// The robots of a swarm: robot
+    Robots,
+    /// A controller for other programs: controller export
+    ExportedController,
     /// A backup: backup, restore
     Backup,
     /// The condition of a data directory: doctor
@@ -81,6 +85,8 @@ impl Kind {
             Self::UntrainedAccuracy => schema_of::<UntrainedAccuracy>(),
             Self::Judge => schema_of::<Judge>(),
             Self::FilterScore => schema_of::<FilterScore>(),
+            Self::Robots => schema_of::<Robots>(),
+            Self::ExportedController => schema_of::<ExportedController>(),
             Self::Backup => schema_of::<Backup>(),
             Self::Doctor => schema_of::<Doctor>(),
             Self::Quarantine => schema_of::<Quarantine>(),
