@@ -57,11 +57,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     config
         .field_attribute(
             "murmuration.v1.Sensor.angle",
-            "#[serde(with = \"crate::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
+            "#[serde(with = \"crate::robot::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.ratios",
-            "#[serde(with = \"crate::toml_names::ratios\", skip_serializing_if = \"Vec::is_empty\")]",
+            "#[serde(with = \"crate::robot::toml_names::ratios\", skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.method",

@@ -14,6 +14,7 @@ mod species;
 mod species_name;
 #[cfg(test)]
 mod tests;
+pub(crate) mod toml_names;
 
 pub use boundary::Boundary;
 pub use capability_model::CapabilityModel;

@@ -1,6 +1,6 @@
 //! The arena and the agents in it.
 
-use crate::{Boundary, CapabilityModel, Invalid, invalid, record::record, v1};
+use crate::{Boundary, CapabilityModel, Invalid, Preset, invalid, record::record, robot::Defaults, v1};
 
 record! {
     /// The arena of a swarm, and the length of a simulation (paper, "Simulation and Data").
@@ -35,7 +35,7 @@ impl World {
     /// Longest side of a world, in units.
     pub const MAX_SIDE: f64 = 10_000.0;
     /// Maximum number of agents in a world.
-    pub const MAX_AGENTS: u32 = 10_000;
+    pub const MAX_AGENTS: u32 = CapabilityModel::MAX_ROBOTS;
 
     /// The paper's world, for robots of this model.
     ///
@@ -47,6 +47,22 @@ impl World {
             radius: Some(model.largest_radius()),
             ..v1::World::default()
         })
+    }
+
+    /// The model of a swarm of these robots in this world, whose body and wheels the paper's two have.
+    ///
+    /// # Errors
+    /// If the radii of the world are not allowed for a robot.
+    pub fn robots_of(&self, preset: Preset) -> Result<CapabilityModel, Invalid> {
+        CapabilityModel::of_one(preset.sized(self.radius, self.wheel_radius)?)
+    }
+
+    /// Reads what [`CapabilityModel::to_line`] wrote; bodies and wheels are those of this world where it does not say.
+    ///
+    /// # Errors
+    /// Names `field` if the line is no table of TOML with robots in it, and otherwise the field that is not allowed.
+    pub fn robots_of_line(&self, field: &str, line: &str) -> Result<CapabilityModel, Invalid> {
+        CapabilityModel::of_line(field, line, &defaults(&(*self).into()))
     }
 
     /// Half the world's diagonal: the R of the paper's Table 1.
@@ -62,6 +78,16 @@ impl World {
     }
 }
 
+/// What the message of a world says of robots that do not say it themselves.
+pub(crate) fn defaults(message: &v1::World) -> Defaults {
+    let default = World::default();
+    Defaults {
+        radius: message.radius.unwrap_or(default.radius),
+        wheel_radius: message.wheel_radius.unwrap_or(default.wheel_radius),
+        agents: message.agents.unwrap_or(default.agents),
+    }
+}
+
 impl Default for World {
     fn default() -> Self {
         Self {
@@ -69,8 +95,8 @@ impl Default for World {
             height: 500.0,
             padding: 15.0,
             agents: 24,
-            radius: 5.0,
-            wheel_radius: 2.0,
+            radius: Preset::PAPER_RADIUS,
+            wheel_radius: Preset::PAPER_WHEEL_RADIUS,
             dt: 1.0,
             horizon: 1200,
             jitter: false,

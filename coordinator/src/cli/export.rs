@@ -144,8 +144,8 @@ fn of_species(controller: RobotController<'_>, suffix: &str) -> String {
     let last = sensors - 1;
     let _ = write!(
         text,
-        "}};\n\n/* Sets speeds[0], the {first}, and speeds[1], the {second}, by what the sensors see: bit {last} of `seen` is that of \
-         the\n   first sensor, bit 0 that of the last. Other bits are not looked at. */\n\
+        "}};\n\n/* Sets speeds[0], the {first}, and speeds[1], the {second},\n   by what the sensors see. Bit {last} of `seen` is that of \
+         the first sensor, bit 0 that of the last;\n   other bits are not looked at. */\n\
          static inline void murmuration_control{suffix}(unsigned seen, double speeds[2])\n{{\n    \
          speeds[0] = murmuration_speeds{suffix}[seen & {mask}u][0];\n    \
          speeds[1] = murmuration_speeds{suffix}[seen & {mask}u][1];\n}}\n",

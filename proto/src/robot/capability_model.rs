@@ -1,7 +1,7 @@
 //! What the robots of a swarm can sense and do.
 
 use super::{Preset, Robot, SeenRobots, Sensor, Species, SpeciesName};
-use crate::{Invalid, World, counted, text};
+use crate::{Invalid, counted, text};
 use std::{fmt, sync::Arc};
 
 /// A capability model: the species of a swarm, and how many robots of each there can be (paper, "Robot Capability Models").
@@ -21,6 +21,8 @@ struct Described {
 }
 
 impl CapabilityModel {
+    /// Maximum number of robots.
+    pub const MAX_ROBOTS: u32 = 10_000;
     /// Maximum number of species.
     pub const MAX_SPECIES: usize = 8;
     /// Maximum number of ratios to choose from.
@@ -61,7 +63,7 @@ impl CapabilityModel {
     /// # Errors
     /// If there are not 1 to [`CapabilityModel::MAX_SPECIES`], two have one name, a sensor sees a species that is not here,
     /// there are not 1 to [`CapabilityModel::MAX_RATIOS`] different ratios, a ratio does not have a number of at least one
-    /// robot for each species, or not all come to the same number of robots, which is at most [`World::MAX_AGENTS`].
+    /// robot for each species, or not all come to the same number of robots, which is at most [`CapabilityModel::MAX_ROBOTS`].
     pub fn new(species: Vec<Species>, ratios: Vec<Vec<u32>>) -> Result<Self, Invalid> {
         check_species(&species)?;
         check_ratios(species.len(), &ratios)?;
@@ -244,8 +246,8 @@ fn check_ratios(species: usize, ratios: &[Vec<u32>]) -> Result<(), Invalid> {
         if total(counts) != robots {
             return refused(format!("{robots} robots in all, as in the first ratio"));
         }
-        if robots > u64::from(World::MAX_AGENTS) {
-            return refused(format!("at most {} robots in all", World::MAX_AGENTS));
+        if robots > u64::from(CapabilityModel::MAX_ROBOTS) {
+            return refused(format!("at most {} robots in all", CapabilityModel::MAX_ROBOTS));
         }
         if ratios[..i].contains(counts) {
             return refused("a ratio that is not given twice".to_owned());

@@ -2,9 +2,9 @@
 
 use super::{
     CapabilityModel, Drive, DriveKind, Preset, Robot, Seen, SeenRobots, Sensor, SensorAngle,
-    SensorDescription, Species, SpeciesName,
+    SensorDescription, Species, SpeciesName, toml_names,
 };
-use crate::{Invalid, World, text, toml_names, v1};
+use crate::{Invalid, text, v1};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -13,20 +13,9 @@ const UNICYCLE: &str = "unicycle";
 
 /// What a world says of robots that do not say it themselves.
 pub(crate) struct Defaults {
-    radius: f64,
-    wheel_radius: f64,
-    agents: u32,
-}
-
-impl Defaults {
-    pub(crate) fn of(world: &v1::World) -> Self {
-        let default = World::default();
-        Self {
-            radius: world.radius.unwrap_or(default.radius()),
-            wheel_radius: world.wheel_radius.unwrap_or(default.wheel_radius()),
-            agents: world.agents.unwrap_or(default.agents()),
-        }
-    }
+    pub(crate) radius: f64,
+    pub(crate) wheel_radius: f64,
+    pub(crate) agents: u32,
 }
 
 impl TryFrom<v1::Sensor> for Sensor {
@@ -258,7 +247,12 @@ impl TryFrom<v1::CapabilityModel> for CapabilityModel {
     /// Reads a model whose species are described in full: a preset has its paper's body and wheels.
     fn try_from(message: v1::CapabilityModel) -> Result<Self, Invalid> {
         let within = |error: Invalid| error.within("model");
-        let default = Defaults::of(&v1::World::default());
+        // Every field of a message is filled in.
+        let default = Defaults {
+            radius: Preset::PAPER_RADIUS,
+            wheel_radius: Preset::PAPER_WHEEL_RADIUS,
+            agents: 1,
+        };
         if !message.ratios.is_empty() {
             return Self::of_messages(message.species, message.ratios, &default).map_err(within);
         }
@@ -291,7 +285,7 @@ struct Line {
 
 impl CapabilityModel {
     /// The model as an inline table of TOML, with the fields that a campaign file has for it: `{ model = "turbopi" }`.
-    /// [`CapabilityModel::of_line`] reads it.
+    /// [`World::robots_of_line`](crate::World::robots_of_line) reads it.
     #[must_use]
     pub fn to_line(&self) -> String {
         let mut line = Line::default();
@@ -306,12 +300,8 @@ impl CapabilityModel {
         toml::Value::try_from(line).map_or_else(|_| String::new(), |value| value.to_string())
     }
 
-    /// Reads what [`CapabilityModel::to_line`] wrote; bodies and wheels are those of `world` where it does not say.
-    ///
-    /// # Errors
-    /// Names `field` if the line is no such table, and otherwise the field that is not allowed.
-    pub fn of_line(field: &str, line: &str, world: &World) -> Result<Self, Invalid> {
-        let default = Defaults::of(&(*world).into());
+    /// Reads what [`CapabilityModel::to_line`] wrote; `default` holds where it does not say.
+    pub(crate) fn of_line(field: &str, line: &str, default: &Defaults) -> Result<Self, Invalid> {
         let allowed = "a table such as { model = \"turbopi\" }, with the fields of a campaign file";
         let table = toml::from_str::<BTreeMap<String, Line>>(&format!("line = {line}"));
         let table = table.map_err(|_| Invalid::new(field, text::quoted(line), allowed))?;
@@ -319,8 +309,8 @@ impl CapabilityModel {
             return Err(Invalid::new(field, text::quoted(line), allowed));
         };
         let read = match line.species.is_empty() {
-            true => robot(line.model.as_deref(), line.robot, &default).and_then(Self::of_one),
-            false => Self::of_messages(line.species, line.ratios, &default),
+            true => robot(line.model.as_deref(), line.robot, default).and_then(Self::of_one),
+            false => Self::of_messages(line.species, line.ratios, default),
         };
         read.map_err(|error| error.within(field))
     }

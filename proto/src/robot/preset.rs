@@ -1,7 +1,7 @@
 //! Robots that have a name: the paper's two, and two real ones.
 
-use super::{CapabilityModel, Drive, DriveKind, Robot, Sensor, SensorAngle, SensorDescription};
-use crate::{Invalid, World};
+use super::{Drive, DriveKind, Robot, Sensor, SensorAngle, SensorDescription};
+use crate::Invalid;
 use std::{f64::consts::PI, fmt, str::FromStr};
 
 /// A robot that is known by name.
@@ -30,6 +30,10 @@ impl Preset {
         Self::TurboPi,
     ];
 
+    /// Radius of the paper's robots, world units.
+    pub const PAPER_RADIUS: f64 = 5.0;
+    /// Radius of their wheels, world units.
+    pub const PAPER_WHEEL_RADIUS: f64 = 2.0;
     /// The paper's two.
     pub const PAPER: [Self; 2] = [Self::SingleSensor, Self::TwoSensor];
 
@@ -48,7 +52,8 @@ impl Preset {
     #[must_use]
     #[expect(clippy::expect_used, reason = "a preset is a valid robot: a test makes each")]
     pub fn robot(self) -> Robot {
-        self.sized(5.0, 2.0).expect("a preset is a valid robot")
+        self.sized(Self::PAPER_RADIUS, Self::PAPER_WHEEL_RADIUS)
+            .expect("a preset is a valid robot")
     }
 }
 
@@ -63,14 +68,6 @@ impl Preset {
             (Self::Flockbots | Self::TurboPi, _) => preset.robot() == *robot,
         };
         Self::ALL.into_iter().find(is)
-    }
-
-    /// The model of a swarm of these robots; the paper's two have the body and wheels of `world`.
-    ///
-    /// # Errors
-    /// If the radii of the world are not allowed for a robot.
-    pub fn in_world(self, world: &World) -> Result<CapabilityModel, Invalid> {
-        CapabilityModel::of_one(self.sized(world.radius(), world.wheel_radius())?)
     }
 
     /// The robot with a body and wheels of these radii (world units), which the paper's two may have; the others are what they

@@ -283,9 +283,13 @@ fn a_model_is_the_same_after_its_message() {
         assert_eq!(CapabilityModel::try_from(message).as_ref(), Ok(&model));
         let line = model.to_line();
         assert!(!line.contains('\n'), "{line}");
-        let world = crate::World::default();
+        let default = Defaults {
+            radius: 5.0,
+            wheel_radius: 2.0,
+            agents: 24,
+        };
         assert_eq!(
-            CapabilityModel::of_line("robots", &line, &world),
+            CapabilityModel::of_line("robots", &line, &default),
             Ok(model),
             "{line}"
         );

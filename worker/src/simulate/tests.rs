@@ -33,7 +33,7 @@ fn square(side: f64, agents: u32) -> World {
 /// The same preset with the bodies and wheels of `world`.
 pub(crate) fn sized(controller: &Controller, world: &World) -> Controller {
     let preset = controller.model().preset().unwrap();
-    Controller::new(preset.in_world(world).unwrap(), controller.genes()).unwrap()
+    Controller::new(world.robots_of(preset).unwrap(), controller.genes()).unwrap()
 }
 
 fn single(genes: [f64; 4]) -> Controller {

@@ -3,7 +3,7 @@
 //! One format for what `labels` writes and `label`, `accuracy` and `judge` read: docs/labels.md says what each column means.
 //! Limits: text in, no files.
 
-use super::{Annotator, Answer, of_cell, quotes::unclosed};
+use super::{Annotator, Answer, LabelFileError, of_cell, quotes::unclosed};
 use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
@@ -48,90 +48,6 @@ pub struct LabelFile {
 pub struct Row<'a> {
     file: &'a LabelFile,
     cells: &'a StringRecord,
-}
-
-/// What is wrong with a file of labels.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum LabelFileError {
-    /// It cannot be read, or is not CSV.
-    #[error("{}: {error}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        error: String,
-    },
-    /// A column that is needed is not there, or twice.
-    #[error("{}, line 1: {problem} column {column:?}; its columns are {columns}", path.display())]
-    Column {
-        /// The file.
-        path: PathBuf,
-        /// The column's name.
-        column: String,
-        /// `there is no` or `there is more than one`.
-        problem: &'static str,
-        /// The columns that there are.
-        columns: String,
-    },
-    /// A row has too few or too many cells.
-    #[error("{}, line {line}: the row has {cells}, the header {columns}", path.display())]
-    Uneven {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-        /// How many cells.
-        cells: String,
-        /// How many columns the header names.
-        columns: String,
-    },
-    /// Something else than commas separates the columns.
-    #[error("{}, line 1: the columns are separated by {separator}; save the file with commas", path.display())]
-    Separator {
-        /// The file.
-        path: PathBuf,
-        /// What separates them.
-        separator: &'static str,
-    },
-    /// A quote is opened and not closed.
-    #[error("{}, line {line}: a cell begins with a quote but does not end with one", path.display())]
-    Quote {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-    },
-    /// A cell cannot be used.
-    #[error("{}, line {line}: {error}", path.display())]
-    Cell {
-        /// The file.
-        path: PathBuf,
-        /// Its line, from 1.
-        line: usize,
-        /// Which column, what it holds, and what is allowed.
-        error: Invalid,
-    },
-    /// No row has a class.
-    #[error("{}: no row has a class", .0.display())]
-    NoClass(PathBuf),
-    /// No person gave a class.
-    #[error(
-        "{}: no row has a class that a person gave: the synthetic annotator gave {}", path.display(), counted(*rows, "class")
-    )]
-    NoPerson {
-        /// The file.
-        path: PathBuf,
-        /// The rows in which the synthetic annotator gave a class.
-        rows: u64,
-    },
-    /// The picture of a behaviour cannot be used.
-    #[error("{}: {problem}", image.display())]
-    Image {
-        /// The picture's file.
-        image: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-    },
 }
 
 impl LabelFile {
@@ -355,9 +271,9 @@ impl<'a> Row<'a> {
     fn model(&self) -> Result<CapabilityModel, LabelFileError> {
         let world = self.world()?;
         let model = match (self.cell(ROBOTS), self.file.has(ANGLE)) {
-            ("", false) => Preset::SingleSensor.in_world(&world),
-            ("", true) => Preset::TwoSensor.in_world(&world),
-            (line, _) => CapabilityModel::of_line(ROBOTS, line, &world),
+            ("", false) => world.robots_of(Preset::SingleSensor),
+            ("", true) => world.robots_of(Preset::TwoSensor),
+            (line, _) => world.robots_of_line(ROBOTS, line),
         };
         model.map_err(|error| self.refused(error))
     }

@@ -63,6 +63,9 @@ const LABELS: &str = "id,class,annotator,time\n\
     4,not sure,ana,2026-11-21T12:00:04Z\n\
     0,ring,ben,2026-11-21T12:00:05Z\n1,clump,ben,2026-11-21T12:00:06Z\n";
 
+const ROBOTS: &str = "ratios = [[3, 1], [2, 2]]\n[[species]]\nname = \"a\"\nmodel = \"two-sensor\"\n\
+    [[species]]\nname = \"b\"\nrobot.sensors = [{ half_angle = 0.2, range = 120, sees = [\"a\", \"walls\"] }]\n";
+
 const BENCH_CLUSTER: [&str; 8] = [
     "bench",
     "cluster",
@@ -75,7 +78,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 52] = [
+pub const OUTPUTS: [Transcript; 56] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -162,6 +165,14 @@ pub const OUTPUTS: [Transcript; 52] = [
         "individual",
         &["simulate", "--controller", "-0.7,0.3,1,1", "--json"],
     ),
+    done("robot", &["robot", "FOLDER/robots.toml"]).with_files(&[("robots.toml", ROBOTS)]),
+    json("robot-json", "robots", &["robot", "--model", "turbopi", "--json"]),
+    done("controller-export", &["controller", "export", "small-1", "3"]),
+    json(
+        "controller-export-json",
+        "exported-controller",
+        &["controller", "export", "--controller", "0.1,-0.2,0.3,1", "--json"],
+    ),
     done("filter", &["filter", "-0.7,0.3,1,1", "0,0,0,0"]),
     json(
         "filter-json",
@@ -231,7 +242,11 @@ pub const OUTPUTS: [Transcript; 52] = [
 ];
 
 /// What people meet most when something is wrong, first without a data directory, then about a campaign.
-pub const ERRORS: [Transcript; 38] = [
+pub const ERRORS: [Transcript; 40] = [
+    fails("robot-sensors", 2, &["robot", "FOLDER/seven.toml"])
+        .with_files(&[("seven.toml", "robot.sensors = [{}, {}, {}, {}, {}, {}, {}]")]),
+    fails("robot-cone", 2, &["robot", "FOLDER/cone.toml"])
+        .with_files(&[("cone.toml", "robot.sensors = [{ half_angle = 3.2 }]")]),
     fails("error-no-data-directory", 2, &["list"]),
     fails("error-unknown-command", 2, &["nonsense"]),
     fails("error-mistyped-command", 2, &["rn", "small.toml"]),

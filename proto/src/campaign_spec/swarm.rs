@@ -1,0 +1,89 @@
+//! The robots of a campaign, and the world that they are in.
+
+use crate::{CapabilityModel, Invalid, World, robot, v1, world};
+use std::f64::consts::PI;
+
+/// The name of a campaign that has none.
+pub(super) fn default_name(model: &CapabilityModel) -> &'static str {
+    match (model.preset(), model.ratios()) {
+        (Some(preset), _) => preset.name(),
+        (None, []) => "robot",
+        (None, _) => "swarm",
+    }
+}
+
+/// The robots, and the world that they are in: its agents are as many as the robots, and its radius is that of the largest.
+pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, World), Invalid> {
+    let mut world_message = message.world.clone().unwrap_or_default();
+    let angles = message
+        .controllers
+        .as_ref()
+        .map_or(&[][..], |space| &space.angles);
+    let model = capability_model(message, &world::defaults(&world_message), angles)?;
+    world_message.radius = Some(model.largest_radius());
+    if let Some(robots) = model.robots() {
+        match world_message.agents {
+            Some(agents) if agents != robots => {
+                let allowed = format!("{robots}, as many as all species have together, or absent");
+                return Err(Invalid::new("world.agents", agents, allowed));
+            }
+            _ => world_message.agents = Some(robots),
+        }
+    }
+    Ok((
+        model,
+        World::try_from(world_message).map_err(|error| error.within("world"))?,
+    ))
+}
+
+fn capability_model(
+    message: &v1::CampaignSpec,
+    default: &robot::Defaults,
+    angles: &[f64],
+) -> Result<CapabilityModel, Invalid> {
+    if message.species.is_empty() {
+        if !message.ratios.is_empty() {
+            return Err(Invalid::new(
+                "ratios",
+                "given",
+                "absent where there are no species",
+            ));
+        }
+        let described = message.robot.clone().map(|robot| with_range(robot, angles));
+        let robot = robot::robot(message.model.as_deref(), described, default);
+        return CapabilityModel::of_one(robot.map_err(|error| match error.field.as_str() {
+            "radius" | "wheel_radius" => error.within("world"),
+            _ => error,
+        })?)
+        .map_err(|error| error.within("robot"));
+    }
+    for (field, given) in [
+        ("model", message.model.is_some()),
+        ("robot", message.robot.is_some()),
+    ] {
+        if given {
+            return Err(Invalid::new(
+                field,
+                "given",
+                "absent where there are species, which say what they are",
+            ));
+        }
+    }
+    let mut species = message.species.clone();
+    for species in &mut species {
+        species.robot = species.robot.take().map(|robot| with_range(robot, angles));
+    }
+    CapabilityModel::of_messages(species, message.ratios.clone(), default)
+}
+
+/// The same robot, its sensors with a free angle of which nothing is said free in a whole turn: the angles of the controller
+/// space are what they choose from.
+fn with_range(mut robot: v1::Robot, angles: &[f64]) -> v1::Robot {
+    for sensor in &mut robot.sensors {
+        let is_free = sensor.angle.is_some_and(|angle| angle.fixed.is_none());
+        if is_free && !angles.is_empty() && sensor.angle_range.is_empty() && sensor.angles.is_empty() {
+            sensor.angle_range = vec![-PI, PI];
+        }
+    }
+    robot
+}

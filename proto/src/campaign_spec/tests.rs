@@ -1,0 +1,183 @@
+//! Campaign files: what they say by default, and what is wrong with them.
+
+use super::*;
+use proptest::prelude::*;
+
+#[track_caller]
+fn check_refused(text: &str, said: &str) {
+    let error = CampaignSpec::from_toml(text).unwrap_err().to_string();
+    assert!(error.contains(said), "{error:?} does not say {said:?}");
+}
+
+const MINIMAL: &str = "model = \"single-sensor\"\nmethod = \"hand-crafted\"\n";
+
+#[test]
+fn what_is_not_said_takes_its_default() {
+    let spec = CampaignSpec::from_toml(MINIMAL).unwrap();
+    assert_eq!(spec.search().evaluations(), 10_000);
+    assert_eq!((spec.medoids(), spec.search().neighbours()), (12, 15));
+    assert_eq!(spec.name().as_str(), "single-sensor");
+}
+
+#[test]
+fn what_is_wrong_is_named() {
+    check_refused("model = ", "line 1");
+    check_refused(
+        "method = \"random\"",
+        "model = nothing: must be \"single-sensor\" or \"two-sensor\" or \"flockbots\" or \"turbopi\", or absent where the robot is described",
+    );
+    check_refused(
+        "model = \"three-sensor\"\nmethod = \"random\"",
+        "model = \"three-sensor\": must be",
+    );
+    check_refused(&format!("{MINIMAL}sed = 3"), "unknown field `sed`");
+    check_refused(&format!("{MINIMAL}name = \"a b\""), "name = \"a b\"");
+    check_refused(&format!("{MINIMAL}name = \"-x\""), "name = \"-x\"");
+    check_refused(
+        &format!("{MINIMAL}[search]\npopulation = 0"),
+        "search.population = 0: must be a whole number from 1",
+    );
+    check_refused(
+        &format!("{MINIMAL}[search]\nmutation = nan"),
+        "search.mutation = NaN",
+    );
+    check_refused(
+        &format!("{MINIMAL}[search]\npopulation = 1\ngenerations = 3"),
+        "taxonomy.medoids = 12",
+    );
+    check_refused(
+        &format!("{MINIMAL}[world]\nwidth = 30"),
+        "world.width = 30: must be at least 2 (radius + padding) = 40",
+    );
+    check_refused(
+        &format!("{MINIMAL}[image]\nresolution = 501"),
+        "image.resolution = 501: must be a whole number from 1 to 500",
+    );
+    check_refused(
+        &format!("{MINIMAL}[controllers]\nangles = [1.0]"),
+        "controllers.angles",
+    );
+}
+
+const THREE: &str = "method = \"random\"\n[robot]\nradius = 6\nsensors = [\n  { angle = 0.0 },\n  { angle = \"free\", \
+                     angles = [0.5, -0.5], half_angle = 0.2, range = 120 },\n  { angle = 1.5, range = 40, sees = \
+                     [\"walls\"] },\n]\n";
+
+#[test]
+fn a_described_robot_is_read_and_written() {
+    let spec = CampaignSpec::from_toml(THREE).unwrap();
+    assert_eq!((spec.model().genes(), spec.world().radius()), (17, 6.0));
+    assert_eq!((spec.name().as_str(), spec.medoids()), ("robot", 16));
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    let of_list = THREE.replace("angles = [0.5, -0.5], ", "");
+    check_refused(
+        &of_list,
+        "robot.sensors[1].angle = free: must be free within a range",
+    );
+    let spec = CampaignSpec::from_toml(&format!("{of_list}[controllers]\nangles = [0.5]")).unwrap();
+    assert_eq!(spec.controllers().genes()[16], crate::GeneSpace::Among(vec![0.5]));
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    check_refused(
+        &format!("model = \"two-sensor\"\n{THREE}"),
+        "model = \"two-sensor\": must be absent",
+    );
+    check_refused(&THREE.replace("0.2", "3.2"), "robot.sensors[1].half_angle = 3.2");
+    check_refused(
+        &THREE.replace("\"walls\"", "\"cats\""),
+        "robot.sensors[2].sees = \"cats\"",
+    );
+    check_refused(
+        &THREE.replace("0.5, -0.5", "\"x\""),
+        "robot.sensors[1].angles must be a number",
+    );
+}
+
+const TWO: &str = "method = \"random\"\nratios = [[12, 12], [8, 16]]\n[[species]]\nname = \"a\"\nmodel = \"two-sensor\"\n\
+                   [[species]]\nname = \"b\"\nrobot.sensors = [{ sees = [\"a\"] }]\n";
+
+#[test]
+fn species_are_read_and_written() {
+    let spec = CampaignSpec::from_toml(TWO).unwrap();
+    assert_eq!((spec.model().genes(), spec.world().agents()), (14, 24));
+    assert_eq!(spec.model().to_string(), "swarm of a and b");
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    check_refused(
+        &format!("{TWO}[world]\nagents = 9"),
+        "world.agents = 9: must be 24",
+    );
+    check_refused(
+        &TWO.replace("\"a\"]", "\"c\"]"),
+        "species[1].robot.sensors[0].sees = \"c\"",
+    );
+    check_refused(
+        &TWO.replace("ratios = [[12, 12], [8, 16]]\n", ""),
+        "species[0].count = nothing",
+    );
+    check_refused(
+        &TWO.replace("name = \"b\"", "name = \"b\"\ncount = 3"),
+        "species[1].count = 3",
+    );
+    let shares = TWO
+        .replace("ratios = [[12, 12], [8, 16]]\n", "")
+        .replace("name = ", "share = 0.5\nname = ");
+    let spec = CampaignSpec::from_toml(&shares).unwrap();
+    assert_eq!(spec.model().ratios(), [[12, 12]]);
+    check_refused(&shares.replace("0.5", "0.3"), "species[0].share = 0.3");
+}
+
+#[test]
+fn what_cannot_be_held_at_once_is_refused_with_the_sum() {
+    let large = "[world]\nwidth = 1000\nheight = 1000\n";
+    check_refused(
+        &format!("{MINIMAL}{large}[image]\nresolution = 1000\n[search]\npopulation = 100000"),
+        "search.population = 100000: must be at most 4294 where image.resolution = 1000: the pictures of a \
+         generation come to 100000000000 bytes, and at most 4294967296 are held at once",
+    );
+    check_refused(
+        &format!("{MINIMAL}{large}[image]\nresolution = 1000\n[taxonomy]\nmedoids = 1000"),
+        "taxonomy.medoids = 1000: must be at most",
+    );
+    check_refused(
+        &format!("{MINIMAL}[world]\nagents = 10000\n[taxonomy]\nmedoids = 100"),
+        "taxonomy.medoids = 100: must be at most 29 where image.resolution = 50 and world.agents = 10000",
+    );
+    let fits = [
+        "[image]\nresolution = 1000\n[search]\npopulation = 4000\ngenerations = 3",
+        "[image]\nresolution = 1000\n[taxonomy]\nmedoids = 900",
+    ];
+    for more in fits {
+        CampaignSpec::from_toml(&format!("{MINIMAL}{large}{more}")).unwrap();
+    }
+    CampaignSpec::from_toml(&format!("{MINIMAL}[search]\npopulation = 100000")).unwrap();
+}
+
+#[test]
+fn rounds_count_into_what_a_campaign_may_be() {
+    let latent =
+        "model = \"single-sensor\"\nmethod = \"latent\"\n[search]\npopulation = 1000\ngenerations = 1000\n";
+    let rounds = |rounds, generations| {
+        let text = format!("{latent}[feedback]\nrounds = {rounds}\ngenerations = {generations}");
+        CampaignSpec::from_toml(&text)
+    };
+    assert_eq!(rounds(9, 1000).unwrap().evaluations(), Search::MAX_EVALUATIONS);
+    assert!(rounds(0, 10_000).is_ok());
+    for (many, long) in [(9, 1001), (10, 1000), (0, 10_001), (1000, 100_000)] {
+        let error = rounds(many, long).unwrap_err().to_string();
+        assert!(error.contains("at most 10000000 evaluations in all"), "{error}");
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_written_specification_reads_back(seed in 0..=i64::MAX as u64, width in 50.0..10_000.0f64, two: bool, filter: bool) {
+        let model = if two { "two-sensor" } else { "single-sensor" };
+        let text = format!("model = \"{model}\"\nmethod = \"random\"\nseed = {seed}\nfilter = {filter}\n[world]\nwidth = {width}\nradius = 4");
+        let spec = CampaignSpec::from_toml(&text).unwrap();
+        prop_assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    }
+
+    #[test]
+    fn any_text_is_read_or_refused(text in ".{0,200}") {
+        let _ = CampaignSpec::from_toml(&text);
+    }
+}
