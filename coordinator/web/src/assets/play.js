@@ -1,0 +1,185 @@
+// The page Play: a person sets a controller, and the swarm that it controls moves.
+import { Unavailable } from "./coordinator.js";
+import { isForPage } from "./keys.js";
+import { Pieces, draw } from "./pieces.js";
+import { Playback, STEPS_A_SECOND } from "./playback.js";
+import { grouped, sentence } from "./words.js";
+
+// Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it.
+const LOOKED_AT = 1200;
+const calm = matchMedia("(prefers-reduced-motion: reduce)");
+const at = (id) => document.getElementById(id);
+const root = at("play");
+
+// A swarm without an end on a canvas.
+class Endless extends Playback {
+  constructor(player, state) {
+    super(player, { speed: player.querySelector(".speed") });
+    this.state = state;
+    this.motion = state;
+    this.piece = null;
+    this.target = null;
+    this.waiting = player.querySelector(".waiting");
+    this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error) });
+  }
+
+  // Shows the present state's motion from a step on.
+  begin(step) {
+    this.target = step;
+    this.pieces.begin(this.state.query(), step);
+  }
+
+  came(piece, isNew) {
+    if (isNew) this.step = piece.first;
+    if (isNew) this.target = null;
+    this.waiting.hidden = true;
+    at("status").textContent = "";
+    at("status").classList.remove("wrong");
+    if (isNew) this.tell();
+  }
+
+  failed(error) {
+    const text = sentence(error.message);
+    if (this.piece) at("status").textContent = text;
+    else this.waiting.textContent = text;
+    this.waiting.hidden = Boolean(this.piece);
+    at("status").classList.toggle("wrong", !(error instanceof Unavailable));
+  }
+
+  advance(ms) {
+    this.step = Math.min(this.step + (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value), this.pieces.last);
+    this.tell();
+  }
+
+  once() {
+    this.step = Math.min(Math.floor(this.step) + 1, this.pieces.last);
+    this.pause();
+  }
+
+  tell() {
+    this.draw();
+    this.button.classList.toggle("playing", this.playing);
+    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
+    if (this.piece) this.output.textContent = `step ${grouped(Math.floor(this.step))}`;
+  }
+
+  draw() {
+    this.piece = this.pieces?.of(this.step) ?? null;
+    if (this.piece) draw(this.canvas, this.piece, this.step, this.state.shown());
+  }
+
+  pace(faster) {
+    const place = this.speed.selectedIndex + (faster ? 1 : -1);
+    if (place >= 0 && place < this.speed.length) this.speed.selectedIndex = place;
+  }
+}
+
+// What the controls say: what an address holds.
+class State {
+  constructor() {
+    this.swarm = JSON.parse(root.dataset.swarm);
+    this.genes = [...root.querySelectorAll("[data-gene]")];
+  }
+
+  numbers() {
+    return this.genes.map((gene) => Number(gene.value));
+  }
+
+  query() {
+    const given = new URLSearchParams(location.search);
+    const query = new URLSearchParams();
+    if (root.dataset.model) query.set("model", root.dataset.model);
+    else query.set("robot", given.get("robot"));
+    query.set("genes", this.genes.map((gene) => gene.value).join(","));
+    query.set("seed", at("seed").value);
+    if (at("robots")) query.set("robots", at("robots").value);
+    return query.toString();
+  }
+
+  // What is needed to draw the robots.
+  shown() {
+    const { swarm } = this;
+    const genes = this.numbers();
+    const ratio = swarm.ratios.length > 1 ? genes.at(-1) : 0;
+    const counts = swarm.ratios[ratio] ?? [Infinity];
+    return { swarm, counts, genes };
+  }
+}
+
+function playground() {
+  const state = new State();
+  const player = root.querySelector(".player");
+  player.querySelector(".stage").style.aspectRatio = `${state.swarm.width} / ${state.swarm.height}`;
+  const endless = new Endless(player, state);
+  const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
+
+  // What changes at once is the motion; the address follows when it has been changed.
+  const changed = (step) => {
+    complain();
+    if (isValid()) endless.begin(step);
+  };
+  const settled = () => isValid() && `?${state.query()}` !== location.search && history.pushState(null, "", `?${state.query()}`);
+  const seen = () => Math.floor(Math.min(endless.target ?? endless.step, LOOKED_AT));
+
+  for (const slider of root.querySelectorAll("[type=range]")) {
+    const number = slider.dataset.slides ? at(slider.dataset.slides) : at("robots");
+    const isRobots = number.id === "robots";
+    slider.addEventListener("input", () => {
+      const rounded = Number(Number(slider.value).toFixed(4));
+      number.value = Math.min(Math.max(rounded, Number(number.min)), Number(number.max));
+      changed(isRobots ? 0 : seen());
+    });
+    number.addEventListener("input", () => {
+      slider.value = number.value;
+      changed(isRobots ? 0 : seen());
+    });
+  }
+  for (const choice of root.querySelectorAll("select[data-gene]")) choice.addEventListener("change", () => changed(seen()));
+  at("seed").addEventListener("input", () => changed(0));
+  at("controller").addEventListener("change", settled);
+  at("controller").addEventListener("submit", (event) => event.preventDefault());
+
+  const acts = {
+    anew() {
+      const seed = at("seed").validity.valid ? BigInt(at("seed").value || 0) : 0n;
+      at("seed").value = String(seed + 1n);
+      changed(0);
+      settled();
+    },
+    restart: () => changed(0),
+    once: () => endless.once(),
+  };
+  at("anew").addEventListener("click", acts.anew);
+  at("restart").addEventListener("click", acts.restart);
+  at("one-step").addEventListener("click", acts.once);
+  document.addEventListener("keydown", (event) => {
+    if (!isForPage(event)) return;
+    const { key } = event;
+    if (key === " ") endless.toggle();
+    else if (key === "ArrowRight") acts.once();
+    else if (key === "r") acts.restart();
+    else if (key === "n") acts.anew();
+    else if (key === "+" || key === "=") endless.pace(true);
+    else if (key === "-") endless.pace(false);
+    else return;
+    event.preventDefault();
+  });
+  addEventListener("popstate", () => location.reload());
+
+  history.replaceState(null, "", `?${state.query()}`);
+  endless.begin(0);
+  if (calm.matches) endless.pause();
+  else endless.play();
+}
+
+// Numbers that are not allowed are marked by the browser; what they may be is said here.
+function complain() {
+  const wrong = [...root.querySelectorAll(".number")].find((control) => !control.value || !control.checkValidity());
+  const status = at("status");
+  const name = wrong?.ariaLabel || wrong?.labels[0].textContent;
+  const allowed = wrong?.max ? `a number from ${wrong.min} to ${wrong.max}` : "a whole number";
+  status.textContent = wrong ? `${name} must be ${allowed}.` : "";
+  status.classList.toggle("wrong", Boolean(wrong));
+}
+
+if (root) playground();
