@@ -45,6 +45,7 @@ export class Pieces {
     this.failed = failed;
     this.held = [];
     this.asked = null;
+    this.ended = false;
   }
 
   // Another motion, from a step on. What is shown stays until its first piece is here.
@@ -53,6 +54,7 @@ export class Pieces {
     this.asked = null;
     this.query = query;
     this.isNew = true;
+    this.ended = false;
     this.ask(step);
   }
 
@@ -80,6 +82,7 @@ export class Pieces {
     } catch (error) {
       if (this.asked !== asked) return;
       this.asked = null;
+      this.ended = true;
       this.failed(error);
     }
   }
@@ -88,7 +91,7 @@ export class Pieces {
   of(step) {
     const place = this.held.findIndex((piece) => step <= piece.last);
     this.held.splice(0, Math.max(place, 0));
-    if (!this.asked && !this.isNew && this.held.length <= AHEAD) this.ask(this.last);
+    if (!this.asked && !this.ended && !this.isNew && this.held.length <= AHEAD) this.ask(this.last);
     return place < 0 ? this.held.at(-1) : this.held[0];
   }
 }

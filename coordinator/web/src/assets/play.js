@@ -118,7 +118,12 @@ function playground() {
     complain();
     if (isValid()) endless.begin(step);
   };
-  const settled = () => isValid() && `?${state.query()}` !== location.search && history.pushState(null, "", `?${state.query()}`);
+  let told = `?${state.query()}`;
+  const settled = () => {
+    if (!isValid() || `?${state.query()}` === told) return;
+    told = `?${state.query()}`;
+    history.pushState(null, "", told);
+  };
   const seen = () => Math.floor(Math.min(endless.target ?? endless.step, LOOKED_AT));
 
   for (const slider of root.querySelectorAll("[type=range]")) {
@@ -164,9 +169,10 @@ function playground() {
     else return;
     event.preventDefault();
   });
-  addEventListener("popstate", () => location.reload());
+  // A link within the page changes the address too.
+  addEventListener("popstate", () => new URL(location).search !== new URL(told, location).search && location.reload());
 
-  history.replaceState(null, "", `?${state.query()}`);
+  history.replaceState(null, "", `${told}${location.hash}`);
   endless.begin(0);
   if (calm.matches) endless.pause();
   else endless.play();

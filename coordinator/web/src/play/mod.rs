@@ -18,6 +18,7 @@ use axum::{
 };
 use maud::Markup;
 use motion::{Kept, MOST_STEPS};
+use murmuration_access::limits::MAX_PLAYED;
 use murmuration_engine::blocking::blocking;
 use murmuration_proto::Invalid;
 use murmuration_search::interrupt::Interrupt;
@@ -25,9 +26,6 @@ use murmuration_service::OrStatus as _;
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
-
-/// Motions that are simulated at once.
-const MOST_AT_ONCE: usize = 4;
 
 /// What the page needs of its coordinator: room to simulate, and the swarms that were simulated last. Cheap to clone.
 #[derive(Debug, Clone)]
@@ -39,7 +37,7 @@ pub struct Playground {
 impl Default for Playground {
     fn default() -> Self {
         Self {
-            room: Arc::new(Semaphore::new(MOST_AT_ONCE)),
+            room: Arc::new(Semaphore::new(MAX_PLAYED)),
             kept: Arc::default(),
         }
     }
@@ -113,7 +111,7 @@ mod tests {
     #[test]
     fn there_is_room_for_a_few_and_again_when_one_leaves() {
         let playground = Playground::default();
-        let mut inside: Vec<_> = (0..MOST_AT_ONCE).map(|_| playground.enter().unwrap()).collect();
+        let mut inside: Vec<_> = (0..MAX_PLAYED).map(|_| playground.enter().unwrap()).collect();
         assert!(playground.enter().unwrap_err().message().contains("try again"));
         inside.pop();
         assert!(playground.enter().is_ok());
