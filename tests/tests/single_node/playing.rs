@@ -1,11 +1,16 @@
 //! The page on which people play, over HTTP.
 
+use murmuration_access::limits::MAX_PLAYED;
 use murmuration_proto::{Controller, Preset, World};
 use murmuration_tests::Cluster;
 use murmuration_worker::simulate::{Start, Swarm};
 use reqwest::{
     Client, Response, StatusCode,
     header::{CACHE_CONTROL, CONTENT_TYPE, ORIGIN},
+};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
 };
 use tempfile::TempDir;
 
@@ -134,5 +139,32 @@ async fn a_page_shows_what_its_address_holds_and_says_what_it_cannot() {
         .await
         .unwrap();
     assert!(home.text().await.unwrap().contains("href=\"/play\""));
+    playground.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_too_many_is_told_to_try_again_and_who_leaves_makes_room() {
+    let playground = Arc::new(Playground::open().await);
+    let far = |seed: usize| {
+        let playground = playground.clone();
+        tokio::spawn(async move {
+            let form = format!("robots=1000&seed={seed}&from=1000000");
+            playground.own_motion(&form).await
+        })
+    };
+    let waiting: Vec<_> = (0..MAX_PLAYED).map(far).collect();
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let refused = playground.own_motion(MILLING).await;
+    assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
+    let said = refused.text().await.unwrap();
+    assert!(said.contains("try again"), "{said}");
+    // They would simulate for two seconds.
+    waiting.iter().for_each(tokio::task::JoinHandle::abort);
+    let left = Instant::now();
+    while playground.own_motion(MILLING).await.status() != StatusCode::OK {
+        assert!(left.elapsed() < Duration::from_millis(1500), "nobody has left");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    let playground = Arc::into_inner(playground).unwrap();
     playground.cluster.stop().await;
 }

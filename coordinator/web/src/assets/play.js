@@ -5,8 +5,13 @@ import { Pieces, draw } from "./pieces.js";
 import { Playback, STEPS_A_SECOND } from "./playback.js";
 import { grouped, sentence } from "./words.js";
 
-// Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it.
+// Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it; and before
+// this many steps of one robot, which are simulated at once.
 const LOOKED_AT = 1200;
+const AT_ONCE = 120_000;
+// In how much time what is left of a motion would be shown at most: where the coordinator simulates more slowly than it is
+// shown, the motion slows down instead of halting.
+const LEFT_MS = 400;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const at = (id) => document.getElementById(id);
 const root = at("play");
@@ -47,7 +52,9 @@ class Endless extends Playback {
   }
 
   advance(ms) {
-    this.step = Math.min(this.step + (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value), this.pieces.last);
+    const wanted = (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value);
+    const left = Math.max(this.pieces.last - this.step, 0);
+    this.step += Math.min(wanted, left * Math.min(ms / LEFT_MS, 1));
     this.tell();
   }
 
@@ -124,7 +131,10 @@ function playground() {
     told = `?${state.query()}`;
     history.pushState(null, "", told);
   };
-  const seen = () => Math.floor(Math.min(endless.target ?? endless.step, LOOKED_AT));
+  const seen = () => {
+    const robots = endless.piece?.robots ?? 1;
+    return Math.floor(Math.min(endless.target ?? endless.step, LOOKED_AT, AT_ONCE / robots));
+  };
 
   for (const slider of root.querySelectorAll("[type=range]")) {
     const number = slider.dataset.slides ? at(slider.dataset.slides) : at("robots");

@@ -1,7 +1,7 @@
 //! The genes of a controller as a person sets them: their names, their limits, and where they begin.
 
 use murmuration_proto::{CapabilityModel, DriveKind, Invalid, Preset, Robot, SensorAngle};
-use std::{f64::consts::FRAC_PI_3, fmt, iter};
+use std::{fmt, iter};
 
 /// A gene.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,9 +25,9 @@ pub(super) enum Values {
     Ratios(Vec<Vec<u32>>),
 }
 
-/// The paper's cyclic pursuit, and its nested cycle: what the presets begin with.
+/// The paper's cyclic pursuit, and its nested cycle (the angle in digits): what the presets begin with.
 const PURSUIT: [f64; 4] = [-0.7, 0.3, 1.0, 1.0];
-const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -FRAC_PI_3];
+const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0472];
 
 /// The genes of a model's controllers, in order.
 pub(super) fn knobs(model: &CapabilityModel) -> Vec<Knob> {
@@ -67,7 +67,12 @@ fn of_robot(robot: &Robot) -> impl Iterator<Item = (Values, f64)> + use<'_> {
 
 fn of_angle(angle: &SensorAngle) -> (Values, f64) {
     match angle.range() {
-        Some([low, high]) => (Values::Within([low, high]), low + (high - low) / 3.0),
+        Some([low, high]) => {
+            let third = low + (high - low) / 3.0;
+            // Few digits, so that addresses are short.
+            let usual = ((third * 1e4).round() / 1e4).clamp(low, high);
+            (Values::Within([low, high]), usual)
+        }
         None => {
             let choices = angle.choices();
             let first = choices.first().copied().unwrap_or_default();

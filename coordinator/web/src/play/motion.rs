@@ -22,8 +22,10 @@ const MOST_POSES: usize = 120_000;
 const EVERY_STEP: u32 = 256;
 /// Swarms that are kept, for as many people as may play at once.
 const MOST_KEPT: usize = 16;
-/// How long one request may simulate. What it has not reached by then, the next one reaches.
+/// How long one request may simulate before its piece begins. What it has not reached by then, the next one reaches.
 const TIME_LIMIT: Duration = Duration::from_secs(2);
+/// How long a piece may take: of a slow swarm it has fewer frames.
+const PIECE_LIMIT: Duration = Duration::from_millis(250);
 /// Steps between two looks at the clock.
 const PATIENCE_STEPS: u32 = 8;
 /// The version of the format.
@@ -97,19 +99,17 @@ impl Kept {
     /// If the swarm cannot be simulated, or was not that far within the time limit, or nobody wants the piece any more.
     pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
         let mut swarm = self.reached(play, first)?;
-        let until = Instant::now() + TIME_LIMIT;
-        let is_time = || Instant::now() < until && interrupt.check().is_ok();
         let mut piece = Piece::begun(play, first);
-        let arrived = advanced(&mut swarm, first, &is_time);
-        if arrived {
+        if advanced(&mut swarm, first, is_time_for(TIME_LIMIT, interrupt)) {
             piece.push(swarm.agents());
-        }
-        while arrived && !piece.is_whole() {
-            let next = swarm.steps() + piece.stride;
-            if !advanced(&mut swarm, next, &is_time) {
-                break;
+            let is_time = is_time_for(PIECE_LIMIT, interrupt);
+            while !piece.is_whole() {
+                let next = swarm.steps() + piece.stride;
+                if !advanced(&mut swarm, next, &is_time) {
+                    break;
+                }
+                piece.push(swarm.agents());
             }
-            piece.push(swarm.agents());
         }
         let reached = swarm.steps();
         self.keep(play, swarm);
@@ -139,6 +139,12 @@ impl Kept {
         let most = kept.len().saturating_sub(MOST_KEPT);
         kept.drain(..most);
     }
+}
+
+/// Says until a time limit whether to go on.
+fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + use<'_> {
+    let until = Instant::now() + limit;
+    move || Instant::now() < until && interrupt.check().is_ok()
 }
 
 /// Steps a swarm until it has done so many steps; false if there was no time for it.
