@@ -165,6 +165,9 @@ async fn one_too_many_is_told_to_try_again_and_who_leaves_makes_room() {
         assert!(left.elapsed() < Duration::from_millis(1500), "nobody has left");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
+    for gone in waiting {
+        assert!(gone.await.is_err_and(|error| error.is_cancelled()));
+    }
     let playground = Arc::into_inner(playground).unwrap();
     playground.cluster.stop().await;
 }

@@ -203,6 +203,16 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
             }
         }
     }
+    window.resize(1280, 900, false).await;
+    for (name, query) in [
+        ("play-flockbots", "model=flockbots"),
+        ("play-turbopi", "model=turbopi"),
+        ("play-crowd", "robots=1000"),
+    ] {
+        playground.goto(query).await;
+        window.until(&format!("{STEP} > 300")).await;
+        window.picture(name).await;
+    }
     let media = json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
     let cdp = window.driver.cdp();
     cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
