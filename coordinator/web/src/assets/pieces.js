@@ -8,6 +8,7 @@ const HEADER_WORDS = 5;
 const AHEAD = 1;
 // Where sensors can be told apart.
 const LEAST_RADIUS_PX = 4;
+const MOST_WITH_SENSORS = 200;
 
 // Frames at even steps, as the coordinator sends them: little-endian, as every browser reads them.
 class Piece {
@@ -104,6 +105,7 @@ export function draw(canvas, piece, step, { swarm, counts, genes }) {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   if (swarm.walls) drawWalls(pen, swarm, scale);
   const layers = swarm.species.map((species) => layer(species, scale, genes));
+  for (const layer of layers) if (layer.radius < LEAST_RADIUS_PX || piece.robots > MOST_WITH_SENSORS) layer.angles = [];
   const ends = counts.map((_, place) => counts.slice(0, place + 1).reduce((sum, count) => sum + count));
   piece.at(step, (x, y, heading, sensed, i) => {
     const place = ends.findIndex((end) => i < end);
@@ -141,7 +143,6 @@ function add(layer, x, y, heading, sensed) {
   body.moveTo(x + radius, y);
   body.arc(x, y, radius, 0, 2 * Math.PI);
   ray(layer.headings, x, y, heading, 0, 1.6 * radius);
-  if (radius < LEAST_RADIUS_PX) return;
   for (let sensor = 0; sensor < angles.length; sensor++) {
     const isOn = (sensed >> (angles.length - 1 - sensor)) & 1;
     ray(isOn ? layer.seeing : layer.blind, x, y, heading + angles[sensor], 1.8 * radius, (isOn ? 3.4 : 2.6) * radius);

@@ -25,9 +25,9 @@ pub(super) enum Values {
     Ratios(Vec<Vec<u32>>),
 }
 
-/// The paper's cyclic pursuit, and its nested cycle (the angle in digits): what the presets begin with.
+/// The paper's cyclic pursuit, and its nested cycle (its angle, -pi / 3, rounded): what the presets begin with.
 const PURSUIT: [f64; 4] = [-0.7, 0.3, 1.0, 1.0];
-const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0472];
+const NESTED_CYCLE: [f64; 9] = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.05];
 
 /// The genes of a model's controllers, in order.
 pub(super) fn knobs(model: &CapabilityModel) -> Vec<Knob> {
