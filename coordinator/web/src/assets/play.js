@@ -31,12 +31,14 @@ class Endless extends Playback {
   // Shows the present state's motion from a step on.
   begin(step) {
     this.target = step;
+    this.canvas.parentElement.setAttribute("aria-busy", "true");
     this.pieces.begin(this.state.query(), step);
   }
 
   came(piece, isNew) {
     if (isNew) this.step = piece.first;
     if (isNew) this.target = null;
+    if (isNew) this.canvas.parentElement.setAttribute("aria-busy", "false");
     this.waiting.hidden = true;
     at("status").textContent = "";
     at("status").classList.remove("wrong");
@@ -45,6 +47,7 @@ class Endless extends Playback {
 
   failed(error) {
     const text = sentence(error.message);
+    if (!(error instanceof Unavailable)) this.canvas.parentElement.setAttribute("aria-busy", "false");
     if (this.piece) at("status").textContent = text;
     else this.waiting.textContent = text;
     this.waiting.hidden = Boolean(this.piece);

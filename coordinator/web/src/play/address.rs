@@ -320,4 +320,35 @@ mod tests {
             7
         );
     }
+
+    #[test]
+    fn whatever_a_gene_says_there_is_a_swarm() {
+        let text = "ratios = [[3, 4], [4, 3]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{}]\n\
+                    [[species]]\nname = \"b\"\nrobot.sensors = [{ angle = \"free\", angles = [0.5, 0.5] }]\n";
+        let strange = [
+            "",
+            " ",
+            "-0",
+            "+1",
+            " 1 ",
+            "1e309",
+            "1e-320",
+            "NaN",
+            "-inf",
+            "0x1",
+            "１",
+            "1\0",
+            "0.5",
+            "1.0000000000000002",
+        ];
+        let presets = Preset::ALL.map(|preset| ("model", preset.name()));
+        for robots in presets.into_iter().chain([("robot", text)]) {
+            let count = read(&[robots]).play.unwrap().controller.genes().len();
+            for gene in strange {
+                let genes = vec![gene; count].join(",");
+                let play = read(&[robots, ("genes", &genes)]).play.unwrap();
+                assert_eq!(play.controller.genes().len(), count);
+            }
+        }
+    }
 }

@@ -130,7 +130,7 @@ fn legend(model: &CapabilityModel) -> Markup {
                 svg.swatch viewBox="0 0 2 2" aria-hidden="true" {
                     circle cx="1" cy="1" r=".85" fill="none" stroke="currentColor" stroke-width=".3" {}
                 }
-                "all sensors are off"
+                @if model.species().len() > 1 { "hollow: all sensors are off" } @else { "all sensors are off" }
             }
         }
     }

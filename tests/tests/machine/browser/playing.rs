@@ -57,14 +57,17 @@ async fn slide(window: &Window, gene: u32, value: &str) {
     window.driver.execute(script, vec![]).await.unwrap();
 }
 
+/// The motion of the present controller is there.
+const IS_THERE: &str = "document.querySelector('.stage').getAttribute('aria-busy') === 'false'";
+
 /// What is drawn at a step, once the motion is there.
 async fn drawn_at_start(window: &Window) -> Value {
-    window.until(&format!("{STEP} > 0 || {PLAYS} === false")).await;
+    window.until(IS_THERE).await;
     if window.value(PLAYS).await == json!(true) {
         window.press(" ").await;
     }
     window.press("r").await;
-    window.until(&format!("{STEP} === 0")).await;
+    window.until(&format!("{IS_THERE} && {STEP} === 0")).await;
     window.press("\u{e014}").await;
     window.until(&format!("{STEP} === 1")).await;
     window.value(DRAWN).await
@@ -200,6 +203,12 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
                 window.until(&format!("{STEP} > 40")).await;
                 window.picture(&format!("{name}-{width}-{scheme}")).await;
                 looks::check(window, name).await;
+                // The swarm stays in sight of the controls far below it.
+                let stays = "(() => { scrollTo({ top: 450, behavior: 'instant' }); \
+                    const { top, bottom } = document.querySelector('.stage').getBoundingClientRect(); \
+                    return width > 999 || (top >= 0 && bottom < innerHeight); })()";
+                let stays = stays.replace("width", &width.to_string());
+                assert_eq!(window.value(&stays).await, json!(true), "{name} at {width}");
             }
         }
     }
