@@ -31,23 +31,29 @@ class Endless extends Playback {
   // Shows the present state's motion from a step on.
   begin(step) {
     this.target = step;
-    this.canvas.parentElement.setAttribute("aria-busy", "true");
+    this.await(true);
     this.pieces.begin(this.state.query(), step);
   }
 
   came(piece, isNew) {
-    if (isNew) this.step = piece.first;
-    if (isNew) this.target = null;
-    if (isNew) this.canvas.parentElement.setAttribute("aria-busy", "false");
     this.waiting.hidden = true;
     at("status").textContent = "";
     at("status").classList.remove("wrong");
-    if (isNew) this.tell();
+    if (!isNew) return;
+    this.step = piece.first;
+    this.target = null;
+    this.await(false);
+    this.tell();
+  }
+
+  // Whether what is shown is not yet what the controls say.
+  await(is) {
+    this.canvas.parentElement.setAttribute("aria-busy", is);
   }
 
   failed(error) {
     const text = sentence(error.message);
-    if (!(error instanceof Unavailable)) this.canvas.parentElement.setAttribute("aria-busy", "false");
+    if (!(error instanceof Unavailable)) this.await(false);
     if (this.piece) at("status").textContent = text;
     else this.waiting.textContent = text;
     this.waiting.hidden = Boolean(this.piece);
