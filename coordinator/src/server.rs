@@ -34,7 +34,7 @@ use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
 };
-use murmuration_web::Web;
+use murmuration_web::{Playground, Web};
 use services::Services;
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
@@ -170,6 +170,7 @@ impl Coordinator {
             maps: Maps::new(spaces, interrupt.clone()),
             archive: campaign_api.clone(),
             labels: label_api.clone(),
+            play: Playground::default(),
         };
         let readiness = Readiness::default();
         let names = [

@@ -41,7 +41,7 @@ pub const MODULES: [(&str, &str); 4] = [
             "import { drawSwarm } from \"./drawing.js\";\n",
             "import { grouped } from \"./words.js\";\n",
             include_str!("scripts/playback.js"),
-            "export { Playback };\n"
+            "export { Playback, STEPS_A_SECOND };\n"
         ),
     ),
 ];

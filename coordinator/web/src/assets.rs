@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, without the scripts that reports share.
-const ASSETS: [(&str, &str, &str); 19] = [
+const ASSETS: [(&str, &str, &str); 22] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -27,6 +27,9 @@ const ASSETS: [(&str, &str, &str); 19] = [
     ("map.js", SCRIPT, include_str!("assets/map.js")),
     ("outbox.js", SCRIPT, include_str!("assets/outbox.js")),
     ("palette.js", SCRIPT, include_str!("assets/palette.js")),
+    ("pieces.js", SCRIPT, include_str!("assets/pieces.js")),
+    ("play.css", CSS, include_str!("assets/play.css")),
+    ("play.js", SCRIPT, include_str!("assets/play.js")),
     ("player.js", SCRIPT, include_str!("assets/player.js")),
     ("points.js", SCRIPT, include_str!("assets/points.js")),
     ("queue.js", SCRIPT, include_str!("assets/queue.js")),

@@ -4,6 +4,9 @@ use super::visitor::Visitor;
 use maud::{DOCTYPE, Markup, html};
 use murmuration_model::CampaignRecord;
 
+/// The title of the page on which people play.
+const PLAY: &str = "Play";
+
 /// The pages of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
@@ -30,6 +33,16 @@ pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup 
         title,
         visitor.account(),
         &["live.js"],
+        html! { main #content { (content) } },
+    )
+}
+
+/// The page on which people play, with its script.
+pub(super) fn play_page(visitor: &Visitor, content: Markup) -> Markup {
+    document(
+        PLAY,
+        visitor.account(),
+        &["play.js"],
         html! { main #content { (content) } },
     )
 }
@@ -99,12 +112,17 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 link rel="icon" type="image/svg+xml" href="/assets/icon.svg";
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
+                link rel="stylesheet" href="/assets/play.css";
                 noscript { link rel="stylesheet" href="/assets/noscript.css"; }
                 @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
             }
             body {
                 a.skip href="#content" { "Skip to the content" }
-                header { a.home href="/" { "Murmuration" } (links) }
+                header {
+                    a.home href="/" { "Murmuration" }
+                    a.site href="/play" aria-current=[(title == PLAY).then_some("page")] { (PLAY) }
+                    (links)
+                }
                 p.stale-note role="status" hidden {}
                 (main)
             }

@@ -18,6 +18,7 @@ mod motion;
 mod page_error;
 mod pages;
 mod parts;
+mod play;
 mod refused;
 mod taxonomy;
 mod teach;
@@ -38,6 +39,7 @@ use murmuration_engine::{campaign::Campaigns, maps::Maps};
 use murmuration_service::{CampaignApi, LabelApi, blame_the_client};
 use murmuration_store::Store;
 use page_error::PageError;
+pub use play::Playground;
 use std::sync::Arc;
 use tonic::{Status, service::Routes};
 
@@ -58,6 +60,8 @@ pub struct Web {
     pub archive: CampaignApi,
     /// The service for labels.
     pub labels: LabelApi,
+    /// Where swarms are simulated for people who play.
+    pub play: Playground,
 }
 
 /// The pages and probes beside the gRPC services, on one port.
@@ -91,6 +95,9 @@ fn pages() -> GuardedRouter<Web> {
         .post("/login", Nothing, login::log_in)
         .post("/logout", Nothing, login::log_out)
         .get("/events", VIEWER, live::campaigns)
+        .get("/play", VIEWER, play::page)
+        // It changes nothing; what is posted must come from a page of ours.
+        .post("/play/motion", VIEWER, play::motion)
         .get("/campaigns/{id}", VIEWER, pages::campaign)
         .get("/campaigns/{id}/events", VIEWER, live::campaign)
         .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)

@@ -13,11 +13,18 @@ pub(super) fn stage(label: &str) -> Markup {
                 button.toggle type="button" aria-label="Play" disabled {}
                 input.scrub type="range" min="0" max="1" value="0" aria-label="Step" disabled;
                 output.step { "–" }
-                label { span.unseen { "Speed" } select.speed {
-                    @for (speed, name) in [("0.5", "½×"), ("1", "1×"), ("2", "2×"), ("4", "4×"), ("8", "8×"), ("16", "16×")] {
-                        option value=(speed) selected[speed == "4"] { (name) }
-                    }
-                } }
+                label { span.unseen { "Speed" } (speeds()) }
+            }
+        }
+    }
+}
+
+/// The menu of speeds.
+pub(super) fn speeds() -> Markup {
+    html! {
+        select.speed {
+            @for (speed, name) in [("0.5", "½×"), ("1", "1×"), ("2", "2×"), ("4", "4×"), ("8", "8×"), ("16", "16×")] {
+                option value=(speed) selected[speed == "4"] { (name) }
             }
         }
     }

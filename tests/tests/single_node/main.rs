@@ -13,6 +13,7 @@ mod judge;
 mod labels;
 mod latent;
 mod observability;
+mod playing;
 mod search;
 mod security;
 mod stages;

@@ -8,11 +8,14 @@ export class Unavailable extends Error {}
 // Nothing was heard of it at all.
 export class Silent extends Unavailable {}
 
-async function answer(request) {
+// What it said to a request, if it did not say no.
+export async function reply(request) {
   let response;
   try {
     response = await request;
-  } catch {
+  } catch (error) {
+    // Nobody here waits for it any more.
+    if (error.name === "AbortError") throw error;
     heard(false);
     throw new Silent("the coordinator is not responding");
   }
@@ -21,6 +24,11 @@ async function answer(request) {
   if (response.status === 401) location.assign(`/login?to=${location.pathname}`);
   if (response.status >= 500 || [401, 429].includes(response.status)) throw new Unavailable(await response.text());
   if (!response.ok) throw new Refused(await response.text());
+  return response;
+}
+
+async function answer(request) {
+  const response = await reply(request);
   return response.status === 202 ? null : response.json();
 }
 

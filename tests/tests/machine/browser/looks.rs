@@ -9,7 +9,7 @@ use serde_json::json;
 /// Texts whose contrast with what is behind them is below WCAG AA (4.5, or 3 for large ones).
 const FAINT: &str = include_str!("contrast.js");
 
-const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
+pub const SIZES: [(u32, u32); 2] = [(1280, 900), (390, 844)];
 
 pub async fn every_page_is_readable_wide_and_narrow_light_and_dark() {
     let driver = Driver::start();
@@ -142,7 +142,8 @@ const PAGES: [(&str, &str); 5] = [
     ),
 ];
 
-async fn check(window: &Window, page: &str) {
+/// That a page is as wide as the screen, readable, and named in all its parts.
+pub async fn check(window: &Window, page: &str) {
     let over = window
         .value("document.documentElement.scrollWidth - document.documentElement.clientWidth")
         .await;

@@ -9,6 +9,7 @@ mod labelling;
 mod learning;
 mod leaving;
 mod looks;
+mod playing;
 mod printing;
 mod report;
 mod scene;
@@ -36,6 +37,10 @@ pub fn tests() -> Vec<Test> {
         test!(async looks::every_page_is_readable_wide_and_narrow_light_and_dark),
         test!(async looks::a_word_of_a_class_is_not_broken),
         test!(async looks::long_names_many_classes_and_large_type_stay_within_the_page),
+        test!(async playing::a_controller_is_changed_and_its_address_shows_the_same_again),
+        test!(async playing::a_swarm_goes_on_pauses_and_grows),
+        test!(async playing::a_robot_is_described_and_what_is_wrong_with_it_is_said),
+        test!(async playing::the_page_fits_every_screen_and_rests_where_motion_is_not_wanted),
         test!(async printing::pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper),
         test!(async report::a_card_plays_pauses_and_rests_by_keyboard_in_a_file),
         test!(async report::a_pointer_on_the_map_tells_what_is_there),

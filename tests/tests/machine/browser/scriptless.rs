@@ -3,6 +3,11 @@
 use crate::browser::{driver::Driver, scene::Scene};
 use serde_json::json;
 
+/// Controls that are shown and do nothing without scripts.
+const DEAD: &str = "[...document.querySelectorAll('button, input:not([type=hidden]), select, textarea')] \
+     .filter((control) => control.checkVisibility() && control.form?.method !== 'post') \
+     .map((control) => control.outerHTML.slice(0, 120))";
+
 pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
@@ -28,14 +33,11 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
         for waits in ["…", "Click", "Point at", "Simulating"] {
             assert!(!shown.contains(waits), "{page}: {waits} in {shown}");
         }
-        let dead = window
-            .value(
-                "[...document.querySelectorAll('button, input:not([type=hidden]), select')] \
-                 .filter((control) => control.checkVisibility() && control.form?.method !== 'post') \
-                 .map((control) => control.outerHTML.slice(0, 120))",
-            )
-            .await;
-        assert_eq!(dead, json!([]), "{page} shows what does nothing");
+        assert_eq!(
+            window.value(DEAD).await,
+            json!([]),
+            "{page} shows what does nothing"
+        );
         let name = page.trim_start_matches('/');
         window
             .picture(&format!(
@@ -50,6 +52,15 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
             .value("document.querySelectorAll('.medoid img').length")
             .await,
         json!(4)
+    );
+    let play = format!("{}/play", scene.cluster.url());
+    window.driver.goto(play).await.unwrap();
+    let shown = window.text("main").await;
+    assert!(shown.contains("needs JavaScript"), "{shown}");
+    assert_eq!(
+        window.value(DEAD).await,
+        json!([]),
+        "Play shows what does nothing"
     );
     window.driver.goto(scene.cluster.url()).await.unwrap();
     let list = window

@@ -82,7 +82,7 @@ async fn without_a_log_in_there_is_the_log_in() {
     let secrets = Secrets::new();
     let cluster = secrets.cluster(0).await;
     let browser = Browser::at(&secrets, &cluster);
-    for path in ["/", "/campaigns/small-1", "/nothing"] {
+    for path in ["/", "/campaigns/small-1", "/play", "/nothing"] {
         let answer = browser.get(path).send().await.unwrap();
         assert_eq!(
             (answer.status(), &answer.headers()[LOCATION]),
@@ -100,6 +100,11 @@ async fn without_a_log_in_there_is_the_log_in() {
         .get(format!("{}/events", browser.url))
         .header(ACCEPT, "text/event-stream");
     assert_eq!(status(script).await, StatusCode::UNAUTHORIZED);
+    let motion = browser
+        .client
+        .post(format!("{}/play/motion", browser.url))
+        .header(ORIGIN, &browser.url);
+    assert_eq!(status(motion).await, StatusCode::UNAUTHORIZED);
     assert_eq!(status(browser.get("/assets/style.css")).await, StatusCode::OK);
 
     let page = browser.get("/login").send().await.unwrap();
@@ -296,6 +301,7 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
         );
         assert_eq!(status(label).await, labels);
         assert_eq!(status(browser.post("/campaigns/small-1/pause", "")).await, pauses);
+        assert_eq!(status(browser.post("/play/motion", "seed=2")).await, ok);
 
         let service = "/murmuration.v1.CampaignService/ListCampaigns";
         let grpc = |request: RequestBuilder| {

@@ -1,0 +1,172 @@
+// The motion of a swarm that has no end, a piece at a time, and how it is drawn.
+import { insist, reply } from "./coordinator.js";
+import { fit } from "./drawing.js";
+
+const VERSION = 1;
+const HEADER_WORDS = 5;
+// Pieces that are asked for before they are needed.
+const AHEAD = 1;
+// Where sensors can be told apart.
+const LEAST_RADIUS_PX = 4;
+const MOST_WITH_SENSORS = 200;
+
+// Frames at even steps, as the coordinator sends them: little-endian, as every browser reads them.
+class Piece {
+  constructor(bytes) {
+    const [version, first, stride, frames, robots] = new Uint32Array(bytes, 0, HEADER_WORDS);
+    if (version !== VERSION) throw new Error("this page is older than its coordinator: load it again");
+    this.first = first;
+    this.stride = stride;
+    this.frames = frames;
+    this.robots = robots;
+    this.last = first + stride * (frames - 1);
+    this.poses = new Float32Array(bytes, 4 * HEADER_WORDS, 3 * frames * robots);
+    this.sensed = new Uint8Array(bytes, 4 * HEADER_WORDS + this.poses.byteLength);
+  }
+
+  // Hands x, y, heading and what it senses of each robot to `told`.
+  at(step, told) {
+    const place = Math.min(Math.max((step - this.first) / this.stride, 0), this.frames - 1);
+    const frame = Math.floor(place);
+    const part = place - frame;
+    const from = 3 * frame * this.robots;
+    const to = 3 * Math.min(frame + 1, this.frames - 1) * this.robots;
+    const between = (i) => this.poses[from + i] + part * (this.poses[to + i] - this.poses[from + i]);
+    for (let i = 0; i < this.robots; i++) {
+      told(between(3 * i), between(3 * i + 1), between(3 * i + 2), this.sensed[frame * this.robots + i], i);
+    }
+  }
+}
+
+// Asks for the pieces of one motion, and holds those that are still to be shown.
+export class Pieces {
+  // `came` hears that there is more to show, `failed` why there is not.
+  constructor({ came, failed }) {
+    this.came = came;
+    this.failed = failed;
+    this.held = [];
+    this.asked = null;
+    this.ended = false;
+  }
+
+  // Another motion, from a step on. What is shown stays until its first piece is here.
+  begin(query, step) {
+    this.asked?.abort();
+    this.asked = null;
+    this.query = query;
+    this.isNew = true;
+    this.ended = false;
+    this.ask(step);
+  }
+
+  get last() {
+    return this.held.at(-1)?.last ?? 0;
+  }
+
+  async ask(step) {
+    const asked = new AbortController();
+    this.asked = asked;
+    const body = new URLSearchParams(this.query);
+    body.set("from", step);
+    const ask = () => {
+      asked.signal.throwIfAborted();
+      return reply(fetch("/play/motion", { method: "POST", body, signal: asked.signal })).then((it) => it.arrayBuffer());
+    };
+    try {
+      const piece = new Piece(await insist(ask, (error) => this.asked === asked && this.failed(error)));
+      if (this.asked !== asked) return;
+      this.asked = null;
+      this.held = this.isNew ? [piece] : [...this.held, piece];
+      const was = this.isNew;
+      this.isNew = false;
+      this.came(piece, was);
+    } catch (error) {
+      if (this.asked !== asked) return;
+      this.asked = null;
+      this.ended = true;
+      this.failed(error);
+    }
+  }
+
+  // The piece that a step is in; asks for what comes after it.
+  of(step) {
+    const place = this.held.findIndex((piece) => step <= piece.last);
+    this.held.splice(0, Math.max(place, 0));
+    if (!this.asked && !this.ended && !this.isNew && this.held.length <= AHEAD) this.ask(this.last);
+    return place < 0 ? this.held.at(-1) : this.held[0];
+  }
+}
+
+// Draws a swarm at a step of a piece. `swarm` is its world and its species; `counts` says how many robots each has.
+export function draw(canvas, piece, step, { swarm, counts, genes }) {
+  fit(canvas);
+  const pen = canvas.getContext("2d");
+  const scale = canvas.width / swarm.width;
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  if (swarm.walls) drawWalls(pen, swarm, scale);
+  const layers = swarm.species.map((species) => layer(species, scale, genes));
+  for (const layer of layers) if (layer.radius < LEAST_RADIUS_PX || piece.robots > MOST_WITH_SENSORS) layer.angles = [];
+  const ends = counts.map((_, place) => counts.slice(0, place + 1).reduce((sum, count) => sum + count));
+  piece.at(step, (x, y, heading, sensed, i) => {
+    const place = ends.findIndex((end) => i < end);
+    add(layers[Math.max(place, 0)], x * scale, y * scale, heading, sensed);
+  });
+  for (const layer of layers) paint(pen, layer);
+}
+
+function drawWalls(pen, { padding }, scale) {
+  const inset = Math.floor(padding * scale) + 0.5;
+  pen.globalAlpha = 0.55;
+  pen.strokeStyle = "#9c9a94";
+  pen.lineWidth = 1;
+  pen.strokeRect(inset, inset, pen.canvas.width - 2 * inset, pen.canvas.height - 2 * inset);
+  pen.globalAlpha = 1;
+}
+
+function layer({ colour, radius, sensors }, scale, genes) {
+  return {
+    colour,
+    radius: Math.max(radius * scale, 1.5),
+    angles: sensors.map(({ angle, gene }) => angle ?? genes[gene]),
+    on: new Path2D(),
+    off: new Path2D(),
+    headings: new Path2D(),
+    seeing: new Path2D(),
+    blind: new Path2D(),
+  };
+}
+
+// A robot: its body, full where a sensor is on; its heading; and where its sensors look.
+function add(layer, x, y, heading, sensed) {
+  const { radius, angles } = layer;
+  const body = sensed ? layer.on : layer.off;
+  body.moveTo(x + radius, y);
+  body.arc(x, y, radius, 0, 2 * Math.PI);
+  ray(layer.headings, x, y, heading, 0, 1.6 * radius);
+  for (let sensor = 0; sensor < angles.length; sensor++) {
+    const isOn = (sensed >> (angles.length - 1 - sensor)) & 1;
+    ray(isOn ? layer.seeing : layer.blind, x, y, heading + angles[sensor], 1.8 * radius, (isOn ? 3.4 : 2.6) * radius);
+  }
+}
+
+function ray(path, x, y, angle, from, to) {
+  path.moveTo(x + from * Math.cos(angle), y + from * Math.sin(angle));
+  path.lineTo(x + to * Math.cos(angle), y + to * Math.sin(angle));
+}
+
+function paint(pen, { colour, radius, on, off, headings, seeing, blind }) {
+  const thin = Math.max(0.25 * radius, 1);
+  pen.fillStyle = colour;
+  pen.strokeStyle = colour;
+  pen.lineWidth = thin;
+  pen.stroke(off);
+  pen.stroke(on);
+  pen.fill(on);
+  pen.lineWidth = 1.5 * thin;
+  pen.stroke(headings);
+  pen.stroke(seeing);
+  pen.globalAlpha = 0.35;
+  pen.lineWidth = 1;
+  pen.stroke(blind);
+  pen.globalAlpha = 1;
+}

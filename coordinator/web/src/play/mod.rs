@@ -1,0 +1,138 @@
+//! The page on which people set a controller and watch the swarm that it controls.
+//!
+//! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: few at once, each for
+//! a short time, and only for as long as the script waits for it.
+
+mod address;
+mod knobs;
+mod motion;
+mod view;
+
+use super::{Web, refused::Refused, visitor::Visitor};
+use address::{Address, Parameters, Play};
+use axum::{
+    Form,
+    extract::{Query, State},
+    http::header::{CACHE_CONTROL, CONTENT_TYPE},
+    response::IntoResponse,
+};
+use maud::Markup;
+use motion::{Kept, MOST_STEPS};
+use murmuration_access::limits::MAX_PLAYED;
+use murmuration_engine::blocking::blocking;
+use murmuration_proto::Invalid;
+use murmuration_search::interrupt::Interrupt;
+use murmuration_service::OrStatus as _;
+use std::sync::Arc;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tonic::Status;
+
+/// What the page needs of its coordinator: room to simulate, and the swarms that were simulated last. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Playground {
+    room: Arc<Semaphore>,
+    kept: Arc<Kept>,
+}
+
+impl Default for Playground {
+    fn default() -> Self {
+        Self {
+            room: Arc::new(Semaphore::new(MAX_PLAYED)),
+            kept: Arc::default(),
+        }
+    }
+}
+
+impl Playground {
+    fn enter(&self) -> Result<OwnedSemaphorePermit, Status> {
+        let room = self.room.clone().try_acquire_owned();
+        room.map_err(|_| Status::resource_exhausted("too many swarms are simulated at once: try again"))
+    }
+}
+
+/// Ends a simulation when the request for it does.
+struct Wanted(Interrupt);
+
+impl Drop for Wanted {
+    fn drop(&mut self) {
+        self.0.raise();
+    }
+}
+
+/// The page.
+pub(super) async fn page(Query(parameters): Query<Parameters>, visitor: Visitor) -> Markup {
+    view::page(&Address::read(&parameters), &visitor)
+}
+
+/// A piece of the motion of the swarm of an address, from the step `from` on.
+pub(super) async fn motion(
+    State(web): State<Web>,
+    Form(mut parameters): Form<Parameters>,
+) -> Result<impl IntoResponse, Refused> {
+    let first = first_step(&mut parameters)?;
+    let play = strictly(&parameters)?;
+    let permit = web.play.enter()?;
+    let wanted = Wanted(Interrupt::default());
+    let interrupt = wanted.0.clone();
+    let simulated = blocking(move || {
+        let _permit = permit;
+        let piece = web.play.kept.piece(&play, first, &interrupt)?;
+        Ok::<_, Status>(piece.bytes())
+    });
+    let bytes = simulated.await.or_status()??;
+    let headers = [
+        (CONTENT_TYPE, "application/octet-stream"),
+        (CACHE_CONTROL, "no-store"),
+    ];
+    Ok((headers, bytes))
+}
+
+fn strictly(parameters: &Parameters) -> Result<Play, Status> {
+    Address::read(parameters)
+        .strictly()
+        .map_err(Status::invalid_argument)
+}
+
+/// Takes the first step out of the parameters; without one the motion begins with its start.
+fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
+    let Some(place) = parameters.iter().position(|(name, _)| name == "from") else {
+        return Ok(0);
+    };
+    let (_, text) = parameters.remove(place);
+    let step = text.parse().ok().filter(|step| *step <= MOST_STEPS);
+    let allowed = format!("a whole number from 0 to {MOST_STEPS}");
+    step.ok_or_else(|| Invalid::new("from", format!("{text:?}"), allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_room_for_a_few_and_again_when_one_leaves() {
+        let playground = Playground::default();
+        let mut inside: Vec<_> = (0..MAX_PLAYED).map(|_| playground.enter().unwrap()).collect();
+        assert!(playground.enter().unwrap_err().message().contains("try again"));
+        inside.pop();
+        assert!(playground.enter().is_ok());
+    }
+
+    #[test]
+    fn the_first_step_is_a_step_that_is_not_too_far() {
+        let step = |text: &str| {
+            let mut parameters = vec![
+                ("from".to_owned(), text.to_owned()),
+                ("seed".to_owned(), "2".to_owned()),
+            ];
+            let step = first_step(&mut parameters);
+            assert_eq!(parameters.len(), 1);
+            step.map_err(|error| error.to_string())
+        };
+        assert_eq!(step("1000000"), Ok(1_000_000));
+        for bad in ["1000001", "-1", "1.5", ""] {
+            let said = format!("from = {bad:?}: must be a whole number from 0 to 1000000");
+            assert_eq!(step(bad), Err(said));
+        }
+        assert_eq!(first_step(&mut Vec::new()), Ok(0));
+    }
+}

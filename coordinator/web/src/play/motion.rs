@@ -1,0 +1,251 @@
+//! The motion of a swarm, a piece at a time.
+//!
+//! A piece continues the very swarm that ended the piece before, so that pieces together are one motion, bit for bit. The last
+//! few swarms are kept for that. One that is kept no more is simulated from its start again, to the same bits.
+
+use super::address::Play;
+use murmuration_proto::Invalid;
+use murmuration_search::interrupt::Interrupt;
+use murmuration_worker::simulate::{Agent, Start, Swarm};
+use std::{
+    sync::{Mutex, PoisonError},
+    time::{Duration, Instant},
+};
+use tonic::Status;
+
+/// The last step that a piece may begin with.
+pub(super) const MOST_STEPS: u32 = 1_000_000;
+/// Frames of a piece, and poses in all of them.
+const MOST_FRAMES: usize = 600;
+const MOST_POSES: usize = 120_000;
+/// Swarms of more robots have a frame every other step.
+const EVERY_STEP: u32 = 256;
+/// Swarms that are kept, for as many people as may play at once.
+const MOST_KEPT: usize = 16;
+/// How long one request may simulate before its piece begins. What it has not reached by then, the next one reaches.
+const TIME_LIMIT: Duration = Duration::from_secs(2);
+/// How long a piece may take: of a slow swarm it has fewer frames.
+const PIECE_LIMIT: Duration = Duration::from_millis(250);
+/// Steps between two looks at the clock.
+const PATIENCE_STEPS: u32 = 8;
+/// The version of the format.
+const VERSION: u32 = 1;
+
+/// A piece of a motion: frames at even steps.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Piece {
+    first: u32,
+    stride: u32,
+    robots: u32,
+    /// x, y and heading of each robot of each frame.
+    poses: Vec<[f32; 3]>,
+    /// What each robot of each frame sensed last.
+    sensed: Vec<u8>,
+}
+
+/// The swarms that were simulated last, the latest at the end.
+#[derive(Debug, Default)]
+pub(super) struct Kept(Mutex<Vec<(Play, Swarm)>>);
+
+impl Piece {
+    fn begun(play: &Play, first: u32) -> Self {
+        Self {
+            first,
+            stride: if play.world.agents() > EVERY_STEP { 2 } else { 1 },
+            robots: play.world.agents(),
+            ..Self::default()
+        }
+    }
+
+    fn frames(&self) -> usize {
+        self.sensed.len() / self.robots.max(1) as usize
+    }
+
+    fn is_whole(&self) -> bool {
+        let most = MOST_POSES / self.robots.max(1) as usize;
+        self.frames() >= most.clamp(2, MOST_FRAMES)
+    }
+
+    fn push(&mut self, agents: impl Iterator<Item = Agent>) {
+        for agent in agents {
+            let [x, y] = agent.position;
+            self.poses.push([x, y, agent.theta].map(|value| value as f32));
+            self.sensed.push(agent.sensed);
+        }
+    }
+
+    /// All of it in little-endian: five whole numbers of 32 bits (version, first step, steps between frames, frames, robots);
+    /// for each robot of each frame x, y and heading, as floats of 32 bits; for each robot of each frame a byte of what it
+    /// senses, S1 in the highest bit.
+    pub(super) fn bytes(&self) -> Vec<u8> {
+        let header = [
+            VERSION,
+            self.first,
+            self.stride,
+            self.frames() as u32,
+            self.robots,
+        ];
+        let header = header.into_iter().flat_map(u32::to_le_bytes);
+        let poses = self.poses.as_flattened().iter();
+        let poses = poses.flat_map(|value| value.to_le_bytes());
+        header.chain(poses).chain(self.sensed.iter().copied()).collect()
+    }
+}
+
+impl Kept {
+    /// The piece of a motion that begins with the step `first`.
+    ///
+    /// # Errors
+    /// If the swarm cannot be simulated, or was not that far within the time limit, or nobody wants the piece any more.
+    pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
+        let mut swarm = self.reached(play, first)?;
+        let mut piece = Piece::begun(play, first);
+        if advanced(&mut swarm, first, is_time_for(TIME_LIMIT, interrupt)) {
+            piece.push(swarm.agents());
+            let is_time = is_time_for(PIECE_LIMIT, interrupt);
+            while !piece.is_whole() {
+                let next = swarm.steps() + piece.stride;
+                if !advanced(&mut swarm, next, &is_time) {
+                    break;
+                }
+                piece.push(swarm.agents());
+            }
+        }
+        let reached = swarm.steps();
+        self.keep(play, swarm);
+        match piece.frames() {
+            0 | 1 => Err(Status::unavailable(format!(
+                "the simulation has reached step {reached}: try again"
+            ))),
+            _ => Ok(piece),
+        }
+    }
+
+    /// The kept swarm that is nearest before a step, or one at its start.
+    fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = |(_, (of, swarm)): &(usize, &(Play, Swarm))| of == play && swarm.steps() <= step;
+        let found = kept.iter().enumerate().filter(before);
+        let found = found.max_by_key(|(_, (_, swarm))| swarm.steps());
+        match found.map(|(place, _)| place) {
+            Some(place) => Ok(kept.remove(place).1),
+            None => Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed)),
+        }
+    }
+
+    fn keep(&self, play: &Play, swarm: Swarm) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.push((play.clone(), swarm));
+        let most = kept.len().saturating_sub(MOST_KEPT);
+        kept.drain(..most);
+    }
+}
+
+/// Says until a time limit whether to go on.
+fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + use<'_> {
+    let until = Instant::now() + limit;
+    move || Instant::now() < until && interrupt.check().is_ok()
+}
+
+/// Steps a swarm until it has done so many steps; false if there was no time for it.
+fn advanced(swarm: &mut Swarm, steps: u32, is_time: impl Fn() -> bool) -> bool {
+    while swarm.steps() < steps {
+        if !is_time() {
+            return false;
+        }
+        swarm.advance((steps - swarm.steps()).min(PATIENCE_STEPS));
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::address::Address, *};
+
+    fn play(robots: &str, seed: &str) -> Play {
+        let parameters = [("robots", robots), ("seed", seed)];
+        let owned = parameters.map(|(name, text)| (name.to_owned(), text.to_owned()));
+        Address::read(&owned.to_vec()).strictly().unwrap()
+    }
+
+    fn piece(kept: &Kept, play: &Play, first: u32) -> Piece {
+        kept.piece(play, first, &Interrupt::default()).unwrap()
+    }
+
+    fn swarm(play: &Play) -> Swarm {
+        Swarm::new(&play.controller, &play.world, &Start::seeded(play.seed)).unwrap()
+    }
+
+    #[test]
+    fn the_bytes_of_a_piece_are_the_poses_of_the_swarm() {
+        let play = play("24", "5");
+        let bytes = piece(&Kept::default(), &play, 7).bytes();
+        let (words, sensed) = bytes.split_at(4 * (5 + 3 * 600 * 24));
+        let words: Vec<[u8; 4]> = words.as_chunks().0.to_vec();
+        let header: Vec<u32> = words[..5].iter().map(|&word| u32::from_le_bytes(word)).collect();
+        assert_eq!(header, [1, 7, 1, 600, 24]);
+        assert_eq!(sensed.len(), 600 * 24);
+        let mut swarm = swarm(&play);
+        swarm.advance(7);
+        let mut poses = words[5..].chunks(3);
+        let mut sensed = sensed.iter();
+        for _ in 0..600 {
+            for agent in swarm.agents() {
+                let pose = poses.next().unwrap().iter().map(|&word| f32::from_le_bytes(word));
+                let [x, y] = agent.position;
+                assert!(pose.eq([x as f32, y as f32, agent.theta as f32]));
+                assert_eq!(*sensed.next().unwrap(), agent.sensed);
+            }
+            swarm.step();
+        }
+    }
+
+    #[test]
+    fn pieces_are_one_motion_whether_the_swarm_is_kept_or_not() {
+        for (robots, stride) in [("24", 1), ("600", 2)] {
+            let (kept, play) = (Kept::default(), play(robots, "2"));
+            let first = piece(&kept, &play, 0);
+            assert_eq!(first.stride, stride);
+            let last = stride * (first.frames() as u32 - 1);
+            let second = piece(&kept, &play, last);
+            assert_eq!(
+                second.poses[..play.world.agents() as usize],
+                first.poses[first.poses.len() - play.world.agents() as usize..]
+            );
+            assert_eq!(second, piece(&Kept::default(), &play, last));
+            let mut swarm = swarm(&play);
+            swarm.advance(last + stride * (second.frames() as u32 - 1));
+            let end: Vec<_> = swarm.agents().map(|agent| agent.sensed).collect();
+            assert!(second.sensed.ends_with(&end));
+        }
+    }
+
+    #[test]
+    fn a_few_swarms_are_kept_and_none_for_another_seed() {
+        let kept = Kept::default();
+        for seed in 0..20 {
+            piece(&kept, &play("24", &seed.to_string()), 0);
+        }
+        let steps = |kept: &Kept| kept.0.lock().unwrap().len();
+        assert_eq!(steps(&kept), MOST_KEPT);
+        let again = piece(&kept, &play("24", "19"), 0);
+        assert_eq!(again, piece(&Kept::default(), &play("24", "19"), 0));
+    }
+
+    #[test]
+    fn what_nobody_wants_any_more_is_not_simulated() {
+        let (kept, interrupt) = (Kept::default(), Interrupt::default());
+        interrupt.raise();
+        let refused = kept.piece(&play("1000", "1"), 500_000, &interrupt).unwrap_err();
+        assert_eq!(refused.code(), tonic::Code::Unavailable);
+        assert_eq!(refused.message(), "the simulation has reached step 0: try again");
+    }
+
+    #[test]
+    fn a_piece_of_many_robots_is_no_larger_than_one_of_few() {
+        let few = piece(&Kept::default(), &play("24", "1"), 0).bytes().len();
+        let many = piece(&Kept::default(), &play("1000", "1"), 0).bytes().len();
+        assert!((100_000..2_000_000).contains(&few), "{few}");
+        assert!((100_000..2_000_000).contains(&many), "{many}");
+    }
+}

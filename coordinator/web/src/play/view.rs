@@ -1,0 +1,353 @@
+//! The markup of the page.
+
+use super::{
+    super::{layout::play_page, parts, visitor::Visitor},
+    address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
+    knobs::{Knob, Values, knobs},
+};
+use maud::{Markup, html};
+use murmuration_model::colours;
+use murmuration_proto::{Boundary, CapabilityModel, Invalid, Preset, Robot, Species};
+use serde_json::{Value, json};
+
+/// The page of an address.
+pub(super) fn page(address: &Address, visitor: &Visitor) -> Markup {
+    let content = html! {
+        div.wide-bar {
+            h1 { "Play" }
+            (presets(&address.robots))
+        }
+        noscript { p.scriptless { "This page needs JavaScript, which is not running in this browser." } }
+        (problems(&address.problems))
+        (description(address))
+        @if let Ok(play) = &address.play { (playground(address, play)) }
+    };
+    play_page(visitor, content)
+}
+
+/// Links to the robots that are known by name.
+fn presets(robots: &Robots) -> Markup {
+    html! {
+        nav aria-label="Robots" {
+            @for preset in Preset::ALL {
+                @let is_shown = *robots == Robots::Preset(preset);
+                a href={ "/play?model=" (preset) } aria-current=[is_shown.then_some("true")] { (preset) }
+            }
+        }
+    }
+}
+
+fn problems(problems: &[Invalid]) -> Markup {
+    html! {
+        @if !problems.is_empty() {
+            div.problems role="alert" {
+                p { "Not all of the address was understood. The rest of it is shown." }
+                ul { @for problem in problems { li.error { (problem.to_string()) } } }
+            }
+        }
+    }
+}
+
+/// The form in which people describe a robot of their own.
+fn description(address: &Address) -> Markup {
+    let text = match &address.robots {
+        Robots::Described(text) => text,
+        Robots::Preset(_) => EXAMPLE,
+    };
+    html! {
+        details.described.scripted open[address.play.is_err()] {
+            summary { "Describe a robot" }
+            form method="get" action="/play" {
+                label for="robot" {
+                    "The " code { "[robot]" } " or " code { "[[species]]" } " of a campaign file, and its " code { "[world]" }
+                    " if it is not the paper's"
+                }
+                textarea #robot name="robot" rows="9" maxlength=(MOST_DESCRIPTION_BYTES) spellcheck="false"
+                    autocomplete="off" autocapitalize="off" { "\n" (text) }
+                @if let Err(error) = &address.play { pre.error role="alert" tabindex="0" { (error) } }
+                button { "Use this robot" }
+            }
+        }
+    }
+}
+
+/// A description to begin with.
+const EXAMPLE: &str = "\
+[robot]
+sensors = [
+  { half_angle = 0.2, range = 120.0 },
+  { angle = \"free\", angle_range = [-3.14, 3.14] },
+]
+";
+
+/// The swarm and its controller.
+fn playground(address: &Address, play: &Play) -> Markup {
+    let model = play.controller.model();
+    let preset = match &address.robots {
+        Robots::Preset(preset) => Some(preset.name()),
+        Robots::Described(_) => None,
+    };
+    html! {
+        div #play.columns.scripted data-model=[preset] data-swarm=(swarm(play).to_string()) {
+            section.watch aria-label="The swarm" {
+                div.player {
+                    div.stage { canvas role="img" aria-label="Motion of the swarm" {} p.waiting hidden {} }
+                    div.transport {
+                        button.toggle type="button" aria-label="Play" {}
+                        button.plain #one-step type="button" { "Step " kbd { "→" } }
+                        button.plain #restart type="button" { "Restart " kbd { "r" } }
+                        label { span.unseen { "Speed" } (parts::speeds()) }
+                        output.step { "–" }
+                    }
+                    (legend(model))
+                    p #status.status role="status" {}
+                }
+            }
+            form #controller.side.controller aria-label="Controller" novalidate autocomplete="off" {
+                (start(play))
+                (controller(play))
+            }
+        }
+        p.reason.scripted {
+            "The address of this page holds the robots, the controller, the seed and the number of robots: a link shows the same "
+            "motion to everybody. Space plays and pauses, " kbd { "n" } " starts anew, " kbd { "-" } " and " kbd { "+" }
+            " change the speed."
+        }
+    }
+}
+
+/// What the drawn colours mean.
+fn legend(model: &CapabilityModel) -> Markup {
+    html! {
+        ul.legend aria-label="Colours" {
+            @for (place, species) in model.species().iter().enumerate() {
+                li {
+                    svg.swatch viewBox="0 0 2 2" aria-hidden="true" { circle cx="1" cy="1" r="1" fill=(colour(place)) {} }
+                    @if model.species().len() > 1 { (species.name()) } @else { "a sensor is on" }
+                }
+            }
+            li {
+                svg.swatch viewBox="0 0 2 2" aria-hidden="true" {
+                    circle cx="1" cy="1" r=".85" fill="none" stroke="currentColor" stroke-width=".3" {}
+                }
+                @if model.species().len() > 1 { "hollow: all sensors are off" } @else { "all sensors are off" }
+            }
+        }
+    }
+}
+
+/// Where the swarm starts, and how many robots it has.
+fn start(play: &Play) -> Markup {
+    html! {
+        fieldset.start {
+            legend { "Start" }
+            label for="seed" { "Seed" }
+            input.number #seed type="text" inputmode="numeric" pattern="[0-9]{1,19}" value=(play.seed);
+            button.plain #anew type="button" { "Start anew " kbd { "n" } }
+            @if play.controller.model().robots().is_none() {
+                label for="robots" { "Robots" }
+                input.number #robots type="number" min="1" max=(MOST_ROBOTS) value=(play.world.agents());
+                input #robots-slider type="range" min="1" max=(MOST_ROBOTS) value=(play.world.agents()) aria-label="Robots";
+            }
+        }
+    }
+}
+
+/// The tables of all species, and the ratio of their numbers.
+fn controller(play: &Play) -> Markup {
+    let model = play.controller.model();
+    let (knobs, genes) = (knobs(model), play.controller.genes());
+    let settings: Vec<_> = knobs.iter().zip(genes.iter().copied()).enumerate().collect();
+    let mut rest = &settings[..];
+    let mut tables = Vec::new();
+    for species in model.species() {
+        let (own, others) = rest.split_at(species.robot().genes());
+        tables.push(table(model, species, own));
+        rest = others;
+    }
+    html! {
+        @for table in tables { (table) }
+        @for (gene, (knob, value)) in rest {
+            div.angle { label for={ "gene-" (gene) } { "Ratio" } (setting(*gene, knob, *value)) }
+        }
+    }
+}
+
+/// A gene: its place among all, what it may be, and what it is.
+type Setting<'a> = (usize, (&'a Knob, f64));
+
+/// The state table of one species, and its free angles.
+fn table(model: &CapabilityModel, species: &Species, settings: &[Setting<'_>]) -> Markup {
+    let robot = species.robot();
+    let (speeds, angles) = settings.split_at(robot.speeds());
+    html! {
+        table.states {
+            caption {
+                @if model.species().len() > 1 { "Species " (species.name()) } @else { "Controller" }
+            }
+            thead { tr {
+                th scope="col" { "Sensors" }
+                @for name in robot.drive().pair_names() { th scope="col" { (name) } }
+            } }
+            tbody {
+                @for (state, pair) in speeds.chunks(2).enumerate() {
+                    tr {
+                        th scope="row" { (sensors_of(robot, state)) }
+                        @for (gene, (knob, value)) in pair { td { (setting(*gene, knob, *value)) } }
+                    }
+                }
+            }
+        }
+        @for ((gene, (knob, value)), (sensor, _)) in angles.iter().zip(robot.free_angles()) {
+            div.angle {
+                label for={ "gene-" (gene) } { "Angle of S" (sensor + 1) }
+                (setting(*gene, knob, *value))
+            }
+        }
+    }
+}
+
+/// Which sensors are on in a state, S1 first.
+fn sensors_of(robot: &Robot, state: usize) -> Markup {
+    let sensors = robot.sensors().len();
+    html! {
+        @for sensor in 0..sensors {
+            @let is_on = state >> (sensors - 1 - sensor) & 1 == 1;
+            span.sensor.on[is_on] { "S" (sensor + 1) " " (if is_on { "on" } else { "off" }) } " "
+        }
+    }
+}
+
+/// The controls of one gene.
+fn setting(gene: usize, knob: &Knob, value: f64) -> Markup {
+    let id = format!("gene-{gene}");
+    html! {
+        code { (knob.name) }
+        @match &knob.values {
+            Values::Within([low, high]) => {
+                input.number id=(id) type="number" data-gene=(gene) min=(low) max=(high) step="any" value=(value)
+                    aria-label=(knob.name);
+                input type="range" data-slides=(id) min=(low) max=(high) step=(step(*low, *high)) value=(value)
+                    aria-label={ (knob.name) ", slider" };
+            }
+            Values::Angles(angles) => {
+                select id=(id) data-gene=(gene) aria-label=(knob.name) {
+                    @for angle in angles { option value=(angle) selected[*angle == value] { (angle) } }
+                }
+            }
+            Values::Ratios(ratios) => {
+                select id=(id) data-gene=(gene) aria-label=(knob.name) {
+                    @for (place, counts) in ratios.iter().enumerate() {
+                        option value=(place) selected[place as f64 == value] { (ratio(counts)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A hundred steps from the middle to either end.
+fn step(low: f64, high: f64) -> f64 {
+    (high - low) / 200.0
+}
+
+/// `12 : 12`.
+fn ratio(counts: &[u32]) -> String {
+    let counts: Vec<_> = counts.iter().map(u32::to_string).collect();
+    counts.join(" : ")
+}
+
+/// The colour of a species, as in reports.
+fn colour(place: usize) -> String {
+    colours::hex(colours::AGENTS[place % colours::AGENTS.len()])
+}
+
+/// What the script needs to draw the swarm.
+fn swarm(play: &Play) -> Value {
+    let (model, world) = (play.controller.model(), &play.world);
+    let mut first = 0;
+    let mut species = Vec::new();
+    for (place, of) in model.species().iter().enumerate() {
+        let robot = of.robot();
+        let mut gene = first + robot.speeds();
+        first += robot.genes();
+        let sensor = |sensor: &murmuration_proto::Sensor| match sensor.angle().value() {
+            Some(angle) => json!({ "angle": angle }),
+            None => {
+                gene += 1;
+                json!({ "gene": gene - 1 })
+            }
+        };
+        let sensors: Vec<_> = robot.sensors().iter().map(sensor).collect();
+        species.push(json!({ "colour": colour(place), "radius": robot.radius(), "sensors": sensors }));
+    }
+    json!({
+        "width": world.width(), "height": world.height(), "padding": world.padding(),
+        "walls": world.boundary() == Boundary::Walls,
+        "species": species,
+        "ratios": model.ratios(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shown(parameters: &[(&str, &str)]) -> String {
+        let owned = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
+        let address = Address::read(&parameters.iter().map(owned).collect());
+        page(&address, &Visitor::ANYBODY).into_string()
+    }
+
+    #[test]
+    fn there_is_a_row_for_each_sensor_state_and_a_control_for_each_gene() {
+        let text = "[robot]\nsensors = [{}, { angle = \"free\", angles = [0.5, 1.0] }, {}]\n";
+        for (parameter, rows, genes) in [
+            (("model", "single-sensor"), 2, 4),
+            (("model", "two-sensor"), 4, 9),
+            (("model", "flockbots"), 2, 4),
+            (("robot", text), 8, 17),
+        ] {
+            let page = shown(&[parameter]);
+            assert_eq!(page.matches("<th scope=\"row\">").count(), rows, "{parameter:?}");
+            assert_eq!(page.matches("data-gene=").count(), genes, "{parameter:?}");
+        }
+        let page = shown(&[("robot", text)]);
+        assert!(
+            page.contains("<option value=\"0.5\" selected>0.5</option>"),
+            "{page}"
+        );
+    }
+
+    #[test]
+    fn every_species_has_its_table_and_the_ratio_is_a_choice() {
+        let text = "ratios = [[3, 4], [2, 5]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{}]\n\
+                    [[species]]\nname = \"b\"\nrobot.sensors = [{ angle = \"free\", angle_range = [0.0, 1.0] }]\n";
+        let page = shown(&[("robot", text), ("genes", "0,0,0,0,0,0,0,0,0.5,1")]);
+        assert!(page.contains("Species a") && page.contains("Species b"), "{page}");
+        assert!(page.contains("<code>b.left_0</code>"), "{page}");
+        assert!(
+            page.contains("<option value=\"1\" selected>2 : 5</option>"),
+            "{page}"
+        );
+        assert!(!page.contains("id=\"robots\""), "their number is fixed: {page}");
+        assert!(page.contains("&quot;gene&quot;:8"), "{page}");
+    }
+
+    #[test]
+    fn a_bad_description_is_shown_with_its_error_and_nothing_else() {
+        let page = shown(&[("robot", "<script>[robot")]);
+        assert!(page.contains("&lt;script&gt;[robot</textarea>"), "{page}");
+        assert!(
+            page.contains("role=\"alert\"") && !page.contains("canvas"),
+            "{page}"
+        );
+    }
+
+    #[test]
+    fn a_bad_address_is_told_what_is_wrong_beside_the_swarm() {
+        let page = shown(&[("model", "single-sensor"), ("genes", "0,0,0,<b>")]);
+        assert!(page.contains("right_1 = &quot;&lt;b&gt;&quot;"), "{page}");
+        assert!(page.contains("canvas"), "{page}");
+    }
+}

@@ -1,0 +1,237 @@
+//! The page on which people play.
+
+use crate::browser::{
+    driver::{Driver, Window},
+    looks::{self, SIZES},
+};
+use murmuration_tests::Cluster;
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+/// A coordinator without workers or campaigns, and a person at the page.
+struct Playground {
+    _folder: TempDir,
+    _driver: Driver,
+    cluster: Cluster,
+    window: Window,
+}
+
+impl Playground {
+    async fn open() -> Self {
+        let (folder, driver) = (tempfile::tempdir().unwrap(), Driver::start());
+        let cluster = Cluster::start(folder.path(), 0).await;
+        let window = driver.open(&format!("{}/play", cluster.url())).await;
+        Self {
+            _folder: folder,
+            _driver: driver,
+            cluster,
+            window,
+        }
+    }
+
+    async fn goto(&self, query: &str) {
+        let url = format!("{}/play?{query}", self.cluster.url());
+        self.window.driver.goto(url).await.unwrap();
+    }
+
+    async fn close(self) {
+        self.window.close().await;
+        self.cluster.stop().await;
+    }
+}
+
+const STEP: &str = "Number(document.querySelector('output.step').textContent.replace(/\\D/g, ''))";
+const QUERY: &str = "Object.fromEntries(new URLSearchParams(location.search))";
+const PLAYS: &str = "document.querySelector('.toggle').classList.contains('playing')";
+/// The drawn swarm, as a number.
+const DRAWN: &str = "(() => { const c = document.querySelector('canvas'); \
+    const { data } = c.getContext('2d').getImageData(0, 0, c.width, c.height); \
+    return data.reduce((sum, value) => (31 * sum + value) % 1000003, 0); })()";
+
+/// Moves a slider of a gene, as a pointer does.
+async fn slide(window: &Window, gene: u32, value: &str) {
+    let script = format!(
+        "const slider = document.querySelector('[data-slides=gene-{gene}]'); slider.value = '{value}'; \
+         for (const kind of ['input', 'change']) slider.dispatchEvent(new Event(kind, {{ bubbles: true }}))"
+    );
+    window.driver.execute(script, vec![]).await.unwrap();
+}
+
+/// The motion of the present controller is there.
+const IS_THERE: &str = "document.querySelector('.stage').getAttribute('aria-busy') === 'false'";
+
+/// What is drawn at a step, once the motion is there.
+async fn drawn_at_start(window: &Window) -> Value {
+    window.until(IS_THERE).await;
+    if window.value(PLAYS).await == json!(true) {
+        window.press(" ").await;
+    }
+    window.press("r").await;
+    window.until(&format!("{IS_THERE} && {STEP} === 0")).await;
+    window.press("\u{e014}").await;
+    window.until(&format!("{STEP} === 1")).await;
+    window.value(DRAWN).await
+}
+
+pub async fn a_controller_is_changed_and_its_address_shows_the_same_again() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    window.until(&format!("{STEP} > 20 && {PLAYS}")).await;
+    window
+        .click("nav[aria-label=Robots] a[href$='single-sensor']")
+        .await;
+    window
+        .until(&format!("{QUERY}.model === 'single-sensor' && {STEP} > 20"))
+        .await;
+    let before = drawn_at_start(window).await;
+    let usual = "-0.7,0.3,1,1";
+    assert_eq!(window.value(&format!("{QUERY}.genes")).await, json!(usual));
+
+    slide(window, 0, "0.9").await;
+    window.until(&format!("{QUERY}.genes === '0.9,0.3,1,1'")).await;
+    let after = drawn_at_start(window).await;
+    assert_ne!(before, after, "the motion does not follow its controller");
+    window.driver.refresh().await.unwrap();
+    assert_eq!(
+        drawn_at_start(window).await,
+        after,
+        "a reload shows another motion"
+    );
+    assert_eq!(
+        window.value("document.getElementById('gene-0').value").await,
+        json!("0.9")
+    );
+
+    window.press("n").await;
+    window.until(&format!("{QUERY}.seed === '2'")).await;
+    assert_ne!(
+        drawn_at_start(window).await,
+        after,
+        "another seed has the same start"
+    );
+    for genes in ["0.9,0.3,1,1", usual] {
+        window.driver.back().await.unwrap();
+        window
+            .until(&format!(
+                "{QUERY}.seed === '1' && {QUERY}.genes === '{genes}' && {STEP} > 0"
+            ))
+            .await;
+    }
+    assert_eq!(drawn_at_start(window).await, before);
+    window.driver.forward().await.unwrap();
+    window
+        .until(&format!(
+            "document.getElementById('gene-0').value === '0.9' && {STEP} > 0"
+        ))
+        .await;
+    playground.close().await;
+}
+
+pub async fn a_swarm_goes_on_pauses_and_grows() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    // A piece has 600 steps.
+    for _ in 0..2 {
+        window.press("+").await;
+    }
+    window.until(&format!("{STEP} > 2000")).await;
+    window.press(" ").await;
+    window.until(&format!("!{PLAYS}")).await;
+    let at = window.value(STEP).await.as_u64().unwrap();
+    window.press("\u{e014}").await;
+    window.until(&format!("{STEP} === {}", at + 1)).await;
+    let script = "const robots = document.getElementById('robots-slider'); robots.value = 1000; \
+         for (const kind of ['input', 'change']) robots.dispatchEvent(new Event(kind, { bubbles: true }))";
+    window.driver.execute(script, vec![]).await.unwrap();
+    window
+        .until(&format!("{QUERY}.robots === '1000' && {STEP} === 0"))
+        .await;
+    window.press(" ").await;
+    window.until(&format!("{STEP} > 500")).await;
+    playground.close().await;
+}
+
+pub async fn a_robot_is_described_and_what_is_wrong_with_it_is_said() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    window.click(".described summary").await;
+    let describe = |text: &str| {
+        let script = format!(
+            "document.getElementById('robot').value = {text:?}; document.querySelector('.described button').click()"
+        );
+        let driver = window.driver.clone();
+        async move { driver.execute(script, vec![]).await.unwrap() }
+    };
+    describe("[robot]\nsensors = [{ agnle = 1.0 }]\n").await;
+    window
+        .until("document.querySelector('pre.error')?.textContent.includes('did you mean `angle`?')")
+        .await;
+    let kept = window.value("document.getElementById('robot').value").await;
+    assert_eq!(kept, json!("[robot]\nsensors = [{ agnle = 1.0 }]\n"));
+    describe("[robot]\nsensors = [{ angle = 1.0 }, {}, {}]\n").await;
+    window
+        .until(&format!(
+            "document.querySelectorAll('.states tbody tr').length === 8 && {STEP} > 20"
+        ))
+        .await;
+    slide(window, 15, "0.5").await;
+    window.until(&format!("{QUERY}.genes?.endsWith(',0.5')")).await;
+    window.driver.refresh().await.unwrap();
+    window
+        .until(&format!(
+            "document.getElementById('gene-15').value === '0.5' && {STEP} > 20"
+        ))
+        .await;
+    playground.close().await;
+}
+
+pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
+    const SPECIES: &str = "robot=ratios+%3D+%5B%5B12,12%5D,%5B6,18%5D%5D%0A%5B%5Bspecies%5D%5D%0Aname+%3D+%22a%22%0Arobot.sensors+%3D+%5B%7B%7D%5D%0A\
+         %5B%5Bspecies%5D%5D%0Aname+%3D+%22b%22%0Arobot.sensors+%3D+%5B%7B%7D,%7Bangle%3D%22free%22,angle_range%3D%5B-1.0,1.0%5D%7D%5D";
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    for (width, height) in SIZES.into_iter().chain([(360, 740)]) {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            for (name, query) in [
+                ("play", ""),
+                ("play-species", SPECIES),
+                ("play-wrong", "model=x&robots=0"),
+            ] {
+                playground.goto(query).await;
+                window.until(&format!("{STEP} > 40")).await;
+                window.picture(&format!("{name}-{width}-{scheme}")).await;
+                looks::check(window, name).await;
+                // The swarm stays in sight of the controls far below it.
+                let stays = "(() => { scrollTo({ top: 450, behavior: 'instant' }); \
+                    const { top, bottom } = document.querySelector('.stage').getBoundingClientRect(); \
+                    return width > 999 || (top >= 0 && bottom < innerHeight); })()";
+                let stays = stays.replace("width", &width.to_string());
+                assert_eq!(window.value(&stays).await, json!(true), "{name} at {width}");
+            }
+        }
+    }
+    window.resize(1280, 900, false).await;
+    for (name, query) in [
+        ("play-flockbots", "model=flockbots"),
+        ("play-turbopi", "model=turbopi"),
+        ("play-crowd", "robots=1000"),
+    ] {
+        playground.goto(query).await;
+        window.until(&format!("{STEP} > 300")).await;
+        window.picture(name).await;
+    }
+    let media = json!({ "features": [{ "name": "prefers-reduced-motion", "value": "reduce" }] });
+    let cdp = window.driver.cdp();
+    cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    playground.goto("").await;
+    window
+        .until(&format!(
+            "document.querySelector('output.step').textContent === 'step 0' && !{PLAYS}"
+        ))
+        .await;
+    window.click(".toggle").await;
+    window.until(&format!("{STEP} > 10")).await;
+    playground.close().await;
+}

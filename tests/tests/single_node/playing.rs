@@ -1,0 +1,173 @@
+//! The page on which people play, over HTTP.
+
+use murmuration_access::limits::MAX_PLAYED;
+use murmuration_proto::{Controller, Preset, World};
+use murmuration_tests::Cluster;
+use murmuration_worker::simulate::{Start, Swarm};
+use reqwest::{
+    Client, Response, StatusCode,
+    header::{CACHE_CONTROL, CONTENT_TYPE, ORIGIN},
+};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tempfile::TempDir;
+
+/// A browser at a coordinator without workers: the coordinator simulates by itself.
+struct Playground {
+    _folder: TempDir,
+    cluster: Cluster,
+    client: Client,
+}
+
+impl Playground {
+    async fn open() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        Self {
+            cluster: Cluster::start(folder.path(), 0).await,
+            _folder: folder,
+            client: Client::new(),
+        }
+    }
+
+    async fn page(&self, query: &str) -> String {
+        let page = self.client.get(format!("{}/play?{query}", self.cluster.url()));
+        let answer = page.send().await.unwrap();
+        assert_eq!(answer.status(), StatusCode::OK, "{query}");
+        answer.text().await.unwrap()
+    }
+
+    /// What a page of `origin` asks for.
+    async fn motion(&self, origin: Option<&str>, form: &str) -> Response {
+        let request = self.client.post(format!("{}/play/motion", self.cluster.url()));
+        let request = match origin {
+            Some(origin) => request.header(ORIGIN, origin),
+            None => request,
+        };
+        let request = request.header(CONTENT_TYPE, "application/x-www-form-urlencoded");
+        request.body(form.to_owned()).send().await.unwrap()
+    }
+
+    async fn own_motion(&self, form: &str) -> Response {
+        self.motion(Some(&self.cluster.url()), form).await
+    }
+}
+
+const MILLING: &str = "model=single-sensor&genes=0.6,1,0.4,0.5&seed=4&robots=30";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_motion_is_that_of_the_swarm_and_is_kept_by_nobody() {
+    let playground = Playground::open().await;
+    let answer = playground.own_motion(&format!("{MILLING}&from=700")).await;
+    assert_eq!(answer.status(), StatusCode::OK);
+    assert_eq!(answer.headers()[CACHE_CONTROL], "no-store");
+    assert_eq!(answer.headers()[CONTENT_TYPE], "application/octet-stream");
+    let bytes = answer.bytes().await.unwrap();
+    let words: Vec<[u8; 4]> = bytes.as_chunks().0.to_vec();
+    let header: Vec<u32> = words[..5].iter().map(|&word| u32::from_le_bytes(word)).collect();
+    assert_eq!(header, [1, 700, 1, 600, 30]);
+    assert_eq!(bytes.len(), 4 * 5 + 600 * 30 * (3 * 4 + 1));
+
+    let world = World::try_from(murmuration_proto::v1::World {
+        agents: Some(30),
+        ..World::default().into()
+    });
+    let controller = Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap();
+    let mut swarm = Swarm::new(&controller, &world.unwrap(), &Start::seeded(4)).unwrap();
+    swarm.advance(700);
+    let (poses, _) = words[5..].as_chunks::<3>();
+    for (agent, pose) in swarm.agents().zip(poses) {
+        let [x, y] = agent.position;
+        let expected = [x, y, agent.theta].map(|value| (value as f32).to_le_bytes());
+        assert_eq!(*pose, expected);
+    }
+    playground.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_cannot_be_simulated_is_refused_with_what_is_wrong() {
+    let playground = Playground::open().await;
+    for (form, said) in [
+        ("model=none", "model = \"none\": must be \"single-sensor\""),
+        (
+            "robots=1001",
+            "robots = \"1001\": must be a whole number from 1 to 1000",
+        ),
+        ("genes=1", "genes = \"1\": must be 9 numbers"),
+        (
+            "from=1000001",
+            "from = \"1000001\": must be a whole number from 0 to 1000000",
+        ),
+        ("robot=%5Brobot%5D%0Asensor+%3D+1", "did you mean `sensors`?"),
+        ("wheels=3", "parameter = \"wheels\": must be one of"),
+    ] {
+        let answer = playground.own_motion(form).await;
+        assert_eq!(answer.status(), StatusCode::BAD_REQUEST, "{form}");
+        let text = answer.text().await.unwrap();
+        assert!(text.contains(said), "{form}: {text}");
+    }
+    for origin in [Some("https://evil.example"), None] {
+        let answer = playground.motion(origin, MILLING).await;
+        assert_eq!(answer.status(), StatusCode::FORBIDDEN, "{origin:?}");
+    }
+    playground.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_shows_what_its_address_holds_and_says_what_it_cannot() {
+    let playground = Playground::open().await;
+    let page = playground.page(MILLING).await;
+    assert!(
+        page.contains("<code>right_1</code>") && !page.contains("role=\"alert\""),
+        "{page}"
+    );
+    assert!(
+        page.contains("value=\"0.4\"") && page.contains("value=\"30\""),
+        "{page}"
+    );
+    let wrong = playground.page("model=turbopi&genes=20,2,x,0&seed=5").await;
+    assert!(
+        wrong.contains("speed_1 = &quot;x&quot;: must be a number from -20 to 20"),
+        "{wrong}"
+    );
+    assert!(wrong.contains("value=\"5\""), "{wrong}");
+    let home = playground
+        .client
+        .get(playground.cluster.url())
+        .send()
+        .await
+        .unwrap();
+    assert!(home.text().await.unwrap().contains("href=\"/play\""));
+    playground.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_too_many_is_told_to_try_again_and_who_leaves_makes_room() {
+    let playground = Arc::new(Playground::open().await);
+    let far = |seed: usize| {
+        let playground = playground.clone();
+        tokio::spawn(async move {
+            let form = format!("robots=1000&seed={seed}&from=1000000");
+            playground.own_motion(&form).await
+        })
+    };
+    let waiting: Vec<_> = (0..MAX_PLAYED).map(far).collect();
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let refused = playground.own_motion(MILLING).await;
+    assert_eq!(refused.status(), StatusCode::SERVICE_UNAVAILABLE);
+    let said = refused.text().await.unwrap();
+    assert!(said.contains("try again"), "{said}");
+    // They would simulate for two seconds.
+    waiting.iter().for_each(tokio::task::JoinHandle::abort);
+    let left = Instant::now();
+    while playground.own_motion(MILLING).await.status() != StatusCode::OK {
+        assert!(left.elapsed() < Duration::from_millis(1500), "nobody has left");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    for gone in waiting {
+        assert!(gone.await.is_err_and(|error| error.is_cancelled()));
+    }
+    let playground = Arc::into_inner(playground).unwrap();
+    playground.cluster.stop().await;
+}
