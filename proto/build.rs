@@ -4,10 +4,11 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 11] = [
+const WRITTEN_BY_PEOPLE: [&str; 12] = [
     "Sensor",
     "Robot",
     "Species",
+    "Noise",
     "World",
     "ImageFormat",
     "ControllerSpace",
@@ -58,6 +59,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .field_attribute(
             "murmuration.v1.Sensor.angle",
             "#[serde(with = \"crate::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.World.noise",
+            "#[serde(skip_serializing_if = \"Option::is_none\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.ratios",

@@ -1,5 +1,9 @@
 //! The arena and the agents in it.
 
+mod noise;
+
+pub use noise::Noise;
+
 use crate::{Boundary, CapabilityModel, Invalid, invalid, record::record, v1};
 
 record! {
@@ -28,6 +32,8 @@ record! {
         jitter: bool,
         /// What is at the edges.
         boundary: Boundary,
+        /// What goes wrong with the agents.
+        noise: Noise,
     }
 }
 
@@ -75,6 +81,7 @@ impl Default for World {
             horizon: 1200,
             jitter: false,
             boundary: Boundary::Walls,
+            noise: Noise::default(),
         }
     }
 }
@@ -119,6 +126,8 @@ impl TryFrom<v1::World> for World {
                 Some(name) => name.parse()?,
                 None => default.boundary,
             },
+            noise: Noise::try_from(message.noise.unwrap_or_default())
+                .map_err(|error| error.within("noise"))?,
         };
         let needed = 2.0 * world.margin();
         if needed > width.min(height) {
@@ -144,6 +153,7 @@ impl From<World> for v1::World {
             horizon: Some(world.horizon),
             jitter: Some(world.jitter),
             boundary: Some(world.boundary.name().to_owned()),
+            noise: (!world.noise.is_off()).then(|| world.noise.into()),
         }
     }
 }

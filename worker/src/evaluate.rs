@@ -67,7 +67,7 @@ impl Evaluator {
     }
 
     /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
-    /// up to 64 robots whose sensors see all robots and nothing else.
+    /// up to 64 robots whose sensors see all robots and nothing else, in worlds without noise.
     ///
     /// # Errors
     /// The first error that [`Evaluator::evaluate`] has.

@@ -120,6 +120,7 @@ fn world(keys: Keys<'_>, poses: usize, radius: f64) -> Result<World, Invalid> {
             let boundary = if walls { Boundary::Walls } else { Boundary::Open };
             boundary.name().to_owned()
         }),
+        ..v1::World::default()
     };
     World::try_from(message).map_err(in_case)
 }

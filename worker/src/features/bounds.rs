@@ -2,7 +2,7 @@
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most as far as its drive's top speed takes it in `dt`, and is clamped to the walls, if there are any: a
+//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to the walls, if there are any: a
 //!   projection, which takes it no further from where it was than the drive did, and besides as far as it was outside the walls
 //!   before.
 //! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
@@ -34,7 +34,7 @@ impl FeatureBounds {
     /// Those of swarms of this model in `world`.
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
-        let (push, drive) = (push(world), model.top_speed() * world.dt());
+        let (push, drive) = (push(world), drive(model, world));
         let [width, height] = [world.width(), world.height()];
         // How far agents get from the room for their centres, and how far that is from the edges.
         let (beyond, margin) = match world.boundary() {
@@ -126,7 +126,12 @@ pub fn check_positions(
 
 /// Furthest that an agent gets from the world in a whole simulation without walls.
 fn roam(model: &CapabilityModel, world: &World) -> f64 {
-    f64::from(world.horizon()) * (model.top_speed() * world.dt() + push(world))
+    f64::from(world.horizon()) * (drive(model, world) + push(world))
+}
+
+/// Furthest that an agent drives in a step.
+fn drive(model: &CapabilityModel, world: &World) -> f64 {
+    model.top_speed() * world.noise().largest_factor() * world.dt()
 }
 
 /// Furthest that an agent is pushed out of others in a step.
@@ -174,6 +179,20 @@ mod tests {
         (from..to).prop_map(|power| 10_f64.powf(power))
     }
 
+    fn noise() -> impl Strategy<Value = Option<v1::Noise>> {
+        let part = || prop_oneof![Just(None), Just(Some(1.0)), (0.0..1.0).prop_map(Some)];
+        let noise = (part(), part(), part(), part(), prop::option::of(0..200_u32));
+        prop::option::of(
+            noise.prop_map(|(slip, gain, missed, false_detection, delay)| v1::Noise {
+                slip,
+                gain,
+                missed,
+                false_detection,
+                delay,
+            }),
+        )
+    }
+
     /// Everything that a specification may say, from specks of dust to a world that its robots fill.
     fn worlds() -> impl Strategy<Value = World> {
         let sides = (decades(0.0, 4.0), decades(0.0, 4.0));
@@ -190,9 +209,15 @@ mod tests {
             prop_oneof![1..4_u32, 4..60_u32],
             prop_oneof![1..4_u32, 95..140_u32],
         );
-        let parts = (sides, bodies, motion, size);
+        let parts = (sides, bodies, motion, size, noise());
         parts.prop_map(
-            |((width, height), (filled, padded), (wheel_radius, dt, [jitter, open]), (agents, horizon))| {
+            |(
+                (width, height),
+                (filled, padded),
+                (wheel_radius, dt, [jitter, open]),
+                (agents, horizon),
+                noise,
+            )| {
                 let half = f64::min(width, height) / 2.0;
                 let radius = (half * filled).min(1000.0);
                 World::try_from(v1::World {
@@ -206,6 +231,7 @@ mod tests {
                     horizon: Some(horizon),
                     jitter: Some(jitter),
                     boundary: open.then(|| Boundary::Open.name().to_owned()),
+                    noise,
                 })
                 .unwrap()
             },

@@ -5,7 +5,7 @@
 use super::{
     Walls,
     collide::Collisions,
-    drive::{self, Gait, rotate},
+    drive::{self, Drivetrain, Gait, rotate},
     gaze::{Eye, Group},
     mind::{Driven, Mind, settle_rays},
     others::Others,
@@ -33,6 +33,9 @@ struct Kind {
     walls: Walls,
     /// By sensor state: a power of two of them.
     gaits: Vec<Gait>,
+    /// What the gaits are made of.
+    pairs: Vec<[f64; 2]>,
+    drive: Drivetrain,
     sensors: Vec<Sensing>,
     /// Whether all sensors are the paper's and all robots of the swarm have one size.
     plain: bool,
@@ -68,6 +71,8 @@ impl Kinds {
                 radius: robot.radius(),
                 walls: Walls::of(robot, world),
                 gaits: drive::gaits(controller, world.dt()).collect(),
+                pairs: controller.pairs().to_vec(),
+                drive: Drivetrain::of(robot, world.dt()),
                 plain: groups.len() == 1 && robot.sensors().iter().all(Sensor::is_plain_ray),
                 directions: sensors.iter().map(|sensor| sensor.eye.direction()).collect(),
                 sensors,
@@ -123,20 +128,30 @@ impl Kinds {
     }
 }
 
-impl Mind for &Kinds {
+impl Kinds {
+    /// How robot `i` moves after it sensed `sensed`.
     #[inline(always)]
-    fn gait(&self, i: usize, sensed: u8) -> &Gait {
+    pub(super) fn gait(&self, i: usize, sensed: u8) -> Gait {
         let gaits = &self.kind(i).gaits;
-        &gaits[usize::from(sensed) % gaits.len()]
+        gaits[usize::from(sensed) % gaits.len()]
     }
 
+    /// The pair that drives robot `i` after it sensed `sensed`, and what makes a gait of it.
     #[inline(always)]
-    fn walls(&self, i: usize) -> &Walls {
+    pub(super) fn driven_by(&self, i: usize, sensed: u8) -> (Drivetrain, [f64; 2]) {
+        let Kind { pairs, drive, .. } = self.kind(i);
+        (*drive, pairs[usize::from(sensed) % pairs.len()])
+    }
+
+    /// Where the centre of robot `i` may be.
+    #[inline(always)]
+    pub(super) fn walls(&self, i: usize) -> &Walls {
         &self.kind(i).walls
     }
 
+    /// [`Mind::settle`].
     #[inline(always)]
-    fn settle<S: Simd>(
+    pub(super) fn settle<S: Simd>(
         &self,
         simd: S,
         others: &impl Others,
@@ -158,6 +173,29 @@ impl Mind for &Kinds {
         let me = (robot.index, kind.radius);
         let at = collisions.push_out(simd, others, me, robot.at);
         (at, self.sense(simd, others, Driven { at, ..robot }))
+    }
+}
+
+impl Mind for &Kinds {
+    #[inline(always)]
+    fn gait(&mut self, i: usize, sensed: u8) -> Gait {
+        Kinds::gait(self, i, sensed)
+    }
+
+    #[inline(always)]
+    fn walls(&self, i: usize) -> &Walls {
+        Kinds::walls(self, i)
+    }
+
+    #[inline(always)]
+    fn settle<S: Simd>(
+        &mut self,
+        simd: S,
+        others: &impl Others,
+        collisions: &mut Collisions,
+        robot: Driven,
+    ) -> ([f64; 2], u8) {
+        Kinds::settle(self, simd, others, collisions, robot)
     }
 }
 

@@ -13,14 +13,14 @@ use pulp::Simd;
 /// The kinds of robots of a swarm.
 pub(super) trait Mind {
     /// How robot `i` moves after it sensed `sensed`.
-    fn gait(&self, i: usize, sensed: u8) -> &Gait;
+    fn gait(&mut self, i: usize, sensed: u8) -> Gait;
 
     /// Where the centre of robot `i` may be.
     fn walls(&self, i: usize) -> &Walls;
 
     /// Pushes robot `i`, which has driven to `at`, out of the others; then it looks. Where it ends, and what it senses.
     fn settle<S: Simd>(
-        &self,
+        &mut self,
         simd: S,
         others: &impl Others,
         collisions: &mut Collisions,
@@ -93,8 +93,8 @@ where
     R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
 {
     #[inline(always)]
-    fn gait(&self, _: usize, sensed: u8) -> &Gait {
-        &self.paper.gaits[usize::from(sensed % 4)]
+    fn gait(&mut self, _: usize, sensed: u8) -> Gait {
+        self.paper.gaits[usize::from(sensed % 4)]
     }
 
     #[inline(always)]
@@ -104,7 +104,7 @@ where
 
     #[inline(always)]
     fn settle<S: Simd>(
-        &self,
+        &mut self,
         simd: S,
         others: &impl Others,
         collisions: &mut Collisions,

@@ -10,9 +10,11 @@ mod gaze;
 mod grid;
 mod kinds;
 mod mind;
+mod noise;
 mod others;
 mod positions;
 mod sight;
+mod situated;
 mod start;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -23,14 +25,17 @@ pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::rotate;
+use gaze::Group;
 use grid::Grid;
 use kinds::Kinds;
 use mind::{Driven, Mind, Paper, PaperMind};
 use murmuration_proto::{Boundary, Controller, Invalid, Preset, Robot, World};
+use noise::Noise;
 use others::Others;
 use positions::Positions;
 pub use pulp::Arch;
 use pulp::{Simd, WithSimd};
+use situated::Situated;
 
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
@@ -51,6 +56,7 @@ pub struct Swarm {
 enum Minds {
     Paper(Paper),
     Described(Kinds),
+    Situated(Situated),
 }
 
 /// What a step needs but for where the others are.
@@ -80,7 +86,7 @@ pub struct Agent {
     pub theta: f64,
     /// What the last step moved it by, walls and collisions included; zero at the start.
     pub displacement: [f64; 2],
-    /// What it sensed last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the start.
+    /// What its sensors read last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the start.
     pub sensed: u8,
 }
 
@@ -132,16 +138,10 @@ impl Swarm {
     ) -> Result<Self, Invalid> {
         kinds::check_fit(controller.model(), world)?;
         let groups = kinds::by_size(&kinds::by_species(controller, world));
-        let minds = match (controller.model().preset(), controller.robots().next()) {
-            (Some(Preset::SingleSensor | Preset::TwoSensor), Some(robot)) => {
-                Minds::Paper(Paper::new(robot, world))
-            }
-            _ => Minds::Described(Kinds::new(controller, &groups, world)),
-        };
         let poses = start.poses_for(world)?;
         Ok(Self {
             arch,
-            minds,
+            minds: Minds::new(controller, &groups, world, start),
             robots: Robots {
                 collisions: Collisions::new(world, groups, start),
                 bodies: poses.iter().map(Body::at).collect(),
@@ -169,8 +169,8 @@ impl Swarm {
     /// Steps every agent `steps` times.
     pub fn advance(&mut self, steps: u32) {
         match &mut self.others {
-            Lookup::All(others) => self.robots.advance(self.arch, &self.minds, others, steps),
-            Lookup::Near(others) => self.robots.advance(self.arch, &self.minds, others, steps),
+            Lookup::All(others) => self.robots.advance(self.arch, &mut self.minds, others, steps),
+            Lookup::Near(others) => self.robots.advance(self.arch, &mut self.minds, others, steps),
         }
     }
 
@@ -195,7 +195,7 @@ impl Swarm {
     pub fn sensor_directions(&self, i: usize, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
         let (first, others) = match &self.minds {
             Minds::Paper(paper) => (Some(heading), paper.second_sensor.as_slice()),
-            Minds::Described(kinds) => (None, kinds.directions(i)),
+            Minds::Described(kinds) | Minds::Situated(Situated { kinds, .. }) => (None, kinds.directions(i)),
         };
         let others = others.iter().map(move |&direction| rotate(heading, direction));
         first.into_iter().chain(others)
@@ -206,11 +206,12 @@ impl Swarm {
     pub fn radius(&self, i: usize) -> f64 {
         match &self.minds {
             Minds::Paper(_) => self.robots.collisions.diameter() / 2.0,
-            Minds::Described(kinds) => kinds.radius(i),
+            Minds::Described(kinds) | Minds::Situated(Situated { kinds, .. }) => kinds.radius(i),
         }
     }
 
-    /// What each agent would sense if it looked now, without moving, in index order: numbers as [`Agent::sensed`].
+    /// What each agent would sense if it looked now, without moving and without noise, in index order: numbers as
+    /// [`Agent::sensed`].
     #[must_use]
     pub fn readings(&self) -> Vec<u8> {
         let looking = |(index, body): (usize, &Body)| {
@@ -231,7 +232,9 @@ impl Swarm {
         let simd = pulp::Scalar::new();
         match &self.minds {
             Minds::Paper(paper) => paper.sense(simd, others, robot, self.robots.collisions.reach()),
-            Minds::Described(kinds) => kinds.sense(simd, others, robot),
+            Minds::Described(kinds) | Minds::Situated(Situated { kinds, .. }) => {
+                kinds.sense(simd, others, robot)
+            }
         }
     }
 
@@ -242,10 +245,28 @@ impl Swarm {
     }
 }
 
+impl Minds {
+    fn new(controller: &Controller, groups: &[Group], world: &World, start: &Start) -> Self {
+        let papers = match (controller.model().preset(), controller.robots().next()) {
+            (Some(Preset::SingleSensor | Preset::TwoSensor), robot) => robot,
+            _ => None,
+        };
+        let kinds = || Kinds::new(controller, groups, world);
+        match (Noise::new(world, start), papers) {
+            (None, Some(robot)) => Self::Paper(Paper::new(robot, world)),
+            (None, None) => Self::Described(kinds()),
+            (Some(noise), _) => Self::Situated(Situated {
+                kinds: kinds(),
+                noise,
+            }),
+        }
+    }
+}
+
 impl Robots {
-    fn advance(&mut self, arch: Arch, minds: &Minds, others: &mut impl Others, steps: u32) {
+    fn advance(&mut self, arch: Arch, minds: &mut Minds, others: &mut impl Others, steps: u32) {
         match minds {
-            &Minds::Paper(paper) => match paper.second_sensor {
+            &mut Minds::Paper(paper) => match paper.second_sensor {
                 None => {
                     let rays = |heading| [heading];
                     self.dispatch(arch, PaperMind { paper, rays }, others, steps);
@@ -255,7 +276,8 @@ impl Robots {
                     self.dispatch(arch, PaperMind { paper, rays }, others, steps);
                 }
             },
-            Minds::Described(kinds) => self.dispatch(arch, kinds, others, steps),
+            Minds::Described(kinds) => self.dispatch(arch, &*kinds, others, steps),
+            Minds::Situated(situated) => self.dispatch(arch, situated, others, steps),
         }
     }
 
@@ -269,7 +291,7 @@ impl Robots {
     }
 
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, steps: u32) {
+    fn run<S: Simd>(&mut self, simd: S, mind: &mut impl Mind, others: &mut impl Others, steps: u32) {
         for _ in 0..steps {
             for i in 0..self.bodies.len() {
                 self.step_agent(simd, mind, others, i);
@@ -284,7 +306,7 @@ impl Robots {
     }
 
     #[inline(always)]
-    fn step_agent<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, i: usize) {
+    fn step_agent<S: Simd>(&mut self, simd: S, mind: &mut impl Mind, others: &mut impl Others, i: usize) {
         let body = &mut self.bodies[i];
         let gait = mind.gait(i, body.sensed);
         let before = body.position;
@@ -319,8 +341,8 @@ impl<O: Others, M: Mind> WithSimd for Run<'_, O, M> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.robots.run(simd, &self.mind, self.others, self.steps);
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.robots.run(simd, &mut self.mind, self.others, self.steps);
     }
 }
 

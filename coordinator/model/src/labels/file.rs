@@ -8,7 +8,7 @@ use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
-    text::quoted, v1,
+    of_toml_line, text::quoted, to_toml_line, v1,
 };
 use std::{
     path::{Path, PathBuf},
@@ -414,6 +414,7 @@ impl<'a> Row<'a> {
             horizon: self.given("horizon", "a whole number")?,
             jitter: self.given("jitter", "true or false")?,
             boundary: self.given("boundary", "walls or open")?,
+            noise: self.line("noise", |line| of_toml_line("noise", line, "{ slip = 0.05 }"))?,
         };
         World::try_from(world).map_err(|error| self.refused(error))
     }
@@ -428,6 +429,18 @@ impl<'a> Row<'a> {
             window: self.given("window", "a whole number")?,
         };
         ImageFormat::for_world(format, world).map_err(|error| self.refused(error))
+    }
+
+    /// What `read` makes of a cell that is not empty.
+    fn line<T>(
+        &self,
+        column: &str,
+        read: impl Fn(&str) -> Result<T, Invalid>,
+    ) -> Result<Option<T>, LabelFileError> {
+        match self.cell(column) {
+            "" => Ok(None),
+            line => read(line).map(Some).map_err(|error| self.refused(error)),
+        }
     }
 
     fn needed<T: FromStr>(&self, column: &str, allowed: &str) -> Result<T, LabelFileError> {
@@ -445,7 +458,7 @@ impl<'a> Row<'a> {
 }
 
 /// What a behaviour's world and picture are, as the columns that say so.
-pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 12] {
+pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 13] {
     [
         ("width", world.width().to_string()),
         ("height", world.height().to_string()),
@@ -457,6 +470,7 @@ pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, Str
         ("horizon", world.horizon().to_string()),
         ("jitter", world.jitter().to_string()),
         ("boundary", world.boundary().to_string()),
+        ("noise", to_toml_line(&v1::Noise::from(world.noise()))),
         ("resolution", format.resolution().to_string()),
         ("window", format.window().to_string()),
     ]

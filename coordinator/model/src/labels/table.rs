@@ -292,7 +292,7 @@ mod tests {
             features in prop::collection::vec(-1e3..1e3, 5), seed in any::<u64>(), horizon in 1..2000_u32,
         ) {
             let model = if two { "model = \"two-sensor\"" } else { "robot.sensors = [{ half_angle = 0.5 }]" };
-            let text = format!("{model}\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5");
+            let text = format!("{model}\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5\nnoise = {{ slip = 0.25, delay = 3 }}");
             let spec = CampaignSpec::from_toml(&text).unwrap();
             let individual = v1::Individual {
                 controller: genes[..spec.model().genes()].to_vec(),
