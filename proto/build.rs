@@ -4,10 +4,12 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 12] = [
+const WRITTEN_BY_PEOPLE: [&str; 14] = [
     "Sensor",
     "Robot",
     "Species",
+    "Obstacle",
+    "StartShape",
     "Noise",
     "World",
     "ImageFormat",
@@ -51,6 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "Sensor.angles",
         "Sensor.sees",
         "CampaignSpec.species",
+        "World.obstacles",
     ] {
         let skip = "#[serde(skip_serializing_if = \"Vec::is_empty\")]";
         config = config.field_attribute(format!("murmuration.v1.{list}"), skip);
@@ -61,8 +64,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             "#[serde(with = \"crate::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
         )
         .field_attribute(
-            "murmuration.v1.World.noise",
-            "#[serde(skip_serializing_if = \"Option::is_none\")]",
+            "murmuration.v1.StartShape.poses",
+            "#[serde(with = \"crate::toml_names::poses\", skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.ratios",

@@ -63,7 +63,7 @@ pub use space::{ControllerSpace, GeneSpace};
 pub use text::Text;
 pub use toml_errors::TomlError;
 pub use toml_line::{of_toml_line, to_toml_line};
-pub use world::{Noise, World};
+pub use world::{Noise, Obstacle, StartShape, World};
 
 /// The generated messages and services of the package `murmuration.v1`.
 #[allow(missing_docs, clippy::all)]

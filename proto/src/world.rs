@@ -1,16 +1,23 @@
 //! The arena and the agents in it.
 
 mod noise;
+mod obstacle;
+mod start_shape;
+#[cfg(test)]
+mod tests;
 
 pub use noise::Noise;
+pub use obstacle::Obstacle;
+pub use start_shape::StartShape;
 
 use crate::{Boundary, CapabilityModel, Invalid, invalid, record::record, v1};
+use std::sync::Arc;
 
 record! {
     /// The arena of a swarm, and the length of a simulation (paper, "Simulation and Data").
     ///
     /// Lengths are in world units; the defaults are the paper's.
-    #[derive(Debug, Clone, Copy, PartialEq)]
+    #[derive(Debug, Clone, PartialEq)]
     pub struct World {
         /// Width, 1 to 10,000.
         width: f64,
@@ -34,6 +41,12 @@ record! {
         boundary: Boundary,
         /// What goes wrong with the agents.
         noise: Noise,
+    }
+    by reference {
+        /// What is in the arena besides the agents; at most [`Obstacle::MAX_COUNT`].
+        obstacles: Arc<[Obstacle]> as [Obstacle],
+        /// Where the agents start.
+        start: StartShape as StartShape,
     }
 }
 
@@ -82,6 +95,8 @@ impl Default for World {
             jitter: false,
             boundary: Boundary::Walls,
             noise: Noise::default(),
+            obstacles: Arc::default(),
+            start: StartShape::default(),
         }
     }
 }
@@ -96,6 +111,12 @@ impl TryFrom<v1::World> for World {
         };
         let width = side("width", message.width, default.width)?;
         let height = side("height", message.height, default.height)?;
+        let agents = invalid::whole(
+            "agents",
+            message.agents.unwrap_or(default.agents),
+            1..=Self::MAX_AGENTS,
+        )?;
+        let start = StartShape::in_world(message.start.unwrap_or_default(), agents, [width, height]);
         let world = Self {
             width,
             height,
@@ -104,11 +125,7 @@ impl TryFrom<v1::World> for World {
                 message.padding.unwrap_or(default.padding),
                 0.0..=Self::MAX_SIDE,
             )?,
-            agents: invalid::whole(
-                "agents",
-                message.agents.unwrap_or(default.agents),
-                1..=Self::MAX_AGENTS,
-            )?,
+            agents,
             radius: invalid::positive("radius", message.radius.unwrap_or(default.radius), 1000.0)?,
             wheel_radius: invalid::positive(
                 "wheel_radius",
@@ -128,6 +145,8 @@ impl TryFrom<v1::World> for World {
             },
             noise: Noise::try_from(message.noise.unwrap_or_default())
                 .map_err(|error| error.within("noise"))?,
+            obstacles: obstacle::obstacles(message.obstacles, [width, height])?.into(),
+            start: start.map_err(|error| error.within("start"))?,
         };
         let needed = 2.0 * world.margin();
         if needed > width.min(height) {
@@ -154,6 +173,8 @@ impl From<World> for v1::World {
             jitter: Some(world.jitter),
             boundary: Some(world.boundary.name().to_owned()),
             noise: (!world.noise.is_off()).then(|| world.noise.into()),
+            obstacles: world.obstacles.iter().map(Into::into).collect(),
+            start: (world.start != StartShape::Uniform).then(|| (&world.start).into()),
         }
     }
 }

@@ -36,13 +36,6 @@ impl TryFrom<v1::Sensor> for Sensor {
         let described = SensorDescription::default();
         let sees = message.sees.iter().map(|name| name.parse());
         let sees: Vec<Seen> = sees.collect::<Result<_, _>>()?;
-        if sees.contains(&Seen::Obstacles) {
-            return Err(Invalid::new(
-                "sees",
-                "obstacles",
-                "robots, a species or walls: worlds have no obstacles",
-            ));
-        }
         Self::try_from(SensorDescription {
             angle: angle(message.angle, &message.angle_range, &message.angles)?,
             half_angle: message.half_angle.unwrap_or(described.half_angle),
@@ -311,7 +304,7 @@ impl CapabilityModel {
     /// # Errors
     /// Names `field` if the line is no such table, and otherwise the field that is not allowed.
     pub fn of_line(field: &str, line: &str, world: &World) -> Result<Self, Invalid> {
-        let default = Defaults::of(&(*world).into());
+        let default = Defaults::of(&world.clone().into());
         let allowed = "a table such as { model = \"turbopi\" }, with the fields of a campaign file";
         let table = toml::from_str::<BTreeMap<String, Line>>(&format!("line = {line}"));
         let table = table.map_err(|_| Invalid::new(field, text::quoted(line), allowed))?;

@@ -39,10 +39,10 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     let world = world(keys, poses.len(), controller.model().largest_radius())?;
     Ok(Case {
         controller,
-        world,
         image: image(keys, &world)?,
         start: Start::at(poses)?,
         checkpoints: checkpoints(keys, world.horizon())?,
+        world,
         document,
     })
 }

@@ -11,13 +11,19 @@
 //!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
 //!   which there is room in [`push`].
 //!
-//! So after its step every agent is within a push of the walls; without walls, within as many drives and pushes of the world as
-//! there are steps. Distances from the centroid have a mean square of at most a
+//! Between the two, obstacles push it:
+//!
+//! - Where there are walls, they leave it within the walls or where a way out ends, which is within the rectangle about the
+//!   obstacles and a body around them; without walls, they leave it where it was or within that rectangle.
+//! - On a torus they push it the shorter way around, so at most half a diagonal.
+//!
+//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes of the world or
+//! that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of at most a
 //! quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
-use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, World};
+use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, Obstacle, World};
 use std::f64::consts::SQRT_2;
 
 /// Room for what is rounded: in proportion, and absolutely.
@@ -35,25 +41,36 @@ impl FeatureBounds {
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
         let (push, drive) = (push(world), drive(model, world));
-        let [width, height] = [world.width(), world.height()];
-        // How far agents get from the room for their centres, and how far that is from the edges.
-        let (beyond, margin) = match world.boundary() {
-            Boundary::Walls => (push, world.margin()),
-            Boundary::Open => (roam(model, world), 0.0),
-        };
-        let reached = [width, height].map(|side| (side - 2.0 * margin).max(0.0) + 2.0 * beyond);
+        let reached = region(model, world).map(|[low, high]| high - low);
         let diagonal = reached[0].hypot(reached[1]);
-        // A start may be anywhere in the world.
-        let sees_start = world.horizon() <= FEATURE_STEPS;
-        let (outside, crossed) = match world.boundary() {
-            Boundary::Open => (0.0, diagonal),
-            Boundary::Walls if sees_start => {
-                let sides = [width, height].map(|side| side + 2.0 * (push - margin).max(0.0));
-                (push.max(SQRT_2 * margin), sides[0].hypot(sides[1]))
+        let speed = match world.boundary() {
+            Boundary::Torus => {
+                let pushed = if world.obstacles().is_empty() {
+                    0.0
+                } else {
+                    world.half_diagonal()
+                };
+                drive + pushed + push
             }
-            Boundary::Walls => (push, diagonal),
+            Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(diagonal),
+            Boundary::Walls => {
+                // A start may be anywhere in the world.
+                let sees_start = world.horizon() <= FEATURE_STEPS;
+                let (outside, crossed) = if sees_start {
+                    let whole = hull(
+                        region(model, world),
+                        [[0.0, world.width()], [0.0, world.height()]],
+                    );
+                    (push.max(SQRT_2 * world.margin()), size(whole))
+                } else {
+                    (push, diagonal)
+                };
+                match world.obstacles() {
+                    [] => (drive + outside + push).min(crossed),
+                    _ => crossed,
+                }
+            }
         };
-        let speed = (drive + outside + push).min(crossed);
         let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
         let spread = spread / world.half_diagonal();
         let most = [
@@ -98,21 +115,15 @@ pub fn check_positions(
     world: &World,
     positions: impl IntoIterator<Item = [f64; 2]>,
 ) -> Result<(), Invalid> {
-    let push = match world.boundary() {
-        Boundary::Walls => push(world),
-        Boundary::Open => roam(model, world),
-    } + ROUNDING.1;
-    let sides = [world.width(), world.height()];
+    let world_itself = [[0.0, world.width()], [0.0, world.height()]];
+    let reached = hull(region(model, world), world_itself);
     for position in positions {
-        for ((axis, value), side) in ["x", "y"].into_iter().zip(position).zip(sides) {
+        for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
             // Poses may come in single precision.
-            let room = push + side * ROUNDING.0;
-            if !(-room..=side + room).contains(&value) {
-                let allowed = format!(
-                    "from {:.3} to {:.3}, which agents of this world reach",
-                    -room,
-                    side + room
-                );
+            let room = (high - low) * ROUNDING.0 + ROUNDING.1;
+            let (low, high) = (low - room, high + room);
+            if !(low..=high).contains(&value) {
+                let allowed = format!("from {low:.3} to {high:.3}, which agents of this world reach");
                 return Err(Invalid::new(
                     format!("replay.{axis}"),
                     format!("{value:e}"),
@@ -124,7 +135,51 @@ pub fn check_positions(
     Ok(())
 }
 
-/// Furthest that an agent gets from the world in a whole simulation without walls.
+/// A rectangle: lowest and highest coordinate by axis.
+type Rectangle = [[f64; 2]; 2];
+
+/// Where agents can be after any step.
+fn region(model: &CapabilityModel, world: &World) -> Rectangle {
+    let sides = [world.width(), world.height()];
+    let (room, beyond) = match world.boundary() {
+        Boundary::Torus => return sides.map(|side| [0.0, side]),
+        Boundary::Walls => {
+            let margin = world.margin();
+            (
+                sides.map(|side| [margin, (side - margin).max(margin)]),
+                push(world),
+            )
+        }
+        Boundary::Open => (sides.map(|side| [0.0, side]), roam(model, world)),
+    };
+    let room = around_obstacles(world).map_or(room, |obstacles| hull(room, obstacles));
+    room.map(|[low, high]| [low - beyond, high + beyond])
+}
+
+/// The rectangle about all obstacles, a body and a gap around each.
+fn around_obstacles(world: &World) -> Option<Rectangle> {
+    let around = |obstacle: &Obstacle| {
+        let (centre, half) = (obstacle.centre(), obstacle.half_size());
+        [0, 1].map(|axis| {
+            let reach = half[axis] + world.radius() + GAP;
+            [centre[axis] - reach, centre[axis] + reach]
+        })
+    };
+    world.obstacles().iter().map(around).reduce(hull)
+}
+
+/// The smallest rectangle that holds both.
+fn hull(a: Rectangle, b: Rectangle) -> Rectangle {
+    [0, 1].map(|axis| [a[axis][0].min(b[axis][0]), a[axis][1].max(b[axis][1])])
+}
+
+/// Length of a rectangle's diagonal.
+fn size(rectangle: Rectangle) -> f64 {
+    let [x, y] = rectangle.map(|[low, high]| high - low);
+    x.hypot(y)
+}
+
+/// Furthest that an agent gets by itself in a whole simulation without walls.
 fn roam(model: &CapabilityModel, world: &World) -> f64 {
     f64::from(world.horizon()) * (drive(model, world) + push(world))
 }
@@ -193,6 +248,33 @@ mod tests {
         )
     }
 
+    /// Boundary, obstacles (in a world of side 1), the length of a line to start on, noise.
+    fn surroundings() -> impl Strategy<Value = (Boundary, Vec<v1::Obstacle>, Option<f64>, Option<v1::Noise>)>
+    {
+        let boundary = prop_oneof![Just(Boundary::Walls), Just(Boundary::Open), Just(Boundary::Torus)];
+        let part = || prop_oneof![0.01..0.1_f64, 0.1..0.7];
+        let obstacle = (0.0..1.0_f64, 0.0..1.0_f64, part(), part(), any::<bool>());
+        let obstacle = obstacle.prop_map(|(x, y, width, height, disc)| v1::Obstacle {
+            x,
+            y,
+            radius: disc.then_some(width / 2.0),
+            width: (!disc).then_some(width),
+            height: (!disc).then_some(height),
+        });
+        let obstacles = prop_oneof![Just(Vec::new()), prop::collection::vec(obstacle, 1..6)];
+        (boundary, obstacles, prop::option::of(0.0..1.0), noise())
+    }
+
+    fn stretched(obstacle: v1::Obstacle, width: f64, height: f64) -> v1::Obstacle {
+        v1::Obstacle {
+            x: obstacle.x * width,
+            y: obstacle.y * height,
+            radius: obstacle.radius.map(|radius| radius * width.min(height)),
+            width: obstacle.width.map(|part| part * width),
+            height: obstacle.height.map(|part| part * height),
+        }
+    }
+
     /// Everything that a specification may say, from specks of dust to a world that its robots fill.
     fn worlds() -> impl Strategy<Value = World> {
         let sides = (decades(0.0, 4.0), decades(0.0, 4.0));
@@ -203,20 +285,20 @@ mod tests {
         let motion = (
             decades(-3.0, 3.0),
             prop_oneof![Just(1.0), decades(-3.0, 3.0)],
-            any::<[bool; 2]>(),
+            any::<bool>(),
         );
         let size = (
             prop_oneof![1..4_u32, 4..60_u32],
             prop_oneof![1..4_u32, 95..140_u32],
         );
-        let parts = (sides, bodies, motion, size, noise());
+        let parts = (sides, bodies, motion, size, surroundings());
         parts.prop_map(
             |(
                 (width, height),
                 (filled, padded),
-                (wheel_radius, dt, [jitter, open]),
+                (wheel_radius, dt, jitter),
                 (agents, horizon),
-                noise,
+                (boundary, obstacles, line, noise),
             )| {
                 let half = f64::min(width, height) / 2.0;
                 let radius = (half * filled).min(1000.0);
@@ -230,8 +312,17 @@ mod tests {
                     dt: Some(dt),
                     horizon: Some(horizon),
                     jitter: Some(jitter),
-                    boundary: open.then(|| Boundary::Open.name().to_owned()),
+                    boundary: Some(boundary.name().to_owned()),
                     noise,
+                    obstacles: obstacles
+                        .into_iter()
+                        .map(|obstacle| stretched(obstacle, width, height))
+                        .collect(),
+                    start: line.map(|part| v1::StartShape {
+                        shape: Some("line".to_owned()),
+                        length: Some(part * width),
+                        ..v1::StartShape::default()
+                    }),
                 })
                 .unwrap()
             },

@@ -7,8 +7,9 @@ use super::{
     collide::Collisions,
     drive::{self, Drivetrain, Gait, rotate},
     gaze::{Eye, Group},
-    mind::{Driven, Mind, settle_rays},
-    others::Others,
+    mind::{Bound, Driven, Mind, settle_rays},
+    obstacles::Obstacles,
+    others::{Everyone, Others},
     sight::Observer,
 };
 use murmuration_proto::{
@@ -24,6 +25,7 @@ pub(super) struct Kinds {
     kind_of: Vec<u8>,
     /// Sides of the rectangle that sensors see, as (normal, distance from the origin); none where there are no walls.
     sides: Vec<([f64; 2], f64)>,
+    obstacles: Obstacles,
 }
 
 /// One species.
@@ -50,6 +52,7 @@ struct Sensing {
     /// The robots that it sees.
     seen: Vec<Group>,
     wall_range: Option<f64>,
+    sees_obstacles: bool,
 }
 
 impl Kinds {
@@ -65,6 +68,7 @@ impl Kinds {
                     eye: Eye::new(sensor, angle),
                     seen: seen(sensor, model, &by_species, groups),
                     wall_range: sensor.wall_range(),
+                    sees_obstacles: sensor.sees_obstacles(),
                 })
                 .collect();
             Kind {
@@ -86,8 +90,9 @@ impl Kinds {
             kind_of: kind_of.collect(),
             sides: match world.boundary() {
                 Boundary::Walls => sides(world),
-                Boundary::Open => Vec::new(),
+                Boundary::Open | Boundary::Torus => Vec::new(),
             },
+            obstacles: Obstacles::new(world),
         }
     }
 
@@ -122,6 +127,7 @@ impl Kinds {
                     on = on || range * gaze.reach(normal) >= ahead;
                 }
             }
+            on = on || sensor.sees_obstacles && self.obstacles.seen(&gaze, robot.at);
             state = 2 * state + u8::from(on);
         }
         state
@@ -141,6 +147,11 @@ impl Kinds {
     pub(super) fn driven_by(&self, i: usize, sensed: u8) -> (Drivetrain, [f64; 2]) {
         let Kind { pairs, drive, .. } = self.kind(i);
         (*drive, pairs[usize::from(sensed) % pairs.len()])
+    }
+
+    /// What is in the world besides the robots.
+    pub(super) const fn obstacles(&self) -> &Obstacles {
+        &self.obstacles
     }
 
     /// Where the centre of robot `i` may be.
@@ -183,15 +194,18 @@ impl Mind for &Kinds {
     }
 
     #[inline(always)]
-    fn walls(&self, i: usize) -> &Walls {
-        Kinds::walls(self, i)
+    fn bound(&self, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound {
+        Bound {
+            at: self.walls(i).clamp(driven),
+            from: before,
+        }
     }
 
     #[inline(always)]
     fn settle<S: Simd>(
         &mut self,
         simd: S,
-        others: &impl Others,
+        others: &impl Everyone,
         collisions: &mut Collisions,
         robot: Driven,
     ) -> ([f64; 2], u8) {

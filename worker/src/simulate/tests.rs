@@ -2,6 +2,9 @@
 
 pub(crate) mod described;
 mod noise;
+mod obstacles;
+mod starts;
+mod torus;
 
 use super::*;
 use murmuration_proto::{Preset, Purpose, RandomStream, v1};

@@ -7,7 +7,7 @@ use murmuration_proto::{CapabilityModel, Drive, ImageFormat, Noise, Robot, Seen,
 fn noisy(world: &World, noise: v1::Noise) -> World {
     let message = v1::World {
         noise: Some(noise),
-        ..(*world).into()
+        ..world.clone().into()
     };
     World::try_from(message).unwrap()
 }
@@ -57,12 +57,21 @@ proptest! {
     }
 
     #[test]
-    fn noisy_swarms_have_the_same_bits_at_once_and_alone(
+    fn swarms_in_any_world_have_the_same_bits_at_once_and_alone(
         controller in controllers(),
-        noise in noises(),
+        noise in prop::option::of(noises()),
+        boundary in prop_oneof![Just(Boundary::Walls), Just(Boundary::Open), Just(Boundary::Torus)],
+        radius in prop::option::of(1.0..100.0),
         seed: u64,
     ) {
-        let short = v1::World { horizon: Some(150), noise: Some(noise), ..v1::World::default() };
+        let obstacle = |radius| v1::Obstacle { x: 200.0, y: 300.0, radius: Some(radius), ..v1::Obstacle::default() };
+        let short = v1::World {
+            horizon: Some(150),
+            noise,
+            boundary: Some(boundary.name().to_owned()),
+            obstacles: radius.map(obstacle).into_iter().collect(),
+            ..v1::World::default()
+        };
         let (world, format) = (super::world(short), ImageFormat::default());
         let tasks: Vec<_> = (0..8).map(|i| (controller.clone(), Start::seeded(seed ^ i))).collect();
         for arch in arches() {
