@@ -2,9 +2,9 @@
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to the walls, if there are any: a
-//!   projection, which takes it no further from where it was than the drive did, and besides as far as it was outside the walls
-//!   before.
+//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to
+//!   the walls, if there are any: a projection, which takes it no further from where it was than the drive did, and besides as far
+//!   as it was outside the walls before.
 //! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
 //!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
 //!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
@@ -15,11 +15,12 @@
 //!
 //! - Where there are walls, they leave it within the walls or where a way out ends, which is within the rectangle about the
 //!   obstacles and a body around them; without walls, they leave it where it was or within that rectangle.
-//! - On a torus they push it the shorter way around, so at most half a diagonal.
+//! - On a torus they push it the shorter way around, so at most half a diagonal; and so do the others.
 //!
-//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes of the world or
-//! that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of at most a
-//! quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed.
+//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes
+//! of the world or that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of
+//! at most a quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed. On a
+//! torus they are distances of coordinates, and the centroid is a mean of coordinates: features know nothing of images.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
@@ -40,37 +41,8 @@ impl FeatureBounds {
     /// Those of swarms of this model in `world`.
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
-        let (push, drive) = (push(world), drive(model, world));
-        let reached = region(model, world).map(|[low, high]| high - low);
-        let diagonal = reached[0].hypot(reached[1]);
-        let speed = match world.boundary() {
-            Boundary::Torus => {
-                let pushed = if world.obstacles().is_empty() {
-                    0.0
-                } else {
-                    world.half_diagonal()
-                };
-                drive + pushed + push
-            }
-            Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(diagonal),
-            Boundary::Walls => {
-                // A start may be anywhere in the world.
-                let sees_start = world.horizon() <= FEATURE_STEPS;
-                let (outside, crossed) = if sees_start {
-                    let whole = hull(
-                        region(model, world),
-                        [[0.0, world.width()], [0.0, world.height()]],
-                    );
-                    (push.max(SQRT_2 * world.margin()), size(whole))
-                } else {
-                    (push, diagonal)
-                };
-                match world.obstacles() {
-                    [] => (drive + outside + push).min(crossed),
-                    _ => crossed,
-                }
-            }
-        };
+        let speed = speed(model, world);
+        let diagonal = size(region(model, world));
         let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
         let spread = spread / world.half_diagonal();
         let most = [
@@ -115,8 +87,7 @@ pub fn check_positions(
     world: &World,
     positions: impl IntoIterator<Item = [f64; 2]>,
 ) -> Result<(), Invalid> {
-    let world_itself = [[0.0, world.width()], [0.0, world.height()]];
-    let reached = hull(region(model, world), world_itself);
+    let reached = hull(region(model, world), whole(world));
     for position in positions {
         for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
             // Poses may come in single precision.
@@ -135,6 +106,34 @@ pub fn check_positions(
     Ok(())
 }
 
+/// Furthest that a step moves an agent.
+fn speed(model: &CapabilityModel, world: &World) -> f64 {
+    let (push, drive) = (push(world), drive(model, world));
+    let region = region(model, world);
+    match world.boundary() {
+        Boundary::Torus => {
+            let around = world.half_diagonal();
+            let obstacles = if world.obstacles().is_empty() { 0.0 } else { around };
+            drive + obstacles + push.min(around)
+        }
+        Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(size(region)),
+        Boundary::Walls => {
+            // A start may be anywhere in the world.
+            let (outside, crossed) = match world.horizon() <= FEATURE_STEPS {
+                true => (
+                    push.max(SQRT_2 * world.margin()),
+                    size(hull(region, whole(world))),
+                ),
+                false => (push, size(region)),
+            };
+            match world.obstacles() {
+                [] => (drive + outside + push).min(crossed),
+                _ => crossed,
+            }
+        }
+    }
+}
+
 /// A rectangle: lowest and highest coordinate by axis.
 type Rectangle = [[f64; 2]; 2];
 
@@ -144,7 +143,9 @@ fn region(model: &CapabilityModel, world: &World) -> Rectangle {
     let (room, beyond) = match world.boundary() {
         Boundary::Torus => return sides.map(|side| [0.0, side]),
         Boundary::Walls => {
-            let margin = world.margin();
+            // The smallest robots get nearest to the walls.
+            let radii = model.species().iter().map(|species| species.robot().radius());
+            let margin = world.padding() + radii.fold(world.radius(), f64::min);
             (
                 sides.map(|side| [margin, (side - margin).max(margin)]),
                 push(world),
@@ -154,6 +155,11 @@ fn region(model: &CapabilityModel, world: &World) -> Rectangle {
     };
     let room = around_obstacles(world).map_or(room, |obstacles| hull(room, obstacles));
     room.map(|[low, high]| [low - beyond, high + beyond])
+}
+
+/// The world.
+fn whole(world: &World) -> Rectangle {
+    [[0.0, world.width()], [0.0, world.height()]]
 }
 
 /// The rectangle about all obstacles, a body and a gap around each.

@@ -108,8 +108,8 @@ impl Eye {
         self.middle
     }
 
-    /// Whether the line from 0 along the unit vector `edge`, as long as the range, meets the box between these sides: low and high
-    /// by axis.
+    /// Whether the line from 0 along the unit vector `edge`, as long as the range, meets the box between these sides: low and
+    /// high by axis.
     fn meets_box(&self, edge: [f64; 2], sides: [[f64; 2]; 2]) -> bool {
         let mut within = [0.0, self.range.sqrt()];
         for (along, side) in edge.into_iter().zip(sides) {
@@ -176,8 +176,8 @@ impl Gaze {
 
     /// Whether the cone at `at`, cut at the range, meets a box.
     ///
-    /// What the range leaves of the box is in one piece: if neither edge of the cone meets it, all of it is between the edges, or
-    /// nothing, and so is the nearest point.
+    /// What the range leaves of the box is in one piece: if neither edge of the cone meets it, all of it is between the edges,
+    /// or nothing, and so is the nearest point.
     pub(super) fn sees_box(&self, centre: [f64; 2], half: [f64; 2], at: [f64; 2]) -> bool {
         let e = [centre[0] - at[0], centre[1] - at[1]];
         let sides = [0, 1].map(|axis| [e[axis] - half[axis], e[axis] + half[axis]]);

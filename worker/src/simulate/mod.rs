@@ -1,7 +1,8 @@
 //! The swarm: agents stepped one after the other, each seeing the positions as they are at that moment.
 //!
 //! One step of one agent (order as in the authors' simulator): drive with
-//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of obstacles, be pushed out of others, sense.
+//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of obstacles, be pushed out of others, sense. A
+//! step that is longer than an obstacle is thick passes through it.
 
 mod batch;
 mod collide;
@@ -86,10 +87,11 @@ pub struct Agent {
     pub heading: [f64; 2],
     /// Heading in radians, not wrapped.
     pub theta: f64,
-    /// What the last step moved it by, walls, obstacles and collisions included; zero at the start. On a torus it is the motion, not
-    /// the jump to the other side.
+    /// What the last step moved it by, walls, obstacles and collisions included; zero at the start. On a torus it is the motion,
+    /// not the jump to the other side.
     pub displacement: [f64; 2],
-    /// What its sensors read last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the start.
+    /// What its sensors read last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the
+    /// start.
     pub sensed: u8,
 }
 

@@ -43,10 +43,10 @@ impl Obstacles {
         }
     }
 
-    /// Where a robot of this radius ends that was at `before` and is now at `at`; `home` takes it back inside the edges, where it
-    /// is.
+    /// Where a robot of this radius ends that was at `before` and is now at `at`, which is inside the edges; `home` takes a place
+    /// back inside them.
     ///
-    /// It ends inside no obstacle, in the first of these ways that leads there:
+    /// It ends inside no obstacle (on a torus that obstacles do not fill), in the first of these ways that leads there:
     ///
     /// 1. It is pushed out of one obstacle after the other, in their order, each time to the nearest place a little way from it;
     ///    then it is taken back inside the edges; and so again, in [`PASSES`] passes at most.
@@ -93,8 +93,8 @@ impl Obstacles {
         !self.any(at, |obstacle| obstacle.distance(at) < radius)
     }
 
-    /// Where a robot gets out of all obstacles that moves along an axis in this direction. It passes each of them once; on a torus
-    /// there may be no end of them.
+    /// Where a robot gets out of all obstacles that moves along an axis in this direction. It passes each of them once; on a
+    /// torus there may be no end of them.
     fn way_out(&self, radius: f64, mut at: [f64; 2], (axis, sign): (usize, f64)) -> [f64; 2] {
         for _ in 0..self.all.len() {
             let Some(inside) = self.find(at, |obstacle| obstacle.distance(at) < radius) else {

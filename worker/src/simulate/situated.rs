@@ -109,9 +109,12 @@ impl Mind for &mut Situated {
     ) -> ([f64; 2], u8) {
         let (at, sensed) = match self.torus {
             None => self.kinds.settle(simd, others, collisions, robot),
-            Some(torus) => self
-                .kinds
-                .settle(simd, &Images { torus, others }, collisions, robot),
+            Some(torus) => {
+                let others = Images { torus, others };
+                let (at, sensed) = self.kinds.settle(simd, &others, collisions, robot);
+                // Others push it the shorter way around, too.
+                (torus.nearest(at, robot.at), sensed)
+            }
         };
         let sensors = self.kinds.directions(robot.index).len();
         let read = |noise: &mut Noise| noise.read(robot.index, sensors, sensed);

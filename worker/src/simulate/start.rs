@@ -22,8 +22,8 @@ impl Start {
         Self(Kind::Seed(seed))
     }
 
-    /// A given start, whatever the world says: (x, y, theta) for each agent, world units and radians. Jitter and noise have the seed
-    /// 0.
+    /// A given start, whatever the world says: (x, y, theta) for each agent, world units and radians. Jitter and noise have the
+    /// seed 0.
     ///
     /// # Errors
     /// Names the first number that is not finite.

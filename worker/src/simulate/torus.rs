@@ -1,6 +1,7 @@
 //! A world without edges: what leaves at one side comes in at the other.
 //!
-//! Of the nine images of a robot, in the world and around it, the one nearest along each axis is the one that touches and is seen.
+//! Of the nine images of a robot, in the world and around it, the one nearest along each axis is the one that touches and is
+//! seen.
 
 use super::{
     gaze::{Gaze, Group},
