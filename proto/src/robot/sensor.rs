@@ -11,8 +11,8 @@ use std::{
 /// A binary sensor: it is on while anything that it can see is in its cone.
 ///
 /// A robot is seen when its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone.
-/// Obstacles hide nothing. A disc is seen as a robot is, but where its nearest point is within the range; a box where the cone, cut
-/// at the range, meets it.
+/// Obstacles hide nothing. A disc is seen as a robot is, but where its nearest point is within the range; a box where the cone,
+/// cut at the range, meets it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     angle: SensorAngle,

@@ -24,8 +24,8 @@ pub enum StartShape {
         /// Distance of the last robot from the first, world units, 0 to the width of the world.
         length: f64,
     },
-    /// (x, y, theta) of each robot, world units and radians: the same whatever the seed. x and y are in the world, theta is at most
-    /// [`StartShape::MAX_ANGLE`] in magnitude.
+    /// (x, y, theta) of each robot, world units and radians: the same whatever the seed. x and y are in the world, theta is at
+    /// most [`StartShape::MAX_ANGLE`] in magnitude.
     Poses(Arc<[[f64; 3]]>),
 }
 
