@@ -4,10 +4,13 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 11] = [
+const WRITTEN_BY_PEOPLE: [&str; 14] = [
     "Sensor",
     "Robot",
     "Species",
+    "Obstacle",
+    "StartShape",
+    "Noise",
     "World",
     "ImageFormat",
     "ControllerSpace",
@@ -50,6 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "Sensor.angles",
         "Sensor.sees",
         "CampaignSpec.species",
+        "World.obstacles",
     ] {
         let skip = "#[serde(skip_serializing_if = \"Vec::is_empty\")]";
         config = config.field_attribute(format!("murmuration.v1.{list}"), skip);
@@ -58,6 +62,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         .field_attribute(
             "murmuration.v1.Sensor.angle",
             "#[serde(with = \"crate::robot::toml_names::angle\", skip_serializing_if = \"Option::is_none\")]",
+        )
+        .field_attribute(
+            "murmuration.v1.StartShape.poses",
+            "#[serde(with = \"crate::toml_names::poses\", skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
             "murmuration.v1.CampaignSpec.ratios",

@@ -70,7 +70,8 @@ impl CampaignSpec {
         Ok(swarm::swarm(&toml_errors::campaign(text)?)?)
     }
 
-    /// Writes a campaign file with every field; [`CampaignSpec::from_toml`] reads the same specification back.
+    /// Writes a campaign file with every field but those of obstacles, start and noise where the world has the paper's;
+    /// [`CampaignSpec::from_toml`] reads the same specification back.
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(&v1::CampaignSpec::from(self)).unwrap_or_default()
@@ -312,7 +313,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             ratios,
             method: v1::Method::from(spec.method) as i32,
             filter: Some(spec.filter),
-            world: Some(spec.world.into()),
+            world: Some(spec.world.clone().into()),
             image: Some(spec.image.into()),
             controllers: Some((&spec.controllers).into()),
             search: Some(spec.search.into()),

@@ -33,6 +33,7 @@ mod space;
 mod spec_sections;
 pub mod text;
 mod toml_errors;
+mod toml_line;
 mod toml_names;
 pub mod training;
 mod world;
@@ -61,7 +62,8 @@ pub use seen::SeenPictures;
 pub use space::{ControllerSpace, GeneSpace};
 pub use text::Text;
 pub use toml_errors::TomlError;
-pub use world::World;
+pub use toml_line::{of_toml_line, to_toml_line};
+pub use world::{Noise, Obstacle, StartShape, World};
 
 /// The generated messages and services of the package `murmuration.v1`.
 #[allow(missing_docs, clippy::all)]

@@ -37,6 +37,13 @@ pub enum Purpose {
     Audit,
     /// Seeds of the further starts of labelled controllers; the index is 16 times the individual's, and the start's.
     FurtherStart,
+    /// Slip of a robot's drive, two numbers a step; the seed is the start's, the index the robot's.
+    Slip,
+    /// A robot's own gains; the seed is the start's, the index the robot's.
+    Gain,
+    /// Which readings of a robot's sensors are missed or false, a number for each sensor and step; the seed is the start's, the
+    /// index the robot's.
+    Misreading,
 }
 
 impl Purpose {
@@ -58,6 +65,9 @@ impl Purpose {
             Self::Audit => "audit",
             // An older word for them, which the digests of campaigns with feedback rest on.
             Self::FurtherStart => "lesson start",
+            Self::Slip => "slip",
+            Self::Gain => "gain",
+            Self::Misreading => "misreading",
         }
     }
 }

@@ -1,16 +1,19 @@
 //! A macro for validated records: private fields, one documented getter each.
 
-/// Declares a struct whose fields can be read but not written from outside its module.
+/// Declares a struct whose fields can be read but not written from outside its module. Getters return copies; of fields under
+/// `by reference` they return a reference to what stands behind `as`.
 macro_rules! record {
     (
         $(#[$outer:meta])*
         pub struct $name:ident { $( $(#[$doc:meta])* $field:ident : $type:ty, )+ }
+        $( by reference { $( $(#[$large_doc:meta])* $large:ident : $large_type:ty as $target:ty, )+ } )?
     ) => {
         $(#[$outer])*
-        pub struct $name { $( $field: $type, )+ }
+        pub struct $name { $( $field: $type, )+ $( $( $large: $large_type, )+ )? }
 
         impl $name {
             $( $(#[$doc])* #[must_use] pub const fn $field(&self) -> $type { self.$field } )+
+            $( $( $(#[$large_doc])* #[must_use] pub fn $large(&self) -> &$target { &self.$large } )+ )?
         }
     };
 }

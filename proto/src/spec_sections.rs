@@ -7,13 +7,16 @@ use crate::{
 use serde::de::DeserializeOwned;
 
 /// The fields of every section, by the section's name; the top of the file has none.
-pub(crate) fn sections() -> [(&'static str, Vec<String>); 17] {
+pub(crate) fn sections() -> [(&'static str, Vec<String>); 20] {
     [
         ("", fields::<v1::CampaignSpec>()),
         ("robot", fields::<v1::Robot>()),
         ("robot.sensors", fields::<v1::Sensor>()),
         ("species", fields::<v1::Species>()),
         ("world", fields::<v1::World>()),
+        ("world.obstacles", fields::<v1::Obstacle>()),
+        ("world.start", fields::<v1::StartShape>()),
+        ("world.noise", fields::<v1::Noise>()),
         ("image", fields::<v1::ImageFormat>()),
         ("controllers", fields::<v1::ControllerSpace>()),
         ("search", fields::<v1::Search>()),

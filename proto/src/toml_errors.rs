@@ -361,7 +361,7 @@ mod tests {
         );
         check(
             "[[species]]\nname = \"a\"\nradius = 3",
-            "unknown field `radius` in [species]: it belongs in [robot] or in [world].",
+            "unknown field `radius` in [species]: it belongs in [robot] or in [world] or in",
         );
         check(
             "[training]\nmargin = 5",

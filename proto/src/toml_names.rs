@@ -1,5 +1,19 @@
 //! What people write in campaign files otherwise than the messages have it.
 
+/// `poses = [[100.0, 250.0, 0.0], [400.0, 250.0, 3.14]]`.
+pub(crate) mod poses {
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(numbers: &[f64], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(numbers.chunks(3))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+        let poses = Vec::<[f64; 3]>::deserialize(deserializer)?;
+        Ok(poses.into_flattened())
+    }
+}
+
 /// `method = "hand-crafted"`.
 pub(crate) mod method {
     use crate::{Method, v1};

@@ -1,12 +1,23 @@
 //! The arena and the agents in it.
 
+mod noise;
+mod obstacle;
+mod start_shape;
+#[cfg(test)]
+mod tests;
+
+pub use noise::Noise;
+pub use obstacle::Obstacle;
+pub use start_shape::StartShape;
+
 use crate::{Boundary, CapabilityModel, Invalid, Preset, invalid, record::record, robot::Defaults, v1};
+use std::sync::Arc;
 
 record! {
     /// The arena of a swarm, and the length of a simulation (paper, "Simulation and Data").
     ///
     /// Lengths are in world units; the defaults are the paper's.
-    #[derive(Debug, Clone, Copy, PartialEq)]
+    #[derive(Debug, Clone, PartialEq)]
     pub struct World {
         /// Width, 1 to 10,000.
         width: f64,
@@ -28,6 +39,14 @@ record! {
         jitter: bool,
         /// What is at the edges.
         boundary: Boundary,
+        /// What goes wrong with the agents.
+        noise: Noise,
+    }
+    by reference {
+        /// What is in the arena besides the agents; at most [`Obstacle::MAX_COUNT`].
+        obstacles: Arc<[Obstacle]> as [Obstacle],
+        /// Where the agents start.
+        start: StartShape as StartShape,
     }
 }
 
@@ -62,7 +81,7 @@ impl World {
     /// # Errors
     /// Names `field` if the line is no table of TOML with robots in it, and otherwise the field that is not allowed.
     pub fn robots_of_line(&self, field: &str, line: &str) -> Result<CapabilityModel, Invalid> {
-        CapabilityModel::of_line(field, line, &defaults(&(*self).into()))
+        CapabilityModel::of_line(field, line, &defaults(&self.clone().into()))
     }
 
     /// Half the world's diagonal: the R of the paper's Table 1.
@@ -101,6 +120,9 @@ impl Default for World {
             horizon: 1200,
             jitter: false,
             boundary: Boundary::Walls,
+            noise: Noise::default(),
+            obstacles: Arc::default(),
+            start: StartShape::default(),
         }
     }
 }
@@ -115,6 +137,12 @@ impl TryFrom<v1::World> for World {
         };
         let width = side("width", message.width, default.width)?;
         let height = side("height", message.height, default.height)?;
+        let agents = invalid::whole(
+            "agents",
+            message.agents.unwrap_or(default.agents),
+            1..=Self::MAX_AGENTS,
+        )?;
+        let start = StartShape::in_world(message.start.unwrap_or_default(), agents, [width, height]);
         let world = Self {
             width,
             height,
@@ -123,11 +151,7 @@ impl TryFrom<v1::World> for World {
                 message.padding.unwrap_or(default.padding),
                 0.0..=Self::MAX_SIDE,
             )?,
-            agents: invalid::whole(
-                "agents",
-                message.agents.unwrap_or(default.agents),
-                1..=Self::MAX_AGENTS,
-            )?,
+            agents,
             radius: invalid::positive("radius", message.radius.unwrap_or(default.radius), 1000.0)?,
             wheel_radius: invalid::positive(
                 "wheel_radius",
@@ -145,6 +169,10 @@ impl TryFrom<v1::World> for World {
                 Some(name) => name.parse()?,
                 None => default.boundary,
             },
+            noise: Noise::try_from(message.noise.unwrap_or_default())
+                .map_err(|error| error.within("noise"))?,
+            obstacles: obstacle::obstacles(message.obstacles, [width, height])?.into(),
+            start: start.map_err(|error| error.within("start"))?,
         };
         let needed = 2.0 * world.margin();
         if needed > width.min(height) {
@@ -170,6 +198,9 @@ impl From<World> for v1::World {
             horizon: Some(world.horizon),
             jitter: Some(world.jitter),
             boundary: Some(world.boundary.name().to_owned()),
+            noise: (!world.noise.is_off()).then(|| world.noise.into()),
+            obstacles: world.obstacles.iter().map(Into::into).collect(),
+            start: (world.start != StartShape::Uniform).then(|| (&world.start).into()),
         }
     }
 }

@@ -81,7 +81,7 @@ pub fn messages(bytes: &[u8]) {
             lineage.describe(CheckpointDigest::of(b""), 0, 0)
         }),
         2 => read_back(bytes, |replay: &Replay| v1::Replay::from(replay.clone())),
-        3 => read_back(bytes, |&world: &World| v1::World::from(world)),
+        3 => read_back(bytes, |world: &World| v1::World::from(world.clone())),
         4 => read_back(bytes, |feedback: &Feedback| v1::Feedback::from(feedback)),
         5 => read_back(bytes, |&search: &Search| v1::Search::from(search)),
         _ => {

@@ -38,7 +38,7 @@ impl Evaluator {
     /// As [`Evaluator::new`].
     pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
         Ok(Self {
-            world: *world,
+            world: world.clone(),
             format: *format,
             rasteriser: Rasteriser::on(arch, world, format)?,
             arch,
@@ -67,7 +67,8 @@ impl Evaluator {
     }
 
     /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
-    /// up to 64 robots whose sensors see all robots and nothing else.
+    /// up to 64 robots whose sensors see all robots and nothing else, in worlds without noise or obstacles
+    /// that are no torus.
     ///
     /// # Errors
     /// The first error that [`Evaluator::evaluate`] has.

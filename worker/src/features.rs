@@ -1,4 +1,7 @@
 //! The five hand-crafted features of Brown et al. (paper, Table 1), averaged over the last steps.
+//!
+//! On a torus there is no one centroid. The formulas stay what they are, on coordinates in the world: a swarm across an edge counts
+//! as one that is far apart. Speeds are those of the motion.
 
 mod bounds;
 

@@ -36,7 +36,7 @@ impl EvaluationJob {
             campaign: record.id.clone(),
             weight: record.weight,
             model: record.spec.model().clone(),
-            world: *record.spec.world(),
+            world: record.spec.world().clone(),
             image: *record.spec.image(),
             embedder,
             tasks,

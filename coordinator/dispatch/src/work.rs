@@ -127,7 +127,7 @@ impl Work for EvaluationJob {
         let checkpoint = self.embedder.map(|embedder| embedder.checkpoint.to_string());
         v1::lease::Work::Evaluations(v1::EvaluationBatch {
             model: Some((&self.model).into()),
-            world: Some(self.world.into()),
+            world: Some(self.world.clone().into()),
             image: Some(self.image.into()),
             tasks: tasks.map(|(controller, seed)| task(controller, *seed)).collect(),
             checkpoint: checkpoint.unwrap_or_default(),
@@ -240,7 +240,7 @@ impl Work for ReplayJob {
     fn batch(&self, _places: &[usize]) -> v1::lease::Work {
         v1::lease::Work::Replay(v1::ReplayTask {
             model: Some(self.controller.model().into()),
-            world: Some(self.world.into()),
+            world: Some(self.world.clone().into()),
             task: Some(task(&self.controller, self.seed)),
             stride: self.frames.stride().get(),
             first: self.frames.first(),

@@ -99,13 +99,13 @@ impl SyntheticAnnotator {
         let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model().clone());
         let ArchivedIndividual { controller, seed, .. } =
             blocking(move || store.individual(&id, &model, index)).await??;
-        let world: World = *record.spec.world();
+        let world: World = record.spec.world().clone();
         let job = ReplayJob {
             campaign: record.id.clone(),
             controller,
-            world,
-            seed,
             frames: judge::frames(&world),
+            world: world.clone(),
+            seed,
         };
         let replay = self.dispatch.replay(job).await?;
         let class = blocking(move || judge(&replay, &world).class).await?;

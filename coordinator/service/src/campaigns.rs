@@ -256,7 +256,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             stride,
         } = request.into_inner();
         let record = self.record(&campaign).await?;
-        let world = *record.spec.world();
+        let world = record.spec.world().clone();
         let frames = Frames::new(0, stride, &world)?;
         let id = record.id.clone();
         let found = self

@@ -33,7 +33,7 @@ impl RobotArgs {
     pub(super) fn read(&self) -> Result<(Option<CapabilityModel>, World, ImageFormat), CliError> {
         if let Some(path) = &self.spec {
             let spec = read_spec(path, None)?;
-            return Ok((Some(spec.model().clone()), *spec.world(), *spec.image()));
+            return Ok((Some(spec.model().clone()), spec.world().clone(), *spec.image()));
         }
         let format = ImageFormat::default();
         if let Some(path) = &self.robot {

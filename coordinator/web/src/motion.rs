@@ -31,7 +31,7 @@ pub(super) async fn motion(
 ) -> Result<impl IntoResponse, Refused> {
     let record = web.campaigns.status(&campaign).await.or_status()?.record;
     web.archive.dispatch.check_staffed().or_status()?;
-    let world = *record.spec.world();
+    let world = record.spec.world().clone();
     let request = v1::GetReplayRequest {
         campaign: record.id.to_string(),
         index,

@@ -11,11 +11,14 @@ pub enum Boundary {
     Walls,
     /// Nothing: robots may leave the world, and no sensor sees a wall.
     Open,
+    /// Nothing, and robots that leave at one side come in at the other: distances, collisions and sensors go by the nearest
+    /// image of a robot. A ray without limit sees that image only, not those farther on. No sensor sees a wall.
+    Torus,
 }
 
 impl Boundary {
     /// Every boundary.
-    pub const ALL: [Self; 2] = [Self::Walls, Self::Open];
+    pub const ALL: [Self; 3] = [Self::Walls, Self::Open, Self::Torus];
 
     /// Its name in files.
     #[must_use]
@@ -23,6 +26,7 @@ impl Boundary {
         match self {
             Self::Walls => "walls",
             Self::Open => "open",
+            Self::Torus => "torus",
         }
     }
 }

@@ -25,13 +25,6 @@ impl TryFrom<v1::Sensor> for Sensor {
         let described = SensorDescription::default();
         let sees = message.sees.iter().map(|name| name.parse());
         let sees: Vec<Seen> = sees.collect::<Result<_, _>>()?;
-        if sees.contains(&Seen::Obstacles) {
-            return Err(Invalid::new(
-                "sees",
-                "obstacles",
-                "robots, a species or walls: worlds have no obstacles",
-            ));
-        }
         Self::try_from(SensorDescription {
             angle: angle(message.angle, &message.angle_range, &message.angles)?,
             half_angle: message.half_angle.unwrap_or(described.half_angle),

@@ -11,6 +11,8 @@ use std::{
 /// A binary sensor: it is on while anything that it can see is in its cone.
 ///
 /// A robot is seen when its centre is within the range, and an edge of the cone meets its body or its centre lies in the cone.
+/// Obstacles hide nothing. A disc is seen as a robot is, but where its nearest point is within the range; a box where the cone,
+/// cut at the range, meets it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensor {
     angle: SensorAngle,
@@ -30,7 +32,7 @@ pub struct SensorDescription {
     pub angle: SensorAngle,
     /// Half of the cone's opening angle, radians, 0 (a ray) to pi.
     pub half_angle: f64,
-    /// Largest distance to a robot's centre, world units, over 0; `None`: no limit.
+    /// Largest distance to a robot's centre, or to the nearest point of an obstacle, world units, over 0; `None`: no limit.
     pub range: Option<f64>,
     /// What it sees; nothing twice, and either all robots or one species.
     pub sees: Vec<Seen>,
@@ -89,7 +91,8 @@ impl Sensor {
         self.half_angle
     }
 
-    /// Largest distance to the centre of a robot that it sees, world units; `None`: no limit.
+    /// Largest distance to the centre of a robot, or to the nearest point of an obstacle, that it sees, world units; `None`: no
+    /// limit.
     #[must_use]
     pub const fn range(&self) -> Option<f64> {
         self.range

@@ -39,10 +39,10 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     let world = world(keys, poses.len(), controller.model().largest_radius())?;
     Ok(Case {
         controller,
-        world,
         image: image(keys, &world)?,
         start: Start::at(poses)?,
         checkpoints: checkpoints(keys, world.horizon())?,
+        world,
         document,
     })
 }
@@ -120,6 +120,7 @@ fn world(keys: Keys<'_>, poses: usize, radius: f64) -> Result<World, Invalid> {
             let boundary = if walls { Boundary::Walls } else { Boundary::Open };
             boundary.name().to_owned()
         }),
+        ..v1::World::default()
     };
     World::try_from(message).map_err(in_case)
 }

@@ -90,7 +90,7 @@ impl Executor {
             .filter(|(of, format, _)| *of == world && *format == image);
         let entry = match fitting {
             Some(fitting) => fitting,
-            None => (world, image, Evaluator::new(&world, &image)?),
+            None => (world.clone(), image, Evaluator::new(&world, &image)?),
         };
         let evaluator = &mut self.evaluator.insert(entry).2;
         let task = |(controller, seed): &(Controller, u64)| (controller.clone(), Start::seeded(*seed));

@@ -2,22 +2,29 @@
 //!
 //! The bounds hold for every controller and start, and follow from what a step does to an agent (`simulate`):
 //!
-//! - It drives at most as far as its drive's top speed takes it in `dt`, and is clamped to the walls, if there are any: a
-//!   projection, which takes it no further from where it was than the drive did, and besides as far as it was outside the walls
-//!   before.
+//! - It drives at most as far as its drive's top speed takes it in `dt`, times the largest factor of the noise, and is clamped to
+//!   the walls, if there are any: a projection, which takes it no further from where it was than the drive did, and besides as far
+//!   as it was outside the walls before.
 //! - Then it is pushed out of others, in a few passes. All that a pass pushes it out of are within a diameter of where it
 //!   was when the pass began, and each push leaves it a diameter and a gap from one of them, give or take the jitter. So no
 //!   pass takes it further than two diameters and that; nor do all of them together, by the same argument, for each other
 //!   agent there is. Where two agents nearly coincide, the direction of a push is a unit vector up to a factor of 1.42, for
 //!   which there is room in [`push`].
 //!
-//! So after its step every agent is within a push of the walls; without walls, within as many drives and pushes of the world as
-//! there are steps. Distances from the centroid have a mean square of at most a
-//! quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed.
+//! Between the two, obstacles push it:
+//!
+//! - Where there are walls, they leave it within the walls or where a way out ends, which is within the rectangle about the
+//!   obstacles and a body around them; without walls, they leave it where it was or within that rectangle.
+//! - On a torus they push it the shorter way around, so at most half a diagonal; and so do the others.
+//!
+//! So after its step every agent is within a push of the walls or that rectangle; without walls, within as many drives and pushes
+//! of the world or that rectangle as there are steps; on a torus, in the world. Distances from the centroid have a mean square of
+//! at most a quarter of the squared diagonal of where agents can be (Popoviciu), and all else follows from that and the speed. On a
+//! torus they are distances of coordinates, and the centroid is a mean of coordinates: features know nothing of images.
 
 use super::{FEATURE_STEPS, RADIAL_VARIANCE_SCALE};
 use crate::simulate::{GAP, JITTER, PASSES};
-use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, World};
+use murmuration_proto::{Boundary, CapabilityModel, FEATURE_NAMES, Features, Invalid, Obstacle, World};
 use std::f64::consts::SQRT_2;
 
 /// Room for what is rounded: in proportion, and absolutely.
@@ -34,26 +41,8 @@ impl FeatureBounds {
     /// Those of swarms of this model in `world`.
     #[must_use]
     pub fn of(model: &CapabilityModel, world: &World) -> Self {
-        let (push, drive) = (push(world), model.top_speed() * world.dt());
-        let [width, height] = [world.width(), world.height()];
-        // How far agents get from the room for their centres, and how far that is from the edges.
-        let (beyond, margin) = match world.boundary() {
-            Boundary::Walls => (push, world.margin()),
-            Boundary::Open => (roam(model, world), 0.0),
-        };
-        let reached = [width, height].map(|side| (side - 2.0 * margin).max(0.0) + 2.0 * beyond);
-        let diagonal = reached[0].hypot(reached[1]);
-        // A start may be anywhere in the world.
-        let sees_start = world.horizon() <= FEATURE_STEPS;
-        let (outside, crossed) = match world.boundary() {
-            Boundary::Open => (0.0, diagonal),
-            Boundary::Walls if sees_start => {
-                let sides = [width, height].map(|side| side + 2.0 * (push - margin).max(0.0));
-                (push.max(SQRT_2 * margin), sides[0].hypot(sides[1]))
-            }
-            Boundary::Walls => (push, diagonal),
-        };
-        let speed = (drive + outside + push).min(crossed);
+        let speed = speed(model, world);
+        let diagonal = size(region(model, world));
         let spread = if world.agents() > 1 { diagonal / 2.0 } else { 0.0 };
         let spread = spread / world.half_diagonal();
         let most = [
@@ -98,21 +87,14 @@ pub fn check_positions(
     world: &World,
     positions: impl IntoIterator<Item = [f64; 2]>,
 ) -> Result<(), Invalid> {
-    let push = match world.boundary() {
-        Boundary::Walls => push(world),
-        Boundary::Open => roam(model, world),
-    } + ROUNDING.1;
-    let sides = [world.width(), world.height()];
+    let reached = hull(region(model, world), whole(world));
     for position in positions {
-        for ((axis, value), side) in ["x", "y"].into_iter().zip(position).zip(sides) {
+        for ((axis, value), [low, high]) in ["x", "y"].into_iter().zip(position).zip(reached) {
             // Poses may come in single precision.
-            let room = push + side * ROUNDING.0;
-            if !(-room..=side + room).contains(&value) {
-                let allowed = format!(
-                    "from {:.3} to {:.3}, which agents of this world reach",
-                    -room,
-                    side + room
-                );
+            let room = (high - low) * ROUNDING.0 + ROUNDING.1;
+            let (low, high) = (low - room, high + room);
+            if !(low..=high).contains(&value) {
+                let allowed = format!("from {low:.3} to {high:.3}, which agents of this world reach");
                 return Err(Invalid::new(
                     format!("replay.{axis}"),
                     format!("{value:e}"),
@@ -124,9 +106,93 @@ pub fn check_positions(
     Ok(())
 }
 
-/// Furthest that an agent gets from the world in a whole simulation without walls.
+/// Furthest that a step moves an agent.
+fn speed(model: &CapabilityModel, world: &World) -> f64 {
+    let (push, drive) = (push(world), drive(model, world));
+    let region = region(model, world);
+    match world.boundary() {
+        Boundary::Torus => {
+            let around = world.half_diagonal();
+            let obstacles = if world.obstacles().is_empty() { 0.0 } else { around };
+            drive + obstacles + push.min(around)
+        }
+        Boundary::Open => (drive + push + around_obstacles(world).map_or(0.0, size)).min(size(region)),
+        Boundary::Walls => {
+            // A start may be anywhere in the world.
+            let (outside, crossed) = match world.horizon() <= FEATURE_STEPS {
+                true => (
+                    push.max(SQRT_2 * world.margin()),
+                    size(hull(region, whole(world))),
+                ),
+                false => (push, size(region)),
+            };
+            match world.obstacles() {
+                [] => (drive + outside + push).min(crossed),
+                _ => crossed,
+            }
+        }
+    }
+}
+
+/// A rectangle: lowest and highest coordinate by axis.
+type Rectangle = [[f64; 2]; 2];
+
+/// Where agents can be after any step.
+fn region(model: &CapabilityModel, world: &World) -> Rectangle {
+    let sides = [world.width(), world.height()];
+    let (room, beyond) = match world.boundary() {
+        Boundary::Torus => return sides.map(|side| [0.0, side]),
+        Boundary::Walls => {
+            // The smallest robots get nearest to the walls.
+            let radii = model.species().iter().map(|species| species.robot().radius());
+            let margin = world.padding() + radii.fold(world.radius(), f64::min);
+            (
+                sides.map(|side| [margin, (side - margin).max(margin)]),
+                push(world),
+            )
+        }
+        Boundary::Open => (sides.map(|side| [0.0, side]), roam(model, world)),
+    };
+    let room = around_obstacles(world).map_or(room, |obstacles| hull(room, obstacles));
+    room.map(|[low, high]| [low - beyond, high + beyond])
+}
+
+/// The world.
+fn whole(world: &World) -> Rectangle {
+    [[0.0, world.width()], [0.0, world.height()]]
+}
+
+/// The rectangle about all obstacles, a body and a gap around each.
+fn around_obstacles(world: &World) -> Option<Rectangle> {
+    let around = |obstacle: &Obstacle| {
+        let (centre, half) = (obstacle.centre(), obstacle.half_size());
+        [0, 1].map(|axis| {
+            let reach = half[axis] + world.radius() + GAP;
+            [centre[axis] - reach, centre[axis] + reach]
+        })
+    };
+    world.obstacles().iter().map(around).reduce(hull)
+}
+
+/// The smallest rectangle that holds both.
+fn hull(a: Rectangle, b: Rectangle) -> Rectangle {
+    [0, 1].map(|axis| [a[axis][0].min(b[axis][0]), a[axis][1].max(b[axis][1])])
+}
+
+/// Length of a rectangle's diagonal.
+fn size(rectangle: Rectangle) -> f64 {
+    let [x, y] = rectangle.map(|[low, high]| high - low);
+    x.hypot(y)
+}
+
+/// Furthest that an agent gets by itself in a whole simulation without walls.
 fn roam(model: &CapabilityModel, world: &World) -> f64 {
-    f64::from(world.horizon()) * (model.top_speed() * world.dt() + push(world))
+    f64::from(world.horizon()) * (drive(model, world) + push(world))
+}
+
+/// Furthest that an agent drives in a step.
+fn drive(model: &CapabilityModel, world: &World) -> f64 {
+    model.top_speed() * world.noise().largest_factor() * world.dt()
 }
 
 /// Furthest that an agent is pushed out of others in a step.
@@ -174,6 +240,47 @@ mod tests {
         (from..to).prop_map(|power| 10_f64.powf(power))
     }
 
+    fn noise() -> impl Strategy<Value = Option<v1::Noise>> {
+        let part = || prop_oneof![Just(None), Just(Some(1.0)), (0.0..1.0).prop_map(Some)];
+        let noise = (part(), part(), part(), part(), prop::option::of(0..200_u32));
+        prop::option::of(
+            noise.prop_map(|(slip, gain, missed, false_detection, delay)| v1::Noise {
+                slip,
+                gain,
+                missed,
+                false_detection,
+                delay,
+            }),
+        )
+    }
+
+    /// Boundary, obstacles (in a world of side 1), the length of a line to start on, noise.
+    fn surroundings() -> impl Strategy<Value = (Boundary, Vec<v1::Obstacle>, Option<f64>, Option<v1::Noise>)>
+    {
+        let boundary = prop_oneof![Just(Boundary::Walls), Just(Boundary::Open), Just(Boundary::Torus)];
+        let part = || prop_oneof![0.01..0.1_f64, 0.1..0.7];
+        let obstacle = (0.0..1.0_f64, 0.0..1.0_f64, part(), part(), any::<bool>());
+        let obstacle = obstacle.prop_map(|(x, y, width, height, disc)| v1::Obstacle {
+            x,
+            y,
+            radius: disc.then_some(width / 2.0),
+            width: (!disc).then_some(width),
+            height: (!disc).then_some(height),
+        });
+        let obstacles = prop_oneof![Just(Vec::new()), prop::collection::vec(obstacle, 1..6)];
+        (boundary, obstacles, prop::option::of(0.0..1.0), noise())
+    }
+
+    fn stretched(obstacle: v1::Obstacle, width: f64, height: f64) -> v1::Obstacle {
+        v1::Obstacle {
+            x: obstacle.x * width,
+            y: obstacle.y * height,
+            radius: obstacle.radius.map(|radius| radius * width.min(height)),
+            width: obstacle.width.map(|part| part * width),
+            height: obstacle.height.map(|part| part * height),
+        }
+    }
+
     /// Everything that a specification may say, from specks of dust to a world that its robots fill.
     fn worlds() -> impl Strategy<Value = World> {
         let sides = (decades(0.0, 4.0), decades(0.0, 4.0));
@@ -184,15 +291,21 @@ mod tests {
         let motion = (
             decades(-3.0, 3.0),
             prop_oneof![Just(1.0), decades(-3.0, 3.0)],
-            any::<[bool; 2]>(),
+            any::<bool>(),
         );
         let size = (
             prop_oneof![1..4_u32, 4..60_u32],
             prop_oneof![1..4_u32, 95..140_u32],
         );
-        let parts = (sides, bodies, motion, size);
+        let parts = (sides, bodies, motion, size, surroundings());
         parts.prop_map(
-            |((width, height), (filled, padded), (wheel_radius, dt, [jitter, open]), (agents, horizon))| {
+            |(
+                (width, height),
+                (filled, padded),
+                (wheel_radius, dt, jitter),
+                (agents, horizon),
+                (boundary, obstacles, line, noise),
+            )| {
                 let half = f64::min(width, height) / 2.0;
                 let radius = (half * filled).min(1000.0);
                 World::try_from(v1::World {
@@ -205,7 +318,17 @@ mod tests {
                     dt: Some(dt),
                     horizon: Some(horizon),
                     jitter: Some(jitter),
-                    boundary: open.then(|| Boundary::Open.name().to_owned()),
+                    boundary: Some(boundary.name().to_owned()),
+                    noise,
+                    obstacles: obstacles
+                        .into_iter()
+                        .map(|obstacle| stretched(obstacle, width, height))
+                        .collect(),
+                    start: line.map(|part| v1::StartShape {
+                        shape: Some("line".to_owned()),
+                        length: Some(part * width),
+                        ..v1::StartShape::default()
+                    }),
                 })
                 .unwrap()
             },

@@ -89,7 +89,7 @@ impl Collisions {
                     group = groups.next();
                 }
                 let Some(group) = group else { break };
-                at = self.pushed_to(radius + group.radius, at, others.get(other));
+                at = self.pushed_to(radius + group.radius, at, others.near(other, at));
             }
         }
         (self.touched, self.groups) = (touched, groups);

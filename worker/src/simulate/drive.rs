@@ -13,34 +13,50 @@ pub(super) struct Gait {
     pub(super) rotation: [f64; 2],
 }
 
+/// What makes a gait of a pair of numbers.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Drivetrain {
+    kind: DriveKind,
+    radius: f64,
+    dt: f64,
+}
+
 /// The gait of each sensor state, by its number.
 ///
 /// The paper's equation has the two middle rows exchanged; its pictures follow this order.
 pub(super) fn gaits(controller: RobotController<'_>, dt: f64) -> impl Iterator<Item = Gait> {
-    let robot = controller.robot();
-    controller
-        .pairs()
-        .iter()
-        .map(move |&pair| Gait::of(robot, pair, dt))
+    let drive = Drivetrain::of(controller.robot(), dt);
+    controller.pairs().iter().map(move |&pair| drive.gait(pair))
 }
 
-impl Gait {
-    /// What the pair (a, b) does to a robot in `dt`.
-    fn of(robot: &Robot, [a, b]: [f64; 2], dt: f64) -> Self {
-        let (ahead, turn) = match robot.drive().kind() {
-            DriveKind::Differential { wheel_radius } => (
-                wheel_radius / 2.0 * (a + b) * dt,
-                (a - b) / (2.0 * robot.radius()) * dt,
-            ),
-            DriveKind::Unicycle => (a * dt, b * dt),
-        };
+impl Drivetrain {
+    /// That of a robot, for steps of `dt`.
+    pub(super) fn of(robot: &Robot, dt: f64) -> Self {
         Self {
+            kind: robot.drive().kind(),
+            radius: robot.radius(),
+            dt,
+        }
+    }
+
+    /// What the pair (a, b) does in a step.
+    pub(super) fn gait(&self, [a, b]: [f64; 2]) -> Gait {
+        let (ahead, turn) = match self.kind {
+            DriveKind::Differential { wheel_radius } => (
+                wheel_radius / 2.0 * (a + b) * self.dt,
+                (a - b) / (2.0 * self.radius) * self.dt,
+            ),
+            DriveKind::Unicycle => (a * self.dt, b * self.dt),
+        };
+        Gait {
             ahead,
             turn,
             rotation: direction(turn),
         }
     }
+}
 
+impl Gait {
     /// Where an agent at `from` that heads along the unit vector `heading` gets to.
     #[inline(always)]
     pub(super) fn drive(&self, from: [f64; 2], heading: [f64; 2]) -> [f64; 2] {

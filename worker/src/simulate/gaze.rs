@@ -108,6 +108,23 @@ impl Eye {
         self.middle
     }
 
+    /// Whether the line from 0 along the unit vector `edge`, as long as the range, meets the box between these sides: low and
+    /// high by axis.
+    fn meets_box(&self, edge: [f64; 2], sides: [[f64; 2]; 2]) -> bool {
+        let mut within = [0.0, self.range.sqrt()];
+        for (along, side) in edge.into_iter().zip(sides) {
+            if along == 0.0 {
+                if side[0] > 0.0 || side[1] < 0.0 {
+                    return false;
+                }
+                continue;
+            }
+            let [a, b] = side.map(|side| side / along);
+            within = [within[0].max(a.min(b)), within[1].min(a.max(b))];
+        }
+        within[0] <= within[1]
+    }
+
     /// Where it looks from a robot with this heading.
     #[inline(always)]
     pub(super) fn turned(&self, heading: [f64; 2]) -> Gaze {
@@ -143,6 +160,34 @@ impl Gaze {
             along >= 0.0 && inside + along * along >= 0.0
         };
         squared <= self.eye.range && (self.eye.edges.iter().any(meets) || self.holds(e))
+    }
+
+    /// Whether it sees, from `at`, a disc: as a body of that radius, but where the disc's nearest point is within range.
+    pub(super) fn sees_disc(&self, centre: [f64; 2], radius: f64, at: [f64; 2]) -> bool {
+        let e = [centre[0] - at[0], centre[1] - at[1]];
+        let squared = e[0] * e[0] + e[1] * e[1];
+        let inside = radius * radius - squared;
+        let meets = |edge: &[f64; 2]| {
+            let along = e[0] * edge[0] + e[1] * edge[1];
+            along >= 0.0 && inside + along * along >= 0.0
+        };
+        squared.sqrt() - radius <= self.range() && (self.eye.edges.iter().any(meets) || self.holds(e))
+    }
+
+    /// Whether the cone at `at`, cut at the range, meets a box.
+    ///
+    /// What the range leaves of the box is in one piece: if neither edge of the cone meets it, all of it is between the edges,
+    /// or nothing, and so is the nearest point.
+    pub(super) fn sees_box(&self, centre: [f64; 2], half: [f64; 2], at: [f64; 2]) -> bool {
+        let e = [centre[0] - at[0], centre[1] - at[1]];
+        let sides = [0, 1].map(|axis| [e[axis] - half[axis], e[axis] + half[axis]]);
+        let nearest = sides.map(|[low, high]| 0.0_f64.max(low).min(high));
+        if nearest == [0.0; 2] {
+            return true;
+        }
+        let [x, y] = nearest;
+        let meets = |edge: &[f64; 2]| self.eye.meets_box(*edge, sides);
+        x * x + y * y <= self.eye.range && (self.eye.edges.iter().any(meets) || self.holds(nearest))
     }
 
     /// Whether the point at `e` from the observer is between the edges.

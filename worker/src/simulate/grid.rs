@@ -78,6 +78,11 @@ impl Grid {
         grid
     }
 
+    /// How many agents there are.
+    pub(super) const fn count(&self) -> usize {
+        self.positions.len()
+    }
+
     /// Where agent `i` is.
     pub(super) fn get(&self, i: usize) -> [f64; 2] {
         self.positions[i]

@@ -5,10 +5,11 @@
 use super::{
     Walls,
     collide::Collisions,
-    drive::{self, Gait, rotate},
+    drive::{self, Drivetrain, Gait, rotate},
     gaze::{Eye, Group},
-    mind::{Driven, Mind, settle_rays},
-    others::Others,
+    mind::{Bound, Driven, Mind, settle_rays},
+    obstacles::Obstacles,
+    others::{Everyone, Others},
     sight::Observer,
 };
 use murmuration_proto::{
@@ -24,6 +25,7 @@ pub(super) struct Kinds {
     kind_of: Vec<u8>,
     /// Sides of the rectangle that sensors see, as (normal, distance from the origin); none where there are no walls.
     sides: Vec<([f64; 2], f64)>,
+    obstacles: Obstacles,
 }
 
 /// One species.
@@ -33,6 +35,9 @@ struct Kind {
     walls: Walls,
     /// By sensor state: a power of two of them.
     gaits: Vec<Gait>,
+    /// What the gaits are made of.
+    pairs: Vec<[f64; 2]>,
+    drive: Drivetrain,
     sensors: Vec<Sensing>,
     /// Whether all sensors are the paper's and all robots of the swarm have one size.
     plain: bool,
@@ -47,6 +52,7 @@ struct Sensing {
     /// The robots that it sees.
     seen: Vec<Group>,
     wall_range: Option<f64>,
+    sees_obstacles: bool,
 }
 
 impl Kinds {
@@ -62,12 +68,15 @@ impl Kinds {
                     eye: Eye::new(sensor, angle),
                     seen: seen(sensor, model, &by_species, groups),
                     wall_range: sensor.wall_range(),
+                    sees_obstacles: sensor.sees_obstacles(),
                 })
                 .collect();
             Kind {
                 radius: robot.radius(),
                 walls: Walls::of(robot, world),
                 gaits: drive::gaits(controller, world.dt()).collect(),
+                pairs: controller.pairs().to_vec(),
+                drive: Drivetrain::of(robot, world.dt()),
                 plain: groups.len() == 1 && robot.sensors().iter().all(Sensor::is_plain_ray),
                 directions: sensors.iter().map(|sensor| sensor.eye.direction()).collect(),
                 sensors,
@@ -81,8 +90,9 @@ impl Kinds {
             kind_of: kind_of.collect(),
             sides: match world.boundary() {
                 Boundary::Walls => sides(world),
-                Boundary::Open => Vec::new(),
+                Boundary::Open | Boundary::Torus => Vec::new(),
             },
+            obstacles: Obstacles::new(world),
         }
     }
 
@@ -117,26 +127,42 @@ impl Kinds {
                     on = on || range * gaze.reach(normal) >= ahead;
                 }
             }
+            on = on || sensor.sees_obstacles && self.obstacles.seen(&gaze, robot.at);
             state = 2 * state + u8::from(on);
         }
         state
     }
 }
 
-impl Mind for &Kinds {
+impl Kinds {
+    /// How robot `i` moves after it sensed `sensed`.
     #[inline(always)]
-    fn gait(&self, i: usize, sensed: u8) -> &Gait {
+    pub(super) fn gait(&self, i: usize, sensed: u8) -> Gait {
         let gaits = &self.kind(i).gaits;
-        &gaits[usize::from(sensed) % gaits.len()]
+        gaits[usize::from(sensed) % gaits.len()]
     }
 
+    /// The pair that drives robot `i` after it sensed `sensed`, and what makes a gait of it.
     #[inline(always)]
-    fn walls(&self, i: usize) -> &Walls {
+    pub(super) fn driven_by(&self, i: usize, sensed: u8) -> (Drivetrain, [f64; 2]) {
+        let Kind { pairs, drive, .. } = self.kind(i);
+        (*drive, pairs[usize::from(sensed) % pairs.len()])
+    }
+
+    /// What is in the world besides the robots.
+    pub(super) const fn obstacles(&self) -> &Obstacles {
+        &self.obstacles
+    }
+
+    /// Where the centre of robot `i` may be.
+    #[inline(always)]
+    pub(super) fn walls(&self, i: usize) -> &Walls {
         &self.kind(i).walls
     }
 
+    /// [`Mind::settle`].
     #[inline(always)]
-    fn settle<S: Simd>(
+    pub(super) fn settle<S: Simd>(
         &self,
         simd: S,
         others: &impl Others,
@@ -158,6 +184,32 @@ impl Mind for &Kinds {
         let me = (robot.index, kind.radius);
         let at = collisions.push_out(simd, others, me, robot.at);
         (at, self.sense(simd, others, Driven { at, ..robot }))
+    }
+}
+
+impl Mind for &Kinds {
+    #[inline(always)]
+    fn gait(&mut self, i: usize, sensed: u8) -> Gait {
+        Kinds::gait(self, i, sensed)
+    }
+
+    #[inline(always)]
+    fn bound(&self, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound {
+        Bound {
+            at: self.walls(i).clamp(driven),
+            from: before,
+        }
+    }
+
+    #[inline(always)]
+    fn settle<S: Simd>(
+        &mut self,
+        simd: S,
+        others: &impl Everyone,
+        collisions: &mut Collisions,
+        robot: Driven,
+    ) -> ([f64; 2], u8) {
+        Kinds::settle(self, simd, others, collisions, robot)
     }
 }
 

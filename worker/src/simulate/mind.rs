@@ -1,10 +1,10 @@
-//! What differs between kinds of robots in a step: the gait, the walls that bound them, and what happens once they have driven.
+//! What differs between kinds of robots in a step: the gait, what bounds them, and what happens once they have driven.
 
 use super::{
     Walls,
     collide::Collisions,
     drive::{self, Gait, rotate},
-    others::Others,
+    others::{Everyone, Others},
     sight::{Observer, Reach},
 };
 use murmuration_proto::{RobotController, World};
@@ -13,19 +13,33 @@ use pulp::Simd;
 /// The kinds of robots of a swarm.
 pub(super) trait Mind {
     /// How robot `i` moves after it sensed `sensed`.
-    fn gait(&self, i: usize, sensed: u8) -> &Gait;
+    fn gait(&mut self, i: usize, sensed: u8) -> Gait;
 
-    /// Where the centre of robot `i` may be.
-    fn walls(&self, i: usize) -> &Walls;
+    /// Keeps robot `i`, which has driven from `before` to `driven`, inside the edges and outside of obstacles.
+    fn bound(&self, i: usize, before: [f64; 2], driven: [f64; 2]) -> Bound;
+
+    /// The place of a robot at `at` once it has been pushed out of others.
+    #[inline(always)]
+    fn home(&self, at: [f64; 2]) -> [f64; 2] {
+        at
+    }
 
     /// Pushes robot `i`, which has driven to `at`, out of the others; then it looks. Where it ends, and what it senses.
     fn settle<S: Simd>(
-        &self,
+        &mut self,
         simd: S,
-        others: &impl Others,
+        others: &impl Everyone,
         collisions: &mut Collisions,
         robot: Driven,
     ) -> ([f64; 2], u8);
+}
+
+/// Where a robot is before it is pushed out of others.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bound {
+    pub(super) at: [f64; 2],
+    /// Where it was before the step, as seen from `at`: what it moves by counts from there.
+    pub(super) from: [f64; 2],
 }
 
 /// A robot that has driven and not yet looked.
@@ -93,20 +107,23 @@ where
     R: Fn([f64; 2]) -> [[f64; 2]; SENSORS],
 {
     #[inline(always)]
-    fn gait(&self, _: usize, sensed: u8) -> &Gait {
-        &self.paper.gaits[usize::from(sensed % 4)]
+    fn gait(&mut self, _: usize, sensed: u8) -> Gait {
+        self.paper.gaits[usize::from(sensed % 4)]
     }
 
     #[inline(always)]
-    fn walls(&self, _: usize) -> &Walls {
-        &self.paper.walls
+    fn bound(&self, _: usize, before: [f64; 2], driven: [f64; 2]) -> Bound {
+        Bound {
+            at: self.paper.walls.clamp(driven),
+            from: before,
+        }
     }
 
     #[inline(always)]
     fn settle<S: Simd>(
-        &self,
+        &mut self,
         simd: S,
-        others: &impl Others,
+        others: &impl Everyone,
         collisions: &mut Collisions,
         robot: Driven,
     ) -> ([f64; 2], u8) {

@@ -1,7 +1,8 @@
 //! The swarm: agents stepped one after the other, each seeing the positions as they are at that moment.
 //!
 //! One step of one agent (order as in the authors' simulator): drive with
-//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of others, sense.
+//! the wheel speeds of what it last sensed, clamp to the walls, be pushed out of obstacles, be pushed out of others, sense. A
+//! step that is longer than an obstacle is thick passes through it.
 
 mod batch;
 mod collide;
@@ -10,12 +11,16 @@ mod gaze;
 mod grid;
 mod kinds;
 mod mind;
+mod noise;
+mod obstacles;
 mod others;
 mod positions;
 mod sight;
+mod situated;
 mod start;
 #[cfg(test)]
 pub(crate) mod tests;
+mod torus;
 
 pub use start::Start;
 
@@ -23,14 +28,17 @@ pub(crate) use batch::{Agents, Batch, MOST_AGENTS, is_for as batch_is_for};
 use collide::Collisions;
 pub(crate) use collide::{GAP, JITTER, PASSES};
 use drive::rotate;
+use gaze::Group;
 use grid::Grid;
 use kinds::Kinds;
 use mind::{Driven, Mind, Paper, PaperMind};
 use murmuration_proto::{Boundary, Controller, Invalid, Preset, Robot, World};
-use others::Others;
+use others::Everyone;
 use positions::Positions;
 pub use pulp::Arch;
 use pulp::{Simd, WithSimd};
+use situated::Situated;
+use torus::Torus;
 
 /// Steps between two renormalisations of the headings.
 const RENORMALISE_EVERY: u32 = 256;
@@ -51,6 +59,7 @@ pub struct Swarm {
 enum Minds {
     Paper(Paper),
     Described(Kinds),
+    Situated(Situated),
 }
 
 /// What a step needs but for where the others are.
@@ -78,9 +87,11 @@ pub struct Agent {
     pub heading: [f64; 2],
     /// Heading in radians, not wrapped.
     pub theta: f64,
-    /// What the last step moved it by, walls and collisions included; zero at the start.
+    /// What the last step moved it by, walls, obstacles and collisions included; zero at the start. On a torus it is the motion,
+    /// not the jump to the other side.
     pub displacement: [f64; 2],
-    /// What it sensed last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the start.
+    /// What its sensors read last, as a number with a bit for each of its k sensors, S1 the highest: 0 to 2^k - 1, 0 at the
+    /// start.
     pub sensed: u8,
 }
 
@@ -132,16 +143,17 @@ impl Swarm {
     ) -> Result<Self, Invalid> {
         kinds::check_fit(controller.model(), world)?;
         let groups = kinds::by_size(&kinds::by_species(controller, world));
-        let minds = match (controller.model().preset(), controller.robots().next()) {
-            (Some(Preset::SingleSensor | Preset::TwoSensor), Some(robot)) => {
-                Minds::Paper(Paper::new(robot, world))
+        let mut poses = start.poses_for(world)?;
+        if world.boundary() == Boundary::Torus {
+            let torus = Torus::new(world);
+            for pose in poses.to_mut() {
+                let [x, y] = torus.wrap([pose[0], pose[1]]);
+                *pose = [x, y, pose[2]];
             }
-            _ => Minds::Described(Kinds::new(controller, &groups, world)),
-        };
-        let poses = start.poses_for(world)?;
+        }
         Ok(Self {
             arch,
-            minds,
+            minds: Minds::new(controller, &groups, world, start),
             robots: Robots {
                 collisions: Collisions::new(world, groups, start),
                 bodies: poses.iter().map(Body::at).collect(),
@@ -151,9 +163,9 @@ impl Swarm {
         })
     }
 
-    /// The same swarm with a grid, if it is large enough for one.
+    /// The same swarm with a grid, if it is large enough for one. Cells do not wrap: a torus has none.
     fn with_grid(mut self, world: &World) -> Self {
-        if world.agents() >= grid::WORTH {
+        if world.agents() >= grid::WORTH && world.boundary() != Boundary::Torus {
             let positions: Vec<_> = self.agents().map(|agent| agent.position).collect();
             let largest = self.robots.collisions.diameter() / 2.0;
             self.others = Lookup::Near(Grid::new(world, largest, &positions));
@@ -169,8 +181,8 @@ impl Swarm {
     /// Steps every agent `steps` times.
     pub fn advance(&mut self, steps: u32) {
         match &mut self.others {
-            Lookup::All(others) => self.robots.advance(self.arch, &self.minds, others, steps),
-            Lookup::Near(others) => self.robots.advance(self.arch, &self.minds, others, steps),
+            Lookup::All(others) => self.robots.advance(self.arch, &mut self.minds, others, steps),
+            Lookup::Near(others) => self.robots.advance(self.arch, &mut self.minds, others, steps),
         }
     }
 
@@ -196,6 +208,7 @@ impl Swarm {
         let (first, others) = match &self.minds {
             Minds::Paper(paper) => (Some(heading), paper.second_sensor.as_slice()),
             Minds::Described(kinds) => (None, kinds.directions(i)),
+            Minds::Situated(situated) => (None, situated.kinds().directions(i)),
         };
         let others = others.iter().map(move |&direction| rotate(heading, direction));
         first.into_iter().chain(others)
@@ -207,10 +220,12 @@ impl Swarm {
         match &self.minds {
             Minds::Paper(_) => self.robots.collisions.diameter() / 2.0,
             Minds::Described(kinds) => kinds.radius(i),
+            Minds::Situated(situated) => situated.kinds().radius(i),
         }
     }
 
-    /// What each agent would sense if it looked now, without moving, in index order: numbers as [`Agent::sensed`].
+    /// What each agent would sense if it looked now, without moving and without noise, in index order: numbers as
+    /// [`Agent::sensed`].
     #[must_use]
     pub fn readings(&self) -> Vec<u8> {
         let looking = |(index, body): (usize, &Body)| {
@@ -227,11 +242,12 @@ impl Swarm {
         self.robots.bodies.iter().enumerate().map(looking).collect()
     }
 
-    fn reading(&self, others: &impl Others, robot: Driven) -> u8 {
+    fn reading(&self, others: &impl Everyone, robot: Driven) -> u8 {
         let simd = pulp::Scalar::new();
         match &self.minds {
             Minds::Paper(paper) => paper.sense(simd, others, robot, self.robots.collisions.reach()),
             Minds::Described(kinds) => kinds.sense(simd, others, robot),
+            Minds::Situated(situated) => situated.sense(simd, others, robot),
         }
     }
 
@@ -242,10 +258,30 @@ impl Swarm {
     }
 }
 
+impl Minds {
+    fn new(controller: &Controller, groups: &[Group], world: &World, start: &Start) -> Self {
+        let papers = match (controller.model().preset(), controller.robots().next()) {
+            (Some(Preset::SingleSensor | Preset::TwoSensor), robot) => robot,
+            _ => None,
+        };
+        let kinds = || Kinds::new(controller, groups, world);
+        match papers {
+            _ if !is_plain(world) => Self::Situated(Situated::new(kinds(), world, start)),
+            Some(robot) => Self::Paper(Paper::new(robot, world)),
+            None => Self::Described(kinds()),
+        }
+    }
+}
+
+/// Whether there is nothing in a world but robots and walls, and nothing goes wrong.
+fn is_plain(world: &World) -> bool {
+    world.noise().is_off() && world.obstacles().is_empty() && world.boundary() != Boundary::Torus
+}
+
 impl Robots {
-    fn advance(&mut self, arch: Arch, minds: &Minds, others: &mut impl Others, steps: u32) {
+    fn advance(&mut self, arch: Arch, minds: &mut Minds, others: &mut impl Everyone, steps: u32) {
         match minds {
-            &Minds::Paper(paper) => match paper.second_sensor {
+            &mut Minds::Paper(paper) => match paper.second_sensor {
                 None => {
                     let rays = |heading| [heading];
                     self.dispatch(arch, PaperMind { paper, rays }, others, steps);
@@ -255,11 +291,12 @@ impl Robots {
                     self.dispatch(arch, PaperMind { paper, rays }, others, steps);
                 }
             },
-            Minds::Described(kinds) => self.dispatch(arch, kinds, others, steps),
+            Minds::Described(kinds) => self.dispatch(arch, &*kinds, others, steps),
+            Minds::Situated(situated) => self.dispatch(arch, situated, others, steps),
         }
     }
 
-    fn dispatch(&mut self, arch: Arch, mind: impl Mind, others: &mut impl Others, steps: u32) {
+    fn dispatch(&mut self, arch: Arch, mind: impl Mind, others: &mut impl Everyone, steps: u32) {
         arch.dispatch(Run {
             robots: self,
             others,
@@ -269,7 +306,7 @@ impl Robots {
     }
 
     #[inline(always)]
-    fn run<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, steps: u32) {
+    fn run<S: Simd>(&mut self, simd: S, mind: &mut impl Mind, others: &mut impl Everyone, steps: u32) {
         for _ in 0..steps {
             for i in 0..self.bodies.len() {
                 self.step_agent(simd, mind, others, i);
@@ -284,23 +321,24 @@ impl Robots {
     }
 
     #[inline(always)]
-    fn step_agent<S: Simd>(&mut self, simd: S, mind: &impl Mind, others: &mut impl Others, i: usize) {
+    fn step_agent<S: Simd>(&mut self, simd: S, mind: &mut impl Mind, others: &mut impl Everyone, i: usize) {
         let body = &mut self.bodies[i];
         let gait = mind.gait(i, body.sensed);
         let before = body.position;
-        let driven = mind.walls(i).clamp(gait.drive(before, body.heading));
+        let bound = mind.bound(i, before, gait.drive(before, body.heading));
         body.heading = rotate(body.heading, gait.rotation);
         body.theta += gait.turn;
 
         let robot = Driven {
             index: i,
-            at: driven,
+            at: bound.at,
             heading: body.heading,
         };
         let (at, sensed) = mind.settle(simd, others, &mut self.collisions, robot);
         body.sensed = sensed;
+        body.displacement = [at[0] - bound.from[0], at[1] - bound.from[1]];
+        let at = mind.home(at);
         body.position = at;
-        body.displacement = [at[0] - before[0], at[1] - before[1]];
         others.set(simd, i, at);
     }
 }
@@ -315,12 +353,12 @@ struct Run<'a, O, M> {
     mind: M,
 }
 
-impl<O: Others, M: Mind> WithSimd for Run<'_, O, M> {
+impl<O: Everyone, M: Mind> WithSimd for Run<'_, O, M> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        self.robots.run(simd, &self.mind, self.others, self.steps);
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.robots.run(simd, &mut self.mind, self.others, self.steps);
     }
 }
 
@@ -347,7 +385,7 @@ impl Walls {
     fn of(robot: &Robot, world: &World) -> Self {
         match world.boundary() {
             Boundary::Walls => Self::within(world, robot.radius() + world.padding()),
-            Boundary::Open => Self::NONE,
+            Boundary::Open | Boundary::Torus => Self::NONE,
         }
     }
 

@@ -9,12 +9,21 @@ use super::{
 use pulp::Simd;
 
 /// Where all agents are.
-pub(super) trait Others {
+pub(super) trait Everyone: Others {
+    /// How many there are.
+    fn count(&self) -> usize;
+
     /// Position of agent `i`.
     fn get(&self, i: usize) -> [f64; 2];
 
     /// Moves agent `i`.
     fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]);
+}
+
+/// The agents as one of them finds them.
+pub(super) trait Others {
+    /// Position of agent `i` to one at `at`.
+    fn near(&self, i: usize, at: [f64; 2]) -> [f64; 2];
 
     /// The sensor state of `observer`.
     fn sense<S: Simd, const SENSORS: usize>(&self, simd: S, observer: Observer<SENSORS>, reach: Reach) -> u8;
@@ -42,7 +51,11 @@ pub(super) trait Others {
     fn sees<S: Simd>(&self, simd: S, gaze: &Gaze, group: &Group, me: usize, at: [f64; 2]) -> bool;
 }
 
-impl Others for Positions {
+impl Everyone for Positions {
+    fn count(&self) -> usize {
+        self.count()
+    }
+
     #[inline(always)]
     fn get(&self, i: usize) -> [f64; 2] {
         self.get(i)
@@ -51,6 +64,13 @@ impl Others for Positions {
     #[inline(always)]
     fn set<S: Simd>(&mut self, simd: S, i: usize, at: [f64; 2]) {
         self.set(simd, i, at);
+    }
+}
+
+impl Others for Positions {
+    #[inline(always)]
+    fn near(&self, i: usize, _: [f64; 2]) -> [f64; 2] {
+        self.get(i)
     }
 
     #[inline(always)]
@@ -102,13 +122,23 @@ impl Others for Positions {
     }
 }
 
-impl Others for Grid {
+impl Everyone for Grid {
+    fn count(&self) -> usize {
+        self.count()
+    }
+
     fn get(&self, i: usize) -> [f64; 2] {
         self.get(i)
     }
 
     fn set<S: Simd>(&mut self, _: S, i: usize, at: [f64; 2]) {
         self.set(i, at);
+    }
+}
+
+impl Others for Grid {
+    fn near(&self, i: usize, _: [f64; 2]) -> [f64; 2] {
+        self.get(i)
     }
 
     fn sense<S: Simd, const SENSORS: usize>(&self, _: S, observer: Observer<SENSORS>, reach: Reach) -> u8 {

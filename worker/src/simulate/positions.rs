@@ -10,6 +10,7 @@ pub(super) const LANES: usize = 8;
 #[derive(Debug, Clone)]
 pub(super) struct Positions {
     blocks: Vec<Block>,
+    count: usize,
 }
 
 /// Eight agents, one a lane; aligned so that a vector of them never straddles two cache lines.
@@ -37,7 +38,9 @@ static LANE_NUMBERS: LaneNumbers = LaneNumbers([0, 1, 2, 3, 4, 5, 6, 7]);
 impl FromIterator<[f64; 2]> for Positions {
     fn from_iter<I: IntoIterator<Item = [f64; 2]>>(positions: I) -> Self {
         let mut blocks = Vec::new();
+        let mut count = 0;
         for (i, [x, y]) in positions.into_iter().enumerate() {
+            count += 1;
             if i % LANES == 0 {
                 blocks.push(Block {
                     x: [f64::NAN; LANES],
@@ -48,7 +51,7 @@ impl FromIterator<[f64; 2]> for Positions {
             block.x[i % LANES] = x;
             block.y[i % LANES] = y;
         }
-        Self { blocks }
+        Self { blocks, count }
     }
 }
 
@@ -56,6 +59,11 @@ impl Positions {
     #[inline(always)]
     pub(super) fn blocks(&self) -> &[Block] {
         &self.blocks
+    }
+
+    /// How many there are.
+    pub(super) const fn count(&self) -> usize {
+        self.count
     }
 
     /// Position of agent `i`.

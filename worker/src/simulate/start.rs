@@ -1,6 +1,7 @@
 //! Where a swarm starts.
 
-use murmuration_proto::{Invalid, Purpose, RandomStream, World, counted};
+use super::drive::direction;
+use murmuration_proto::{Invalid, Purpose, RandomStream, StartShape, World, counted};
 use std::{borrow::Cow, f64::consts::TAU};
 
 /// The poses of a swarm before its first step.
@@ -14,14 +15,15 @@ enum Kind {
 }
 
 impl Start {
-    /// A random start: for each agent x in \[0, width), y in \[0, height) and heading in \[0, 2 pi), uniform, in
-    /// that order (paper, "Simulation and Data").
+    /// A random start, as the world says. Unless it says otherwise: for each agent x in \[0, width), y in \[0, height) and
+    /// heading in \[0, 2 pi), uniform, in that order (paper, "Simulation and Data").
     #[must_use]
     pub const fn seeded(seed: u64) -> Self {
         Self(Kind::Seed(seed))
     }
 
-    /// A given start: (x, y, theta) for each agent, world units and radians. Its jitter has the seed 0.
+    /// A given start, whatever the world says: (x, y, theta) for each agent, world units and radians. Jitter and noise have the
+    /// seed 0.
     ///
     /// # Errors
     /// Names the first number that is not finite.
@@ -64,8 +66,36 @@ impl Start {
     }
 }
 
+/// The poses that `seed` gives, of which each agent draws its own after the agents before it.
 fn drawn(seed: u64, world: &World) -> Vec<[f64; 3]> {
     let mut stream = RandomStream::derive(seed, Purpose::Start, 0);
-    let mut pose = || [world.width(), world.height(), TAU].map(|end| stream.between(0.0, end));
-    (0..world.agents()).map(|_| pose()).collect()
+    let [width, height] = [world.width(), world.height()];
+    let centre = [width / 2.0, height / 2.0];
+    let agents = 0..world.agents();
+    match world.start() {
+        StartShape::Uniform => {
+            let mut pose = || [width, height, TAU].map(|end| stream.between(0.0, end));
+            agents.map(|_| pose()).collect()
+        }
+        StartShape::Disc { radius } => {
+            let mut pose = || {
+                // Areas are as the squares of radii.
+                let from_centre = radius * stream.unit().sqrt();
+                let [x, y] = direction(stream.between(0.0, TAU));
+                let heading = stream.between(0.0, TAU);
+                [centre[0] + from_centre * x, centre[1] + from_centre * y, heading]
+            };
+            agents.map(|_| pose()).collect()
+        }
+        StartShape::Line { length } => {
+            let gaps = f64::from(world.agents() - 1);
+            let mut pose = |i: u32| {
+                let part = if gaps > 0.0 { f64::from(i) / gaps } else { 0.5 };
+                let x = centre[0] + length * (part - 0.5);
+                [x, centre[1], stream.between(0.0, TAU)]
+            };
+            agents.map(&mut pose).collect()
+        }
+        StartShape::Poses(poses) => poses.to_vec(),
+    }
 }

@@ -1,6 +1,10 @@
 //! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
 
 pub(crate) mod described;
+mod noise;
+mod obstacles;
+mod starts;
+mod torus;
 
 use super::*;
 use murmuration_proto::{Preset, Purpose, RandomStream, v1};
@@ -77,9 +81,8 @@ pub(crate) fn worlds(agents: impl Strategy<Value = u32>) -> impl Strategy<Value 
                 radius: Some(radius),
                 wheel_radius: Some(wheel),
                 dt: Some(dt),
-                horizon: None,
                 jitter: Some(jitter),
-                boundary: None,
+                ..v1::World::default()
             })
         })
 }

@@ -65,6 +65,7 @@ pub(super) async fn evaluate(
         let job = EvaluationJob {
             campaign: job.campaign.clone(),
             model: job.model.clone(),
+            world: job.world.clone(),
             tasks: wanted.iter().map(|(_, task)| task.clone()).collect(),
             ..job
         };

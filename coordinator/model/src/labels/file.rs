@@ -8,7 +8,7 @@ use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
-    text::quoted, v1,
+    of_toml_line, text::quoted, to_toml_line, v1,
 };
 use std::{
     path::{Path, PathBuf},
@@ -23,6 +23,11 @@ const ANGLE: &str = "theta";
 const PAPER_GENES: [&str; 9] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8", ANGLE];
 /// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
+
+/// Examples of what is in cells that hold several fields of a campaign file.
+const OBSTACLES: &str = "[{ x = 250.0, y = 250.0, radius = 30.0 }]";
+const START: &str = "{ shape = \"disc\", radius = 100.0 }";
+const NOISE: &str = "{ slip = 0.05 }";
 
 /// Columns of the genes of a model's controllers.
 pub(super) fn gene_columns(model: &CapabilityModel) -> Vec<String> {
@@ -329,7 +334,12 @@ impl<'a> Row<'a> {
             dt: self.given("dt", "a number")?,
             horizon: self.given("horizon", "a whole number")?,
             jitter: self.given("jitter", "true or false")?,
-            boundary: self.given("boundary", "walls or open")?,
+            boundary: self.given("boundary", "walls, open or torus")?,
+            obstacles: self
+                .line("obstacles", |line| of_toml_line("obstacles", line, OBSTACLES))?
+                .unwrap_or_default(),
+            start: self.line("start", |line| of_toml_line("start", line, START))?,
+            noise: self.line("noise", |line| of_toml_line("noise", line, NOISE))?,
         };
         World::try_from(world).map_err(|error| self.refused(error))
     }
@@ -344,6 +354,18 @@ impl<'a> Row<'a> {
             window: self.given("window", "a whole number")?,
         };
         ImageFormat::for_world(format, world).map_err(|error| self.refused(error))
+    }
+
+    /// What `read` makes of a cell that is not empty.
+    fn line<T>(
+        &self,
+        column: &str,
+        read: impl Fn(&str) -> Result<T, Invalid>,
+    ) -> Result<Option<T>, LabelFileError> {
+        match self.cell(column) {
+            "" => Ok(None),
+            line => read(line).map(Some).map_err(|error| self.refused(error)),
+        }
     }
 
     fn needed<T: FromStr>(&self, column: &str, allowed: &str) -> Result<T, LabelFileError> {
@@ -361,7 +383,8 @@ impl<'a> Row<'a> {
 }
 
 /// What a behaviour's world and picture are, as the columns that say so.
-pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, String); 12] {
+pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 15] {
+    let obstacles: Vec<v1::Obstacle> = world.obstacles().iter().map(Into::into).collect();
     [
         ("width", world.width().to_string()),
         ("height", world.height().to_string()),
@@ -373,6 +396,9 @@ pub(super) fn settings(world: World, format: ImageFormat) -> [(&'static str, Str
         ("horizon", world.horizon().to_string()),
         ("jitter", world.jitter().to_string()),
         ("boundary", world.boundary().to_string()),
+        ("obstacles", to_toml_line(&obstacles)),
+        ("start", to_toml_line(&v1::StartShape::from(world.start()))),
+        ("noise", to_toml_line(&v1::Noise::from(world.noise()))),
         ("resolution", format.resolution().to_string()),
         ("window", format.window().to_string()),
     ]

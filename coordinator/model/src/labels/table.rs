@@ -146,8 +146,8 @@ pub fn to_csv<'a>(
         Some(Preset::SingleSensor | Preset::TwoSensor) => None,
         Some(Preset::Flockbots | Preset::TurboPi) | None => Some((ROBOTS, model.to_line())),
     };
-    let papers = settings(World::default(), ImageFormat::default());
-    let own = settings(*spec.world(), *spec.image());
+    let papers = settings(&World::default(), ImageFormat::default());
+    let own = settings(spec.world(), *spec.image());
     let differing: Vec<_> = own
         .into_iter()
         .zip(papers)
@@ -292,7 +292,7 @@ mod tests {
             features in prop::collection::vec(-1e3..1e3, 5), seed in any::<u64>(), horizon in 1..2000_u32,
         ) {
             let model = if two { "model = \"two-sensor\"" } else { "robot.sensors = [{ half_angle = 0.5 }]" };
-            let text = format!("{model}\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5");
+            let text = format!("{model}\nmethod = \"random\"\n[world]\nhorizon = {horizon}\npadding = 10.5\nnoise = {{ slip = 0.25, delay = 3 }}\nstart = {{ shape = \"disc\", radius = 30 }}\nobstacles = [{{ x = 9, y = 7, radius = 3 }}]");
             let spec = CampaignSpec::from_toml(&text).unwrap();
             let individual = v1::Individual {
                 controller: genes[..spec.model().genes()].to_vec(),

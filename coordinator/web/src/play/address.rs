@@ -196,7 +196,7 @@ fn counted_out(
     });
     let message = v1::World {
         agents: Some(kept(asked, world.agents(), problems)),
-        ..world.into()
+        ..world.clone().into()
     };
     kept(World::try_from(message), world, problems)
 }

@@ -73,10 +73,11 @@ struct Brain {
 }
 
 /// Whether swarms of this model can be simulated in a batch: one species, few robots, sensors that see all robots and nothing
-/// else.
+/// else, nothing in the world but robots and walls.
 pub(crate) fn is_for(model: &CapabilityModel, world: &World) -> bool {
     let sees_robots = |sensor: &Sensor| *sensor.robots() != SeenRobots::None && sensor.wall_range().is_none();
     match model.species() {
+        _ if !super::is_plain(world) => false,
         [alone] => world.agents() <= MOST_AGENTS && alone.robot().sensors().iter().all(sees_robots),
         _ => false,
     }

@@ -76,7 +76,7 @@ pub(crate) fn boundaries() -> impl Strategy<Value = Boundary> {
 }
 
 /// Two species, or three so that one size comes twice, and their genes.
-fn swarms(count: u32) -> impl Strategy<Value = Controller> {
+pub(super) fn swarms(count: u32) -> impl Strategy<Value = Controller> {
     (robots(), robots(), any::<bool>(), any::<u64>()).prop_map(move |(a, b, thrice, seed)| {
         let species = |called, robot: &Robot| Species::new(name(called), robot.clone());
         let (mut all, mut counts) = (vec![species("a", &a), species("b", &b)], vec![count, count + 3]);
@@ -91,7 +91,7 @@ fn swarms(count: u32) -> impl Strategy<Value = Controller> {
     })
 }
 
-fn world_of(model: &CapabilityModel, side: f64, boundary: Boundary) -> World {
+pub(super) fn world_of(model: &CapabilityModel, side: f64, boundary: Boundary) -> World {
     world(v1::World {
         width: Some(side),
         height: Some(side),
