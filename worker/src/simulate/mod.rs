@@ -193,6 +193,7 @@ impl Swarm {
     }
 
     /// The agents, in index order.
+    #[inline]
     pub fn agents(&self) -> impl ExactSizeIterator<Item = Agent> + Clone {
         self.robots.bodies.iter().map(|body| Agent {
             position: body.position,
@@ -204,6 +205,7 @@ impl Swarm {
     }
 
     /// Where the sensors of agent `i` look when it has this heading, as unit vectors, S1 first: along the middles of their cones.
+    #[inline]
     pub fn sensor_directions(&self, i: usize, heading: [f64; 2]) -> impl Iterator<Item = [f64; 2]> {
         let (first, others) = match &self.minds {
             Minds::Paper(paper) => (Some(heading), paper.second_sensor.as_slice()),

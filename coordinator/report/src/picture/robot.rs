@@ -180,7 +180,7 @@ mod tests {
         for robot in [several, Preset::TwoSensor.robot(), Preset::Flockbots.robot()] {
             let drawn = robot_svg(&robot, None).into_string();
             for sensor in 1..=robot.sensors().len() {
-                assert!(drawn.contains(&format!(">S{sensor}<")), "{drawn}");
+                assert!(drawn.contains(&format!(">S{sensor}")), "{drawn}");
             }
             let numbers = drawn
                 .split(['"', ' ', 'L', 'A', 'M', 'Z'])
