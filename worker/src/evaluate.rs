@@ -51,8 +51,6 @@ impl Evaluator {
     /// The features are means over the last 100 steps. The picture shows all steps of the format's window but the first,
     /// which clears the canvas.
     ///
-    /// In the picture, all bodies have the radius of the world's largest.
-    ///
     /// # Errors
     /// As [`Swarm::new`], or if a feature is not finite (which no robot of a sensible size reaches).
     pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {

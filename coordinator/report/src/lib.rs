@@ -19,7 +19,7 @@ mod sample;
 
 pub use names::Names;
 
-use crate::picture::{Colouring, Paper, PictureError};
+use crate::picture::{Bodies, Paper, PictureError};
 use files::Folder;
 use murmuration_model::Repetition;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay};
@@ -283,13 +283,13 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
     let draw = |medoid: &MedoidEntry| -> Result<MedoidPictures, PictureError> {
         let (world, format) = (report.spec.world(), report.spec.image());
         let controller = &report.individuals[medoid.index as usize].controller;
-        let species = controller.species_of_robots(world.agents());
+        let bodies = Bodies::of(controller, world);
         let grey = |scale| picture::grey_png(&medoid.image, format.resolution(), scale);
         let paths = |size, paper| {
             picture::trajectory_png(
                 &medoid.replay,
                 world,
-                Colouring::of(&species),
+                bodies.colouring(),
                 format.window(),
                 size,
                 paper,

@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_link::{InputKind, outln};
 use murmuration_proto::{FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
-use murmuration_report::picture::{self, Animation, Colouring, Paper};
+use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
 use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
 use std::{
     num::NonZeroU32,
@@ -83,8 +83,8 @@ impl Simulate {
         let controller = &controller::parse(genes, model.as_ref())?;
         let start = Start::seeded(self.seed);
         let evaluation = evaluate(controller, &world, &format, &start)?;
-        let species = controller.species_of_robots(world.agents());
-        self.write_motion(&world, format.window(), Colouring::of(&species), |stride| {
+        let bodies = Bodies::of(controller, &world);
+        self.write_motion(&world, format.window(), bodies.colouring(), |stride| {
             replay(controller, &world, &start, stride)
         })?;
         if let Some(path) = &self.image {
@@ -132,9 +132,9 @@ impl Simulate {
         let named = |error| CliError::Input(format!("{}: {error}", path.display()));
         let case = Case::from_json(&read_words(path, InputKind::Case)?).map_err(named)?;
         let outcome = case.run().map_err(named)?;
-        let species = case.controller().species_of_robots(case.world().agents());
+        let bodies = Bodies::of(case.controller(), case.world());
         let window = ImageFormat::default().window();
-        self.write_motion(case.world(), window, Colouring::of(&species), |stride| {
+        self.write_motion(case.world(), window, bodies.colouring(), |stride| {
             case.replay(stride)
         })?;
         Ok(outln!("{outcome}")?)

@@ -13,7 +13,7 @@ use murmuration_proto::{
     parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
-use murmuration_report::picture::{Colouring, columns};
+use murmuration_report::picture::{Bodies, columns};
 use murmuration_service::OrStatus as _;
 use serde_json::json;
 use std::time::Duration;
@@ -43,11 +43,11 @@ pub(super) async fn motion(
     let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
     let individual = blocking(move || store.individual(&id, &model, index)).await;
     let individual = individual.or_status()?.or_status()?;
-    let species = individual.controller.species_of_robots(world.agents());
+    let bodies = Bodies::of(&individual.controller, &world);
     let told = json!({
         "world": columns::world(&world),
         "colours": colours::AGENTS.map(colours::hex),
-        "run": columns::motion(&Replay::try_from(replay)?, &world, Colouring::of(&species), MOTION_BYTES),
+        "run": columns::motion(&Replay::try_from(replay)?, &world, bodies.colouring(), MOTION_BYTES),
     });
     Ok(([created.keep(&record)], Json(told)))
 }

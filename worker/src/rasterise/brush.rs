@@ -50,6 +50,11 @@ impl Brush {
         }
     }
 
+    /// The radius of the bodies that it draws.
+    pub(super) const fn radius(&self) -> f64 {
+        self.radius
+    }
+
     /// Draws an agent over what is there; pixels outside the canvas are dropped.
     #[inline(always)]
     pub(super) fn draw<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {

@@ -23,7 +23,8 @@ pub struct Rasteriser {
     /// The first for a swarm alone, one a lane for several at once.
     canvases: Vec<Canvas>,
     cells: Cells,
-    brush: Brush,
+    /// For each size of bodies that was drawn; the first is the world's largest.
+    brushes: Vec<Brush>,
 }
 
 impl Rasteriser {
@@ -48,7 +49,7 @@ impl Rasteriser {
             size,
             canvases: vec![Canvas::new(size)],
             cells: Cells::new(size, format.resolution() as usize),
-            brush: Brush::new(world.radius()),
+            brushes: vec![Brush::new(world.radius())],
         })
     }
 
@@ -68,8 +69,13 @@ impl Rasteriser {
 
     /// Draws every agent as it is now, in index order, over what is there.
     pub fn draw(&mut self, swarm: &Swarm) {
+        for radius in swarm.radii() {
+            if self.brushes.iter().all(|brush| brush.radius() != radius) {
+                self.brushes.push(Brush::new(radius));
+            }
+        }
         self.arch.dispatch(Drawing {
-            brush: &self.brush,
+            brushes: &self.brushes,
             canvas: &mut self.canvases[0],
             swarm,
         });
@@ -88,13 +94,15 @@ impl Rasteriser {
         } in batch.agents()
         {
             let rays = batch.sensor_directions(simd, heading);
-            let ends = Ends::new(simd, &self.brush, position, heading, rays);
+            // Swarms of a batch have bodies of one size.
+            let brush = &self.brushes[0];
+            let ends = Ends::new(simd, brush, position, heading, rays);
             // All lanes in between: a load of what was stored just before, at another address, would wait for the store.
             for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                self.brush.erase_rays(canvas, &ends.lane(lane));
+                brush.erase_rays(canvas, &ends.lane(lane));
             }
             for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                self.brush.paint_body(canvas, &ends.lane(lane));
+                brush.paint_body(canvas, &ends.lane(lane));
             }
         }
     }
@@ -121,7 +129,7 @@ impl Rasteriser {
 
 /// The drawing of a swarm, as something that can be compiled for several kinds of CPU.
 struct Drawing<'a> {
-    brush: &'a Brush,
+    brushes: &'a [Brush],
     canvas: &'a mut Canvas,
     swarm: &'a Swarm,
 }
@@ -132,11 +140,12 @@ impl WithSimd for Drawing<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) {
         for (i, agent) in self.swarm.agents().enumerate() {
+            let brush = self.brush_for(i);
             let mut directions = self.swarm.sensor_directions(i, agent.heading);
             let first = directions.next().unwrap_or(agent.heading);
             match (directions.next(), directions.next()) {
-                (None, _) => self.draw(&agent, [first]),
-                (Some(second), None) => self.draw(&agent, [first, second]),
+                (None, _) => self.draw(brush, &agent, [first]),
+                (Some(second), None) => self.draw(brush, &agent, [first, second]),
                 (Some(second), Some(third)) => {
                     // To erase a ray twice changes nothing.
                     let mut rays = [third; Robot::MAX_SENSORS];
@@ -145,17 +154,63 @@ impl WithSimd for Drawing<'_> {
                         .iter_mut()
                         .zip(directions)
                         .for_each(|(ray, next)| *ray = next);
-                    self.draw(&agent, rays);
+                    self.draw(brush, &agent, rays);
                 }
             }
         }
     }
 }
 
-impl Drawing<'_> {
+impl<'a> Drawing<'a> {
+    /// The brush for the body of agent `i`.
     #[inline(always)]
-    fn draw<const SENSORS: usize>(&mut self, agent: &Agent, rays: [[f64; 2]; SENSORS]) {
-        let ends = Ends::new(Scalar::new(), self.brush, agent.position, agent.heading, rays);
-        self.brush.draw(self.canvas, &ends.lane(0));
+    fn brush_for(&self, i: usize) -> &'a Brush {
+        match self.brushes {
+            [only] => only,
+            several => {
+                let radius = self.swarm.radius(i);
+                let found = several.iter().find(|brush| brush.radius() == radius);
+                found.unwrap_or(&several[0])
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn draw<const SENSORS: usize>(&mut self, brush: &Brush, agent: &Agent, rays: [[f64; 2]; SENSORS]) {
+        let ends = Ends::new(Scalar::new(), brush, agent.position, agent.heading, rays);
+        brush.draw(self.canvas, &ends.lane(0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::Start;
+    use murmuration_proto::{CampaignSpec, Controller};
+
+    /// The share of white of a swarm at its start, before averages are stretched.
+    fn drawn(robots: &str, poses: &[[f64; 3]]) -> Vec<u8> {
+        let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
+        let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
+        let swarm = Swarm::new(&controller, &world, &Start::at(poses.to_vec()).unwrap()).unwrap();
+        let mut rasteriser = Rasteriser::new(&world, &ImageFormat::default()).unwrap();
+        rasteriser.draw(&swarm);
+        rasteriser.raw_image()
+    }
+
+    #[test]
+    fn every_body_has_its_own_size() {
+        let species = |name: &str, radius: u32| {
+            format!(
+                "[[species]]\nname = \"{name}\"\ncount = 1\nrobot = {{ radius = {radius}, sensors = [{{}}] }}\n"
+            )
+        };
+        let poses = [[100.0, 100.0, 0.0], [400.0, 300.0, 2.0]];
+        let [small, large] = [species("a", 3), species("b", 12)];
+        let both = drawn(&format!("{small}{large}"), &poses);
+        let [small, large] = [drawn(&small, &poses[..1]), drawn(&large, &poses[1..])];
+        assert!(small.iter().any(|&white| white > 0) && large != small);
+        let sum: Vec<u8> = small.iter().zip(&large).map(|(a, b)| a + b).collect();
+        assert_eq!(both, sum);
     }
 }

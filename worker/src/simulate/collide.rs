@@ -49,6 +49,11 @@ impl Collisions {
         self.reach
     }
 
+    /// All agents, by size, in index order.
+    pub(super) fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
     /// Two radii of the largest body.
     pub(super) const fn diameter(&self) -> f64 {
         self.diameter

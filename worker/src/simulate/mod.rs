@@ -226,6 +226,11 @@ impl Swarm {
         }
     }
 
+    /// The radii of bodies that there are, world units; neighbouring species of one size have one.
+    pub(crate) fn radii(&self) -> impl Iterator<Item = f64> {
+        self.robots.collisions.groups().iter().map(|group| group.radius)
+    }
+
     /// What each agent would sense if it looked now, without moving and without noise, in index order: numbers as
     /// [`Agent::sensed`].
     #[must_use]

@@ -10,9 +10,11 @@ use murmuration_model::colours;
 
 /// The section with every card.
 pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup {
-    let one_colour = match report.spec.world().agents() as usize <= colours::AGENTS.len() {
-        true => ", one colour per robot",
-        false => ", a colour for every few robots",
+    let few = report.spec.world().agents() as usize <= colours::AGENTS.len();
+    let one_colour = match (report.spec.model().species().len(), few) {
+        (2.., _) => ", one colour per species",
+        (_, true) => ", one colour per robot",
+        (_, false) => ", a colour for every few robots",
     };
     html! {
         section #behaviours aria-labelledby="behaviours-title" {

@@ -4,7 +4,7 @@
 use crate::{
     Report,
     picture::{
-        Colouring,
+        Bodies,
         columns::{self, column, span, spread},
         thinned,
     },
@@ -41,9 +41,9 @@ fn content(report: &Report) -> Value {
         .iter()
         .map(|medoid| {
             let controller = &report.individuals[medoid.index as usize].controller;
-            let species = controller.species_of_robots(world.agents());
+            let bodies = Bodies::of(controller, world);
             let most_bytes = MOTION_BYTES / report.medoids.len();
-            columns::motion(&medoid.replay, world, Colouring::of(&species), most_bytes)
+            columns::motion(&medoid.replay, world, bodies.colouring(), most_bytes)
         })
         .collect();
     json!({

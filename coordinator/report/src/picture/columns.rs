@@ -2,7 +2,7 @@
 
 use super::{Colouring, thinned};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use murmuration_proto::{Frames, Replay, World};
+use murmuration_proto::{Boundary, Frames, Obstacle, Replay, World};
 use serde_json::{Value, json};
 
 /// Most frames of a motion.
@@ -13,10 +13,24 @@ const POSE_BYTES: usize = 5;
 pub fn world(world: &World) -> Value {
     json!({
         "width": world.width(), "height": world.height(), "padding": world.padding(), "radius": world.radius(),
+        "walls": world.boundary() == Boundary::Walls,
+        "torus": world.boundary() == Boundary::Torus,
+        "obstacles": world.obstacles().iter().map(obstacle).collect::<Vec<_>>(),
     })
 }
 
-/// Steps, number of agents, the place of the species of each if there are several, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
+fn obstacle(obstacle: &Obstacle) -> Value {
+    let [x, y] = obstacle.centre();
+    match *obstacle {
+        Obstacle::Disc { radius, .. } => json!({ "x": x, "y": y, "radius": radius }),
+        Obstacle::Box {
+            size: [width, height],
+            ..
+        } => json!({ "x": x, "y": y, "width": width, "height": height }),
+    }
+}
+
+/// Steps, number of agents, the place of the species of each and the radii of the species if there are several, and for each frame and agent x and y (0 to 65535 over the world) and heading (0 to 255 over
 /// a turn), each as one column; frames are left out to keep to `most_bytes` before base64.
 pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_bytes: usize) -> Value {
     let agents = replay.agents();
@@ -28,13 +42,17 @@ pub fn motion(replay: &Replay, world: &World, colouring: Colouring<'_>, most_byt
         let turns = f64::from(heading) / std::f64::consts::TAU;
         ((turns - turns.floor()) * 256.0).round() as u32 as u8
     };
-    let species = match colouring {
-        Colouring::Agents => None,
-        Colouring::Species(species) => Some(column(species.iter().map(|&place| [place as u8]))),
+    let (species, radii) = match colouring {
+        Colouring::Agents => (None, None),
+        Colouring::Species { of_agents, radii } => {
+            let places = column(of_agents.iter().map(|&place| [place as u8]));
+            (Some(places), Some(radii))
+        }
     };
     json!({
         "agents": agents,
         "species": species,
+        "radii": radii,
         "steps": shown.iter().map(|&frame| replay.steps()[frame]).collect::<Vec<_>>(),
         "x": column(poses().map(|pose| sixteen_bits(f64::from(pose[0]) / world.width()).to_le_bytes())),
         "y": column(poses().map(|pose| sixteen_bits(f64::from(pose[1]) / world.height()).to_le_bytes())),

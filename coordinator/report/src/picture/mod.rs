@@ -16,7 +16,7 @@ pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::grey_png;
 pub use robot::{robot_svg, sensor_in_words};
-pub use sketch::Colouring;
+pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 
 /// Sides in pixels that can be asked for of a coloured picture; a grey one may be smaller.

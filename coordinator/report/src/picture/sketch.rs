@@ -4,35 +4,65 @@
 
 use super::{PictureError, side};
 use murmuration_model::colours::{self, Rgb};
-use murmuration_proto::{Pose, World};
+use murmuration_proto::{Boundary, Controller, Obstacle, Pose, World};
 use tiny_skia::{
     BlendMode, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform,
 };
 
-/// What the colour of an agent says.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Colouring<'a> {
-    /// Which agent it is.
-    Agents,
-    /// Its species: for each agent, the place of its species.
-    Species(&'a [usize]),
+/// What the bodies of a swarm look like.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bodies {
+    /// The place of the species of each agent.
+    species: Vec<usize>,
+    /// The radius of each species, world units.
+    radii: Vec<f64>,
 }
 
-impl<'a> Colouring<'a> {
-    /// By species if there are several: `species` has the place of the species of each agent.
+/// What the colour of an agent says, and how large it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Colouring<'a> {
+    /// Which agent it is; all are as large as the world says.
+    Agents,
+    /// Its species.
+    Species {
+        /// The place of the species of each agent.
+        of_agents: &'a [usize],
+        /// The radius of each species, world units.
+        radii: &'a [f64],
+    },
+}
+
+impl Bodies {
+    /// Those of the swarm of a controller.
     #[must_use]
-    pub fn of(species: &'a [usize]) -> Self {
-        match species.iter().any(|&place| place > 0) {
-            true => Self::Species(species),
-            false => Self::Agents,
+    pub fn of(controller: &Controller, world: &World) -> Self {
+        let species = controller.model().species().iter();
+        Self {
+            species: controller.species_of_robots(world.agents()),
+            radii: species.map(|species| species.robot().radius()).collect(),
         }
     }
+
+    /// By species if there are several.
+    #[must_use]
+    pub fn colouring(&self) -> Colouring<'_> {
+        match self.radii.len() {
+            0 | 1 => Colouring::Agents,
+            _ => Colouring::Species {
+                of_agents: &self.species,
+                radii: &self.radii,
+            },
+        }
+    }
+}
+
+impl Colouring<'_> {
     /// The agents that have the colour at `place`, out of so many.
     fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
         let count = colours::AGENTS.len();
         (0..agents).filter(move |&agent| match self {
             Self::Agents => agent % count == place,
-            Self::Species(species) => species.get(agent).is_some_and(|species| species % count == place),
+            Self::Species { of_agents, .. } => of_agents.get(agent) == Some(&place),
         })
     }
 }
@@ -43,8 +73,10 @@ pub(super) struct Sketch<'a> {
     pixels: Pixmap,
     /// Pixels in a world unit.
     scale: f32,
-    /// Radius of a body in pixels; at least large enough to be seen.
-    radius: f32,
+    /// Radius of the largest body, world units.
+    radius: f64,
+    /// The longest way along each axis that is a path, world units: on a torus, a longer one is a jump to the other side.
+    longest: [f32; 2],
 }
 
 impl<'a> Sketch<'a> {
@@ -58,7 +90,11 @@ impl<'a> Sketch<'a> {
             pixels: Pixmap::new(pixels(world.width()), pixels(world.height()))
                 .ok_or(PictureError::Size(size as u64))?,
             scale: scale as f32,
-            radius: ((world.radius() * scale) as f32).max(1.2),
+            radius: world.radius(),
+            longest: match world.boundary() {
+                Boundary::Torus => [world.width(), world.height()].map(|side| side as f32 / 2.0),
+                Boundary::Walls | Boundary::Open => [f32::INFINITY; 2],
+            },
         })
     }
 
@@ -75,8 +111,25 @@ impl<'a> Sketch<'a> {
         self.pixels.fill(tiny_skia::Color::TRANSPARENT);
     }
 
-    /// The walls, a thin line around where bodies can be.
+    /// The walls, a thin line around where bodies can be, and obstacles.
     pub(super) fn walls(&mut self, world: &World) {
+        for obstacle in world.obstacles() {
+            let [x, y] = obstacle.centre().map(|value| value as f32 * self.scale);
+            let path = match *obstacle {
+                Obstacle::Disc { radius, .. } => PathBuilder::from_circle(x, y, radius as f32 * self.scale),
+                Obstacle::Box { size, .. } => {
+                    let [width, height] = size.map(|side| side as f32 * self.scale);
+                    let rect = Rect::from_xywh(x - width / 2.0, y - height / 2.0, width, height);
+                    rect.map(PathBuilder::from_rect)
+                }
+            };
+            if let Some(path) = path {
+                self.fill(&path, colours::LINE);
+            }
+        }
+        if world.boundary() != Boundary::Walls {
+            return;
+        }
         let near = world.padding() as f32 * self.scale;
         let (width, height) = (
             world.width() as f32 * self.scale,
@@ -100,9 +153,10 @@ impl<'a> Sketch<'a> {
             for agent in self.colouring.agents(place, agents) {
                 for (i, frame) in frames.iter().enumerate() {
                     let (x, y) = self.pixel(frame[agent]);
-                    match i {
-                        0 => path.move_to(x, y),
-                        _ => path.line_to(x, y),
+                    if i == 0 || self.jumps(frames[i - 1][agent], frame[agent]) {
+                        path.move_to(x, y);
+                    } else {
+                        path.line_to(x, y);
                     }
                 }
             }
@@ -114,8 +168,8 @@ impl<'a> Sketch<'a> {
 
     /// The bodies at `poses`: discs, each with a tick that points where it heads, set off from the paths under them.
     pub(super) fn bodies(&mut self, poses: &[Pose]) {
-        let radius = self.radius;
         for (place, &colour) in colours::AGENTS.iter().enumerate() {
+            let radius = self.radius(place);
             let (mut discs, mut ticks) = (PathBuilder::new(), PathBuilder::new());
             for pose in self
                 .colouring
@@ -148,6 +202,20 @@ impl<'a> Sketch<'a> {
             let plain = pixel.demultiply();
             ([plain.red(), plain.green(), plain.blue()], plain.alpha())
         })
+    }
+
+    /// Whether an agent left on one side and came in on the other.
+    fn jumps(&self, from: Pose, to: Pose) -> bool {
+        (0..2).any(|axis| (to[axis] - from[axis]).abs() > self.longest[axis])
+    }
+
+    /// Radius in pixels of the bodies that have the colour at `place`; large enough to be seen.
+    fn radius(&self, place: usize) -> f32 {
+        let own = match self.colouring {
+            Colouring::Agents => None,
+            Colouring::Species { radii, .. } => radii.get(place),
+        };
+        (*own.unwrap_or(&self.radius) as f32 * self.scale).max(1.2)
     }
 
     fn pixel(&self, [x, y, _]: Pose) -> (f32, f32) {

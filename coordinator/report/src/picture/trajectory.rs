@@ -144,7 +144,10 @@ mod tests {
         let [first, second, third] = [0, 1, 2].map(|place| colours::AGENTS[place]);
         assert_eq!(colours_of(Colouring::Agents), [first, second, third]);
         assert_eq!(
-            colours_of(Colouring::Species(&[0, 1, 1])),
+            colours_of(Colouring::Species {
+                of_agents: &[0, 1, 1],
+                radii: &[5.0, 5.0]
+            }),
             [first, second, second]
         );
     }

@@ -28,11 +28,15 @@ function equalScale(spans, width, height, room) {
   };
 }
 
+// Half a world: on a torus, a longer way between two frames is a jump to the other side.
+const JUMP = 32768;
+
 // A swarm's motion, to be asked for its poses at any step.
 class Run {
-  constructor({ agents, species, steps, x, y, heading }) {
+  constructor({ agents, species, radii, steps, x, y, heading }) {
     this.agents = agents;
     this.species = species ? column(species, Uint8Array) : null;
+    this.radii = radii;
     this.steps = steps;
     this.x = column(x, Uint16Array);
     this.y = column(y, Uint16Array);
@@ -67,8 +71,12 @@ class Run {
     const from = frame * this.agents;
     const to = next * this.agents;
     for (let i = 0; i < this.agents; i++) {
-      poses.x[i] = this.x[from + i] + part * (this.x[to + i] - this.x[from + i]);
-      poses.y[i] = this.y[from + i] + part * (this.y[to + i] - this.y[from + i]);
+      const across = this.x[to + i] - this.x[from + i];
+      const down = this.y[to + i] - this.y[from + i];
+      // Who left a torus on one side is there until it has come in on the other.
+      const still = this.wraps && (Math.abs(across) > JUMP || Math.abs(down) > JUMP);
+      poses.x[i] = this.x[from + i] + (still ? 0 : part * across);
+      poses.y[i] = this.y[from + i] + (still ? 0 : part * down);
       const turn = ((this.heading[to + i] - this.heading[from + i] + 384) % 256) - 128;
       poses.heading[i] = ((this.heading[from + i] + part * turn) * Math.PI) / 128;
     }
@@ -85,6 +93,7 @@ function drawSwarm(canvas, run, step, world, colours) {
   fit(canvas);
   const pen = canvas.getContext("2d");
   const scale = canvas.width / world.width;
+  run.wraps = world.torus;
   const frame = run.posesAt(step, run.poses);
   const across = canvas.width / 65535;
   const down = canvas.height / 65535;
@@ -95,9 +104,11 @@ function drawSwarm(canvas, run, step, world, colours) {
   pen.strokeStyle = "#9c9a94";
   pen.lineWidth = 1;
   const inset = Math.floor(world.padding * scale) + 0.5;
-  pen.strokeRect(inset, inset, canvas.width - 2 * inset, canvas.height - 2 * inset);
+  if (world.walls) pen.strokeRect(inset, inset, canvas.width - 2 * inset, canvas.height - 2 * inset);
+  drawObstacles(pen, world.obstacles, scale);
   if (run.agents <= MOST_TRAILS) drawTrails(pen, run, step, frame, colours, across, down);
-  drawBodies(pen, run, colours, Math.max(world.radius * scale, 1.2), across, down);
+  const radiusOf = (place) => Math.max((run.radii?.[place] ?? world.radius) * scale, 1.2);
+  drawBodies(pen, run, colours, radiusOf, across, down);
 }
 
 function drawTrails(pen, run, step, frame, colours, across, down) {
@@ -116,20 +127,37 @@ function drawTrails(pen, run, step, frame, colours, across, down) {
       for (let at = from; at <= to; at++) {
         const now = at > frame;
         const i = at * run.agents + agent;
-        pen.lineTo((now ? poses.x[agent] : run.x[i]) * across, (now ? poses.y[agent] : run.y[i]) * down);
+        const x = now ? poses.x[agent] : run.x[i];
+        const y = now ? poses.y[agent] : run.y[i];
+        const before = i - run.agents;
+        const jumps =
+          run.wraps && at > from && (Math.abs(x - run.x[before]) > JUMP || Math.abs(y - run.y[before]) > JUMP);
+        if (jumps) pen.moveTo(x * across, y * down);
+        else pen.lineTo(x * across, y * down);
       }
       pen.stroke();
     }
   }
 }
 
-function drawBodies(pen, run, colours, radius, across, down) {
+function drawObstacles(pen, obstacles, scale) {
+  pen.fillStyle = "#9c9a94";
+  for (const { x, y, radius, width, height } of obstacles) {
+    pen.beginPath();
+    if (radius) pen.arc(x * scale, y * scale, radius * scale, 0, 2 * Math.PI);
+    else pen.rect((x - width / 2) * scale, (y - height / 2) * scale, width * scale, height * scale);
+    pen.fill();
+  }
+}
+
+function drawBodies(pen, run, colours, radiusOf, across, down) {
   const { poses } = run;
   pen.globalAlpha = 1;
-  pen.lineWidth = Math.max(0.4 * radius, 1.2);
   const members = colours.map(() => []);
   for (let i = 0; i < run.agents; i++) members[run.colourOf(i, colours)].push(i);
   colours.forEach((colour, place) => {
+    const radius = radiusOf(place);
+    pen.lineWidth = Math.max(0.4 * radius, 1.2);
     const discs = new Path2D();
     const ticks = new Path2D();
     for (const i of members[place]) {
