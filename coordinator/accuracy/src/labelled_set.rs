@@ -87,7 +87,7 @@ impl LabelledSet {
     /// Whether the file has what is needed to simulate each behaviour again: its controller, and the seed of its start.
     #[must_use]
     pub fn can_be_simulated(&self) -> bool {
-        self.file.has("seed") && self.file.has("v1")
+        self.file.has("seed") && (self.file.has("v1") || self.file.has("robots"))
     }
 
     /// The absolute values of the five hand-crafted features of each behaviour, as the authors compare them: the direction in

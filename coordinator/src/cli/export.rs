@@ -11,7 +11,9 @@ use super::{
 };
 use crate::local::InProcess;
 use murmuration_link::print;
-use murmuration_proto::{CampaignSpec, Controller, DriveKind, RobotController, v1};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, DriveKind, RobotController, v1,
+};
 use std::{fmt::Write as _, path::PathBuf};
 
 /// What can be done with controllers.
@@ -102,18 +104,36 @@ async fn of_individual(global: &Global, campaign: String, index: u64) -> Result<
 fn header(controller: &Controller) -> String {
     let model = controller.model();
     let mut text = format!(
-        "/* A controller of the {model} model, exported by Murmuration.\n\n   Genes: {controller} */\n\
-         #ifndef MURMURATION_CONTROLLER_H\n#define MURMURATION_CONTROLLER_H\n"
+        "/* A controller of the {model} model, exported by Murmuration. A program includes one such header: its names are the same in\n   \
+         all.\n\n   Genes: {controller} */\n#ifndef {guard}\n#define {guard}\n",
+        guard = guard(controller)
     );
-    for (species, robot) in model.species().iter().zip(controller.robots()) {
-        let suffix = match model.species().len() {
-            1 => String::new(),
-            // A name of a species may have a minus sign, and a name in C not.
-            _ => format!("_{}", species.name().as_str().replace('-', "_")),
-        };
-        text += &of_species(robot, &suffix);
+    for (suffix, robot) in suffixes(model).iter().zip(controller.robots()) {
+        text += &of_species(robot, suffix);
     }
     text + "\n#endif\n"
+}
+
+/// Differs between controllers: a program that includes two does not compile, where it would otherwise have only the first.
+fn guard(controller: &Controller) -> String {
+    let text = format!("{} {controller}", controller.model().to_line());
+    let digest = CheckpointDigest::of(text.as_bytes()).to_string();
+    format!("MURMURATION_CONTROLLER_{}_H", digest[..8].to_uppercase())
+}
+
+/// What the names in C of each species end with.
+fn suffixes(model: &CapabilityModel) -> Vec<String> {
+    let mut suffixes: Vec<String> = Vec::new();
+    for (place, species) in model.species().iter().enumerate() {
+        // A name of a species may have a minus sign, and a name in C not.
+        let name = format!("_{}", species.name().as_str().replace('-', "_"));
+        suffixes.push(match model.species().len() {
+            1 => String::new(),
+            _ if suffixes.contains(&name) => format!("{name}_{}", place + 1),
+            _ => name,
+        });
+    }
+    suffixes
 }
 
 fn of_species(controller: RobotController<'_>, suffix: &str) -> String {
@@ -162,7 +182,7 @@ mod tests {
     /// Two species, one of three sensors, with names and numbers that C could take amiss.
     fn swarm() -> Result<Controller, Box<dyn Error>> {
         let text = "[[species]]\nname = \"a-b\"\ncount = 3\nrobot.sensors = [{}, { angle = 1e-3 }, { angle = \"free\", \
-                    angle_range = [-1, 1] }]\n[[species]]\nname = \"c\"\ncount = 2\nmodel = \"turbopi\"\n";
+                    angle_range = [-1, 1] }]\n[[species]]\nname = \"a_b\"\ncount = 2\nmodel = \"turbopi\"\n";
         let (model, _) = CampaignSpec::robots_from_toml(text)?;
         let genes: Vec<f64> = (0..model.genes())
             .map(|gene| f64::from(gene as u32) * 1e-2 / 3.0)
@@ -180,7 +200,7 @@ mod tests {
             path("main.c"),
             "#include <stdio.h>\n#include \"controller.h\"\nint main(void) {\n  double s[2];\n\
              for (unsigned seen = 0; seen < 8; seen++) { murmuration_control_a_b(seen, s); printf(\"%.17g %.17g\\n\", s[0], s[1]); }\n\
-             for (unsigned seen = 0; seen < 2; seen++) { murmuration_control_c(seen + 6, s); printf(\"%.17g %.17g\\n\", s[0], s[1]); }\n\
+             for (unsigned seen = 0; seen < 2; seen++) { murmuration_control_a_b_2(seen + 6, s); printf(\"%.17g %.17g\\n\", s[0], s[1]); }\n\
              for (int i = 0; i < 3; i++) printf(\"%.17g 0\\n\", murmuration_angles_a_b[i]);\n  return 0;\n}\n",
         )?;
         let options = [

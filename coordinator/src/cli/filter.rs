@@ -19,7 +19,7 @@ Examples:
   murmuration filter -0.7,0.3,1,1 0.6,1,0.4,0.5
   murmuration filter --file controllers.txt --json")]
 pub(super) struct Filter {
-    /// Controllers: 4 wheel speeds each, or 8 wheel speeds and an angle
+    /// Controllers of the paper's robots: 4 wheel speeds each, or 8 wheel speeds and an angle
     #[arg(required_unless_present = "file")]
     controllers: Vec<String>,
     /// File of further controllers, one a line; - reads stdin

@@ -213,9 +213,9 @@ async fn add(
     // The coordinator would refuse them too, but knows no lines.
     table.check_indices(&status.id, len)?;
     let campaign = status.id;
-    if table.describes() {
+    if table.describes(spec.model()) {
         let individuals = individuals(connection, &campaign).await?;
-        table.check_individuals(&campaign, |index| individuals.get(&index))?;
+        table.check_individuals((&campaign, spec.model()), |index| individuals.get(&index))?;
     }
     let request = v1::AppendLabelsRequest {
         campaign: campaign.clone(),

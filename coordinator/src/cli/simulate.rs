@@ -24,7 +24,8 @@ const GREY_SCALE: u32 = 10;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 A controller is a list of numbers separated by commas, with or without square brackets: 4 wheel speeds (single-sensor), or 8 \
-wheel speeds and an angle (two-sensor). The angle may be a multiple of pi. `murmuration robot` prints the genes of other robots.
+wheel speeds and an angle (two-sensor). The angle may be a multiple of pi. `murmuration robot` prints the genes of other robots, \
+which --robot describes.
 
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif

@@ -187,6 +187,7 @@ impl CapabilityModel {
         ratios: Vec<v1::Ratio>,
         default: &Defaults,
     ) -> Result<Self, Invalid> {
+        let shares: Vec<_> = species.iter().map(|species| species.share).collect();
         let mut counts = Vec::new();
         let mut described = Vec::with_capacity(species.len());
         for (i, message) in species.into_iter().enumerate().take(Self::MAX_SPECIES + 1) {
@@ -196,6 +197,7 @@ impl CapabilityModel {
             let robot = robot(message.model.as_deref(), message.robot, default).map_err(within)?;
             described.push(Species::new(name, robot));
         }
+        check_shares(&shares)?;
         let ratios = match ratios.is_empty() {
             true => vec![counts],
             false => ratios.into_iter().map(|ratio| ratio.counts).collect(),
@@ -221,6 +223,21 @@ fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<
             "absent where there is a share or there are ratios",
         )),
         (None, Some(share)) => Err(Invalid::new("share", share, "absent where there are ratios")),
+    }
+}
+
+/// Checks that shares, if there are any, are those of all species and the whole together.
+fn check_shares(shares: &[Option<f64>]) -> Result<(), Invalid> {
+    let given: f64 = shares.iter().flatten().sum();
+    let all = shares.iter().all(Option::is_some);
+    match shares.iter().position(Option::is_some) {
+        Some(i) if !all || (given - 1.0).abs() > 1e-6 => {
+            let value = shares[i].unwrap_or_default();
+            let allowed =
+                format!("such that all species have a share, and all shares come to 1, not {given}");
+            Err(Invalid::new(format!("species[{i}].share"), value, allowed))
+        }
+        _ => Ok(()),
     }
 }
 

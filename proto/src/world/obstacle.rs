@@ -59,10 +59,11 @@ impl Obstacle {
     /// The obstacle of a message, in a world of this width and height.
     fn in_world(message: v1::Obstacle, sides: [f64; 2]) -> Result<Self, Invalid> {
         let far = 2.0 * World::MAX_SIDE;
-        let centre = [
-            invalid::real("x", message.x, -far..=far)?,
-            invalid::real("y", message.y, -far..=far)?,
-        ];
+        let place = |field, given: Option<f64>| {
+            let given = given.ok_or_else(|| Invalid::new(field, "nothing", "given"))?;
+            invalid::real(field, given, -far..=far)
+        };
+        let centre = [place("x", message.x)?, place("y", message.y)?];
         let size = |field, value| invalid::positive(field, value, far);
         let obstacle = match (message.radius, message.width, message.height) {
             (Some(radius), None, None) => Self::Disc {
@@ -144,8 +145,8 @@ impl From<&Obstacle> for v1::Obstacle {
             Obstacle::Box { size, .. } => (None, Some(size[0]), Some(size[1])),
         };
         Self {
-            x,
-            y,
+            x: Some(x),
+            y: Some(y),
             radius,
             width,
             height,

@@ -261,8 +261,8 @@ mod tests {
         let part = || prop_oneof![0.01..0.1_f64, 0.1..0.7];
         let obstacle = (0.0..1.0_f64, 0.0..1.0_f64, part(), part(), any::<bool>());
         let obstacle = obstacle.prop_map(|(x, y, width, height, disc)| v1::Obstacle {
-            x,
-            y,
+            x: Some(x),
+            y: Some(y),
             radius: disc.then_some(width / 2.0),
             width: (!disc).then_some(width),
             height: (!disc).then_some(height),
@@ -273,8 +273,8 @@ mod tests {
 
     fn stretched(obstacle: v1::Obstacle, width: f64, height: f64) -> v1::Obstacle {
         v1::Obstacle {
-            x: obstacle.x * width,
-            y: obstacle.y * height,
+            x: obstacle.x.map(|x| x * width),
+            y: obstacle.y.map(|y| y * height),
             radius: obstacle.radius.map(|radius| radius * width.min(height)),
             width: obstacle.width.map(|part| part * width),
             height: obstacle.height.map(|part| part * height),

@@ -79,6 +79,10 @@ impl Collisions {
     ) -> [f64; 2] {
         let mut touched = std::mem::take(&mut self.touched);
         let groups = std::mem::take(&mut self.groups);
+        let alone = match groups.as_slice() {
+            [alone] => Some(alone.radius),
+            _ => None,
+        };
         for _ in 0..PASSES {
             touched.clear();
             for group in &groups {
@@ -87,14 +91,15 @@ impl Collisions {
             if touched.is_empty() {
                 break;
             }
-            let mut groups = groups.iter();
-            let mut group = groups.next();
             for &other in &touched {
-                while group.is_some_and(|group| !group.has(other)) {
-                    group = groups.next();
-                }
-                let Some(group) = group else { break };
-                at = self.pushed_to(radius + group.radius, at, others.near(other, at));
+                let theirs = match alone {
+                    Some(theirs) => theirs,
+                    None => {
+                        let group = groups.iter().find(|group| group.has(other));
+                        group.map_or(radius, |group| group.radius)
+                    }
+                };
+                at = self.pushed_to(radius + theirs, at, others.near(other, at));
             }
         }
         (self.touched, self.groups) = (touched, groups);

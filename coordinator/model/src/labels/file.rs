@@ -288,7 +288,19 @@ impl<'a> Row<'a> {
     /// # Errors
     /// Where a column is missing, or a gene is no number or out of range.
     pub fn controller(&self) -> Result<Controller, LabelFileError> {
-        let model = self.model()?;
+        self.controller_of(self.model()?)
+    }
+
+    /// The controller, which is one of `campaign`'s if only its genes are named.
+    pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
+        let names_robots = self.file.has(ROBOTS) || self.file.has(SPEEDS[0]);
+        self.controller_of(match names_robots {
+            true => self.model()?,
+            false => campaign.clone(),
+        })
+    }
+
+    fn controller_of(&self, model: CapabilityModel) -> Result<Controller, LabelFileError> {
         let genes = gene_columns(&model);
         let genes = genes.iter().map(|name| self.needed(name, "a number"));
         let genes = genes.collect::<Result<Vec<f64>, _>>()?;
@@ -324,7 +336,7 @@ impl<'a> Row<'a> {
     /// # Errors
     /// Where a value is out of range.
     pub fn world(&self) -> Result<World, LabelFileError> {
-        let world = v1::World {
+        let mut world = v1::World {
             width: self.given("width", "a number")?,
             height: self.given("height", "a number")?,
             padding: self.given("padding", "a number")?,
@@ -341,6 +353,13 @@ impl<'a> Row<'a> {
             start: self.line("start", |line| of_toml_line("start", line, START))?,
             noise: self.line("noise", |line| of_toml_line("noise", line, NOISE))?,
         };
+        // How many robots there are, and how large, is what the row says of them.
+        if !self.cell(ROBOTS).is_empty() {
+            let robots = World::default().robots_of_line(ROBOTS, self.cell(ROBOTS));
+            let robots = robots.map_err(|error| self.refused(error))?;
+            world.agents = world.agents.or(robots.robots());
+            world.radius = world.radius.or(Some(robots.largest_radius()));
+        }
         World::try_from(world).map_err(|error| self.refused(error))
     }
 

@@ -8,7 +8,10 @@ use super::{
     to_cell,
 };
 use crate::Timestamp;
-use murmuration_proto::{CampaignSpec, FEATURE_NAMES, ImageFormat, Invalid, Preset, World, counted, v1};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Controller, FEATURE_NAMES, ImageFormat, Invalid, Preset, World, counted,
+    v1,
+};
 use std::path::Path;
 
 /// What a file says of every label, whatever it is about.
@@ -71,34 +74,37 @@ impl Table {
         self.check(|_, answer| Ok((answer.index >= len).then(&allowed)))
     }
 
-    /// Whether the file says which individuals it is about by more than their indices.
+    /// Whether the file says which individuals of a campaign of `model` it is about by more than their indices.
     #[must_use]
-    pub fn describes(&self) -> bool {
-        self.file.has("seed") || self.has_controllers()
+    pub fn describes(&self, model: &CapabilityModel) -> bool {
+        self.file.has("seed") || self.has_controllers(model)
     }
 
-    fn has_controllers(&self) -> bool {
-        self.file.has(FIRST_SPEED) || self.file.has(ROBOTS)
+    /// Whether there are controllers, of the paper's robots or of `model`.
+    fn has_controllers(&self, model: &CapabilityModel) -> bool {
+        let genes = gene_columns(model);
+        let columns = genes.iter().map(String::as_str).chain([FIRST_SPEED, ROBOTS]);
+        columns.into_iter().any(|column| self.file.has(column))
     }
 
-    /// Checks that the individuals, where the file says what their controllers and seeds are, have just these in the archive
-    /// of `campaign`, in which `individual` looks them up.
+    /// Checks that the individuals, where the file says what their robots, controllers and seeds are, have just these in the
+    /// archive of `campaign`, which is of `model`, and in which `individual` looks them up.
     ///
     /// # Errors
     /// Names the first that has not: the file is of another archive.
     pub fn check_individuals<'a>(
         &self,
-        campaign: &str,
+        (campaign, model): (&str, &CapabilityModel),
         individual: impl Fn(u64) -> Option<&'a v1::Individual>,
     ) -> Result<(), LabelFileError> {
-        let has_controller = self.has_controllers();
+        let has_controller = self.has_controllers(model);
         let has_seed = self.file.has("seed");
         self.check(|row, answer| {
             let found = individual(answer.index);
             let same = match found {
                 None => false,
                 Some(found) => {
-                    (!has_controller || row.controller()?.genes() == found.controller)
+                    (!has_controller || is_of(&row.controller_in(model)?, model, &found.controller))
                         && (!has_seed || row.seed()? == found.seed)
                 }
             };
@@ -129,6 +135,14 @@ impl Table {
     pub fn into_answers(self) -> Vec<v1::Answer> {
         self.answers.into_iter().map(|(_, answer)| answer).collect()
     }
+}
+
+/// Whether a controller has these genes, and is of the robots of `model`; of a preset, whatever the size of its bodies, which a
+/// file need not say.
+fn is_of(controller: &Controller, model: &CapabilityModel, genes: &[f64]) -> bool {
+    let own = controller.model();
+    let same_robots = own == model || (model.preset().is_some() && own.preset() == model.preset());
+    same_robots && controller.genes() == genes
 }
 
 /// Answers about a campaign as a text that [`LabelFile::parse`] understands: with each, the individual's seed, controller and
@@ -246,8 +260,10 @@ mod tests {
         let check = |row: &str| {
             let text = format!("seed,v1,v2,v3,v4,id,class,annotator\n{row},ring,ana\n");
             let table = read_text(&text, None).unwrap();
-            assert!(table.describes());
-            table.check_individuals("small-1", |index| archive.get(&index))
+            assert!(table.describes(&Preset::SingleSensor.into()));
+            table.check_individuals(("small-1", &Preset::SingleSensor.into()), |index| {
+                archive.get(&index)
+            })
         };
         assert_eq!(check("7,0.1,0.2,0.3,0.4,3"), Ok(()));
         for other in [
@@ -264,8 +280,45 @@ mod tests {
         assert!(
             !read_text("id,class,annotator\n3,ring,ana\n", None)
                 .unwrap()
-                .describes()
+                .describes(&Preset::SingleSensor.into())
         );
+    }
+
+    #[test]
+    fn a_file_about_other_robots_is_refused() {
+        let robots = |range| format!("robot.sensors = [{{ half_angle = 0.5, range = {range} }}]");
+        let model = CampaignSpec::robots_from_toml(&robots(150)).unwrap().0;
+        let other = CampaignSpec::robots_from_toml(&robots(999)).unwrap().0;
+        let archived = v1::Individual {
+            controller: vec![0.1, 0.2, 0.3, 0.4],
+            ..v1::Individual::default()
+        };
+        let check = |header: &str, row: &str| {
+            let text = format!("id,class,annotator,{header}\n0,ring,ana,{row}\n");
+            let table = read_text(&text, None).unwrap();
+            assert!(table.describes(&model));
+            table
+                .check_individuals(("robot-1", &model), |_| Some(&archived))
+                .is_ok()
+        };
+        let genes = "left_0,right_0,left_1,right_1";
+        let quoted = |model: &CapabilityModel| model.to_line().replace('"', "\"\"");
+        let row = |model: &CapabilityModel| format!("\"{}\",0.1,0.2,0.3,0.4", quoted(model));
+        assert!(check(&format!("robots,{genes}"), &row(&model)));
+        assert!(!check(&format!("robots,{genes}"), &row(&other)));
+        assert!(check(genes, "0.1,0.2,0.3,0.4"));
+        assert!(!check(genes, "0.1,0.2,0.3,0.5"));
+        assert!(!check("v1,v2,v3,v4", "0.1,0.2,0.3,0.4"));
+    }
+
+    #[test]
+    fn robots_say_how_many_and_how_large_they_are() {
+        let table = read_text(
+            "id,class,annotator,robots\n0,ring,ana,\"{ model = \"\"turbopi\"\" }\"\n",
+            None,
+        )
+        .unwrap();
+        assert_eq!(table.file.row(0).unwrap().world().unwrap().radius(), 10.0);
     }
 
     /// The year 10000, which RFC 3339 does not have.

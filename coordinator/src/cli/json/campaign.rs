@@ -140,7 +140,7 @@ pub(in crate::cli) struct Individual {
     index: Option<u64>,
     /// Generation, from 0; null for a controller that was only simulated.
     generation: Option<u32>,
-    /// 4 wheel speeds, or 8 wheel speeds and an angle in radians.
+    /// The genes, in the order in which `murmuration robot` names them; of the paper's robots 4 wheel speeds, or 8 and an angle in radians.
     controller: Vec<f64>,
     /// Seed of the start.
     seed: u64,

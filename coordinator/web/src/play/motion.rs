@@ -26,7 +26,7 @@ const MOST_KEPT: usize = 16;
 const TIME_LIMIT: Duration = Duration::from_secs(2);
 /// How long a piece may take: of a slow swarm it has fewer frames.
 const PIECE_LIMIT: Duration = Duration::from_millis(250);
-/// Steps between two looks at the clock.
+/// Steps of a small swarm between two looks at the clock.
 const PATIENCE_STEPS: u32 = 8;
 /// The version of the format.
 const VERSION: u32 = 1;
@@ -149,11 +149,16 @@ fn is_time_for(limit: Duration, interrupt: &Interrupt) -> impl Fn() -> bool + us
 
 /// Steps a swarm until it has done so many steps; false if there was no time for it.
 fn advanced(swarm: &mut Swarm, steps: u32, is_time: impl Fn() -> bool) -> bool {
+    // A step of many robots among obstacles may take a part of a second.
+    let patience = match swarm.agents().len() as u32 {
+        0..=EVERY_STEP => PATIENCE_STEPS,
+        _ => 1,
+    };
     while swarm.steps() < steps {
         if !is_time() {
             return false;
         }
-        swarm.advance((steps - swarm.steps()).min(PATIENCE_STEPS));
+        swarm.advance((steps - swarm.steps()).min(patience));
     }
     true
 }

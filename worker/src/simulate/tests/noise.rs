@@ -64,7 +64,7 @@ proptest! {
         radius in prop::option::of(1.0..100.0),
         seed: u64,
     ) {
-        let obstacle = |radius| v1::Obstacle { x: 200.0, y: 300.0, radius: Some(radius), ..v1::Obstacle::default() };
+        let obstacle = |radius| v1::Obstacle { x: Some(200.0), y: Some(300.0), radius: Some(radius), ..v1::Obstacle::default() };
         let short = v1::World {
             horizon: Some(150),
             noise,

@@ -6,8 +6,8 @@ use std::f64::consts::FRAC_PI_4;
 
 fn disc(x: f64, y: f64, radius: f64) -> v1::Obstacle {
     v1::Obstacle {
-        x,
-        y,
+        x: Some(x),
+        y: Some(y),
         radius: Some(radius),
         ..v1::Obstacle::default()
     }
@@ -15,8 +15,8 @@ fn disc(x: f64, y: f64, radius: f64) -> v1::Obstacle {
 
 fn rectangle(x: f64, y: f64, width: f64, height: f64) -> v1::Obstacle {
     v1::Obstacle {
-        x,
-        y,
+        x: Some(x),
+        y: Some(y),
         width: Some(width),
         height: Some(height),
         ..v1::Obstacle::default()

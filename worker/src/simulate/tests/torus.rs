@@ -100,14 +100,14 @@ proptest! {
             let world = world(v1::World {
                 obstacles: vec![
                     v1::Obstacle {
-                        x: moved(disc[0], dx),
-                        y: moved(disc[1], dy),
+                        x: Some(moved(disc[0], dx)),
+                        y: Some(moved(disc[1], dy)),
                         radius: Some(20.0),
                         ..v1::Obstacle::default()
                     },
                     v1::Obstacle {
-                        x: moved(square[0], dx),
-                        y: moved(square[1], dy),
+                        x: Some(moved(square[0], dx)),
+                        y: Some(moved(square[1], dy)),
                         width: Some(30.0),
                         height: Some(30.0),
                         ..v1::Obstacle::default()
