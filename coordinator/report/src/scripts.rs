@@ -24,7 +24,7 @@ pub const MODULES: [(&str, &str); 4] = [
         "drawing.js",
         concat!(
             include_str!("scripts/drawing.js"),
-            "export { Run, column, dotOf, drawSwarm, equalScale, fit, stamp };\n"
+            "export { Run, column, dotOf, drawArena, drawSwarm, equalScale, fit, stamp };\n"
         ),
     ),
     (

@@ -100,12 +100,7 @@ function drawSwarm(canvas, run, step, world, colours) {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.lineCap = "round";
   pen.lineJoin = "round";
-  pen.globalAlpha = 0.55;
-  pen.strokeStyle = "#9c9a94";
-  pen.lineWidth = 1;
-  const inset = Math.floor(world.padding * scale) + 0.5;
-  if (world.walls) pen.strokeRect(inset, inset, canvas.width - 2 * inset, canvas.height - 2 * inset);
-  drawObstacles(pen, world.obstacles, scale);
+  drawArena(pen, world, scale);
   if (run.agents <= MOST_TRAILS) drawTrails(pen, run, step, frame, colours, across, down);
   const radiusOf = (place) => Math.max((run.radii?.[place] ?? world.radius) * scale, 1.2);
   drawBodies(pen, run, colours, radiusOf, across, down);
@@ -140,14 +135,21 @@ function drawTrails(pen, run, step, frame, colours, across, down) {
   }
 }
 
-function drawObstacles(pen, obstacles, scale) {
+// Walls and obstacles.
+function drawArena(pen, { padding, walls, obstacles }, scale) {
+  pen.globalAlpha = 0.55;
+  pen.strokeStyle = "#9c9a94";
   pen.fillStyle = "#9c9a94";
+  pen.lineWidth = 1;
+  const inset = Math.floor(padding * scale) + 0.5;
+  if (walls) pen.strokeRect(inset, inset, pen.canvas.width - 2 * inset, pen.canvas.height - 2 * inset);
   for (const { x, y, radius, width, height } of obstacles) {
     pen.beginPath();
     if (radius) pen.arc(x * scale, y * scale, radius * scale, 0, 2 * Math.PI);
     else pen.rect((x - width / 2) * scale, (y - height / 2) * scale, width * scale, height * scale);
     pen.fill();
   }
+  pen.globalAlpha = 1;
 }
 
 function drawBodies(pen, run, colours, radiusOf, across, down) {

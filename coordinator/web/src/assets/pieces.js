@@ -1,6 +1,6 @@
 // The motion of a swarm that has no end, a piece at a time, and how it is drawn.
 import { insist, reply } from "./coordinator.js";
-import { fit } from "./drawing.js";
+import { drawArena, fit } from "./drawing.js";
 
 const VERSION = 1;
 const HEADER_WORDS = 5;
@@ -24,16 +24,21 @@ class Piece {
     this.sensed = new Uint8Array(bytes, 4 * HEADER_WORDS + this.poses.byteLength);
   }
 
-  // Hands x, y, heading and what it senses of each robot to `told`.
-  at(step, told) {
+  // Hands x, y, heading and what it senses of each robot of a world to `told`.
+  at(step, { width, height, torus }, told) {
     const place = Math.min(Math.max((step - this.first) / this.stride, 0), this.frames - 1);
     const frame = Math.floor(place);
     const part = place - frame;
     const from = 3 * frame * this.robots;
     const to = 3 * Math.min(frame + 1, this.frames - 1) * this.robots;
-    const between = (i) => this.poses[from + i] + part * (this.poses[to + i] - this.poses[from + i]);
+    const between = (i, side) => {
+      const way = this.poses[to + i] - this.poses[from + i];
+      // Who left a torus on one side is there until it has come in on the other.
+      return this.poses[from + i] + (torus && Math.abs(way) > side / 2 ? 0 : part * way);
+    };
     for (let i = 0; i < this.robots; i++) {
-      told(between(3 * i), between(3 * i + 1), between(3 * i + 2), this.sensed[frame * this.robots + i], i);
+      const [x, y, heading] = [between(3 * i, width), between(3 * i + 1, height), between(3 * i + 2, Infinity)];
+      told(x, y, heading, this.sensed[frame * this.robots + i], i);
     }
   }
 }
@@ -101,26 +106,17 @@ export class Pieces {
 export function draw(canvas, piece, step, { swarm, counts, genes }) {
   fit(canvas);
   const pen = canvas.getContext("2d");
-  const scale = canvas.width / swarm.width;
+  const scale = canvas.width / swarm.world.width;
   pen.clearRect(0, 0, canvas.width, canvas.height);
-  if (swarm.walls) drawWalls(pen, swarm, scale);
+  drawArena(pen, swarm.world, scale);
   const layers = swarm.species.map((species) => layer(species, scale, genes));
   for (const layer of layers) if (layer.radius < LEAST_RADIUS_PX || piece.robots > MOST_WITH_SENSORS) layer.angles = [];
   const ends = counts.map((_, place) => counts.slice(0, place + 1).reduce((sum, count) => sum + count));
-  piece.at(step, (x, y, heading, sensed, i) => {
+  piece.at(step, swarm.world, (x, y, heading, sensed, i) => {
     const place = ends.findIndex((end) => i < end);
     add(layers[Math.max(place, 0)], x * scale, y * scale, heading, sensed);
   });
   for (const layer of layers) paint(pen, layer);
-}
-
-function drawWalls(pen, { padding }, scale) {
-  const inset = Math.floor(padding * scale) + 0.5;
-  pen.globalAlpha = 0.55;
-  pen.strokeStyle = "#9c9a94";
-  pen.lineWidth = 1;
-  pen.strokeRect(inset, inset, pen.canvas.width - 2 * inset, pen.canvas.height - 2 * inset);
-  pen.globalAlpha = 1;
 }
 
 function layer({ colour, radius, sensors }, scale, genes) {

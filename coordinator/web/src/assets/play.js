@@ -125,7 +125,7 @@ class State {
 function playground() {
   const state = new State();
   const player = root.querySelector(".player");
-  player.querySelector(".stage").style.aspectRatio = `${state.swarm.width} / ${state.swarm.height}`;
+  player.querySelector(".stage").style.aspectRatio = `${state.swarm.world.width} / ${state.swarm.world.height}`;
   const endless = new Endless(player, state);
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 

@@ -7,7 +7,8 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
-use murmuration_proto::{Boundary, CapabilityModel, Invalid, Preset, Robot, Species};
+use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Species};
+use murmuration_report::picture::columns;
 use serde_json::{Value, json};
 
 /// The page of an address.
@@ -282,8 +283,7 @@ fn swarm(play: &Play) -> Value {
         species.push(json!({ "colour": colour(place), "radius": robot.radius(), "sensors": sensors }));
     }
     json!({
-        "width": world.width(), "height": world.height(), "padding": world.padding(),
-        "walls": world.boundary() == Boundary::Walls,
+        "world": columns::world(world),
         "species": species,
         "ratios": model.ratios(),
     })
