@@ -289,17 +289,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
         let (checkpoint, dataset, training) = embedder.map_or((None, None, None), |fields| {
             (fields.checkpoint, fields.dataset, fields.training)
         });
-        let model = spec.model();
-        let preset = model.preset();
-        let (robot, species, ratios) = match (preset, model.ratios(), model.species()) {
-            (Some(_), _, _) => (None, Vec::new(), Vec::new()),
-            (None, [], [alone, ..]) => (Some(alone.robot().into()), Vec::new(), Vec::new()),
-            (None, _, species) => (
-                None,
-                species.iter().map(Into::into).collect(),
-                robot::ratios(model),
-            ),
-        };
+        let robots = robot::Written::from(spec.model());
         Self {
             checkpoint,
             dataset,
@@ -307,10 +297,10 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             feedback: spec.feedback.as_ref().map(Into::into),
             name: Some(spec.name.0.clone()),
             seed: Some(spec.seed),
-            model: preset.map(|preset| preset.name().to_owned()),
-            robot,
-            species,
-            ratios,
+            model: robots.model,
+            robot: robots.robot,
+            species: robots.species,
+            ratios: robots.ratios,
             method: v1::Method::from(spec.method) as i32,
             filter: Some(spec.filter),
             world: Some(spec.world.clone().into()),

@@ -20,7 +20,7 @@ pub use boundary::Boundary;
 pub use capability_model::CapabilityModel;
 pub use controller::{Controller, RobotController};
 pub use drive::{Drive, DriveKind};
-pub(crate) use messages::{Defaults, ratios, robot};
+pub(crate) use messages::{Defaults, Written};
 pub use preset::Preset;
 pub use sensor::{Seen, SeenRobots, Sensor, SensorAngle, SensorDescription};
 pub use species::Species;

@@ -41,39 +41,21 @@ fn capability_model(
     default: &robot::Defaults,
     angles: &[f64],
 ) -> Result<CapabilityModel, Invalid> {
-    if message.species.is_empty() {
-        if !message.ratios.is_empty() {
-            return Err(Invalid::new(
-                "ratios",
-                "given",
-                "absent where there are no species",
-            ));
-        }
-        let described = message.robot.clone().map(|robot| with_range(robot, angles));
-        let robot = robot::robot(message.model.as_deref(), described, default);
-        return CapabilityModel::of_one(robot.map_err(|error| match error.field.as_str() {
-            "radius" | "wheel_radius" => error.within("world"),
-            _ => error,
-        })?)
-        .map_err(|error| error.within("robot"));
-    }
-    for (field, given) in [
-        ("model", message.model.is_some()),
-        ("robot", message.robot.is_some()),
-    ] {
-        if given {
-            return Err(Invalid::new(
-                field,
-                "given",
-                "absent where there are species, which say what they are",
-            ));
-        }
-    }
     let mut species = message.species.clone();
     for species in &mut species {
         species.robot = species.robot.take().map(|robot| with_range(robot, angles));
     }
-    CapabilityModel::of_messages(species, message.ratios.clone(), default)
+    let written = robot::Written {
+        model: message.model.clone(),
+        robot: message.robot.clone().map(|robot| with_range(robot, angles)),
+        ratios: message.ratios.clone(),
+        species,
+    };
+    // Only the sizes that a preset takes from the world have no table of their own.
+    written.read(default).map_err(|error| match error.field.as_str() {
+        "radius" | "wheel_radius" => error.within("world"),
+        _ => error,
+    })
 }
 
 /// The same robot, its sensors with a free angle of which nothing is said free in a whole turn: the angles of the controller

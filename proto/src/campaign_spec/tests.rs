@@ -123,6 +123,19 @@ fn species_are_read_and_written() {
     let spec = CampaignSpec::from_toml(&shares).unwrap();
     assert_eq!(spec.model().ratios(), [[12, 12]]);
     check_refused(&shares.replace("0.5", "0.3"), "species[0].share = 0.3");
+    check_refused(
+        &shares.replace("0.5", "0.25"),
+        "species[0].share = 0.25: must be such that all species have a share, and all shares come to 1, not 0.5",
+    );
+    check_refused(
+        &shares.replacen("share = 0.5", "count = 3", 1),
+        "species[1].share = 0.5",
+    );
+    let none = shares.replace("share = 0.5", "count = 0");
+    check_refused(
+        &none,
+        "species[0].count = 0: must be a whole number from 1 to 10000",
+    );
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::{
     CapabilityModel, Drive, DriveKind, Preset, Robot, Seen, SeenRobots, Sensor, SensorAngle,
     SensorDescription, Species, SpeciesName, toml_names,
 };
-use crate::{Invalid, text, v1};
+use crate::{Invalid, invalid, text, v1};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -153,11 +153,7 @@ impl From<&Robot> for v1::Robot {
 }
 
 /// What all robots of a preset are, or of a description: exactly one of the two is given.
-pub(crate) fn robot(
-    preset: Option<&str>,
-    described: Option<v1::Robot>,
-    default: &Defaults,
-) -> Result<Robot, Invalid> {
+fn robot(preset: Option<&str>, described: Option<v1::Robot>, default: &Defaults) -> Result<Robot, Invalid> {
     match (preset, described) {
         (Some(name), None) => name
             .parse::<Preset>()?
@@ -210,7 +206,9 @@ impl CapabilityModel {
 fn count(species: &v1::Species, has_ratios: bool, agents: u32) -> Result<Option<u32>, Invalid> {
     match (species.count, species.share) {
         (None, None) if has_ratios => Ok(None),
-        (Some(count), None) if !has_ratios => Ok(Some(count)),
+        (Some(count), None) if !has_ratios => {
+            invalid::whole("count", count, 1..=CapabilityModel::MAX_ROBOTS).map(Some)
+        }
         (None, Some(share)) if !has_ratios => counted_share(share, agents).map(Some),
         (None, None) => Err(Invalid::new(
             "count",
@@ -279,18 +277,61 @@ impl TryFrom<v1::CapabilityModel> for CapabilityModel {
     }
 }
 
-/// What a campaign file says of robots, on one line.
+/// What a campaign file says of robots: exactly one of `model`, `robot` and `species`.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-struct Line {
+pub(crate) struct Written {
     #[serde(skip_serializing_if = "Option::is_none")]
-    model: Option<String>,
+    pub(crate) model: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    robot: Option<v1::Robot>,
+    pub(crate) robot: Option<v1::Robot>,
     #[serde(with = "toml_names::ratios", skip_serializing_if = "Vec::is_empty")]
-    ratios: Vec<v1::Ratio>,
+    pub(crate) ratios: Vec<v1::Ratio>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    species: Vec<v1::Species>,
+    pub(crate) species: Vec<v1::Species>,
+}
+
+impl Written {
+    /// Reads a model; `default` holds where the file does not say.
+    ///
+    /// # Errors
+    /// Names the field that is not allowed.
+    pub(crate) fn read(self, default: &Defaults) -> Result<CapabilityModel, Invalid> {
+        if self.species.is_empty() {
+            if !self.ratios.is_empty() {
+                let allowed = "absent where there are no species";
+                return Err(Invalid::new("ratios", "given", allowed));
+            }
+            let robot = robot(self.model.as_deref(), self.robot, default)?;
+            return CapabilityModel::of_one(robot).map_err(|error| error.within("robot"));
+        }
+        for (field, given) in [("model", self.model.is_some()), ("robot", self.robot.is_some())] {
+            if given {
+                let allowed = "absent where there are species, which say what they are";
+                return Err(Invalid::new(field, "given", allowed));
+            }
+        }
+        CapabilityModel::of_messages(self.species, self.ratios, default)
+    }
+}
+
+impl From<&CapabilityModel> for Written {
+    fn from(model: &CapabilityModel) -> Self {
+        let mut written = Self::default();
+        match (model.preset(), model.ratios(), model.species()) {
+            (Some(preset), ..) => written.model = Some(preset.name().to_owned()),
+            (None, [], [alone, ..]) => written.robot = Some(alone.robot().into()),
+            (None, ratios, species) => {
+                written.species = species.iter().map(Into::into).collect();
+                written.ratios = ratios
+                    .iter()
+                    .cloned()
+                    .map(|counts| v1::Ratio { counts })
+                    .collect();
+            }
+        }
+        written
+    }
 }
 
 impl CapabilityModel {
@@ -298,31 +339,18 @@ impl CapabilityModel {
     /// [`World::robots_of_line`](crate::World::robots_of_line) reads it.
     #[must_use]
     pub fn to_line(&self) -> String {
-        let mut line = Line::default();
-        match (self.preset(), self.ratios(), self.species()) {
-            (Some(preset), ..) => line.model = Some(preset.name().to_owned()),
-            (None, [], [alone, ..]) => line.robot = Some(alone.robot().into()),
-            (None, _, species) => {
-                line.species = species.iter().map(Into::into).collect();
-                line.ratios = ratios(self);
-            }
-        }
-        toml::Value::try_from(line).map_or_else(|_| String::new(), |value| value.to_string())
+        toml::Value::try_from(Written::from(self)).map_or_else(|_| String::new(), |value| value.to_string())
     }
 
     /// Reads what [`CapabilityModel::to_line`] wrote; `default` holds where it does not say.
     pub(crate) fn of_line(field: &str, line: &str, default: &Defaults) -> Result<Self, Invalid> {
-        let allowed = "a table such as { model = \"turbopi\" }, with the fields of a campaign file";
-        let table = toml::from_str::<BTreeMap<String, Line>>(&format!("line = {line}"));
-        let table = table.map_err(|_| Invalid::new(field, text::quoted(line), allowed))?;
-        let Some(line) = table.into_values().next() else {
-            return Err(Invalid::new(field, text::quoted(line), allowed));
-        };
-        let read = match line.species.is_empty() {
-            true => robot(line.model.as_deref(), line.robot, default).and_then(Self::of_one),
-            false => Self::of_messages(line.species, line.ratios, default),
-        };
-        read.map_err(|error| error.within(field))
+        let table = toml::from_str::<BTreeMap<String, Written>>(&format!("line = {line}"));
+        let written = table.ok().and_then(|table| table.into_values().next());
+        let written = written.ok_or_else(|| {
+            let allowed = "a table such as { model = \"turbopi\" }, with the fields of a campaign file";
+            Invalid::new(field, text::quoted(line), allowed)
+        })?;
+        written.read(default).map_err(|error| error.within(field))
     }
 }
 
@@ -330,7 +358,12 @@ impl From<&CapabilityModel> for v1::CapabilityModel {
     fn from(model: &CapabilityModel) -> Self {
         Self {
             species: model.species().iter().map(Into::into).collect(),
-            ratios: ratios(model),
+            ratios: model
+                .ratios()
+                .iter()
+                .cloned()
+                .map(|counts| v1::Ratio { counts })
+                .collect(),
         }
     }
 }
@@ -343,10 +376,4 @@ impl From<&Species> for v1::Species {
             ..Self::default()
         }
     }
-}
-
-/// The ratios of a model.
-pub(crate) fn ratios(model: &CapabilityModel) -> Vec<v1::Ratio> {
-    let ratios = model.ratios().iter().cloned();
-    ratios.map(|counts| v1::Ratio { counts }).collect()
 }

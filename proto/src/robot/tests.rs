@@ -7,6 +7,12 @@ fn sensor(described: SensorDescription) -> Result<Sensor, Invalid> {
     Sensor::try_from(described)
 }
 
+const DEFAULTS: Defaults = Defaults {
+    radius: 5.0,
+    wheel_radius: 2.0,
+    agents: 24,
+};
+
 fn plain() -> SensorDescription {
     SensorDescription::default()
 }
@@ -283,17 +289,23 @@ fn a_model_is_the_same_after_its_message() {
         assert_eq!(CapabilityModel::try_from(message).as_ref(), Ok(&model));
         let line = model.to_line();
         assert!(!line.contains('\n'), "{line}");
-        let default = Defaults {
-            radius: 5.0,
-            wheel_radius: 2.0,
-            agents: 24,
-        };
         assert_eq!(
-            CapabilityModel::of_line("robots", &line, &default),
+            CapabilityModel::of_line("robots", &line, &DEFAULTS),
             Ok(model),
             "{line}"
         );
     }
+    let read = |line| {
+        CapabilityModel::of_line("robots", line, &DEFAULTS)
+            .unwrap_err()
+            .field
+    };
+    assert_eq!(read("{ model = \"turbopi\", ratios = [[1]] }"), "robots.ratios");
+    assert_eq!(
+        read("{ model = \"turbopi\", species = [{ name = \"a\", count = 1, model = \"turbopi\" }] }"),
+        "robots.model"
+    );
+    assert_eq!(read("turbopi"), "robots");
     let large = CapabilityModel::of_one(Preset::TwoSensor.sized(9.0, 1.0).unwrap()).unwrap();
     assert_eq!(large.preset(), Some(Preset::TwoSensor));
 }
