@@ -6,7 +6,7 @@ mod tests;
 
 use crate::{
     CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
-    Search, TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
+    Search, StartShape, Starts, TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -47,6 +47,7 @@ pub struct CampaignSpec {
     image: ImageFormat,
     controllers: ControllerSpace,
     search: Search,
+    starts: Starts,
     medoids: u32,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
@@ -131,6 +132,12 @@ impl CampaignSpec {
         &self.search
     }
 
+    /// Number of trials of each individual.
+    #[must_use]
+    pub const fn starts(&self) -> Starts {
+        self.starts
+    }
+
     /// Number of medoids in the taxonomy.
     #[must_use]
     pub const fn medoids(&self) -> u32 {
@@ -151,6 +158,8 @@ impl CampaignSpec {
 
     /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
+    /// Maximum number of bytes of the pictures of an individual's trials: a worker's answer has those of many individuals.
+    pub const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
     /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
     pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
@@ -180,16 +189,61 @@ impl CampaignSpec {
 }
 
 impl CampaignSpec {
+    /// Bytes of the pictures of an individual, one a trial.
+    #[must_use]
+    pub const fn individual_bytes(&self) -> usize {
+        self.starts.get() * self.image.pixels()
+    }
+
+    /// Checks that the trials of an individual can differ, and that a campaign does not simulate too often.
+    fn check_trials(&self) -> Result<(), Invalid> {
+        let starts = u32::from(self.starts);
+        let noise = self.world.noise();
+        let is_random = !matches!(self.world.start(), StartShape::Poses(_))
+            || noise.moves()
+            || noise.misreads()
+            || self.world.jitter();
+        if starts > 1 && !is_random {
+            let allowed = "1: all trials would be alike, since every agent starts at a given pose and nothing is random";
+            return Err(Invalid::new("evaluation.starts", starts, allowed));
+        }
+        if self.evaluations() * u64::from(starts) > Search::MAX_EVALUATIONS {
+            let allowed = format!(
+                "at most {} for {} evaluations: at most {} simulations in all",
+                Search::MAX_EVALUATIONS / self.evaluations(),
+                self.evaluations(),
+                Search::MAX_EVALUATIONS
+            );
+            return Err(Invalid::new("evaluation.starts", starts, allowed));
+        }
+        Ok(())
+    }
+
     /// Checks that everything held in memory at the same time fits.
     fn check_memory(&self) -> Result<(), Invalid> {
         let pixels = self.image.pixels() as u64;
-        let population = self.search.population();
-        let pictures = u64::from(population) * pixels;
-        if pictures > Self::MAX_GENERATION_BYTES {
+        let individual = self.individual_bytes();
+        if individual > Self::MAX_INDIVIDUAL_BYTES {
             let allowed = format!(
-                "at most {} where image.resolution = {}: the pictures of a generation come to {pictures} bytes, and at \
+                "at most {} where image.resolution = {}: the pictures of an individual come to {individual} bytes, and may come to \
+                 {}",
+                Self::MAX_INDIVIDUAL_BYTES / self.image.pixels(),
+                self.image.resolution(),
+                Self::MAX_INDIVIDUAL_BYTES
+            );
+            return Err(Invalid::new("evaluation.starts", u32::from(self.starts), allowed));
+        }
+        let population = self.search.population();
+        let pictures = u64::from(population) * individual as u64;
+        if pictures > Self::MAX_GENERATION_BYTES {
+            let starts = match self.starts {
+                Starts::ONE => String::new(),
+                starts => format!(" and evaluation.starts = {}", u32::from(starts)),
+            };
+            let allowed = format!(
+                "at most {} where image.resolution = {}{starts}: the pictures of a generation come to {pictures} bytes, and at \
                  most {} are held at once",
-                Self::MAX_GENERATION_BYTES / pixels,
+                Self::MAX_GENERATION_BYTES / individual as u64,
                 self.image.resolution(),
                 Self::MAX_GENERATION_BYTES
             );
@@ -263,6 +317,10 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             controllers: ControllerSpace::for_model(message.controllers.unwrap_or_default(), &model)
                 .map_err(|e| e.within("controllers"))?,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
+            starts: match message.evaluation.unwrap_or_default().starts {
+                Some(starts) => Starts::new("evaluation.starts", starts)?,
+                None => Starts::ONE,
+            },
             world,
             search,
         };
@@ -279,6 +337,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             );
             return Err(Invalid::new("feedback.generations", value, allowed));
         }
+        spec.check_trials()?;
         Ok(spec)
     }
 }
@@ -309,6 +368,9 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             search: Some(spec.search.into()),
             taxonomy: Some(v1::TaxonomyFormat {
                 medoids: Some(spec.medoids),
+            }),
+            evaluation: Some(v1::EvaluationParams {
+                starts: Some(spec.starts.into()),
             }),
         }
     }
