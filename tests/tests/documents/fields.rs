@@ -45,7 +45,11 @@ pub fn every_field_of_a_campaign_file_is_in_a_table() {
             false => (documented(&tables, section), "a table"),
         };
         for field in fields {
-            let names = [format!("`{field}`"), format!("`network.{field}`"), format!("`{field} = ")];
+            let names = [
+                format!("`{field}`"),
+                format!("`network.{field}`"),
+                format!("`{field} = "),
+            ];
             assert!(
                 names.iter().any(|name| text.contains(name)),
                 "{place} says nothing of the field {field} of section [{section}]"
