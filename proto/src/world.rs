@@ -11,7 +11,7 @@ pub use obstacle::Obstacle;
 pub use start_shape::StartShape;
 
 use crate::{
-    Boundary, CapabilityModel, Invalid, Preset, Robot, invalid, record::record, robot::Defaults, v1,
+    Boundary, CapabilityModel, Invalid, Preset, Robot, counted, invalid, record::record, robot::Defaults, v1,
 };
 use std::sync::Arc;
 
@@ -186,6 +186,15 @@ impl TryFrom<v1::World> for World {
                 format!("at least 2 (radius + padding) = {needed}, or no agent fits between the walls");
             let field = if width < height { "width" } else { "height" };
             return Err(Invalid::new(field, width.min(height), allowed));
+        }
+        let margin = match world.boundary {
+            Boundary::Walls => world.margin(),
+            Boundary::Open | Boundary::Torus => 0.0,
+        };
+        if !obstacle::leave_room(&world.obstacles, [width, height], (world.radius, margin)) {
+            let allowed = "such that a robot fits somewhere between them";
+            let count = counted(world.obstacles.len() as u64, "obstacle");
+            return Err(Invalid::new("obstacles", count, allowed));
         }
         Ok(world)
     }
