@@ -182,27 +182,32 @@ impl CampaignSpec {
 impl CampaignSpec {
     /// Checks that everything held in memory at the same time fits.
     fn check_memory(&self) -> Result<(), Invalid> {
-        let pixels = self.image.pixels() as u64;
+        let picture = self.image.bytes() as u64;
+        let format = match self.image.shape().channels() {
+            1 => format!("image.resolution = {}", self.image.resolution()),
+            channels => format!(
+                "image.resolution = {} in {channels} channels",
+                self.image.resolution()
+            ),
+        };
         let population = self.search.population();
-        let pictures = u64::from(population) * pixels;
+        let pictures = u64::from(population) * picture;
         if pictures > Self::MAX_GENERATION_BYTES {
             let allowed = format!(
-                "at most {} where image.resolution = {}: the pictures of a generation come to {pictures} bytes, and at \
-                 most {} are held at once",
-                Self::MAX_GENERATION_BYTES / pixels,
-                self.image.resolution(),
+                "at most {} where {format}: the pictures of a generation come to {pictures} bytes, and at most {} are \
+                 held at once",
+                Self::MAX_GENERATION_BYTES / picture,
                 Self::MAX_GENERATION_BYTES
             );
             return Err(Invalid::new("search.population", population, allowed));
         }
         let motion = Frames::to_watch(&self.world).poses(&self.world) * size_of::<Pose>() as u64;
-        let report = u64::from(self.medoids) * (pixels + motion);
+        let report = u64::from(self.medoids) * (picture + motion);
         if report > Self::MAX_TAXONOMY_BYTES {
             let allowed = format!(
-                "at most {} where image.resolution = {} and world.agents = {}: their pictures and motions come to \
+                "at most {} where {format} and world.agents = {}: their pictures and motions come to \
                  {report} bytes, and a report holds at most {}",
-                Self::MAX_TAXONOMY_BYTES / (pixels + motion),
-                self.image.resolution(),
+                Self::MAX_TAXONOMY_BYTES / (picture + motion),
                 self.world.agents(),
                 Self::MAX_TAXONOMY_BYTES
             );
@@ -231,7 +236,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
         let method = Method::try_from(message.method)?;
         let filter = message.filter.unwrap_or(false);
-        let image = ImageFormat::for_world(message.image.unwrap_or_default(), &world)
+        let image = ImageFormat::for_swarm(message.image.unwrap_or_default(), &world, &model)
             .map_err(|e| e.within("image"))?;
         let embedder = embedder::Fields {
             checkpoint: message.checkpoint,

@@ -5,7 +5,7 @@ use murmuration_model::{
     CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, World,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, World,
     training::Configuration, v1,
 };
 use tokio::sync::watch;
@@ -53,7 +53,7 @@ pub struct EmbeddingJob {
     pub weight: Weight,
     /// What embeds them.
     pub embedder: EmbedderRef,
-    /// Grey values, index x * resolution + y, all of the size that the embedder takes; at least one picture.
+    /// Grey values as in an evaluation, all of the shape that the embedder takes; at least one picture.
     pub images: Vec<Vec<u8>>,
 }
 
@@ -66,8 +66,8 @@ pub struct TrainingJob {
     pub weight: Weight,
     /// How to train.
     pub configuration: Configuration,
-    /// Pixels along a side of the pictures.
-    pub side: u32,
+    /// The shape of the pictures.
+    pub shape: PictureShape,
     /// The pictures without labels.
     pub pictures: TrainingPictures,
     /// What it goes on from, if it learns from labels.
@@ -81,7 +81,7 @@ pub struct TrainingJob {
 impl TrainingJob {
     /// What it can come to.
     pub(super) fn leased(&self) -> LeasedTraining {
-        let bytes = self.configuration.saved_bytes(self.side as usize);
+        let bytes = self.configuration.saved_bytes(self.shape);
         LeasedTraining {
             configuration: self.configuration.clone(),
             parent: self.fine_tuning.map(|from| from.parent),

@@ -76,7 +76,7 @@ impl Decompressor {
         let mut statement = connection.prepare_cached("SELECT spec FROM campaigns WHERE number = ?1")?;
         let spec: String = statement.query_row([campaign], |row| row.get(0))?;
         let spec = CampaignSpec::from_toml(&spec).map_err(|error| StoreError::damaged(error.to_string()))?;
-        Self::new(spec.image().pixels())
+        Self::new(spec.image().bytes())
     }
 
     fn new(pixels: usize) -> Result<Self, StoreError> {

@@ -78,7 +78,7 @@ fn a_horizon_shorter_than_the_window_shows_every_step() {
 
 #[test]
 fn a_picture_larger_than_the_world_is_refused() {
-    let format = ImageFormat::for_world(v1::ImageFormat::default(), &World::default()).unwrap();
+    let format = ImageFormat::default();
     let small = v1::World {
         width: Some(45.5),
         ..World::default().into()
@@ -114,7 +114,7 @@ fn small_picture() -> ImageFormat {
         resolution: Some(10),
         ..ImageFormat::default().into()
     };
-    ImageFormat::for_world(message, &World::default()).unwrap()
+    ImageFormat::for_swarm(message, &World::default(), &Preset::SingleSensor.into()).unwrap()
 }
 
 proptest! {
@@ -203,7 +203,8 @@ proptest! {
             ..World::default().into()
         };
         let world = World::try_from(message).unwrap();
-        let format = ImageFormat::for_world(v1::ImageFormat { resolution: Some(50), window: Some(290) }, &world).unwrap();
+        let format = v1::ImageFormat { window: Some(290), ..v1::ImageFormat::default() };
+        let format = ImageFormat::for_swarm(format, &world, &model).unwrap();
         let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
         let tasks: Vec<_> = (0..11).map(|start| {
             let genes: Vec<f64> = (0..model.genes()).map(|_| stream.between(-1.0, 1.0)).collect();
