@@ -248,6 +248,29 @@ mod tests {
         assert_eq!(seen, expected);
     }
 
+    #[test]
+    fn channels_are_changed_alike_and_those_of_a_pixel_are_adjacent() {
+        let inverse = picture().iter().map(|grey| 255 - grey).collect();
+        let both = [picture(), inverse].concat();
+        let augmentation = Augmentation {
+            crop: [0.5, 0.9],
+            ..PLAIN
+        };
+        for index in 0..50 {
+            let stream = || RandomStream::derive(1, Purpose::Augment, index);
+            let apply = |picture: &[u8], shape: PictureShape| {
+                let mut output = vec![0.0; shape.bytes()];
+                augmentation.apply(picture, shape, &mut stream(), &mut output);
+                output
+            };
+            let image: Vec<f64> = apply(&both, PictureShape::new(2, SIDE).unwrap());
+            for (place, picture) in both.chunks_exact(16).enumerate() {
+                let channel: Vec<f64> = image.iter().skip(place).step_by(2).copied().collect();
+                assert_eq!(channel, apply(picture, grey(SIDE)), "{index}");
+            }
+        }
+    }
+
     fn stretched(start: f64, share: f64) -> Vec<f64> {
         let ramp = [1.0, 2.0, 3.0, 4.0];
         let window = Window {

@@ -316,4 +316,35 @@ mod tests {
             assert!((one - other).abs() < 1e-6);
         }
     }
+
+    #[test]
+    fn an_image_has_the_channels_of_a_pixel_side_by_side() {
+        let shape = PictureShape::new(3, 2).unwrap();
+        let picture: Vec<u8> = (0..12).collect();
+        let mut image = Vec::<f64>::new();
+        append_image(shape, &picture, &mut image);
+        let greys: Vec<u8> = image.iter().map(|value| (value * 255.0).round() as u8).collect();
+        assert_eq!(greys, [0, 4, 8, 1, 5, 9, 2, 6, 10, 3, 7, 11]);
+    }
+
+    /// A network that sees a species in its own channel only: the weights of the other channel are 0.
+    #[test]
+    fn a_channel_without_weights_is_not_seen() {
+        let shape = PictureShape::new(2, 20).unwrap();
+        let one = Network::<f64>::initialise(Architecture::compact(grey(20), 3).unwrap(), 1);
+        let mut two = Network::<f64>::initialise(Architecture::compact(shape, 3).unwrap(), 1);
+        // Sixteen rows of nine places of the kernel: a weight of each channel for one of the only.
+        let (first, rest) = one.parameters().split_at(16 * 9);
+        let spread = first
+            .iter()
+            .flat_map(|&weight| [0.0, weight])
+            .chain(rest.iter().copied());
+        let spread: Vec<f64> = spread.collect();
+        two.parameters_mut().copy_from_slice(&spread);
+        let noise = |seed: u64| (0..400).map(|i| (i * i * seed % 251) as u8).collect::<Vec<u8>>();
+        let embedded = two.embed(&[noise(7), noise(3)].concat());
+        for (value, expected) in embedded.iter().zip(one.embed(&noise(3))) {
+            assert!((value - expected).abs() < 1e-12, "{value} {expected}");
+        }
+    }
 }

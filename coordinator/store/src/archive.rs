@@ -30,7 +30,7 @@ pub struct ArchivedIndividual {
     pub embedding: Vec<f32>,
     /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
     pub novelty: f64,
-    /// Grey values, index x * resolution + y.
+    /// Grey values, as in an evaluation.
     pub image: Option<Vec<u8>>,
 }
 

@@ -5,6 +5,8 @@ mod canvas;
 mod grey;
 mod shapes;
 mod stamps;
+#[cfg(test)]
+mod tests;
 
 use crate::simulate::{Agent, Agents, Batch, Swarm};
 use brush::{Brush, Ends};
@@ -209,38 +211,5 @@ impl<'a> Drawing<'a> {
             [only] => Some(only),
             several => several.get_mut(self.swarm.species(i)),
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simulate::Start;
-    use murmuration_proto::{CampaignSpec, Controller};
-
-    /// The share of white of a swarm at its start, before averages are stretched.
-    fn drawn(robots: &str, poses: &[[f64; 3]]) -> Vec<u8> {
-        let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
-        let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
-        let swarm = Swarm::new(&controller, &world, &Start::at(poses.to_vec()).unwrap()).unwrap();
-        let mut rasteriser = Rasteriser::new(&world, &ImageFormat::default()).unwrap();
-        rasteriser.draw(&swarm);
-        rasteriser.raw_image()
-    }
-
-    #[test]
-    fn every_body_has_its_own_size() {
-        let species = |name: &str, radius: u32| {
-            format!(
-                "[[species]]\nname = \"{name}\"\ncount = 1\nrobot = {{ radius = {radius}, sensors = [{{}}] }}\n"
-            )
-        };
-        let poses = [[100.0, 100.0, 0.0], [400.0, 300.0, 2.0]];
-        let [small, large] = [species("a", 3), species("b", 12)];
-        let both = drawn(&format!("{small}{large}"), &poses);
-        let [small, large] = [drawn(&small, &poses[..1]), drawn(&large, &poses[1..])];
-        assert!(small.iter().any(|&white| white > 0) && large != small);
-        let sum: Vec<u8> = small.iter().zip(&large).map(|(a, b)| a + b).collect();
-        assert_eq!(both, sum);
     }
 }

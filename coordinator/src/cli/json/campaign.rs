@@ -151,7 +151,7 @@ pub(in crate::cli) struct Individual {
     novelty_when_evaluated: Option<f64>,
     /// Embedding by the campaign's checkpoint; empty if there is none.
     embedding: Vec<f64>,
-    /// Grey values of the picture, base64, column by column; null if there is no picture.
+    /// Grey values of the picture, base64, channel by channel and column by column; null if there is no picture.
     image: Option<String>,
 }
 
