@@ -1,12 +1,13 @@
 //! Everything that determines a campaign's outcome, validated as a whole.
 
+mod limits;
 mod swarm;
 #[cfg(test)]
 mod tests;
 
 use crate::{
-    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
-    Search, StartShape, Starts, TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
+    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, ImageFormat, Invalid, Method, Search, Starts,
+    TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -163,6 +164,12 @@ impl CampaignSpec {
     /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
     pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
 
+    /// Bytes of the pictures of an individual, one a trial.
+    #[must_use]
+    pub const fn individual_bytes(&self) -> usize {
+        self.starts.get() * self.image.bytes()
+    }
+
     /// Number of evaluations if nobody intervenes, including those after unattended rounds.
     #[must_use]
     pub fn evaluations(&self) -> u64 {
@@ -188,84 +195,6 @@ impl CampaignSpec {
     }
 }
 
-impl CampaignSpec {
-    /// Bytes of the pictures of an individual, one a trial.
-    #[must_use]
-    pub const fn individual_bytes(&self) -> usize {
-        self.starts.get() * self.image.pixels()
-    }
-
-    /// Checks that the trials of an individual can differ, and that a campaign does not simulate too often.
-    fn check_trials(&self) -> Result<(), Invalid> {
-        let starts = u32::from(self.starts);
-        let noise = self.world.noise();
-        let is_random = !matches!(self.world.start(), StartShape::Poses(_))
-            || noise.moves()
-            || noise.misreads()
-            || self.world.jitter();
-        if starts > 1 && !is_random {
-            let allowed = "1: all trials would be alike, since every agent starts at a given pose and nothing is random";
-            return Err(Invalid::new("evaluation.starts", starts, allowed));
-        }
-        if self.evaluations() * u64::from(starts) > Search::MAX_EVALUATIONS {
-            let allowed = format!(
-                "at most {} for {} evaluations: at most {} simulations in all",
-                Search::MAX_EVALUATIONS / self.evaluations(),
-                self.evaluations(),
-                Search::MAX_EVALUATIONS
-            );
-            return Err(Invalid::new("evaluation.starts", starts, allowed));
-        }
-        Ok(())
-    }
-
-    /// Checks that everything held in memory at the same time fits.
-    fn check_memory(&self) -> Result<(), Invalid> {
-        let pixels = self.image.pixels() as u64;
-        let individual = self.individual_bytes();
-        if individual > Self::MAX_INDIVIDUAL_BYTES {
-            let allowed = format!(
-                "at most {} where image.resolution = {}: the pictures of an individual come to {individual} bytes, and may come to \
-                 {}",
-                Self::MAX_INDIVIDUAL_BYTES / self.image.pixels(),
-                self.image.resolution(),
-                Self::MAX_INDIVIDUAL_BYTES
-            );
-            return Err(Invalid::new("evaluation.starts", u32::from(self.starts), allowed));
-        }
-        let population = self.search.population();
-        let pictures = u64::from(population) * individual as u64;
-        if pictures > Self::MAX_GENERATION_BYTES {
-            let starts = match self.starts {
-                Starts::ONE => String::new(),
-                starts => format!(" and evaluation.starts = {}", u32::from(starts)),
-            };
-            let allowed = format!(
-                "at most {} where image.resolution = {}{starts}: the pictures of a generation come to {pictures} bytes, and at \
-                 most {} are held at once",
-                Self::MAX_GENERATION_BYTES / individual as u64,
-                self.image.resolution(),
-                Self::MAX_GENERATION_BYTES
-            );
-            return Err(Invalid::new("search.population", population, allowed));
-        }
-        let motion = Frames::to_watch(&self.world).poses(&self.world) * size_of::<Pose>() as u64;
-        let report = u64::from(self.medoids) * (pixels + motion);
-        if report > Self::MAX_TAXONOMY_BYTES {
-            let allowed = format!(
-                "at most {} where image.resolution = {} and world.agents = {}: their pictures and motions come to \
-                 {report} bytes, and a report holds at most {}",
-                Self::MAX_TAXONOMY_BYTES / (pixels + motion),
-                self.image.resolution(),
-                self.world.agents(),
-                Self::MAX_TAXONOMY_BYTES
-            );
-            return Err(Invalid::new("taxonomy.medoids", self.medoids, allowed));
-        }
-        Ok(())
-    }
-}
-
 impl TryFrom<v1::CampaignSpec> for CampaignSpec {
     type Error = Invalid;
 
@@ -285,7 +214,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
         let method = Method::try_from(message.method)?;
         let filter = message.filter.unwrap_or(false);
-        let image = ImageFormat::for_world(message.image.unwrap_or_default(), &world)
+        let image = ImageFormat::for_swarm(message.image.unwrap_or_default(), &world, &model)
             .map_err(|e| e.within("image"))?;
         let embedder = embedder::Fields {
             checkpoint: message.checkpoint,
@@ -324,20 +253,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             world,
             search,
         };
-        spec.check_memory()?;
-        // Without planned rounds, one round counts: a person may request it.
-        let round = spec.feedback.as_ref().map_or(0, |feedback| {
-            u64::from(feedback.generations()) * u64::from(spec.search.population())
-        });
-        if spec.evaluations().max(round) > Search::MAX_EVALUATIONS {
-            let value = format!("{round} evaluations a round");
-            let allowed = format!(
-                "at most {} evaluations in all, after every round",
-                Search::MAX_EVALUATIONS
-            );
-            return Err(Invalid::new("feedback.generations", value, allowed));
-        }
-        spec.check_trials()?;
+        spec.check_limits()?;
         Ok(spec)
     }
 }

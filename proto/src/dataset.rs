@@ -25,11 +25,11 @@ impl Dataset {
         self.controllers as u64 * self.starts as u64
     }
 
-    /// Validates a dataset. `default` supplies absent fields; a picture has `pixels` bytes.
+    /// Validates a dataset. `default` supplies absent fields; a picture has `bytes`.
     ///
     /// # Errors
     /// Names the field that is out of range.
-    pub(crate) fn from_message(message: v1::Dataset, default: Self, pixels: usize) -> Result<Self, Invalid> {
+    pub(crate) fn from_message(message: v1::Dataset, default: Self, bytes: usize) -> Result<Self, Invalid> {
         let controllers = message.controllers.unwrap_or(default.controllers);
         let starts = message.starts.unwrap_or(default.starts);
         let dataset = Self {
@@ -37,7 +37,7 @@ impl Dataset {
             starts: invalid::whole("starts", starts, 1..=100)?,
             filter: message.filter.unwrap_or(default.filter),
         };
-        if dataset.pictures() * pixels as u64 > Self::MAX_BYTES {
+        if dataset.pictures() * bytes as u64 > Self::MAX_BYTES {
             let allowed = format!("at most {} bytes of pictures in all", Self::MAX_BYTES);
             return Err(Invalid::new("controllers", controllers, allowed));
         }

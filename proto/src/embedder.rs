@@ -67,7 +67,7 @@ impl EmbedderSource {
                 let training = configuration(training.as_deref(), method, seed, image)?;
                 let untrained = *training.recipe() == Recipe::Untrained;
                 let default = Dataset::default_for(untrained, filter);
-                let dataset = Dataset::from_message(dataset.unwrap_or_default(), default, image.pixels())
+                let dataset = Dataset::from_message(dataset.unwrap_or_default(), default, image.bytes())
                     .map_err(|error| error.within("dataset"))?;
                 Ok(Some(Self::Trained {
                     dataset,
@@ -133,9 +133,9 @@ fn configuration(
         let named = format!("\"{}\"", recipe.name());
         return Err(Invalid::new("training.recipe", named, allowed));
     }
-    let side = image.resolution() as usize;
-    if let Err(error) = configuration.architecture(side) {
-        let allowed = format!("one for pictures of side {side}: {error}");
+    let shape = image.shape();
+    if let Err(error) = configuration.architecture(shape) {
+        let allowed = format!("one for pictures of {shape}: {error}");
         return Err(Invalid::new("training.network", "a network", allowed));
     }
     Ok(configuration)

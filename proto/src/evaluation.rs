@@ -53,7 +53,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// An evaluation with its picture in `format`: grey values, index `x * resolution + y`.
+    /// An evaluation with its picture in `format`.
     ///
     /// # Errors
     /// Names a feature that is not finite or over [`MAX_FEATURE`], or a picture of the wrong length.
@@ -68,8 +68,8 @@ impl Evaluation {
                 return Err(Invalid::new(format!("features.{name}"), value, allowed));
             }
         }
-        if image.len() != format.pixels() {
-            let allowed = format!("{} bytes", format.pixels());
+        if image.len() != format.bytes() {
+            let allowed = format!("{} bytes", format.bytes());
             return Err(Invalid::new("image", format!("{} bytes", image.len()), allowed));
         }
         Ok(Self {
@@ -116,7 +116,7 @@ impl Evaluation {
         &self.features
     }
 
-    /// Grey values, index `x * resolution + y`.
+    /// The picture: grey values, channel by channel, each with index `x * resolution + y`.
     #[must_use]
     pub fn image(&self) -> &[u8] {
         &self.image
@@ -272,7 +272,7 @@ mod tests {
     fn features_are_what_a_swarm_can_have() {
         let format = ImageFormat::default();
         let with =
-            |value: f64| Evaluation::new([0.0, value, 0.0, 0.0, 0.0], vec![0; format.pixels()], &format);
+            |value: f64| Evaluation::new([0.0, value, 0.0, 0.0, 0.0], vec![0; format.bytes()], &format);
         for value in [0.0, -1.5, MAX_FEATURE, -MAX_FEATURE] {
             assert!(with(value).is_ok(), "{value}");
         }

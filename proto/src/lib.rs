@@ -22,6 +22,7 @@ mod method;
 mod near;
 pub mod onnx;
 pub mod parts;
+mod picture_shape;
 mod random;
 mod record;
 mod refusal;
@@ -53,6 +54,7 @@ pub use image_format::ImageFormat;
 pub use invalid::Invalid;
 pub use lease_id::REQUEST_ID;
 pub use method::Method;
+pub use picture_shape::PictureShape;
 pub use random::{Purpose, RandomStream};
 pub use replay::{Frames, Pose, Replay};
 pub use robot::{

@@ -6,6 +6,7 @@
 
 mod budget;
 mod embedder_model;
+mod image_shape;
 mod limits;
 mod operators;
 mod shape;
@@ -13,6 +14,7 @@ mod tensor;
 mod wire;
 
 pub use embedder_model::{EmbedderModel, ModelError};
+pub use image_shape::ImageShape;
 pub use limits::{
     EMBEDDING_DIMENSIONS, IMAGE_SIDES, MAX_ELEMENTS, MAX_MODEL_BYTES, MAX_NODES, MAX_PRODUCTS,
     MAX_VALUE_ELEMENTS,

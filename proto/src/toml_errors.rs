@@ -365,7 +365,7 @@ mod tests {
         );
         check(
             "[image]\npopulation = 5",
-            "unknown field `population` in [image]: it belongs in [search]. [image] has `resolution` and `window`",
+            "unknown field `population` in [image]: it belongs in [search]. [image] has `resolution`, `window` and `channels`",
         );
         check(
             "[label]\npopulation = 5",

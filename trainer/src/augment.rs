@@ -2,7 +2,7 @@
 
 use crate::{network::scaled, real::Real};
 use murmuration_proto::{
-    RandomStream,
+    PictureShape, RandomStream,
     training::{PaperLabelled, RandomTriplets, Recipe},
 };
 
@@ -48,29 +48,33 @@ impl From<&Recipe> for Augmentation {
 }
 
 impl Augmentation {
-    /// Writes an augmented copy of the `picture` of `side` x `side` to `output`, scaled to 0 to 1.
+    /// Writes an augmented copy of the `picture` to `output`, as an image (see [`append_image`](crate::network::append_image)). All
+    /// channels are cropped, turned and reflected alike.
     pub(crate) fn apply<T: Real>(
         &self,
         picture: &[u8],
-        side: usize,
+        shape: PictureShape,
         stream: &mut RandomStream,
         output: &mut [T],
     ) {
+        let side = shape.side();
         let rows = self.window(side, stream).places::<T>();
         let columns = self.window(side, stream).places::<T>();
         let symmetry = match self.symmetries {
             Symmetries::Turns => TURNS[stream.below(3) as usize],
             Symmetries::All => stream.below(8),
         };
-        let target = Target::new(symmetry, side);
         let mut line = vec![T::zero(); side];
-        for (i, row) in rows.iter().enumerate() {
-            let [low, high] = [row.low, row.high].map(|row| &picture[row * side..][..side]);
-            for ((value, &low), &high) in line.iter_mut().zip(low).zip(high) {
-                *value = row.between(scaled(low), scaled(high));
-            }
-            for (j, column) in columns.iter().enumerate() {
-                output[target.of(i, j)] = column.between(line[column.low], line[column.high]);
+        for (place, channel) in picture.chunks_exact(shape.pixels()).enumerate() {
+            let target = Target::new(symmetry, shape, place);
+            for (i, row) in rows.iter().enumerate() {
+                let [low, high] = [row.low, row.high].map(|row| &channel[row * side..][..side]);
+                for ((value, &low), &high) in line.iter_mut().zip(low).zip(high) {
+                    *value = row.between(scaled(low), scaled(high));
+                }
+                for (j, column) in columns.iter().enumerate() {
+                    output[target.of(i, j)] = column.between(line[column.low], line[column.high]);
+                }
             }
         }
     }
@@ -85,7 +89,7 @@ impl Augmentation {
 /// Quarter, half and three-quarter turn, among the symmetries 0 to 7.
 const TURNS: [u64; 3] = [5, 3, 6];
 
-/// The places of a picture's pixels under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2 exchanges
+/// The places of the pixels of a channel in an image, under one of the eight symmetries: bit 0 reverses rows, bit 1 columns, bit 2 exchanges
 /// the two.
 struct Target {
     first: usize,
@@ -94,16 +98,17 @@ struct Target {
 }
 
 impl Target {
-    fn new(symmetry: u64, side: usize) -> Self {
-        let (long, short) = (side as isize, 1);
+    fn new(symmetry: u64, shape: PictureShape, channel: usize) -> Self {
+        let [side, short] = [shape.side(), shape.channels()].map(|size| size as isize);
+        let long = side * short;
         let (row_step, column_step) = if symmetry & 4 == 0 {
             (long, short)
         } else {
             (short, long)
         };
-        let last = side as isize - 1;
+        let last = side - 1;
         let (reverse_rows, reverse_columns) = (symmetry & 1 != 0, symmetry & 2 != 0);
-        let mut first = 0;
+        let mut first = channel as isize;
         if reverse_rows {
             first += last * row_step;
         }
@@ -179,6 +184,7 @@ impl Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::tests::grey;
     use murmuration_proto::Purpose;
     use proptest::prelude::*;
 
@@ -195,7 +201,7 @@ mod tests {
     fn changed(augmentation: Augmentation, index: u64) -> Vec<u8> {
         let mut output = vec![0.0; SIDE * SIDE];
         let mut stream = RandomStream::derive(1, Purpose::Augment, index);
-        augmentation.apply(&picture(), SIDE, &mut stream, &mut output);
+        augmentation.apply(&picture(), grey(SIDE), &mut stream, &mut output);
         output
             .into_iter()
             .map(|value: f64| (value * 255.0).round() as u8)
@@ -242,6 +248,29 @@ mod tests {
         assert_eq!(seen, expected);
     }
 
+    #[test]
+    fn channels_are_changed_alike_and_those_of_a_pixel_are_adjacent() {
+        let inverse = picture().iter().map(|grey| 255 - grey).collect();
+        let both = [picture(), inverse].concat();
+        let augmentation = Augmentation {
+            crop: [0.5, 0.9],
+            ..PLAIN
+        };
+        for index in 0..50 {
+            let stream = || RandomStream::derive(1, Purpose::Augment, index);
+            let apply = |picture: &[u8], shape: PictureShape| {
+                let mut output = vec![0.0; shape.bytes()];
+                augmentation.apply(picture, shape, &mut stream(), &mut output);
+                output
+            };
+            let image: Vec<f64> = apply(&both, PictureShape::new(2, SIDE).unwrap());
+            for (place, picture) in both.chunks_exact(16).enumerate() {
+                let channel: Vec<f64> = image.iter().skip(place).step_by(2).copied().collect();
+                assert_eq!(channel, apply(picture, grey(SIDE)), "{index}");
+            }
+        }
+    }
+
     fn stretched(start: f64, share: f64) -> Vec<f64> {
         let ramp = [1.0, 2.0, 3.0, 4.0];
         let window = Window {
@@ -271,7 +300,7 @@ mod tests {
             let augmentation = Augmentation { crop: [low, low + (1.0 - low) * part], ..PLAIN };
             let mut output = vec![f64::NAN; 49];
             let mut stream = RandomStream::derive(2, Purpose::Augment, index);
-            augmentation.apply(&[200; 49], 7, &mut stream, &mut output);
+            augmentation.apply(&[200; 49], grey(7), &mut stream, &mut output);
             prop_assert!(output.iter().all(|value| (value - 200.0 / 255.0).abs() < 1e-12));
         }
     }

@@ -5,7 +5,7 @@ use crate::{
     training::{Training, TrainingError},
 };
 use murmuration_proto::{
-    Invalid, Purpose, RandomStream,
+    Invalid, PictureShape, Purpose, RandomStream,
     training::{Configuration, NetworkSettings, Recipe, Settings},
 };
 use std::sync::Arc;
@@ -125,16 +125,17 @@ impl Steps {
 
 /// Pictures as dark as those of trajectories: a few short lines on black.
 fn made_up(behaviours: usize) -> Result<Pictures, PicturesError> {
-    const SIDE: usize = 50;
+    let shape = PictureShape::PAPER;
+    let side = shape.side();
     let mut stream = RandomStream::derive(0, Purpose::Train, 0);
-    let mut bytes = vec![0; behaviours * SIDE * SIDE];
-    for picture in bytes.chunks_exact_mut(SIDE * SIDE) {
+    let mut bytes = vec![0; behaviours * shape.bytes()];
+    for picture in bytes.chunks_exact_mut(shape.bytes()) {
         for _ in 0..24 {
-            let start = stream.below((SIDE * (SIDE - 6)) as u64) as usize;
+            let start = stream.below((side * (side - 6)) as u64) as usize;
             picture[start..start + 6].fill(255);
         }
     }
-    Pictures::new(SIDE, 1, bytes)
+    Pictures::new(shape, 1, bytes)
 }
 
 /// The peak memory of this process, as reported by Linux.

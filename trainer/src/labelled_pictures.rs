@@ -1,13 +1,14 @@
-//! Labelled pictures: grey pictures of behaviours, each with its class.
+//! Labelled pictures: pictures of behaviours, each with its class.
 
-use murmuration_proto::SeenPictures;
+use crate::pictures::hasher_of;
+use murmuration_proto::{PictureShape, SeenPictures};
 use std::ops::Range;
 
-/// Grey pictures of one side, each with a class. The caller numbers the classes from 1 in any order;
+/// Pictures of one shape, each with a class. The caller numbers the classes from 1 in any order;
 /// [`LabelledPictures::RANDOM`] is 0. Their names do not matter to a training.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LabelledPictures {
-    side: usize,
+    shape: PictureShape,
     bytes: Vec<u8>,
     /// One per picture.
     classes: Vec<u32>,
@@ -21,9 +22,6 @@ pub struct LabelledPictures {
 /// Why pictures and classes cannot be learned from.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LabelledPicturesError {
-    /// Pictures without pixels, or too large.
-    #[error("labelled pictures of side {0}: must be 1 to 1,000 pixels")]
-    Side(usize),
     /// Not as many pictures as classes.
     #[error("{bytes} bytes are not {labels} labelled pictures of {each} bytes")]
     Count {
@@ -43,15 +41,16 @@ impl LabelledPictures {
     /// The number of the class `random`, for behaviours of no other class. Two of them need not be alike.
     pub const RANDOM: u32 = 0;
 
-    /// Pictures of `side` x `side` bytes, one after the other, and the class of each.
+    /// Pictures of this shape, one after the other, and the class of each.
     ///
     /// # Errors
     /// If the numbers do not fit, or there are fewer than two classes.
-    pub fn new(side: usize, bytes: Vec<u8>, classes: Vec<u32>) -> Result<Self, LabelledPicturesError> {
-        if !(1..=1000).contains(&side) {
-            return Err(LabelledPicturesError::Side(side));
-        }
-        let (each, labels) = (side * side, classes.len());
+    pub fn new(
+        shape: PictureShape,
+        bytes: Vec<u8>,
+        classes: Vec<u32>,
+    ) -> Result<Self, LabelledPicturesError> {
+        let (each, labels) = (shape.bytes(), classes.len());
         if labels.checked_mul(each) != Some(bytes.len()) {
             let bytes = bytes.len();
             return Err(LabelledPicturesError::Count { bytes, labels, each });
@@ -67,7 +66,7 @@ impl LabelledPictures {
             return Err(LabelledPicturesError::TooFewClasses(ranges.len()));
         }
         Ok(Self {
-            side,
+            shape,
             bytes,
             classes,
             by_class,
@@ -88,10 +87,10 @@ impl LabelledPictures {
         self.labels
     }
 
-    /// Pixels along a side.
+    /// Their shape.
     #[must_use]
-    pub const fn side(&self) -> usize {
-        self.side
+    pub const fn shape(&self) -> PictureShape {
+        self.shape
     }
 
     /// Number of pictures, 2 or more.
@@ -121,21 +120,20 @@ impl LabelledPictures {
     /// A picture. The index counts from 0 and must be in range.
     #[must_use]
     pub(crate) fn picture(&self, index: usize) -> &[u8] {
-        let pixels = self.side * self.side;
-        &self.bytes[index * pixels..][..pixels]
+        let bytes = self.shape.bytes();
+        &self.bytes[index * bytes..][..bytes]
     }
 
     /// The pictures that an embedder sees if it learns from these.
     #[must_use]
     pub fn seen(&self) -> SeenPictures {
-        SeenPictures::of(self.bytes.chunks_exact(self.side * self.side))
+        SeenPictures::of(self.bytes.chunks_exact(self.shape.bytes()))
     }
 
-    /// BLAKE3 over side, number of labels, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.
+    /// BLAKE3 over shape, number of labels, classes and every byte, as 64 hexadecimal digits: a checkpoint's `label_digest`.
     #[must_use]
     pub fn digest(&self) -> String {
-        let mut hasher = blake3::Hasher::new_derive_key("murmuration labelled pictures v2");
-        hasher.update(&(self.side as u64).to_le_bytes());
+        let mut hasher = hasher_of("murmuration labelled pictures v2", self.shape);
         hasher.update(&(self.labels as u64).to_le_bytes());
         for class in &self.classes {
             hasher.update(&class.to_le_bytes());
@@ -148,10 +146,11 @@ impl LabelledPictures {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::tests::grey;
 
     #[test]
     fn pictures_are_found_by_class() {
-        let labelled = LabelledPictures::new(1, vec![10, 20, 30, 40], vec![7, 2, 7, 0]).unwrap();
+        let labelled = LabelledPictures::new(grey(1), vec![10, 20, 30, 40], vec![7, 2, 7, 0]).unwrap();
         assert_eq!(labelled.count(), 4);
         let members = labelled.ranges().iter();
         let members: Vec<_> = members.map(|range| &labelled.by_class()[range.clone()]).collect();
@@ -162,9 +161,8 @@ mod tests {
     #[test]
     fn what_is_nothing_to_learn_from_is_refused() {
         let refusal = |side, bytes, classes: &[u32]| {
-            LabelledPictures::new(side, vec![0; bytes], classes.to_vec()).unwrap_err()
+            LabelledPictures::new(grey(side), vec![0; bytes], classes.to_vec()).unwrap_err()
         };
-        assert_eq!(refusal(0, 0, &[]), LabelledPicturesError::Side(0));
         let (bytes, labels, each) = (9, 2, 4);
         assert_eq!(
             refusal(2, 9, &[0, 1]),
@@ -177,14 +175,14 @@ mod tests {
     #[test]
     fn the_digest_depends_on_every_class_and_picture_and_on_how_many_labels_they_come_from() {
         let digest = |bytes: &[u8], classes: &[u32]| {
-            LabelledPictures::new(1, bytes.to_vec(), classes.to_vec())
+            LabelledPictures::new(grey(1), bytes.to_vec(), classes.to_vec())
                 .unwrap()
                 .digest()
         };
         assert_eq!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[0, 1]));
         assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[1, 2], &[1, 0]));
         assert_ne!(digest(&[1, 2], &[0, 1]), digest(&[2, 1], &[0, 1]));
-        let of_one = LabelledPictures::new(1, vec![1, 2], vec![0, 1])
+        let of_one = LabelledPictures::new(grey(1), vec![1, 2], vec![0, 1])
             .unwrap()
             .of_labels(1);
         assert_ne!(of_one.digest(), digest(&[1, 2], &[0, 1]));

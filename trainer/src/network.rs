@@ -5,7 +5,7 @@ use crate::{
     real::Real,
 };
 use murmuration_proto::{
-    Purpose, RandomStream,
+    PictureShape, Purpose, RandomStream,
     training::{Architecture, Layer, Shape, parameters},
 };
 use rayon::prelude::*;
@@ -93,36 +93,43 @@ impl<T: Real> Network<T> {
         self.stages.iter().map(|stage| stage.output.len()).sum()
     }
 
-    /// Embeds grey pictures, given as consecutive bytes. Returns `dimensions` numbers for each. A remainder shorter than a
+    /// Embeds pictures, given as consecutive bytes. Returns `dimensions` numbers for each. A remainder shorter than a
     /// picture is ignored. The bits do not depend on the number of threads.
     #[must_use]
     pub fn embed(&self, pictures: &[u8]) -> Vec<T> {
-        self.embed_by_chunk(pictures, |greys| greys.iter().map(|&grey| scaled(grey)).collect())
+        let shape = self.architecture.pictures();
+        self.embed_by_chunk(pictures, |chunk| {
+            let mut images = Vec::with_capacity(chunk.len());
+            for picture in chunk.chunks_exact(shape.bytes()) {
+                append_image(shape, picture, &mut images);
+            }
+            images
+        })
     }
 
-    /// As [`Network::embed`], for images whose values are 0 to 1.
+    /// As [`Network::embed`], for images: see [`append_image`].
     pub(crate) fn embed_scaled(&self, images: &[T]) -> Vec<T> {
         self.embed_by_chunk(images, <[T]>::to_vec)
     }
 
-    fn embed_by_chunk<P: Sync>(&self, pictures: &[P], scaled: impl Fn(&[P]) -> Vec<T> + Sync) -> Vec<T> {
-        let pixels = self.architecture.side() * self.architecture.side();
-        let whole = &pictures[..pictures.len() / pixels * pixels];
+    fn embed_by_chunk<P: Sync>(&self, pictures: &[P], images: impl Fn(&[P]) -> Vec<T> + Sync) -> Vec<T> {
+        let each = self.architecture.pictures().bytes();
+        let whole = &pictures[..pictures.len() / each * each];
         let chunks: Vec<Vec<T>> = whole
-            .par_chunks(EMBEDDED_AT_ONCE * pixels)
+            .par_chunks(EMBEDDED_AT_ONCE * each)
             .map_init(
                 Default::default,
                 |(tape, room): &mut (Tape<T>, Room<T>), chunk| {
-                    self.forward(&scaled(chunk), tape, room).to_vec()
+                    self.forward(&images(chunk), tape, room).to_vec()
                 },
             )
             .collect();
         chunks.concat()
     }
 
-    /// Embeds images whose values are 0 to 1, and records on `tape` what the backward pass needs.
+    /// Embeds images (see [`append_image`]), and records on `tape` what the backward pass needs.
     pub(crate) fn forward<'a>(&self, images: &[T], tape: &'a mut Tape<T>, room: &mut Room<T>) -> &'a [T] {
-        let samples = images.len() / (self.architecture.side() * self.architecture.side());
+        let samples = images.len() / self.architecture.pictures().bytes();
         tape.fit(&self.stages, samples);
         let Tape { outputs, notes } = tape;
         for (i, stage) in self.stages.iter().enumerate() {
@@ -201,6 +208,17 @@ pub(crate) fn scaled<T: Real>(grey: u8) -> T {
     T::of(f64::from(grey)) / T::of(255.0)
 }
 
+/// Appends a picture as an image, which is what networks take: values of 0 to 1, those of the channels of a pixel adjacent.
+pub(crate) fn append_image<T: Real>(shape: PictureShape, picture: &[u8], images: &mut Vec<T>) {
+    match shape.channels() {
+        1 => images.extend(picture.iter().map(|&grey| scaled::<T>(grey))),
+        _ => images.extend((0..shape.pixels()).flat_map(|pixel| {
+            let channels = picture.chunks_exact(shape.pixels());
+            channels.map(move |channel| scaled::<T>(channel[pixel]))
+        })),
+    }
+}
+
 /// The values of a chunk's forward pass. The next chunk reuses the buffers.
 #[derive(Debug, Clone)]
 pub(crate) struct Tape<T> {
@@ -276,25 +294,57 @@ fn stages(architecture: &Architecture) -> Vec<Stage> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::tests::grey;
 
     #[test]
     fn the_networks_have_the_papers_number_of_weights() {
-        let paper = Network::<f32>::initialise(Architecture::paper(50, 5).unwrap(), 1);
+        let paper = Network::<f32>::initialise(Architecture::paper(PictureShape::PAPER, 5).unwrap(), 1);
         assert_eq!(paper.parameters().len(), 3 * 10 + 1937 * 256 + 257 * 64 + 65 * 5);
-        let compact = Network::<f32>::initialise(Architecture::compact(50, 5).unwrap(), 1);
+        let compact = Network::<f32>::initialise(Architecture::compact(PictureShape::PAPER, 5).unwrap(), 1);
         let convolutions = (9 + 3) * 16 + (16 * 9 + 3) * 32 + (32 * 9 + 3) * 64;
         assert_eq!(compact.parameters().len(), convolutions + 257 * 64 + 65 * 5);
     }
 
     #[test]
     fn an_embedding_does_not_depend_on_the_others() {
-        let network = Network::<f32>::initialise(Architecture::compact(20, 3).unwrap(), 1);
+        let network = Network::<f32>::initialise(Architecture::compact(grey(20), 3).unwrap(), 1);
         let pictures: Vec<u8> = (0..50 * 400).map(|i| (i * i % 251) as u8).collect();
         let all = network.embed(&pictures);
         assert_eq!(all.len(), 150);
         let some = network.embed(&pictures[33 * 400..40 * 400]);
         for (one, other) in all[99..120].iter().zip(some) {
             assert!((one - other).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn an_image_has_the_channels_of_a_pixel_side_by_side() {
+        let shape = PictureShape::new(3, 2).unwrap();
+        let picture: Vec<u8> = (0..12).collect();
+        let mut image = Vec::<f64>::new();
+        append_image(shape, &picture, &mut image);
+        let greys: Vec<u8> = image.iter().map(|value| (value * 255.0).round() as u8).collect();
+        assert_eq!(greys, [0, 4, 8, 1, 5, 9, 2, 6, 10, 3, 7, 11]);
+    }
+
+    /// A network that sees a species in its own channel only: the weights of the other channel are 0.
+    #[test]
+    fn a_channel_without_weights_is_not_seen() {
+        let shape = PictureShape::new(2, 20).unwrap();
+        let one = Network::<f64>::initialise(Architecture::compact(grey(20), 3).unwrap(), 1);
+        let mut two = Network::<f64>::initialise(Architecture::compact(shape, 3).unwrap(), 1);
+        // Sixteen rows of nine places of the kernel: a weight of each channel for one of the only.
+        let (first, rest) = one.parameters().split_at(16 * 9);
+        let spread = first
+            .iter()
+            .flat_map(|&weight| [0.0, weight])
+            .chain(rest.iter().copied());
+        let spread: Vec<f64> = spread.collect();
+        two.parameters_mut().copy_from_slice(&spread);
+        let noise = |seed: u64| (0..400).map(|i| (i * i * seed % 251) as u8).collect::<Vec<u8>>();
+        let embedded = two.embed(&[noise(7), noise(3)].concat());
+        for (value, expected) in embedded.iter().zip(one.embed(&noise(3))) {
+            assert!((value - expected).abs() < 1e-12, "{value} {expected}");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A network as an ONNX model, which any ONNX Runtime can run.
 //!
-//! The input is `images`: 32-bit floats, batch x 1 x side x side, grey values from 0 to 255; the graph scales them to 0 to 1.
+//! The input is `images`: 32-bit floats, batch x channels x side x side, grey values from 0 to 255; the graph scales them to 0 to 1.
 //! The output is `embeddings`: batch x dimensions. The model uses opset [`OPSET`], which every recent ONNX Runtime supports.
 //!
 //! Group normalisation is made of simpler operators. The operator of that name came with opset 18 and is correct only since
@@ -34,7 +34,7 @@ const IR_VERSION: i64 = 8;
 /// The bytes of the network's ONNX model: equal networks have equal bytes.
 #[must_use]
 pub fn export(network: &Network) -> Vec<u8> {
-    let side = network.architecture().side();
+    let pictures = network.architecture().pictures();
     let mut graph = Graph {
         last: "images".to_owned(),
         nodes: Vec::new(),
@@ -60,7 +60,7 @@ pub fn export(network: &Network) -> Vec<u8> {
             input: vec![ValueInfoProto::batch_of_floats(
                 "images",
                 "batch",
-                &[1, side, side],
+                &[pictures.channels(), pictures.side(), pictures.side()],
             )],
             output: vec![ValueInfoProto::batch_of_floats(
                 "embeddings",

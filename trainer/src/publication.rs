@@ -154,3 +154,64 @@ fn difference(network: &Network, embedder: &mut Embedder, pictures: &Pictures) -
     };
     Ok(differences.fold(0.0, larger))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_proto::{PictureShape, Purpose, RandomStream};
+    use std::sync::Arc;
+
+    /// Bars in one of two channels: which of them is all that tells a behaviour from its neighbour.
+    fn bars(shape: PictureShape) -> Pictures {
+        let mut stream = RandomStream::derive(5, Purpose::Train, 0);
+        let mut bytes = Vec::new();
+        for behaviour in 0..60 {
+            let start = stream.below(5) as usize;
+            let bar = start..start + 1 + behaviour / 2 % 6;
+            let lit =
+                move |i: usize| i / shape.pixels() == behaviour % 2 && bar.contains(&(i % shape.side()));
+            bytes.extend((0..shape.bytes()).map(|i| if lit(i) { 70 + 3 * behaviour as u8 } else { 0 }));
+        }
+        Pictures::new(shape, 1, bytes).unwrap()
+    }
+
+    #[test]
+    fn a_network_of_two_channels_is_published_and_read_back() {
+        let shape = PictureShape::new(2, 12).unwrap();
+        let pictures = Arc::new(bars(shape));
+        for network in ["name = \"compact\"", "layers = [{ dense = { units = 3 } }]"] {
+            let text = format!(
+                "[network]\n{network}\n[recipe.in-batch]\nbatch = 20\nepochs = 3\nlearning_rate = 0.001"
+            );
+            let configuration = Configuration::from_toml(&text).unwrap();
+            let mut training = Training::new(&configuration, Arc::clone(&pictures)).unwrap();
+            while training.step().is_some() {}
+            let runtime = Runtime::load().unwrap();
+            let publication = Publication::of(&training, &configuration, &pictures, &runtime).unwrap();
+            let model = EmbedderModel::read(&publication.bytes).unwrap();
+            assert_eq!(model.images(), shape.into(), "{network}");
+            let read = |shape| {
+                let architecture = configuration.architecture(shape).unwrap();
+                onnx::import(&publication.bytes, architecture)
+            };
+            let imported = read(shape).unwrap();
+            assert_eq!(
+                imported.parameters(),
+                training.embedder().parameters(),
+                "{network}"
+            );
+            assert!(read(PictureShape::new(1, 12).unwrap()).is_err(), "{network}");
+            // The channels are not exchanged on the way to ONNX Runtime.
+            let [mut one, mut other] = [vec![0; shape.bytes()], vec![0; shape.bytes()]];
+            one[..24].fill(200);
+            other[shape.pixels()..][..24].fill(200);
+            let mut embedder = Embedder::open(&runtime, model).unwrap();
+            let theirs = embedder.embed(&[&one, &other]).unwrap();
+            assert_ne!(theirs[0], theirs[1], "{network}");
+            let ours = imported.embed(&[one, other].concat());
+            for (ours, theirs) in ours.iter().zip(theirs.concat()) {
+                assert!((ours - theirs).abs() < 1e-4, "{network}: {ours} {theirs}");
+            }
+        }
+    }
+}

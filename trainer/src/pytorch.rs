@@ -5,6 +5,7 @@ use crate::{
     network::Network,
     onnx::channels_first,
     optimise::Adam,
+    pictures::tests::grey,
     shards::Shards,
 };
 use murmuration_proto::training::{Architecture, Layer, Shape};
@@ -121,7 +122,7 @@ fn check(
 ) {
     let mut network = Network::<f64>::initialise(architecture.clone(), 1);
     network.parameters_mut().copy_from_slice(&weights(&architecture));
-    let images = pictures(architecture.side());
+    let images = pictures(architecture.pictures().side());
     let mut gradient = vec![0.0; network.parameters().len()];
     let mut shards = Shards::new(&network);
     check_close("embeddings", &network.embed_scaled(&images), &expected.embeddings);
@@ -140,7 +141,7 @@ fn check(
 
 #[test]
 fn the_papers_network_and_triplets() {
-    let architecture = Architecture::paper(10, 5).unwrap();
+    let architecture = Architecture::paper(grey(10), 5).unwrap();
     check(
         architecture,
         &fixture().paper,
@@ -170,7 +171,7 @@ fn the_papers_network_and_triplets() {
 
 #[test]
 fn the_compact_network_and_in_batch_triplets() {
-    let architecture = Architecture::compact(20, 5).unwrap();
+    let architecture = Architecture::compact(grey(20), 5).unwrap();
     check(
         architecture,
         &fixture().compact,

@@ -115,9 +115,7 @@ impl<T: Real> Shards<T> {
     ) -> L {
         let architecture = network.architecture();
         let dimensions = architecture.dimensions();
-        let images: Vec<&[T]> = images
-            .chunks(chunk * architecture.side() * architecture.side())
-            .collect();
+        let images: Vec<&[T]> = images.chunks(chunk * architecture.pictures().bytes()).collect();
         self.for_each_lane(|first, shard, workbench| {
             let images = images.iter().skip(first).step_by(SHARDS);
             shard.tapes.resize_with(images.len(), Tape::default);

@@ -5,7 +5,7 @@ mod coordinator;
 
 use coordinator::Fake;
 use murmuration_proto::{
-    CheckpointDigest, Lineage,
+    CheckpointDigest, Lineage, PictureShape,
     onnx::EmbedderModel,
     training::Configuration,
     v1::{self, batch_result::Outcome, worker_message::Message},
@@ -35,12 +35,13 @@ fn bars() -> Vec<u8> {
 }
 
 fn pictures() -> Arc<Pictures> {
-    Arc::new(Pictures::new(SIDE, VIEWS, bars()).unwrap())
+    Arc::new(Pictures::new(PictureShape::new(1, SIDE).unwrap(), VIEWS, bars()).unwrap())
 }
 
 fn task(configuration: &str) -> v1::TrainingTask {
     v1::TrainingTask {
         configuration: configuration.to_owned(),
+        channels: 1,
         side: SIDE as u32,
         views: VIEWS as u32,
         behaviours: BEHAVIOURS as u32,
@@ -238,11 +239,7 @@ async fn what_cannot_be_trained_fails_for_good() {
             },
         )
         .await;
-    check_failure(
-        session.result(4).await.0,
-        fatal,
-        "does not fit pictures of side 3",
-    );
+    check_failure(session.result(4).await.0, fatal, "does not fit pictures of 3 x 3");
     assert!(fake.has_none());
 }
 

@@ -68,7 +68,7 @@ fn measured(tasks: &Tasks, rounds: u32) -> [f64; 4] {
             window,
             ..ImageFormat::default().into()
         };
-        ImageFormat::for_world(message, &world).unwrap()
+        ImageFormat::for_swarm(message, &world, &Preset::SingleSensor.into()).unwrap()
     };
     // The first step of a window clears the canvas: the shortest window draws one step.
     let mut bare = Evaluator::new(&world, &picture(Some(2))).unwrap();

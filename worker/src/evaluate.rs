@@ -52,8 +52,12 @@ impl Evaluator {
     /// which clears the canvas.
     ///
     /// # Errors
-    /// As [`Swarm::new`], or if a feature is not finite (which no robot of a sensible size reaches).
+    /// As [`Swarm::new`]; if the format has a channel for each species of another swarm; or if a feature is not finite (which no
+    /// robot of a sensible size reaches).
     pub fn evaluate(&mut self, controller: &Controller, start: &Start) -> Result<Evaluation, Invalid> {
+        self.format
+            .check_species(controller.model())
+            .map_err(|error| error.within("image"))?;
         let mut swarm = Swarm::on(self.arch, controller, &self.world, start)?;
         let mut ending = Ending::new(&self.world, &self.format, &mut self.rasteriser);
         swarm.advance(ending.first_step());
@@ -73,7 +77,8 @@ impl Evaluator {
     pub fn evaluate_all(&mut self, tasks: &[(Controller, Start)]) -> Result<Vec<Evaluation>, Invalid> {
         let mut evaluations = Vec::with_capacity(tasks.len());
         for alike in tasks.chunk_by(|(a, _), (b, _)| a.model() == b.model()) {
-            let can_batch = self.lanes > 1 && batch_is_for(alike[0].0.model(), &self.world);
+            let one_channel = self.format.shape().channels() == 1;
+            let can_batch = one_channel && self.lanes > 1 && batch_is_for(alike[0].0.model(), &self.world);
             for tasks in alike.chunks(self.lanes) {
                 // A vector with half its lanes empty is no faster than its swarms one by one.
                 if can_batch && 2 * tasks.len() > self.lanes {

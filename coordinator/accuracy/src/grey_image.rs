@@ -1,10 +1,17 @@
 //! Reads grey images for embedders from PNG files.
 
 use murmuration_link::{InputKind, read_bytes};
+use murmuration_proto::onnx::ImageShape;
 use std::{io::Cursor, path::Path};
 
-/// The pixels of a PNG of `height` rows of `width` pixels, 8 bits each; or what is wrong with the file.
-pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8>, String> {
+/// The pixels of a PNG that is one of these `images`, 8 bits each; or what is wrong with the file.
+pub(super) fn pixels(image: &Path, images: ImageShape) -> Result<Vec<u8>, String> {
+    let ImageShape { height, width, .. } = images;
+    if images.channels != 1 {
+        return Err(format!(
+            "a PNG has one channel, but the embedder takes images of {images}: simulate the behaviours again"
+        ));
+    }
     let file = read_bytes(image, InputKind::Picture).map_err(|error| error.to_string())?;
     let mut reader = png::Decoder::new(Cursor::new(file))
         .read_info()
@@ -19,7 +26,7 @@ pub(super) fn pixels(image: &Path, height: usize, width: usize) -> Result<Vec<u8
             info.height, info.width
         ));
     }
-    let mut pixels = vec![0; height * width];
+    let mut pixels = vec![0; images.bytes()];
     reader
         .next_frame(&mut pixels)
         .map_err(|error| error.to_string())?;
@@ -40,7 +47,12 @@ mod tests {
             encoder.set_color(color);
             encoder.write_header().unwrap().write_image_data(data).unwrap();
         };
-        let refused = |height, width| pixels(&path, height, width).unwrap_err();
+        let shape = |channels, height, width| ImageShape {
+            channels,
+            height,
+            width,
+        };
+        let refused = |height, width| pixels(&path, shape(1, height, width)).unwrap_err();
         assert!(refused(1, 1).starts_with("No such file"), "{}", refused(1, 1));
         fs::write(&path, "no picture").unwrap();
         assert!(refused(1, 1).contains("signature"), "{}", refused(1, 1));
@@ -48,6 +60,11 @@ mod tests {
         assert_eq!(refused(1, 1), "it is not a grey PNG with 8 bits a pixel");
         write(png::ColorType::Grayscale, 3, 2, &[1, 2, 3, 4, 5, 6]);
         assert_eq!(refused(3, 2), "it has 2 rows of 3 pixels, not 3 of 2");
-        assert_eq!(pixels(&path, 2, 3).unwrap(), [1, 2, 3, 4, 5, 6]);
+        assert_eq!(pixels(&path, shape(1, 2, 3)).unwrap(), [1, 2, 3, 4, 5, 6]);
+        let several = pixels(&path, shape(2, 2, 3)).unwrap_err();
+        assert!(
+            several.contains("takes images of 2 channels of 2 x 3"),
+            "{several}"
+        );
     }
 }

@@ -4,7 +4,7 @@ use super::grey_image::pixels;
 use murmuration_judge::Class;
 use murmuration_link::{InputKind, read_bytes};
 use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
-use murmuration_proto::{Features, Invalid, World};
+use murmuration_proto::{Features, ImageFormat, Invalid, World, onnx::ImageShape};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
 use rayon::prelude::*;
 use std::{
@@ -100,37 +100,33 @@ impl LabelledSet {
         features.map(|features| Ok(features?.map(f64::abs))).collect()
     }
 
-    /// The grey image of each behaviour, `folder/ID.png` with 8 bits per pixel: `height` rows (axis 0, which is x) of `width`
-    /// pixels (axis 1, y), in the format of embedders.
+    /// The image of each behaviour, the grey PNG `folder/ID.png` with 8 bits per pixel, for an embedder that takes such `images`:
+    /// rows are axis 0 (x).
     ///
     /// # Errors
-    /// Names the first image that is missing or has another format.
-    pub fn images(&self, folder: &Path, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+    /// Names the first image that is missing or has another format: that of an embedder of several channels is none of a PNG.
+    pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
                 return Err(row.refuse("id", "the name of an image"));
             }
             let image = folder.join(format!("{}.png", behaviour.id));
-            pixels(&image, height, width).map_err(|problem| LabelFileError::Image { image, problem })
+            pixels(&image, images).map_err(|problem| LabelFileError::Image { image, problem })
         };
         self.rows().map(image).collect()
     }
 
-    /// The grey image of each behaviour as from [`LabelledSet::images`], simulated again.
+    /// The image of each behaviour for an embedder that takes such `images`, simulated again.
     ///
     /// # Errors
-    /// If a column is missing, a value is out of range, or the file's images are of another size.
-    pub fn simulated_images(&self, height: usize, width: usize) -> Result<Vec<Vec<u8>>, LabelFileError> {
+    /// If a column is missing, a value is out of range, or the file's images are of another size or have other channels.
+    pub fn simulated_images(&self, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let rows: Vec<_> = self.rows().collect();
         let image = |(_, row): &(&Behaviour, Row<'_>)| {
             let world = row.world()?;
-            let format = row.image_format(&world)?;
-            let side = format.resolution() as usize;
-            if (side, side) != (height, width) {
-                let allowed = format!("that of the embedder, whose images have {height} rows of {width}");
-                return Err(row.refused(Invalid::new("resolution", side, allowed)));
-            }
             let (controller, start) = (row.controller()?, Start::seeded(row.seed()?));
+            let format = row.image_format(&world, controller.model())?;
+            check_images(&format, images).map_err(|error| row.refused(error))?;
             let evaluated = Evaluator::new(&world, &format)
                 .and_then(|mut evaluator| evaluator.evaluate(&controller, &start));
             Ok(evaluated.map_err(|error| row.refused(error))?.into_image())
@@ -143,6 +139,19 @@ impl LabelledSet {
         let rows = self.behaviours.iter();
         rows.filter_map(|behaviour| Some((behaviour, self.file.row(behaviour.row)?)))
     }
+}
+
+/// Checks that an embedder of such `images` takes pictures in `format`.
+fn check_images(format: &ImageFormat, images: ImageShape) -> Result<(), Invalid> {
+    let pictures = ImageShape::from(format.shape());
+    if pictures == images {
+        return Ok(());
+    }
+    let allowed = format!("that of the embedder, which takes images of {images}");
+    Err(match pictures.channels == images.channels {
+        true => Invalid::new("resolution", format.resolution(), allowed),
+        false => Invalid::new("channels", format.channels_name(), allowed),
+    })
 }
 
 /// The behaviours of a file to which a person gave a class, in the order of their first rows; and the rows in which the
@@ -194,6 +203,7 @@ fn is_file_name(id: &str) -> bool {
 mod tests {
     use super::*;
     use crate::{Accuracy, Tally};
+    use murmuration_proto::PictureShape;
     use std::fs;
 
     const HEAD: &str = "id,class,average_speed,angular_momentum,radial_variance_x20,scatter,group_rotation\n";
@@ -245,7 +255,7 @@ mod tests {
         );
         let elsewhere = read(&format!("{HEAD}../1,ring,0,0,0,0,0\n")).unwrap();
         let error = elsewhere
-            .images(Path::new("images"), 1, 1)
+            .images(Path::new("images"), PictureShape::PAPER.into())
             .unwrap_err()
             .to_string();
         assert!(

@@ -5,8 +5,8 @@ use murmuration_model::{
     CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Starts, World,
-    training::Configuration, v1,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, Starts,
+    World, training::Configuration, v1,
 };
 use tokio::sync::watch;
 
@@ -70,7 +70,7 @@ pub struct EmbeddingJob {
     pub embedder: EmbedderRef,
     /// Number of pictures of each individual.
     pub starts: Starts,
-    /// The pictures of each individual, one a trial: grey values, index x * resolution + y, all of the size that the embedder
+    /// The pictures of each individual, one a trial: grey values as in an evaluation, all of the shape that the embedder
     /// takes; at least one individual.
     pub images: Vec<Vec<Vec<u8>>>,
 }
@@ -84,8 +84,8 @@ pub struct TrainingJob {
     pub weight: Weight,
     /// How to train.
     pub configuration: Configuration,
-    /// Pixels along a side of the pictures.
-    pub side: u32,
+    /// The shape of the pictures.
+    pub shape: PictureShape,
     /// The pictures without labels.
     pub pictures: TrainingPictures,
     /// What it goes on from, if it learns from labels.
@@ -99,7 +99,7 @@ pub struct TrainingJob {
 impl TrainingJob {
     /// What it can come to.
     pub(super) fn leased(&self) -> LeasedTraining {
-        let bytes = self.configuration.saved_bytes(self.side as usize);
+        let bytes = self.configuration.saved_bytes(self.shape);
         LeasedTraining {
             configuration: self.configuration.clone(),
             parent: self.fine_tuning.map(|from| from.parent),

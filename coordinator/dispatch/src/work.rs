@@ -337,7 +337,8 @@ impl Work for TrainingJob {
         let parent = self.fine_tuning.map(|fine_tuning| fine_tuning.parent.to_string());
         v1::lease::Work::Training(v1::TrainingTask {
             configuration: self.configuration.to_toml(),
-            side: self.side,
+            channels: self.shape.channels() as u32,
+            side: self.shape.side() as u32,
             views: self.pictures.views,
             behaviours: self.pictures.behaviours,
             parent: parent.unwrap_or_default(),

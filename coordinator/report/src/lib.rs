@@ -130,7 +130,7 @@ pub struct TrialEntry {
 pub struct MedoidEntry {
     /// Index of the individual at the centre of the cluster.
     pub index: u64,
-    /// Its grey image, index `x * resolution + y`, in the specification's format.
+    /// Its image, in the specification's format.
     pub image: Vec<u8>,
     /// Individuals in the cluster, the medoid included.
     pub cluster_size: u64,
@@ -312,7 +312,7 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
         let (world, format) = (report.spec.world(), report.spec.image());
         let controller = &report.individuals[medoid.index as usize].controller;
         let bodies = Bodies::of(controller, world);
-        let grey = |scale| picture::grey_png(&medoid.image, format.resolution(), scale);
+        let image = |scale| picture::image_png(&medoid.image, format.shape(), scale);
         let paths = |size, paper| {
             picture::trajectory_png(
                 &medoid.replay,
@@ -324,8 +324,8 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
             )
         };
         Ok(MedoidPictures {
-            image: grey(1)?,
-            image_large: grey((400 / format.resolution()).max(1))?,
+            image: image(1)?,
+            image_large: image((400 / format.resolution()).max(1))?,
             trajectory: paths(in_page, Paper::Clear)?,
             trajectory_large: paths(1000, Paper::Light)?,
         })

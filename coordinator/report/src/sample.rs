@@ -92,7 +92,7 @@ pub(super) fn report(sample: &Sample) -> Report {
             let replay = swarm(&individuals[place], spec.world(), sample.frames);
             MedoidEntry {
                 index: place as u64,
-                image: grey(&replay, spec.world(), spec.image().resolution() as usize),
+                image: image(&replay, &individuals[place].controller, &spec),
                 cluster_size: size(place) as u64,
                 mean_distance: stream.between(0.01, 0.2),
                 novelty: stream.between(0.001, 0.1),
@@ -217,18 +217,22 @@ fn swarm(entry: &Entry, world: &World, frames: u32) -> Replay {
     Replay::new(steps, agents.len(), poses).unwrap()
 }
 
-/// Where agents were in the last frames, as a grey image.
-fn grey(replay: &Replay, world: &World, resolution: usize) -> Vec<u8> {
-    let mut image = vec![0u8; resolution * resolution];
+/// Where agents were in the last frames, each species in its channel if there are several.
+fn image(replay: &Replay, controller: &Controller, spec: &CampaignSpec) -> Vec<u8> {
+    let (world, shape) = (spec.world(), spec.image().shape());
+    let species = controller.species_of_robots(world.agents());
+    let resolution = shape.side();
+    let mut image = vec![0u8; shape.bytes()];
     let cell = |part: f64| ((part * resolution as f64) as usize).min(resolution - 1);
     let frames: Vec<_> = replay.frames().collect();
     for frame in &frames[frames.len().saturating_sub(50)..] {
-        for pose in *frame {
+        for (pose, species) in frame.iter().zip(&species) {
             let (x, y) = (
                 f64::from(pose[0]) / world.width(),
                 f64::from(pose[1]) / world.height(),
             );
-            let pixel = &mut image[cell(x) * resolution + cell(y)];
+            let channel = species % shape.channels() * shape.pixels();
+            let pixel = &mut image[channel + cell(x) * resolution + cell(y)];
             *pixel = pixel.saturating_add(60);
         }
     }

@@ -1,5 +1,7 @@
 //! What a written report holds, read back from the files.
 
+mod channels;
+
 use super::{
     sample::{SMALL, Sample},
     *,

@@ -175,7 +175,7 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
         let v1::GetArchiveRequest { campaign, images } = request.into_inner();
         let record = self.record(&campaign).await?;
         let chunk = if images {
-            (PART_BYTES / record.spec.image().pixels()).clamp(1, 1000)
+            (PART_BYTES / record.spec.image().bytes()).clamp(1, 1000)
         } else {
             1000
         } as u64;

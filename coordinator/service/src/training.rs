@@ -97,7 +97,7 @@ fn send(
             .blocking_send(Ok(v1::TrainingPart { part: Some(part) }))
             .is_ok()
     };
-    let each = (PART_BYTES / record.spec.image().pixels()).max(1);
+    let each = (PART_BYTES / record.spec.image().bytes()).max(1);
     for place in (0..TrainingPictures::of(record).count()).step_by(each) {
         let images = store.training_images(record, place..place + each as u64)?;
         if !send(Part::Pictures(images)) {

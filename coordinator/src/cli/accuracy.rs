@@ -12,8 +12,10 @@ use murmuration_accuracy::{Accuracy, LabelledSet, Summary, Tally};
 use murmuration_embed::{EmbedError, Embedder, Runtime, RuntimeError};
 use murmuration_link::{InputKind, OutputError};
 use murmuration_proto::{
-    CheckpointDigest, ImageFormat, SeenPictures, counted, grouped, onnx::EmbedderModel,
-    training::Architecture, v1,
+    CheckpointDigest, PictureShape, SeenPictures, counted, grouped,
+    onnx::{EmbedderModel, ImageShape},
+    training::Architecture,
+    v1,
 };
 use murmuration_trainer::network::Network;
 use std::{num::NonZeroU32, path::Path, path::PathBuf};
@@ -102,10 +104,10 @@ impl AccuracyCommand {
 
     /// What networks that nobody trained make of the sets.
     fn untrained(&self, sets: &[LabelledSet], networks: NonZeroU32, as_json: bool) -> Result<(), CliError> {
-        let side = ImageFormat::default().resolution() as usize;
-        let architecture = Architecture::named(&self.network, side, DIMENSIONS)
+        let pictures = PictureShape::PAPER;
+        let architecture = Architecture::named(&self.network, pictures, DIMENSIONS)
             .map_err(|error| CliError::Input(error.to_string()))?;
-        let images = self.images(sets, side, side)?.concat();
+        let images = self.images(sets, pictures.into())?.concat();
         let accuracies: Vec<Accuracy> = (1..=networks.get())
             .map(|seed| {
                 let network = Network::<f32>::initialise(architecture.clone(), u64::from(seed));
@@ -141,7 +143,7 @@ impl AccuracyCommand {
         mut embedder: Embedder,
         seen: &SeenPictures,
     ) -> Result<Vec<Vec<f64>>, CliError> {
-        let images = self.images(sets, embedder.model().height(), embedder.model().width())?;
+        let images = self.images(sets, embedder.model().images())?;
         let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
         let known = images.iter().filter(|image| seen.has(image)).count();
         if known > 0 {
@@ -155,14 +157,14 @@ impl AccuracyCommand {
         Ok(embeddings.iter().map(|embedding| exactly(embedding)).collect())
     }
 
-    /// The grey pixels of every labelled behaviour.
-    fn images(&self, sets: &[LabelledSet], height: usize, width: usize) -> Result<Vec<Vec<u8>>, CliError> {
+    /// The image of every labelled behaviour.
+    fn images(&self, sets: &[LabelledSet], shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
             let simulates = self.images.is_empty() && set.can_be_simulated() && !is_there(&folder)?;
             images.extend(match simulates {
-                true => set.simulated_images(height, width)?,
-                false => set.images(&folder, height, width)?,
+                true => set.simulated_images(shape)?,
+                false => set.images(&folder, shape)?,
             });
         }
         Ok(images)

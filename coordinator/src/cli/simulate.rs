@@ -17,8 +17,8 @@ use std::{
 
 /// Side of the trajectory picture, pixels.
 const TRAJECTORY_SIZE: u32 = 1000;
-/// Pixels that each pixel of the grey image becomes.
-const GREY_SCALE: u32 = 10;
+/// Pixels that each pixel of the image becomes.
+const IMAGE_SCALE: u32 = 10;
 
 /// Arguments of `simulate`.
 #[derive(Debug, clap::Args)]
@@ -90,7 +90,7 @@ impl Simulate {
         })?;
         if let Some(path) = &self.image {
             let image = evaluation.image();
-            write(path, &picture::grey_png(image, format.resolution(), GREY_SCALE)?)?;
+            write(path, &picture::image_png(image, format.shape(), IMAGE_SCALE)?)?;
         }
         if as_json {
             json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;

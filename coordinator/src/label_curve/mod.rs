@@ -157,7 +157,7 @@ impl Curves<'_> {
     fn fine_tuned(&self, pretrained: &Pretrained, asked: &[usize]) -> Result<Network, CurveError> {
         let train = self.sets.train();
         let (pictures, classes) = train.labelled_pictures(asked);
-        let labelled = match LabelledPictures::new(train.side(), pictures, classes) {
+        let labelled = match LabelledPictures::new(train.shape(), pictures, classes) {
             Err(LabelledPicturesError::TooFewClasses(_)) => return Ok(pretrained.network.clone()),
             labelled => Arc::new(labelled?.of_labels(asked.len())),
         };

@@ -39,8 +39,8 @@ impl Pretrained {
                 .into_image())
         });
         let images = images.collect::<Result<Vec<_>, Invalid>>()?.concat();
-        let side = spec.image().resolution() as usize;
-        let pictures = Arc::new(Pictures::new(side, dataset.starts() as usize, images)?);
+        let shape = spec.image().shape();
+        let pictures = Arc::new(Pictures::new(shape, dataset.starts() as usize, images)?);
         let mut training_to_do = Training::new(training, Arc::clone(&pictures))?;
         while training_to_do.step().is_some() {}
         Ok(Self {

@@ -1,12 +1,12 @@
 //! Labelled behaviours, and the wall between those that are learned from and those that judge.
 
 use murmuration_model::labels::class_numbers;
-use murmuration_proto::SeenPictures;
+use murmuration_proto::{PictureShape, SeenPictures};
 
 /// Behaviours whose classes are known.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LabelledBehaviours {
-    side: usize,
+    shape: PictureShape,
     classes: Vec<String>,
     pictures: Vec<Vec<u8>>,
     /// Of each, those of its controller from further starts.
@@ -58,21 +58,20 @@ impl Sets {
 }
 
 impl LabelledBehaviours {
-    /// None yet, with pictures of `side` x `side` grey values.
+    /// None yet, with pictures of this shape.
     #[must_use]
-    pub const fn new(side: usize) -> Self {
+    pub const fn new(shape: PictureShape) -> Self {
         Self {
-            side,
+            shape,
             classes: Vec::new(),
             pictures: Vec::new(),
             further: Vec::new(),
         }
     }
 
-    /// Adds a behaviour; its picture has `side` x `side` grey values, and so has each of `further`, of the same controller
-    /// from other starts.
+    /// Adds a behaviour; its picture has the shape of all, and so has each of `further`, of the same controller from other starts.
     pub fn push(&mut self, class: &str, picture: Vec<u8>, further: Vec<Vec<u8>>) {
-        debug_assert_eq!(picture.len(), self.side * self.side);
+        debug_assert_eq!(picture.len(), self.shape.bytes());
         self.classes.push(class.to_owned());
         self.pictures.push(picture);
         self.further.push(further);
@@ -84,10 +83,10 @@ impl LabelledBehaviours {
         self.classes.len()
     }
 
-    /// Pixels along a side of their pictures.
+    /// The shape of their pictures.
     #[must_use]
-    pub const fn side(&self) -> usize {
-        self.side
+    pub const fn shape(&self) -> PictureShape {
+        self.shape
     }
 
     /// Their classes, in order.
@@ -124,7 +123,7 @@ mod tests {
     use super::*;
 
     fn behaviours(greys: &[u8]) -> LabelledBehaviours {
-        let mut behaviours = LabelledBehaviours::new(2);
+        let mut behaviours = LabelledBehaviours::new(PictureShape::new(1, 2).unwrap());
         for grey in greys {
             let class = if grey % 2 == 0 { "even" } else { "odd" };
             behaviours.push(class, vec![*grey; 4], vec![vec![grey + 100; 4]]);

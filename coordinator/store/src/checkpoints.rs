@@ -8,8 +8,8 @@ use crate::{CheckpointRecord, Store, StoreError};
 use bytes::Bytes;
 use murmuration_model::EmbedderRef;
 use murmuration_proto::{
-    CheckpointDigest, ImageFormat, Lineage,
-    onnx::{EmbedderModel, ModelError},
+    CheckpointDigest, ImageFormat, Lineage, PictureShape,
+    onnx::{EmbedderModel, ImageShape, ModelError},
 };
 use std::{
     path::Path,
@@ -74,19 +74,15 @@ pub enum CheckpointError {
         /// The digest of the bytes.
         found: CheckpointDigest,
     },
-    /// The embedder is for pictures of another size.
-    #[error(
-        "checkpoint {checkpoint} embeds pictures of {height} x {width}, the campaign's are {side} x {side}"
-    )]
+    /// The embedder is for pictures of another size, or with other channels.
+    #[error("checkpoint {checkpoint} embeds pictures of {embedded}, the campaign's are of {pictures}")]
     Pictures {
         /// The checkpoint.
         checkpoint: CheckpointDigest,
-        /// Pixels along axis 0 that it takes.
-        height: usize,
-        /// Pixels along axis 1 that it takes.
-        width: usize,
-        /// Pixels along both axes of the campaign's pictures.
-        side: usize,
+        /// The pictures that it takes.
+        embedded: ImageShape,
+        /// The campaign's pictures.
+        pictures: PictureShape,
     },
     /// The waiting thread broke (a bug).
     #[error("reading the store broke off unexpectedly (this is a bug)")]
@@ -200,13 +196,12 @@ impl Checkpoints {
         format: &ImageFormat,
     ) -> Result<EmbedderRef, CheckpointError> {
         let model = EmbedderModel::read(&self.fetch(checkpoint).await?)?;
-        let side = format.resolution() as usize;
-        if (model.height(), model.width()) != (side, side) {
+        let (embedded, pictures) = (model.images(), format.shape());
+        if embedded != pictures.into() {
             return Err(CheckpointError::Pictures {
                 checkpoint,
-                height: model.height(),
-                width: model.width(),
-                side,
+                embedded,
+                pictures,
             });
         }
         Ok(EmbedderRef {

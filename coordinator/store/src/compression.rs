@@ -73,7 +73,7 @@ impl Decompressor {
     /// # Errors
     /// If the campaign's specification cannot be read, and [`StoreError::Compression`] if there is no memory.
     pub(super) fn of_dataset(connection: &Connection, campaign: i64) -> Result<Self, StoreError> {
-        Self::new(spec(connection, campaign)?.image().pixels())
+        Self::new(spec(connection, campaign)?.image().bytes())
     }
 
     /// For the pictures of its individuals: those of all trials in one value.

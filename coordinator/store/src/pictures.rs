@@ -19,7 +19,7 @@ pub struct Picture {
     pub controller: Controller,
     /// Seed of its start.
     pub seed: u64,
-    /// Grey values, index x * resolution + y.
+    /// Grey values, as in an evaluation.
     pub image: Vec<u8>,
 }
 

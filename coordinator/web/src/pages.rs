@@ -21,7 +21,7 @@ use murmuration_engine::{
 };
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
 use murmuration_proto::{EmbedderSource, Feedback, counted, figure, grouped};
-use murmuration_report::picture::grey_png;
+use murmuration_report::picture::image_png;
 
 /// Pixels of the page for one of a picture.
 const SCALE: u32 = 3;
@@ -286,10 +286,10 @@ pub(super) async fn image(
     Query(created): Query<Created>,
 ) -> Result<impl IntoResponse, PageError> {
     let record = web.campaigns.status(&id).await?.record;
-    let resolution = record.spec.image().resolution();
+    let shape = record.spec.image().shape();
     let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
     let pixels = individual.into_image().ok_or(PageError::NoPage)?;
-    let file = grey_png(&pixels, resolution, SCALE)?;
+    let file = image_png(&pixels, shape, SCALE)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))
 }

@@ -117,6 +117,24 @@ fn species_are_read_and_written() {
         &TWO.replace("name = \"b\"", "name = \"b\"\ncount = 3"),
         "species[1].count = 3",
     );
+    let spec = CampaignSpec::from_toml(&format!("{TWO}[image]\nchannels = \"species\"")).unwrap();
+    assert_eq!(spec.image().shape().to_string(), "2 channels of 50 x 50");
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    check_refused(
+        &format!("{TWO}[image]\nchannels = \"robots\""),
+        "image.channels = \"robots\": must be \"one\" or \"species\"",
+    );
+    check_refused(
+        &format!("{MINIMAL}[image]\nchannels = \"species\""),
+        "image.channels = \"species\": must be \"one\": all robots are of one species",
+    );
+    check_refused(
+        &format!(
+            "{TWO}[image]\nchannels = \"species\"\nresolution = 1000\n[search]\npopulation = 3000\n[world]\nwidth = \
+             1000\nheight = 1000"
+        ),
+        "search.population = 3000: must be at most 2147 where image.resolution = 1000 in 2 channels",
+    );
     let shares = TWO
         .replace("ratios = [[12, 12], [8, 16]]\n", "")
         .replace("name = ", "share = 0.5\nname = ");

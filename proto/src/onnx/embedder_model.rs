@@ -4,16 +4,17 @@
 //! runtime loads only the result, never the original bytes.
 
 use super::{
-    DataType, EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, MAX_MODEL_BYTES, MAX_NODES, ModelProto,
-    NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor, wire,
+    DataType, EMBEDDING_DIMENSIONS, GraphProto, IMAGE_SIDES, ImageShape, MAX_MODEL_BYTES, MAX_NODES,
+    ModelProto, NodeProto, TypeProto, ValueInfoProto, budget::Budget, operators, shape::Value, tensor, wire,
 };
+use crate::PictureShape;
 use prost::Message as _;
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, ops::RangeInclusive};
 
 /// The oldest version of ONNX's operators that is read; it broadcasts as today's versions do.
 const OLDEST_OPSET: i64 = 9;
 
-/// An embedder as an ONNX model: B x 1 x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B.
+/// An embedder as an ONNX model: B x C x H x W raw grey values (0 to 255, as floats) to B x N numbers, for any B. C is 1 to 4.
 ///
 /// Each image's embedding depends on that image alone: no allowed operator mixes the images of a batch.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,8 +22,7 @@ pub struct EmbedderModel {
     encoded: Vec<u8>,
     input: String,
     output: String,
-    height: usize,
-    width: usize,
+    images: ImageShape,
     dimensions: usize,
     largest_value: usize,
 }
@@ -36,9 +36,10 @@ pub enum ModelError {
     /// It is not an ONNX model.
     #[error("this is not an ONNX model: {0}")]
     NotOnnx(String),
-    /// Its input is not a batch of grey images, or it has more inputs.
+    /// Its input is not a batch of images, or it has more inputs.
     #[error(
-        "the model's input {0}: an embedder takes floats of shape batch x 1 x height x width, batch open"
+        "the model's input {0}: an embedder takes floats of shape batch x channels x height x width, batch open, 1 to 4 \
+         channels"
     )]
     Input(String),
     /// Its output is not a batch of vectors, or it has more outputs.
@@ -78,13 +79,12 @@ impl EmbedderModel {
         let graph = graph(&model)?;
         let constants = constants(graph)?;
         let input = single_input(graph, &constants)?;
-        let [height, width] = image_size(input)?;
+        let images = image_shape(input)?;
         let output = single_output(graph)?;
-        let image = Value::Batched(vec![1, height, width]);
+        let image = Value::Batched(vec![images.channels, images.height, images.width]);
         let values = follow(graph, constants, &input.name, image)?;
         Ok(Self {
-            height,
-            width,
+            images,
             dimensions: dimensions(&output.name, values.get(&output.name))?,
             largest_value: values.values().map(Value::elements).max().unwrap_or(0),
             input: input.name.clone(),
@@ -111,16 +111,10 @@ impl EmbedderModel {
         &self.output
     }
 
-    /// Size of the images along axis 0 (x), in pixels.
+    /// The shape of the images that it takes.
     #[must_use]
-    pub const fn height(&self) -> usize {
-        self.height
-    }
-
-    /// Size of the images along axis 1 (y), in pixels.
-    #[must_use]
-    pub const fn width(&self) -> usize {
-        self.width
+    pub const fn images(&self) -> ImageShape {
+        self.images
     }
 
     /// Numbers in an embedding, 1 to 1024.
@@ -207,8 +201,8 @@ fn single_output(graph: &GraphProto) -> Result<&ValueInfoProto, ModelError> {
     }
 }
 
-/// Height and width of the images that `input` takes.
-fn image_size(input: &ValueInfoProto) -> Result<[usize; 2], ModelError> {
+/// The shape of the images that `input` takes.
+fn image_shape(input: &ValueInfoProto) -> Result<ImageShape, ModelError> {
     let refused = |problem: &str| Err(ModelError::Input(format!("{:?} {problem}", input.name)));
     let Some(tensor) = input
         .r#type
@@ -227,14 +221,20 @@ fn image_size(input: &ValueInfoProto) -> Result<[usize; 2], ModelError> {
         .map(|dimension| dimension.dim_value)
         .collect();
     match sizes[..] {
-        [None, Some(1), Some(height), Some(width)] => {
-            let side = |size| {
-                usize::try_from(size)
-                    .ok()
-                    .filter(|size| IMAGE_SIDES.contains(size))
+        [None, Some(channels), Some(height), Some(width)] => {
+            let within = |size, sizes: RangeInclusive<usize>| {
+                let size = usize::try_from(size).ok();
+                size.filter(|size| sizes.contains(size))
             };
-            match (side(height), side(width)) {
-                (Some(height), Some(width)) => Ok([height, width]),
+            let Some(channels) = within(channels, 1..=PictureShape::MAX_CHANNELS) else {
+                return refused(&format!("has the shape {}", shown(&sizes)));
+            };
+            match (within(height, IMAGE_SIDES), within(width, IMAGE_SIDES)) {
+                (Some(height), Some(width)) => Ok(ImageShape {
+                    channels,
+                    height,
+                    width,
+                }),
                 _ => refused(&format!(
                     "is of {height} x {width} pixels, a side not from 1 to 1000"
                 )),

@@ -1,5 +1,7 @@
 //! The architecture of a network: its layers as data, by name or from a configuration, with every shape checked.
 
+use super::Shape;
+use crate::PictureShape;
 use serde::{Deserialize, Serialize};
 
 /// One layer, as written in a configuration.
@@ -52,44 +54,12 @@ const fn one() -> usize {
     1
 }
 
-/// The values of one image between two layers: channels of square pictures (side 1 where flattened).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Shape {
-    /// Number of channels.
-    pub channels: usize,
-    /// Pixels along a side of each.
-    pub side: usize,
-}
-
-impl Shape {
-    /// Number of values.
-    #[must_use]
-    pub const fn len(self) -> usize {
-        self.channels * self.pixels()
-    }
-
-    /// Whether there are no values (never, in a checked architecture).
-    #[must_use]
-    pub const fn is_empty(self) -> bool {
-        self.len() == 0
-    }
-
-    /// Pixels of one channel.
-    #[must_use]
-    pub const fn pixels(self) -> usize {
-        self.side * self.side
-    }
-}
-
 /// Why layers do not form a network. `layer` counts from 0.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArchitectureError {
     /// There is no network of that name.
     #[error("no network is called \"{0}\": there are \"compact\" and \"paper\", or give its layers")]
     UnknownName(String),
-    /// The picture has no pixels, or too many.
-    #[error("pictures of side {0}: must be 1 to 1,000 pixels")]
-    Side(usize),
     /// There is no layer, or the last one is not dense.
     #[error("the last layer must be dense: its units are the embedding's dimensions (1 to 256)")]
     NoEmbedding,
@@ -137,24 +107,21 @@ const MAX_VALUES: usize = 1 << 22;
 /// Maximum number of weights of a network: 64 MB of them.
 const MAX_PARAMETERS: usize = 1 << 24;
 
-/// A checked list of layers for grey pictures of one side.
+/// A checked list of layers for pictures of one shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Architecture {
-    side: usize,
+    pictures: PictureShape,
     layers: Vec<Layer>,
     /// The input shape of each layer, and the output shape of the last: one more than layers.
     shapes: Vec<Shape>,
 }
 
 impl Architecture {
-    /// Layers for grey pictures of `side` x `side` pixels.
+    /// Layers for pictures of this shape.
     ///
     /// # Errors
     /// Says which layer cannot follow the one before it.
-    pub fn new(side: usize, layers: Vec<Layer>) -> Result<Self, ArchitectureError> {
-        if !(1..=1000).contains(&side) {
-            return Err(ArchitectureError::Side(side));
-        }
+    pub fn new(pictures: PictureShape, layers: Vec<Layer>) -> Result<Self, ArchitectureError> {
         if layers.len() > 100 {
             return Err(ArchitectureError::TooManyLayers(layers.len()));
         }
@@ -162,33 +129,37 @@ impl Architecture {
             Some(Layer::Dense { units: 1..=256 }) => {}
             _ => return Err(ArchitectureError::NoEmbedding),
         }
-        let mut shapes = vec![Shape { channels: 1, side }];
+        let mut shapes = vec![Shape::from(pictures)];
         let mut check = Check::default();
         for (layer, &spec) in layers.iter().enumerate() {
             let shape = check.follow(layer, spec, shapes[layer])?;
             shapes.push(shape);
         }
-        Ok(Self { side, layers, shapes })
+        Ok(Self {
+            pictures,
+            layers,
+            shapes,
+        })
     }
 
-    /// The network with this name, `compact` or `paper`, for pictures of `side` and embeddings of `dimensions`.
+    /// The network with this name, `compact` or `paper`, for pictures of this shape and embeddings of `dimensions`.
     ///
     /// # Errors
     /// If the name is unknown, or the pictures are too small or too large for the network.
-    pub fn named(name: &str, side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+    pub fn named(name: &str, pictures: PictureShape, dimensions: usize) -> Result<Self, ArchitectureError> {
         match name {
-            "compact" => Self::compact(side, dimensions),
-            "paper" => Self::paper(side, dimensions),
+            "compact" => Self::compact(pictures, dimensions),
+            "paper" => Self::paper(pictures, dimensions),
             _ => Err(ArchitectureError::UnknownName(name.to_owned())),
         }
     }
 
     /// The paper's network: three 3 x 3 convolutions of one channel, then dense layers of 256, 64 and `dimensions`
-    /// units ("Simulation and Data": 50 x 50 pixels and 5 dimensions).
+    /// units ("Simulation and Data": one channel of 50 x 50 pixels, and 5 dimensions).
     ///
     /// # Errors
-    /// If `side` is under 7 or over 1,000, or too large for the dense layers, or `dimensions` is not 1 to 256.
-    pub fn paper(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+    /// If the side is under 7, or too large for the dense layers, or `dimensions` is not 1 to 256.
+    pub fn paper(pictures: PictureShape, dimensions: usize) -> Result<Self, ArchitectureError> {
         let convolution = Layer::Convolution {
             channels: 1,
             kernel: 3,
@@ -200,15 +171,15 @@ impl Architecture {
         layers.extend([Layer::Dense { units: 256 }, Layer::Relu]);
         layers.extend([Layer::Dense { units: 64 }, Layer::Relu]);
         layers.push(Layer::Dense { units: dimensions });
-        Self::new(side, layers)
+        Self::new(pictures, layers)
     }
 
     /// The default network: three 3 x 3 convolutions of 16, 32 and 64 channels and stride 2, each normalised in
     /// four groups, pooled to 2 x 2, then dense layers of 64 and `dimensions` units.
     ///
     /// # Errors
-    /// If `side` is under 9 or over 1,000, or `dimensions` is not 1 to 256.
-    pub fn compact(side: usize, dimensions: usize) -> Result<Self, ArchitectureError> {
+    /// If the side is under 9, or `dimensions` is not 1 to 256.
+    pub fn compact(pictures: PictureShape, dimensions: usize) -> Result<Self, ArchitectureError> {
         let mut layers = Vec::new();
         for channels in [16, 32, 64] {
             layers.push(Layer::Convolution {
@@ -223,13 +194,13 @@ impl Architecture {
         layers.push(Layer::AveragePooling { grid: 2 });
         layers.extend([Layer::Dense { units: 64 }, Layer::Relu]);
         layers.push(Layer::Dense { units: dimensions });
-        Self::new(side, layers)
+        Self::new(pictures, layers)
     }
 
-    /// Side of the input pictures in pixels.
+    /// The shape of the input pictures.
     #[must_use]
-    pub const fn side(&self) -> usize {
-        self.side
+    pub const fn pictures(&self) -> PictureShape {
+        self.pictures
     }
 
     /// Number of weights, at most 16,777,216.
@@ -370,14 +341,14 @@ mod tests {
 
     #[test]
     fn the_papers_network_flattens_to_1936_values() {
-        let paper = Architecture::paper(50, 5).unwrap();
+        let paper = Architecture::paper(PictureShape::PAPER, 5).unwrap();
         assert_eq!(paper.shapes[6].len(), 1936);
         assert_eq!(paper.dimensions(), 5);
     }
 
     #[test]
     fn the_compact_network_pools_to_256_values() {
-        let compact = Architecture::compact(50, 5).unwrap();
+        let compact = Architecture::compact(PictureShape::PAPER, 5).unwrap();
         let expected = [
             (1, 50),
             (16, 25),
@@ -399,7 +370,9 @@ mod tests {
             layers: Vec<Layer>,
         }
         let file: File = toml::from_str(&format!("layers = [{layers}]")).unwrap();
-        let error = Architecture::new(50, file.layers).unwrap_err().to_string();
+        let error = Architecture::new(PictureShape::PAPER, file.layers)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(said), "{error:?} does not say {said:?}");
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Architecture, ArchitectureError, Layer, Recipe};
 use crate::{
-    Invalid,
+    Invalid, PictureShape,
     invalid::{real, whole},
 };
 use serde::{Deserialize, Serialize};
@@ -158,21 +158,21 @@ impl Configuration {
         share.min(1000).clamp(2, behaviours - 2)
     }
 
-    /// The network for pictures of `side` x `side`.
+    /// The network for pictures of this shape.
     ///
     /// # Errors
     /// If the network does not fit such pictures.
-    pub fn architecture(&self, side: usize) -> Result<Architecture, ArchitectureError> {
+    pub fn architecture(&self, pictures: PictureShape) -> Result<Architecture, ArchitectureError> {
         let NetworkSettings {
             name,
             dimensions,
             layers,
         } = &self.settings.network;
         match layers {
-            Some(layers) => Architecture::new(side, layers.clone()),
+            Some(layers) => Architecture::new(pictures, layers.clone()),
             None => Architecture::named(
                 name.as_deref().unwrap_or(NETWORK),
-                side,
+                pictures,
                 dimensions.unwrap_or(DIMENSIONS),
             ),
         }
@@ -180,14 +180,14 @@ impl Configuration {
 }
 
 impl Configuration {
-    /// Maximum number of bytes of a snapshot of such a training on pictures of `side` x `side`: four numbers per weight (the
-    /// weight, the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
+    /// Maximum number of bytes of a snapshot of such a training on pictures of this shape: four numbers per weight (the weight,
+    /// the optimiser's two moments, the best weight so far), a loss per epoch, the configuration, and some figures.
     ///
     /// # Errors
     /// If the network does not fit such pictures.
-    pub fn saved_bytes(&self, side: usize) -> Result<usize, ArchitectureError> {
+    pub fn saved_bytes(&self, pictures: PictureShape) -> Result<usize, ArchitectureError> {
         const FIGURES: usize = 64 << 10;
-        let weights = self.architecture(side)?.weights() * size_of::<[f32; 4]>();
+        let weights = self.architecture(pictures)?.weights() * size_of::<[f32; 4]>();
         let losses = self.recipe().epochs() as usize * size_of::<f64>();
         Ok(weights + losses + self.to_toml().len() + FIGURES)
     }
@@ -237,8 +237,8 @@ mod tests {
         };
         assert_eq!(recipe.batch * recipe.steps, 16_384);
         assert_eq!(
-            paper.architecture(50).unwrap(),
-            Architecture::paper(50, 5).unwrap()
+            paper.architecture(PictureShape::PAPER).unwrap(),
+            Architecture::paper(PictureShape::PAPER, 5).unwrap()
         );
     }
 
@@ -248,8 +248,8 @@ mod tests {
         assert_eq!(default, Configuration::default());
         assert_eq!(default.recipe().name(), "in-batch");
         assert_eq!(
-            default.architecture(50).unwrap(),
-            Architecture::compact(50, 5).unwrap()
+            default.architecture(PictureShape::PAPER).unwrap(),
+            Architecture::compact(PictureShape::PAPER, 5).unwrap()
         );
     }
 
@@ -269,7 +269,10 @@ mod tests {
                 configuration
             );
         }
-        let architecture = Configuration::from_toml(layers).unwrap().architecture(9).unwrap();
+        let architecture = Configuration::from_toml(layers)
+            .unwrap()
+            .architecture(PictureShape::new(1, 9).unwrap())
+            .unwrap();
         assert_eq!((architecture.dimensions(), architecture.layers().len()), (3, 3));
     }
 

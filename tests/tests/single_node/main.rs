@@ -2,6 +2,7 @@
 //! ONNX Runtime (`make runtime`).
 
 mod accuracy;
+mod channels;
 mod command_line;
 mod feedback;
 mod fuzz_targets;

@@ -40,11 +40,11 @@ pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<Trai
     let parts = attempts(|| receive(task, coordinator.clone()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
-    let pictures = Pictures::new(task.side, task.views, parts.pictures).map_err(Undone::fatal)?;
+    let pictures = Pictures::new(task.pictures, task.views, parts.pictures).map_err(Undone::fatal)?;
     let fine_tuning = match &task.fine_tuning {
         None => None,
         Some(fine_tuning) => {
-            let labelled = LabelledPictures::new(task.side, parts.labelled, parts.classes);
+            let labelled = LabelledPictures::new(task.pictures, parts.labelled, parts.classes);
             Some(FineTuning {
                 parent: parent(task, fine_tuning, coordinator).await?,
                 labelled: Arc::new(labelled.map_err(Undone::fatal)?.of_labels(fine_tuning.labels)),
@@ -73,7 +73,7 @@ async fn parent(
     }
     let architecture = task
         .configuration
-        .architecture(task.side)
+        .architecture(task.pictures)
         .map_err(Undone::fatal)?;
     onnx::import(&bytes, architecture).map_err(Undone::fatal)
 }

@@ -1,7 +1,7 @@
 //! A validated training task.
 
 use super::event::Undone;
-use murmuration_proto::{CheckpointDigest, Dataset, Invalid, training::Configuration, v1};
+use murmuration_proto::{CheckpointDigest, Dataset, Invalid, PictureShape, training::Configuration, v1};
 
 /// A training task.
 #[derive(Debug)]
@@ -11,7 +11,8 @@ pub(super) struct Task {
     /// Its trace.
     pub(super) trace_parent: String,
     pub(super) configuration: Configuration,
-    pub(super) side: usize,
+    /// The shape of each picture.
+    pub(super) pictures: PictureShape,
     pub(super) views: usize,
     /// Bytes of all pictures.
     pub(super) bytes: usize,
@@ -31,14 +32,16 @@ pub(super) struct FineTuningTask {
 }
 
 /// Bytes of this number of pictures, if they fit into a trainer's memory.
-fn bytes(field: &str, side: u32, (views, behaviours): (u32, u32)) -> Result<usize, Undone> {
-    let bytes = [side, side, views, behaviours]
+fn bytes(field: &str, shape: PictureShape, (views, behaviours): (u32, u32)) -> Result<usize, Undone> {
+    let bytes = [views, behaviours]
         .iter()
-        .try_fold(1_u64, |product, &size| product.checked_mul(size.into()))
+        .try_fold(shape.bytes() as u64, |product, &size| {
+            product.checked_mul(size.into())
+        })
         .filter(|&bytes| bytes <= Dataset::MAX_BYTES)
         .and_then(|bytes| usize::try_from(bytes).ok());
     bytes.ok_or_else(|| {
-        let value = format!("{behaviours} of {views} pictures, side {side}");
+        let value = format!("{behaviours} of {views} pictures of {shape}");
         let allowed = format!("at most {} bytes of pictures in all", Dataset::MAX_BYTES);
         Undone::fatal(Invalid::new(field, value, allowed))
     })
@@ -55,24 +58,26 @@ impl TryFrom<v1::Lease> for Task {
         };
         let configuration = Configuration::from_toml(&task.configuration)
             .map_err(|error| Undone::fatal(format!("the training's configuration: {error}")))?;
+        let pictures =
+            PictureShape::new(task.channels as usize, task.side as usize).map_err(Undone::fatal)?;
         let fine_tuning = match task.parent.as_str() {
             "" => None,
             parent => Some(FineTuningTask {
                 parent: parent
                     .parse()
                     .map_err(|error: Invalid| Undone::fatal(error.within("parent")))?,
-                bytes: bytes("labelled", task.side, (1, task.labelled))?,
+                bytes: bytes("labelled", pictures, (1, task.labelled))?,
                 labels: task.labels as usize,
             }),
         };
         Ok(Self {
-            bytes: bytes("behaviours", task.side, (task.views, task.behaviours))?,
+            bytes: bytes("behaviours", pictures, (task.views, task.behaviours))?,
             fine_tuning,
             lease: lease.id.unwrap_or_default(),
             campaign: lease.campaign,
             trace_parent: lease.trace_parent,
             configuration,
-            side: task.side as usize,
+            pictures,
             views: task.views as usize,
         })
     }
@@ -89,6 +94,7 @@ mod tests {
             trace_parent: String::new(),
             work: Some(v1::lease::Work::Training(v1::TrainingTask {
                 configuration: configuration.to_owned(),
+                channels: 1,
                 side: 50,
                 views: 2,
                 behaviours,

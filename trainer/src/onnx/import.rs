@@ -96,7 +96,8 @@ fn floats(graph: &GraphProto, name: String, count: usize) -> Result<Vec<f32>, Im
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::training::Layer;
+    use crate::pictures::tests::grey;
+    use murmuration_proto::{PictureShape, training::Layer};
     use proptest::prelude::*;
 
     fn layers() -> impl Strategy<Value = Vec<Layer>> {
@@ -137,9 +138,12 @@ mod tests {
     }
 
     fn architectures() -> impl Strategy<Value = Architecture> {
-        (7..=12usize, layers()).prop_filter_map("layers that do not fit", |(side, layers)| {
-            Architecture::new(side, layers).ok()
-        })
+        (1..=3usize, 7..=12usize, layers()).prop_filter_map(
+            "layers that do not fit",
+            |(channels, side, layers)| {
+                Architecture::new(PictureShape::new(channels, side).unwrap(), layers).ok()
+            },
+        )
     }
 
     proptest! {
@@ -162,7 +166,7 @@ mod tests {
     }
 
     fn compact(dimensions: usize) -> Architecture {
-        Architecture::compact(20, dimensions).unwrap()
+        Architecture::compact(grey(20), dimensions).unwrap()
     }
 
     #[test]
@@ -175,7 +179,7 @@ mod tests {
             other.contains("\"dense_8.weights\" has 320 numbers, not 256"),
             "{other}"
         );
-        let paper = refusal(&file, Architecture::paper(20, 5).unwrap());
+        let paper = refusal(&file, Architecture::paper(grey(20), 5).unwrap());
         assert!(paper.contains("another network"), "{paper}");
 
         let mut model = ModelProto::decode(file.as_slice()).unwrap();

@@ -1,7 +1,7 @@
 //! Tests of exported models.
 
 use super::*;
-use murmuration_proto::{onnx::EmbedderModel, training::Architecture};
+use murmuration_proto::{PictureShape, onnx::EmbedderModel, training::Architecture};
 
 fn graph(architecture: Architecture) -> GraphProto {
     let bytes = export(&Network::initialise(architecture, 1));
@@ -11,14 +11,14 @@ fn graph(architecture: Architecture) -> GraphProto {
 #[test]
 fn what_is_exported_is_an_embedder() {
     for network in [Architecture::compact, Architecture::paper] {
-        let bytes = export(&Network::initialise(network(50, 5).unwrap(), 1));
+        let bytes = export(&Network::initialise(network(PictureShape::PAPER, 5).unwrap(), 1));
         assert_eq!(EmbedderModel::read(&bytes).unwrap().dimensions(), 5);
     }
 }
 
 #[test]
 fn every_value_is_made_before_it_is_taken_and_the_last_is_the_output() {
-    let graph = graph(Architecture::compact(50, 5).unwrap());
+    let graph = graph(Architecture::compact(PictureShape::PAPER, 5).unwrap());
     let mut made: Vec<&str> = graph
         .initializer
         .iter()
@@ -40,7 +40,7 @@ fn every_value_is_made_before_it_is_taken_and_the_last_is_the_output() {
 
 #[test]
 fn constants_have_as_many_values_as_their_shapes_say() {
-    let graph = graph(Architecture::compact(50, 5).unwrap());
+    let graph = graph(Architecture::compact(PictureShape::PAPER, 5).unwrap());
     for tensor in graph.initializer.iter().filter(|tensor| tensor.data_type == 1) {
         let values: i64 = tensor.dims.iter().product();
         assert_eq!(

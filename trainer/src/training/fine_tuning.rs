@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub struct FineTuning {
     /// The network to train further, of the configuration's architecture: an [imported](onnx::import) checkpoint.
     pub parent: Network,
-    /// The labelled pictures, of the same side as the other pictures.
+    /// The labelled pictures, of the same shape as the other pictures.
     pub labelled: Arc<LabelledPictures>,
 }
 
@@ -27,7 +27,7 @@ impl Training {
     ///
     /// # Errors
     /// If the recipe is not for labels, the network does not fit the pictures, the parent is of another
-    /// architecture, or the labelled pictures have another side.
+    /// architecture, or the labelled pictures have another shape.
     pub fn fine_tune(
         configuration: &Configuration,
         pictures: Arc<Pictures>,
@@ -37,10 +37,10 @@ impl Training {
         if !configuration.recipe().is_labelled() {
             return Err(TrainingError::NoUseForLabels(configuration.recipe().name()));
         }
-        if labelled.side() != pictures.side() {
-            return Err(TrainingError::LabelledSide {
-                side: pictures.side(),
-                labelled: labelled.side(),
+        if labelled.shape() != pictures.shape() {
+            return Err(TrainingError::LabelledShape {
+                shape: pictures.shape(),
+                labelled: labelled.shape(),
             });
         }
         let architecture = Self::architecture(configuration, &pictures)?;

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 #[derive(Debug)]
 pub(super) struct HeldOut {
     trained_on: Vec<usize>,
-    /// Values 0 to 1, one image after the other.
+    /// Images, one after the other.
     anchors: Vec<f32>,
     positives: Vec<f32>,
-    /// The first views without augmentation.
+    /// The bytes of the first views, without augmentation.
     plain: Vec<u8>,
 }
 
@@ -23,13 +23,13 @@ impl HeldOut {
         let trained_on = order.split_off(configuration.held_out(order.len()));
         let [anchor_key, positive_key] = [stream.bits(), stream.bits()];
         let augmented = |key: u64, view: usize| {
-            let side = pictures.side();
-            let mut images = vec![0.0; order.len() * side * side];
-            let behaviours = images.par_chunks_mut(side * side).zip(&order).enumerate();
+            let shape = pictures.shape();
+            let mut images = vec![0.0; order.len() * shape.bytes()];
+            let behaviours = images.par_chunks_mut(shape.bytes()).zip(&order).enumerate();
             behaviours.for_each(|(i, (image, &behaviour))| {
                 let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
                 let augmentation = Augmentation::from(configuration.recipe());
-                augmentation.apply(pictures.picture(behaviour, view), side, &mut stream, image);
+                augmentation.apply(pictures.picture(behaviour, view), shape, &mut stream, image);
             });
             images
         };

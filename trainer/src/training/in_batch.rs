@@ -61,7 +61,7 @@ fn step(training: &mut Training, recipe: &InBatch, behaviours: &[usize], stream:
 /// The images of a batch: an anchor of each behaviour, then a positive of each, from another view if there is one.
 pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut RandomStream) -> Vec<f32> {
     let pictures = &training.pictures;
-    let (side, views) = (pictures.side(), pictures.views() as u64);
+    let (shape, views) = (pictures.shape(), pictures.views() as u64);
     let anchors: Vec<u64> = behaviours.iter().map(|_| stream.below(views)).collect();
     let others = anchors.iter().map(|view| match views {
         1 => 0,
@@ -70,9 +70,9 @@ pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut 
     let positives: Vec<u64> = others.collect();
     let key = stream.bits();
     let augmentation = Augmentation::from(training.configuration.recipe());
-    let mut images = vec![0.0; 2 * behaviours.len() * side * side];
+    let mut images = vec![0.0; 2 * behaviours.len() * shape.bytes()];
     images
-        .par_chunks_mut(side * side)
+        .par_chunks_mut(shape.bytes())
         .enumerate()
         .for_each(|(i, image)| {
             let views = if i < behaviours.len() {
@@ -83,7 +83,7 @@ pub(super) fn augmented(training: &Training, behaviours: &[usize], stream: &mut 
             let place = i % behaviours.len();
             let picture = pictures.picture(behaviours[place], views[place] as usize);
             let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
-            augmentation.apply(picture, side, &mut stream, image);
+            augmentation.apply(picture, shape, &mut stream, image);
         });
     images
 }

@@ -153,17 +153,17 @@ fn augmented(
     recipe: &Labelled,
     stream: &mut RandomStream,
 ) -> Vec<f32> {
-    let side = labelled.side();
+    let shape = labelled.shape();
     let augmentation = Augmentation {
         crop: recipe.crop,
         symmetries: Symmetries::All,
     };
     let key = stream.bits();
-    let mut images = vec![0.0; dealt.len() * side * side];
-    let places = images.par_chunks_mut(side * side).zip(dealt).enumerate();
+    let mut images = vec![0.0; dealt.len() * shape.bytes()];
+    let places = images.par_chunks_mut(shape.bytes()).zip(dealt).enumerate();
     places.for_each(|(i, (image, &picture))| {
         let mut stream = RandomStream::derive(key, Purpose::Augment, i as u64);
-        augmentation.apply(labelled.picture(picture), side, &mut stream, image);
+        augmentation.apply(labelled.picture(picture), shape, &mut stream, image);
     });
     images
 }
@@ -171,6 +171,7 @@ fn augmented(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::tests::grey;
     use proptest::prelude::*;
 
     proptest! {
@@ -181,7 +182,7 @@ mod tests {
             most in 2..7usize,
         ) {
             prop_assume!(classes.iter().any(|&class| class != classes[0]));
-            let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
+            let labelled = LabelledPictures::new(grey(1), vec![0; classes.len()], classes.clone()).unwrap();
             let recipe = Labelled { per_class, classes: most, random_anchors: 0.25, ..Labelled::default() };
             let mut stream = RandomStream::derive(1, Purpose::Train, 0);
             let mut deck = Deck::new(&labelled, &recipe, &mut stream);

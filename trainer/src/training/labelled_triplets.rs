@@ -67,6 +67,7 @@ impl Drawn {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pictures::tests::grey;
     use murmuration_proto::Purpose;
     use proptest::prelude::*;
 
@@ -78,7 +79,7 @@ mod tests {
             seed: u64,
         ) {
             prop_assume!(classes.iter().any(|&class| class != classes[0]));
-            let labelled = LabelledPictures::new(1, vec![0; classes.len()], classes.clone()).unwrap();
+            let labelled = LabelledPictures::new(grey(1), vec![0; classes.len()], classes.clone()).unwrap();
             let mut stream = RandomStream::derive(seed, Purpose::Train, 0);
             for _ in 0..50 {
                 let Drawn { anchor, positive, negative } = Drawn::draw(&labelled, augmented, &mut stream);
@@ -92,7 +93,7 @@ mod tests {
 
     #[test]
     fn as_many_positives_are_augmented_anchors_as_the_recipe_says() {
-        let labelled = LabelledPictures::new(1, vec![0; 6], vec![0, 0, 0, 1, 1, 1]).unwrap();
+        let labelled = LabelledPictures::new(grey(1), vec![0; 6], vec![0, 0, 0, 1, 1, 1]).unwrap();
         let mut stream = RandomStream::derive(1, Purpose::Train, 0);
         let drawn = (0..10_000).map(|_| Drawn::draw(&labelled, 0.6, &mut stream));
         let augmented = drawn.filter(|triplet| triplet.positive.is_none()).count();

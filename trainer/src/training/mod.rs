@@ -22,7 +22,7 @@ use crate::{
 };
 use held_out::HeldOut;
 use murmuration_proto::{
-    Purpose, RandomStream,
+    PictureShape, Purpose, RandomStream,
     training::{Architecture, ArchitectureError, Configuration, Recipe},
 };
 use schedule::Schedule;
@@ -78,10 +78,10 @@ struct Best {
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
     /// The network does not fit the pictures.
-    #[error("the network does not fit pictures of side {side}: {source}")]
+    #[error("the network does not fit pictures of {shape}: {source}")]
     Architecture {
-        /// Pixels along a side of the pictures.
-        side: usize,
+        /// The shape of the pictures.
+        shape: PictureShape,
         /// The problem.
         source: ArchitectureError,
     },
@@ -91,13 +91,13 @@ pub enum TrainingError {
     /// The recipe learns without labels, and there are some.
     #[error("the recipe \"{0}\" has no use for labels")]
     NoUseForLabels(&'static str),
-    /// Labelled pictures are larger or smaller than the others.
-    #[error("labelled pictures have side {labelled}, unlabelled ones {side}")]
-    LabelledSide {
-        /// Pixels along a side of the pictures.
-        side: usize,
-        /// Pixels along a side of the labelled ones.
-        labelled: usize,
+    /// Labelled pictures have another size or other channels than the others.
+    #[error("labelled pictures are of {labelled}, unlabelled ones of {shape}")]
+    LabelledShape {
+        /// The shape of the pictures.
+        shape: PictureShape,
+        /// The shape of the labelled ones.
+        labelled: PictureShape,
     },
     /// The network to train further has other layers than the configuration.
     #[error("the network to go on from is another than the configuration's")]
@@ -134,9 +134,9 @@ impl Training {
         configuration: &Configuration,
         pictures: &Pictures,
     ) -> Result<Architecture, TrainingError> {
-        let side = pictures.side();
-        let architecture = configuration.architecture(side);
-        architecture.map_err(|source| TrainingError::Architecture { side, source })
+        let shape = pictures.shape();
+        let architecture = configuration.architecture(shape);
+        architecture.map_err(|source| TrainingError::Architecture { shape, source })
     }
 
     fn starting_with(

@@ -1,7 +1,7 @@
 //! Tests of whole trainings.
 
 use super::*;
-use crate::onnx;
+use crate::{onnx, pictures::tests::grey};
 
 pub(super) const SMALL: &str = "
     [network]
@@ -32,7 +32,7 @@ pub(super) fn bars() -> Arc<Pictures> {
             }));
         }
     }
-    Arc::new(Pictures::new(12, 2, bytes).unwrap())
+    Arc::new(Pictures::new(grey(12), 2, bytes).unwrap())
 }
 
 fn training(text: &str) -> Training {
@@ -149,7 +149,7 @@ fn the_untrained_recipe_publishes_the_first_weights() {
     assert_eq!(training.step(), None);
     let quality = training.quality();
     assert!((0.0..=1.0).contains(&quality.triplet_accuracy) && quality.spread > 0.0 && quality.rank >= 1.0);
-    let architecture = configuration.architecture(12).unwrap();
+    let architecture = configuration.architecture(grey(12)).unwrap();
     let first =
         Network::<f32>::initialise(architecture, configuration.seed()).embed(training.held_out.plain());
     let published = training.embedder().embed(training.held_out.plain());
@@ -205,7 +205,7 @@ fn what_was_saved_of_another_training_is_refused() {
     let middle = flipped.len() / 2;
     flipped[middle] ^= 1;
     assert!(refusal(IN_BATCH, &flipped).contains("bytes have changed"));
-    let other = Arc::new(Pictures::new(12, 1, vec![3; 144 * 8]).unwrap());
+    let other = Arc::new(Pictures::new(grey(12), 1, vec![3; 144 * 8]).unwrap());
     let other = Training::new(&configuration(IN_BATCH), other).unwrap();
     let error = other.taken_up(&saved).unwrap_err();
     assert!(matches!(error, TrainingError::Other("set of pictures")));
@@ -214,10 +214,10 @@ fn what_was_saved_of_another_training_is_refused() {
 #[test]
 fn a_network_must_fit_the_pictures() {
     let paper = Configuration::from_toml("[network]\nname = \"paper\"").unwrap();
-    let tiny = Arc::new(Pictures::new(5, 1, vec![0; 250]).unwrap());
+    let tiny = Arc::new(Pictures::new(grey(5), 1, vec![0; 250]).unwrap());
     let error = Training::new(&paper, tiny).unwrap_err().to_string();
     assert!(
-        error.contains("pictures of side 5: layer 4: kernel = 3"),
+        error.contains("pictures of 5 x 5: layer 4: kernel = 3"),
         "{error}"
     );
 }

@@ -4,9 +4,9 @@ use super::Training;
 use crate::{
     augment::Augmentation,
     loss::triplets,
-    network::{Network, scaled},
+    network::{Network, append_image},
 };
-use murmuration_proto::{Purpose, RandomStream, training::RandomTriplets};
+use murmuration_proto::{PictureShape, Purpose, RandomStream, training::RandomTriplets};
 
 /// Number of values of a chunk's forward pass. With more images, packing a dense layer's weights costs less per image; with
 /// fewer, more of them stay in a core's cache.
@@ -30,7 +30,7 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
     let augmentation = Augmentation::from(training.configuration.recipe());
     let state = &mut training.state;
     let architecture = state.network.architecture();
-    let (side, dimensions) = (architecture.side(), architecture.dimensions());
+    let (shape, dimensions) = (architecture.pictures(), architecture.dimensions());
     let at_once = chunk(&state.network);
     let total = training.shards.gradient_by_chunk(
         &state.network,
@@ -39,7 +39,7 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
             let first = chunk * at_once;
             let triplets = &triplets[first..(first + at_once).min(triplets.len())];
             let stream = |i: usize| RandomStream::derive(key, Purpose::Augment, (first + i) as u64);
-            append(triplets, side, augmentation, stream, images);
+            append(triplets, shape, augmentation, stream, images);
         },
         |_, embeddings, gradient| {
             triplets::loss(embeddings, dimensions, recipe.margin, triplets.len(), gradient)
@@ -54,13 +54,13 @@ pub(super) fn learn(training: &mut Training, recipe: &RandomTriplets, triplets: 
 /// augmented by.
 fn append(
     triplets: &[Triplet],
-    side: usize,
+    shape: PictureShape,
     augmentation: Augmentation,
     stream: impl Fn(usize) -> RandomStream,
     images: &mut Vec<f32>,
 ) {
     let plain = |picture: &[u8], images: &mut Vec<f32>| {
-        images.extend(picture.iter().map(|&grey| scaled::<f32>(grey)));
+        append_image(shape, picture, images);
     };
     for triplet in triplets {
         plain(triplet.anchor, images);
@@ -71,8 +71,8 @@ fn append(
             continue;
         }
         let start = images.len();
-        images.resize(start + side * side, 0.0);
-        augmentation.apply(triplet.anchor, side, &mut stream(i), &mut images[start..]);
+        images.resize(start + shape.bytes(), 0.0);
+        augmentation.apply(triplet.anchor, shape, &mut stream(i), &mut images[start..]);
     }
     for triplet in triplets {
         plain(triplet.negative, images);

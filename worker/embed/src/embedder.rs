@@ -1,7 +1,7 @@
 //! One embedder, ready to run on one thread.
 
 use super::Runtime;
-use murmuration_proto::onnx::EmbedderModel;
+use murmuration_proto::onnx::{EmbedderModel, ImageShape};
 use ort::{
     logging::LogLevel,
     session::{Session, builder::GraphOptimizationLevel},
@@ -31,16 +31,14 @@ pub enum EmbedError {
     #[error("ONNX Runtime: {0}")]
     Runtime(#[from] ort::Error),
     /// An image is not of the size that the model takes.
-    #[error("image {index} has {pixels} pixels: this embedder takes {height} x {width}")]
+    #[error("image {index} has {pixels} pixels: this embedder takes {images}")]
     ImageSize {
         /// Which of the images, from 0.
         index: usize,
-        /// Its number of pixels.
+        /// Its number of pixels, over all channels.
         pixels: usize,
-        /// The expected size along axis 0.
-        height: usize,
-        /// The expected size along axis 1.
-        width: usize,
+        /// The expected shape.
+        images: ImageShape,
     },
     /// The model's output differs from what it declares.
     #[error("the model made a value of shape {shape:?}, not {images} x {dimensions}")]
@@ -86,25 +84,24 @@ impl Embedder {
 
     /// The embeddings of `images`, in order.
     ///
-    /// An image is raw grey values, index `x * width + y` (axis 0 is x), as in an evaluation. An embedding has
-    /// [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX Runtime, its bits do
+    /// An image is raw grey values, channel by channel, each with index `x * width + y` (axis 0 is x), as in an evaluation. An
+    /// embedding has [`EmbedderModel::dimensions`] numbers, all finite. On one kind of CPU and one build of ONNX Runtime, its bits do
     /// not depend on the other images or on how many there are.
     ///
     /// # Errors
     /// If an image is of the wrong size, or an embedding of the wrong shape or not finite; then nothing is
     /// returned for any image.
     pub fn embed(&mut self, images: &[&[u8]]) -> Result<Vec<Vec<f32>>, EmbedError> {
-        let (height, width) = (self.model.height(), self.model.width());
+        let shape = self.model.images();
         if let Some((index, image)) = images
             .iter()
             .enumerate()
-            .find(|(_, image)| image.len() != height * width)
+            .find(|(_, image)| image.len() != shape.bytes())
         {
             return Err(EmbedError::ImageSize {
                 index,
                 pixels: image.len(),
-                height,
-                width,
+                images: shape,
             });
         }
         let mut embeddings = Vec::with_capacity(images.len());
@@ -123,7 +120,12 @@ impl Embedder {
         } = self;
         pixels.clear();
         pixels.extend(images.iter().copied().flatten().map(|&pixel| f32::from(pixel)));
-        let shape = [images.len(), 1, model.height(), model.width()];
+        let ImageShape {
+            channels,
+            height,
+            width,
+        } = model.images();
+        let shape = [images.len(), channels, height, width];
         let input = TensorRef::from_array_view((shape, pixels.as_slice()))?;
         let outputs = session.run([input.into()])?;
         let (shape, values) = outputs[0].try_extract_tensor::<f32>()?;

@@ -124,7 +124,7 @@ proptest! {
         }
         let Ok(model) = EmbedderModel::read(&bytes) else { return Ok(()) };
         let dimensions = model.dimensions();
-        let pixels = vec![100; model.height() * model.width()];
+        let pixels = vec![100; model.images().bytes()];
         let Ok(mut embedder) = Embedder::open(&Runtime::load().unwrap(), model) else { return Ok(()) };
         match embedder.embed(&[&pixels, &pixels]) {
             Ok(embeddings) => prop_assert!(

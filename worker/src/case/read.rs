@@ -38,8 +38,8 @@ pub(super) fn case(document: Value) -> Result<Case, Invalid> {
     };
     let world = world(keys, poses.len(), controller.model().largest_radius())?;
     Ok(Case {
+        image: image(keys, &world, controller.model())?,
         controller,
-        image: image(keys, &world)?,
         start: Start::at(poses)?,
         checkpoints: checkpoints(keys, world.horizon())?,
         world,
@@ -156,14 +156,15 @@ fn jitter(keys: Keys<'_>) -> Result<Option<bool>, Invalid> {
 }
 
 /// The picture's format: the paper's, unless `resolution` or `window` are given or the world is smaller.
-fn image(keys: Keys<'_>, world: &World) -> Result<ImageFormat, Invalid> {
+fn image(keys: Keys<'_>, world: &World, model: &CapabilityModel) -> Result<ImageFormat, Invalid> {
     let usual = ImageFormat::default().resolution();
     let smaller_side = world.width().min(world.height()) as u32;
     let message = v1::ImageFormat {
         resolution: Some(keys.whole("resolution")?.unwrap_or(usual.min(smaller_side))),
         window: keys.whole("window")?,
+        ..v1::ImageFormat::default()
     };
-    ImageFormat::for_world(message, world)
+    ImageFormat::for_swarm(message, world, model)
 }
 
 fn checkpoints(keys: Keys<'_>, horizon: u32) -> Result<Vec<(String, u32)>, Invalid> {

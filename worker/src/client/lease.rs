@@ -152,7 +152,7 @@ fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {
         digest => Some(digest.parse()?),
     };
     Ok(Work::Evaluations {
-        image: ImageFormat::for_world(batch.image.unwrap_or_default(), &world)?,
+        image: ImageFormat::for_swarm(batch.image.unwrap_or_default(), &world, &model)?,
         world,
         starts: Starts::new("starts", batch.starts)?,
         tasks,

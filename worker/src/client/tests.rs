@@ -178,7 +178,7 @@ async fn a_checkpoint_of_pictures_of_another_size_fails_for_good() {
     let world = world.unwrap();
     let work = Work::Evaluations {
         starts: Starts::ONE,
-        image: ImageFormat::for_world(v1::ImageFormat::default(), &world).unwrap(),
+        image: ImageFormat::default(),
         world,
         tasks: vec![(
             Controller::new(Preset::SingleSensor, &[0.6, 1.0, 0.4, 0.5]).unwrap(),

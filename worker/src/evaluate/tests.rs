@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::simulate;
-use murmuration_proto::{Preset, Purpose, RandomStream, v1};
+use murmuration_proto::{CampaignSpec, Preset, Purpose, RandomStream, v1};
 use proptest::prelude::*;
 use std::thread;
 
@@ -78,7 +78,7 @@ fn a_horizon_shorter_than_the_window_shows_every_step() {
 
 #[test]
 fn a_picture_larger_than_the_world_is_refused() {
-    let format = ImageFormat::for_world(v1::ImageFormat::default(), &World::default()).unwrap();
+    let format = ImageFormat::default();
     let small = v1::World {
         width: Some(45.5),
         ..World::default().into()
@@ -88,6 +88,34 @@ fn a_picture_larger_than_the_world_is_refused() {
         error.to_string(),
         "image.resolution = 50: must be a whole number from 1 to 45"
     );
+}
+
+#[test]
+fn a_channel_for_each_species_of_another_swarm_is_refused() {
+    let species = |name| format!("[[species]]\nname = \"{name}\"\ncount = 12\nrobot.sensors = [{{}}]\n");
+    let text = format!("{}{}", species("a"), species("b"));
+    let (model, world) = CampaignSpec::robots_from_toml(&text).unwrap();
+    let message = v1::ImageFormat {
+        channels: Some("species".to_owned()),
+        ..v1::ImageFormat::default()
+    };
+    let format = ImageFormat::for_swarm(message, &world, &model).unwrap();
+    let mut evaluator = Evaluator::new(&world, &format).unwrap();
+    let controller = Controller::new(&model, &[0.5; 8]).unwrap();
+    let evaluation = evaluator.evaluate(&controller, &Start::seeded(1)).unwrap();
+    assert_eq!(evaluation.image().len(), 5000);
+    let tasks: Vec<_> = (0..9)
+        .map(|seed| (controllers()[0].clone(), Start::seeded(seed)))
+        .collect();
+    for error in [
+        evaluator.evaluate(&tasks[0].0, &tasks[0].1).unwrap_err(),
+        evaluator.evaluate_all(&tasks).unwrap_err(),
+    ] {
+        assert_eq!(
+            error.to_string(),
+            "image.channels = 2: must be 1, or as many as the swarm has species: 1"
+        );
+    }
 }
 
 #[test]
@@ -114,7 +142,7 @@ fn small_picture() -> ImageFormat {
         resolution: Some(10),
         ..ImageFormat::default().into()
     };
-    ImageFormat::for_world(message, &World::default()).unwrap()
+    ImageFormat::for_swarm(message, &World::default(), &Preset::SingleSensor.into()).unwrap()
 }
 
 proptest! {
@@ -203,7 +231,8 @@ proptest! {
             ..World::default().into()
         };
         let world = World::try_from(message).unwrap();
-        let format = ImageFormat::for_world(v1::ImageFormat { resolution: Some(50), window: Some(290) }, &world).unwrap();
+        let format = v1::ImageFormat { window: Some(290), ..v1::ImageFormat::default() };
+        let format = ImageFormat::for_swarm(format, &world, &model).unwrap();
         let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
         let tasks: Vec<_> = (0..11).map(|start| {
             let genes: Vec<f64> = (0..model.genes()).map(|_| stream.between(-1.0, 1.0)).collect();

@@ -5,6 +5,8 @@ mod canvas;
 mod grey;
 mod shapes;
 mod stamps;
+#[cfg(test)]
+mod tests;
 
 use crate::simulate::{Agent, Agents, Batch, Swarm};
 use brush::{Brush, Ends};
@@ -16,11 +18,17 @@ use pulp::{Arch, Scalar, Simd, WithSimd};
 /// Draws swarms on a canvas of one pixel a unit and averages it down (paper, "Simulation and Data").
 ///
 /// For each agent in turn: its sensor rays in black, which erase, then its outline and its heading in white.
+///
+/// There is a canvas for each channel of the picture. With several, agents are drawn on the canvas of their species, so a ray
+/// erases no other species, and each canvas is averaged and stretched by itself: a channel is the picture that the robots of its
+/// species would have if they alone were drawn.
 #[derive(Debug)]
 pub struct Rasteriser {
     arch: Arch,
     size: [usize; 2],
-    /// The first for a swarm alone, one a lane for several at once.
+    /// Canvases of a swarm alone.
+    channels: usize,
+    /// For a swarm alone the first, one for each channel; for several swarms at once, one a lane.
     canvases: Vec<Canvas>,
     cells: Cells,
     /// For each size of bodies that was drawn; the first is the world's largest.
@@ -41,24 +49,26 @@ impl Rasteriser {
     /// # Errors
     /// As [`Rasteriser::new`].
     pub fn on(arch: Arch, world: &World, format: &ImageFormat) -> Result<Self, Invalid> {
-        let format =
-            ImageFormat::for_world((*format).into(), world).map_err(|error| error.within("image"))?;
+        format.check_world(world).map_err(|error| error.within("image"))?;
+        let channels = format.shape().channels();
         let size = [world.width() as usize, world.height() as usize];
         Ok(Self {
             arch,
             size,
-            canvases: vec![Canvas::new(size)],
+            channels,
+            canvases: vec![Canvas::new(size); channels],
             cells: Cells::new(size, format.resolution() as usize),
             brushes: vec![Brush::new(world.radius())],
         })
     }
 
-    /// Makes the canvas black again.
+    /// Makes the picture black again.
     pub fn clear(&mut self) {
-        self.canvases[0].clear();
+        let canvases = self.canvases.iter_mut().take(self.channels);
+        canvases.for_each(Canvas::clear);
     }
 
-    /// Makes as many canvases black.
+    /// Makes as many canvases black, for swarms whose pictures have one channel.
     pub(crate) fn clear_lanes(&mut self, lanes: usize) {
         let size = self.size;
         if self.canvases.len() < lanes {
@@ -76,7 +86,7 @@ impl Rasteriser {
         }
         self.arch.dispatch(Drawing {
             brushes: &self.brushes,
-            canvas: &mut self.canvases[0],
+            canvases: &mut self.canvases[..self.channels],
             swarm,
         });
     }
@@ -107,30 +117,35 @@ impl Rasteriser {
         }
     }
 
-    /// The picture: the share of white in each cell, stretched to the picture's own minimum and maximum.
+    /// The picture: of each channel, the share of white in each cell, stretched to the channel's own minimum and maximum.
     ///
-    /// Grey values, index `x * resolution + y`. It is what the network sees.
+    /// Grey values channel by channel, each with index `x * resolution + y`. It is what the network sees.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
-        self.image_of(0)
+        let channels = 0..self.channels;
+        channels.flat_map(|channel| self.image_of(channel)).collect()
     }
 
-    /// The picture of the swarm in one lane.
-    pub(crate) fn image_of(&self, lane: usize) -> Vec<u8> {
-        grey::stretched(&self.cells.average(self.arch, &self.canvases[lane]))
+    /// What is on one canvas, a channel's or that of the swarm in a lane.
+    pub(crate) fn image_of(&self, canvas: usize) -> Vec<u8> {
+        grey::stretched(&self.cells.average(self.arch, &self.canvases[canvas]))
     }
 
     /// The picture before it is stretched: 255 times the share of white, rounded half to even.
     #[must_use]
     pub fn raw_image(&self) -> Vec<u8> {
-        self.cells.average(self.arch, &self.canvases[0])
+        let canvases = self.canvases[..self.channels].iter();
+        canvases
+            .flat_map(|canvas| self.cells.average(self.arch, canvas))
+            .collect()
     }
 }
 
 /// The drawing of a swarm, as something that can be compiled for several kinds of CPU.
 struct Drawing<'a> {
     brushes: &'a [Brush],
-    canvas: &'a mut Canvas,
+    /// One for each channel.
+    canvases: &'a mut [Canvas],
     swarm: &'a Swarm,
 }
 
@@ -144,8 +159,8 @@ impl WithSimd for Drawing<'_> {
             let mut directions = self.swarm.sensor_directions(i, agent.heading);
             let first = directions.next().unwrap_or(agent.heading);
             match (directions.next(), directions.next()) {
-                (None, _) => self.draw(brush, &agent, [first]),
-                (Some(second), None) => self.draw(brush, &agent, [first, second]),
+                (None, _) => self.draw(i, brush, &agent, [first]),
+                (Some(second), None) => self.draw(i, brush, &agent, [first, second]),
                 (Some(second), Some(third)) => {
                     // To erase a ray twice changes nothing.
                     let mut rays = [third; Robot::MAX_SENSORS];
@@ -154,7 +169,7 @@ impl WithSimd for Drawing<'_> {
                         .iter_mut()
                         .zip(directions)
                         .for_each(|(ray, next)| *ray = next);
-                    self.draw(brush, &agent, rays);
+                    self.draw(i, brush, &agent, rays);
                 }
             }
         }
@@ -176,41 +191,25 @@ impl<'a> Drawing<'a> {
     }
 
     #[inline(always)]
-    fn draw<const SENSORS: usize>(&mut self, brush: &Brush, agent: &Agent, rays: [[f64; 2]; SENSORS]) {
+    fn draw<const SENSORS: usize>(
+        &mut self,
+        i: usize,
+        brush: &Brush,
+        agent: &Agent,
+        rays: [[f64; 2]; SENSORS],
+    ) {
         let ends = Ends::new(Scalar::new(), brush, agent.position, agent.heading, rays);
-        brush.draw(self.canvas, &ends.lane(0));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::simulate::Start;
-    use murmuration_proto::{CampaignSpec, Controller};
-
-    /// The share of white of a swarm at its start, before averages are stretched.
-    fn drawn(robots: &str, poses: &[[f64; 3]]) -> Vec<u8> {
-        let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
-        let controller = Controller::new(&model, &vec![0.0; model.genes()]).unwrap();
-        let swarm = Swarm::new(&controller, &world, &Start::at(poses.to_vec()).unwrap()).unwrap();
-        let mut rasteriser = Rasteriser::new(&world, &ImageFormat::default()).unwrap();
-        rasteriser.draw(&swarm);
-        rasteriser.raw_image()
+        if let Some(canvas) = self.canvas_for(i) {
+            brush.draw(canvas, &ends.lane(0));
+        }
     }
 
-    #[test]
-    fn every_body_has_its_own_size() {
-        let species = |name: &str, radius: u32| {
-            format!(
-                "[[species]]\nname = \"{name}\"\ncount = 1\nrobot = {{ radius = {radius}, sensors = [{{}}] }}\n"
-            )
-        };
-        let poses = [[100.0, 100.0, 0.0], [400.0, 300.0, 2.0]];
-        let [small, large] = [species("a", 3), species("b", 12)];
-        let both = drawn(&format!("{small}{large}"), &poses);
-        let [small, large] = [drawn(&small, &poses[..1]), drawn(&large, &poses[1..])];
-        assert!(small.iter().any(|&white| white > 0) && large != small);
-        let sum: Vec<u8> = small.iter().zip(&large).map(|(a, b)| a + b).collect();
-        assert_eq!(both, sum);
+    /// The canvas for agent `i`. None where its species has no channel, which evaluations refuse before they draw.
+    #[inline(always)]
+    fn canvas_for(&mut self, i: usize) -> Option<&mut Canvas> {
+        match &mut *self.canvases {
+            [only] => Some(only),
+            several => several.get_mut(self.swarm.species(i)),
+        }
     }
 }

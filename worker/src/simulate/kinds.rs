@@ -96,6 +96,11 @@ impl Kinds {
         }
     }
 
+    /// The place of the species of robot `i`.
+    pub(super) fn species(&self, i: usize) -> usize {
+        usize::from(self.kind_of[i])
+    }
+
     /// Radius of robot `i`.
     pub(super) fn radius(&self, i: usize) -> f64 {
         self.kind(i).radius

@@ -216,6 +216,16 @@ impl Swarm {
         first.into_iter().chain(others)
     }
 
+    /// The place of the species of agent `i` among those of its model, from 0.
+    #[must_use]
+    pub fn species(&self, i: usize) -> usize {
+        match &self.minds {
+            Minds::Paper(_) => 0,
+            Minds::Described(kinds) => kinds.species(i),
+            Minds::Situated(situated) => situated.kinds().species(i),
+        }
+    }
+
     /// Radius of the body of agent `i`, world units.
     #[must_use]
     pub fn radius(&self, i: usize) -> f64 {

@@ -45,7 +45,7 @@ const PICTURE_BYTES: usize = 256 << 20;
 
 /// Pictures that a stage handles at a time: `most`, or as many as fit.
 pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
-    (PICTURE_BYTES / image.pixels()).clamp(1, most)
+    (PICTURE_BYTES / image.bytes()).clamp(1, most)
 }
 
 /// Individuals whose pictures a stage handles at a time: `most`, or as many as fit.

@@ -27,7 +27,7 @@ pub(super) async fn train(
         campaign: record.id.clone(),
         weight: record.weight,
         configuration,
-        side: record.spec.image().resolution(),
+        shape: record.spec.image().shape(),
         pictures: TrainingPictures::of(record),
         fine_tuning,
         progress,

@@ -363,16 +363,21 @@ impl<'a> Row<'a> {
         World::try_from(world).map_err(|error| self.refused(error))
     }
 
-    /// The format of its picture, a behaviour of `world`: what the row does not say is the paper's.
+    /// The format of its picture, a behaviour of robots of `model` in `world`: what the row does not say is the paper's.
     ///
     /// # Errors
     /// Where a value is out of range.
-    pub fn image_format(&self, world: &World) -> Result<ImageFormat, LabelFileError> {
+    pub fn image_format(
+        &self,
+        world: &World,
+        model: &CapabilityModel,
+    ) -> Result<ImageFormat, LabelFileError> {
         let format = v1::ImageFormat {
             resolution: self.given("resolution", "a whole number")?,
             window: self.given("window", "a whole number")?,
+            channels: self.given("channels", "one or species")?,
         };
-        ImageFormat::for_world(format, world).map_err(|error| self.refused(error))
+        ImageFormat::for_swarm(format, world, model).map_err(|error| self.refused(error))
     }
 
     /// What `read` makes of a cell that is not empty.
@@ -402,7 +407,7 @@ impl<'a> Row<'a> {
 }
 
 /// What a behaviour's world and picture are, as the columns that say so.
-pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 15] {
+pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 16] {
     let obstacles: Vec<v1::Obstacle> = world.obstacles().iter().map(Into::into).collect();
     [
         ("width", world.width().to_string()),
@@ -420,5 +425,6 @@ pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, St
         ("noise", to_toml_line(&v1::Noise::from(world.noise()))),
         ("resolution", format.resolution().to_string()),
         ("window", format.window().to_string()),
+        ("channels", format.channels_name().to_owned()),
     ]
 }

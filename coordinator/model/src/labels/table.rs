@@ -367,7 +367,7 @@ mod tests {
             prop_assert_eq!(row.seed(), Ok(seed));
             let world = row.world().unwrap();
             prop_assert_eq!(&world, spec.world());
-            prop_assert_eq!(&row.image_format(&world).unwrap(), spec.image());
+            prop_assert_eq!(&row.image_format(&world, controller.model()).unwrap(), spec.image());
             prop_assert_eq!(table.into_answers(), answers);
         }
     }

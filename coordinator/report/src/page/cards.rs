@@ -1,6 +1,6 @@
 //! The taxonomy: one card a medoid.
 
-use super::{copyable, inline_png, robots::robots};
+use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
     MedoidEntry, MedoidPictures, Report, commands,
     numbers::{counted, grouped, percent, short},
@@ -51,6 +51,7 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
     let number = place + 1;
     let entry = &report.individuals[medoid.index as usize];
     let world = report.spec.world();
+    let [image_title, image] = image_names(report);
     let colour = colours::hex(colours::cluster(place));
     let command = commands::simulate(&report.spec, entry, &format!("behaviour-{number:02}.gif"));
     let controller = entry.controller.to_string();
@@ -71,8 +72,8 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                 (share(report, number, medoid))
                 div.sights {
                     figure {
-                        img.grey src=(inline_png(&pictures.image)) alt={ "Grey image of behaviour " (number) };
-                        figcaption { "grey image" }
+                        img.grey src=(inline_png(&pictures.image)) alt={ (image_title) " of behaviour " (number) };
+                        figcaption { (image) }
                     }
                     figure.scripted {
                         canvas.where role="img" aria-label={ "Where cluster " (number) " lies in the behaviour space" } {}

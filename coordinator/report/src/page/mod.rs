@@ -193,6 +193,14 @@ fn inline_png(file: &[u8]) -> String {
     format!("data:image/png;base64,{}", STANDARD.encode(file))
 }
 
+/// What the page calls the images: at the beginning of a sentence, and within one.
+fn image_names(report: &Report) -> [&'static str; 2] {
+    match report.spec.image().shape().channels() {
+        1 => ["Grey image", "grey image"],
+        _ => ["Coloured image", "coloured image"],
+    }
+}
+
 /// A line of text with a button that copies it.
 fn copyable(name: &str, text: &str) -> Markup {
     html! {

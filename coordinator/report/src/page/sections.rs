@@ -1,6 +1,6 @@
 //! The sections under the taxonomy: map, novelty, filter, specification, how to read it.
 
-use super::copyable;
+use super::{copyable, image_names};
 use crate::{
     Files, Report, ReportError, again, commands,
     names::Named,
@@ -94,7 +94,7 @@ fn space(report: &Report) -> Markup {
     };
     let embedding = html! {
         (counted(report.embedding_dimensions() as u64, "number")) " that checkpoint " code { (report.checkpoint) } (network)
-        " computes from a grey image"
+        " computes from a " (image_names(report)[1])
     };
     let features = html! {
         "the five hand-crafted features of Brown et al. (Table 1 of Mattson and Brown), each its mean over the last "
@@ -303,9 +303,13 @@ pub(super) fn reading(report: &Report) -> Markup {
                 (entry("Cluster", html! {
                     "The individuals that are nearer to one medoid than to any other. The mean distance says how alike they are."
                 }))
-                (entry("Grey image", html! {
+                (entry(image_names(report)[0], html! {
                     "The last " (counted(report.spec.image().window().into(), "step")) " as " (report.spec.image().resolution()) " × "
-                    (report.spec.image().resolution()) " grey values, without colours"
+                    (report.spec.image().resolution()) " grey values"
+                    @match report.spec.image().shape().channels() {
+                        1 => { ", without colours" },
+                        _ => { " of each species, shown in its colour" },
+                    }
                     @if report.spec.method().embeds() { ": what the network sees of the swarm." } @else { ". This campaign measures nothing on it." }
                 }))
                 (entry("Controller", controller(report)))

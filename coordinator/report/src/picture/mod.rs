@@ -1,4 +1,4 @@
-//! Pictures of a swarm: the grey image that the search saw, the paths in colour, the motion as an animation.
+//! Pictures of a swarm: the image that the search saw, the paths in colour, the motion as an animation.
 //!
 //! Everything here turns plain data into the bytes of a PNG or GIF file; nothing is read or written. The pictures
 //! are for people, so no result rests on them; still, the same input gives the same bytes.
@@ -6,7 +6,7 @@
 mod animation;
 pub mod axis;
 pub mod columns;
-mod grey;
+mod image;
 mod indexed;
 mod robot;
 mod sketch;
@@ -14,22 +14,24 @@ mod trajectory;
 
 pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
-pub use grey::grey_png;
+pub use image::image_png;
 pub use robot::{robot_svg, sensor_in_words};
 pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 
-/// Sides in pixels that can be asked for of a coloured picture; a grey one may be smaller.
+use murmuration_proto::PictureShape;
+
+/// Sides in pixels that can be asked for of a drawing; an image may be smaller.
 pub(crate) const SIZES: std::ops::RangeInclusive<u32> = 16..=4096;
 
 /// Why a picture cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// A grey image that is not a square of the resolution it came with.
-    #[error("a picture of {resolution} x {resolution} pixels cannot be made of {bytes} bytes")]
-    NotSquare {
-        /// Side that was named.
-        resolution: u32,
+    /// An image that does not have the shape it came with.
+    #[error("a picture of {shape} pixels cannot be made of {bytes} bytes")]
+    Shape {
+        /// Shape that was named.
+        shape: PictureShape,
         /// Bytes that came with it.
         bytes: usize,
     },

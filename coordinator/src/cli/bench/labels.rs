@@ -95,7 +95,7 @@ impl LabelsBench {
 
     /// What is learned from, with what its controllers do from further starts.
     fn learned(&self, spec: &CampaignSpec) -> Result<LabelledBehaviours, CliError> {
-        let mut learned = LabelledBehaviours::new(spec.image().resolution() as usize);
+        let mut learned = LabelledBehaviours::new(spec.image().shape());
         for folder in &self.set {
             let labels = LabelledSet::read(folder.join("train.csv"))?;
             let pictures = images(&labels, folder, spec.image())?;
@@ -108,7 +108,7 @@ impl LabelsBench {
     }
 
     fn judging(&self, image: &ImageFormat) -> Result<LabelledBehaviours, CliError> {
-        let mut judging = LabelledBehaviours::new(image.resolution() as usize);
+        let mut judging = LabelledBehaviours::new(image.shape());
         for folder in &self.set {
             let labels = LabelledSet::read(folder.join("validation.csv"))?;
             for (class, picture) in labels.classes().zip(images(&labels, folder, image)?) {
@@ -120,8 +120,7 @@ impl LabelsBench {
 }
 
 fn images(labels: &LabelledSet, folder: &Path, image: &ImageFormat) -> Result<Vec<Vec<u8>>, CliError> {
-    let side = image.resolution() as usize;
-    Ok(labels.images(&folder.join("images"), side, side)?)
+    Ok(labels.images(&folder.join("images"), image.shape().into())?)
 }
 
 /// Pictures of each controller from further starts, as a campaign simulates them; the first is that of individual `first`.

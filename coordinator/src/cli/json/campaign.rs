@@ -153,7 +153,7 @@ pub(in crate::cli) struct Individual {
     embedding: Vec<f64>,
     /// Its trials, one a start; empty if there is one.
     trials: Vec<Trial>,
-    /// Grey values of the picture (of the first trial), base64, column by column; null if there is no picture.
+    /// Grey values of the picture (of the first trial), base64, channel by channel and column by column; null if there is no picture.
     image: Option<String>,
 }
 

@@ -193,7 +193,7 @@ fn pictures(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) 
     };
     let check = |range: Range<u64>| {
         let images = store.dataset_images(&record.id, range.clone())?;
-        let whole = range.start + (images.len() / record.spec.image().pixels()) as u64;
+        let whole = range.start + (images.len() / record.spec.image().bytes()) as u64;
         // Where one is missing, those after it follow at once: only the whole range tells.
         Ok((whole < range.end).then(|| (range.start, "a picture after this is missing".to_owned())))
     };

@@ -63,7 +63,10 @@ fn append(graph: &mut GraphProto, op_type: &str, inputs: &[&str], attribute: Vec
 #[test]
 fn an_embedder_is_read() {
     let model = EmbedderModel::read(SMALL).unwrap();
-    assert_eq!((model.height(), model.width(), model.dimensions()), (12, 8, 3));
+    assert_eq!(
+        (model.images().to_string().as_str(), model.dimensions()),
+        ("12 x 8", 3)
+    );
     assert_eq!((model.input(), model.output()), ("images", "embedding"));
     // The constants included: 8 x 24 weights; the images have 96 values, the convolution makes 4 x 6 x 4.
     assert_eq!(model.largest_value(), 192);
@@ -118,7 +121,12 @@ fn it_takes_one_batch_of_grey_images() {
     check_refused("fixed batch size 1", |graph| {
         shape(&mut graph.input[0])[0].dim_value = Some(1)
     });
-    check_refused("shape [?, 3, 12, 8]", |graph| {
+    for channels in [0, 5] {
+        check_refused(&format!("shape [?, {channels}, 12, 8]"), |graph| {
+            shape(&mut graph.input[0])[1].dim_value = Some(channels)
+        });
+    }
+    check_refused("node Conv", |graph| {
         shape(&mut graph.input[0])[1].dim_value = Some(3)
     });
     check_refused("shape [?, 1, 12, ?]", |graph| {

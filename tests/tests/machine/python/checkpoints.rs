@@ -1,17 +1,16 @@
 //! Checkpoints run on Python's ONNX Runtime.
 
 use murmuration_proto::{
-    Purpose, RandomStream,
+    PictureShape, Purpose, RandomStream,
     training::{Architecture, ArchitectureError},
 };
 use murmuration_trainer::{network::Network, onnx};
 use std::{fs, path::Path, process::Command};
 
-const SIDE: usize = 50;
 const PICTURES: usize = 300;
 
 /// Random bytes: half of the pictures all of them, half of them mostly black.
-fn pictures() -> Vec<u8> {
+fn pictures(shape: PictureShape) -> Vec<u8> {
     let mut stream = RandomStream::derive(1, Purpose::Augment, 0);
     let mut grey = |picture: usize| {
         let bits = stream.bits();
@@ -20,8 +19,8 @@ fn pictures() -> Vec<u8> {
             false => 0,
         }
     };
-    (0..PICTURES * SIDE * SIDE)
-        .map(|i| grey(i / (SIDE * SIDE)))
+    (0..PICTURES * shape.bytes())
+        .map(|i| grey(i / shape.bytes()))
         .collect()
 }
 
@@ -44,9 +43,13 @@ fn python_embeds(model: &[u8], pictures: &[u8]) -> Vec<f32> {
     quads.iter().map(|&quad| f32::from_le_bytes(quad)).collect()
 }
 
-fn check_same(architecture: fn(usize, usize) -> Result<Architecture, ArchitectureError>) {
-    let network = Network::<f32>::initialise(architecture(SIDE, 5).unwrap(), 3);
-    let pictures = pictures();
+fn check_same(
+    channels: usize,
+    architecture: fn(PictureShape, usize) -> Result<Architecture, ArchitectureError>,
+) {
+    let shape = PictureShape::new(channels, 50).unwrap();
+    let network = Network::<f32>::initialise(architecture(shape, 5).unwrap(), 3);
+    let pictures = pictures(shape);
     let ours = network.embed(&pictures);
     let theirs = python_embeds(&onnx::export(&network), &pictures);
     assert_eq!(theirs.len(), 5 * PICTURES);
@@ -59,9 +62,11 @@ fn check_same(architecture: fn(usize, usize) -> Result<Architecture, Architectur
 }
 
 pub fn python_runs_the_compact_network() {
-    check_same(Architecture::compact);
+    check_same(1, Architecture::compact);
+    check_same(3, Architecture::compact);
 }
 
 pub fn python_runs_the_papers_network() {
-    check_same(Architecture::paper);
+    check_same(1, Architecture::paper);
+    check_same(2, Architecture::paper);
 }

@@ -22,8 +22,8 @@ async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBa
     let model = EmbedderModel::read(&bytes).unwrap();
     let mut embedder = Embedder::open(&Runtime::load().unwrap(), model).unwrap();
     let world = World::try_from(batch.world.unwrap()).unwrap();
-    let format = ImageFormat::for_world(batch.image.unwrap(), &world).unwrap();
     let model = CapabilityModel::try_from(batch.model.unwrap()).unwrap();
+    let format = ImageFormat::for_swarm(batch.image.unwrap(), &world, &model).unwrap();
     let mut evaluator = Evaluator::new(&world, &format).unwrap();
     let evaluated = batch.tasks.iter().map(|task| {
         let controller = Controller::new(&model, &task.controller).unwrap();

@@ -137,7 +137,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     });
     huge.image = Some(v1::ImageFormat {
         resolution: Some(1000),
-        window: None,
+        ..v1::ImageFormat::default()
     });
     huge.search.as_mut().unwrap().population = Some(100_000);
     let request = v1::CreateCampaignRequest {

@@ -1,7 +1,10 @@
 //! Tests of trainings on labels.
 
 use super::*;
-use crate::training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished};
+use crate::{
+    pictures::tests::grey,
+    training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished},
+};
 use murmuration_proto::{Purpose, RandomStream};
 
 const LABELLED: &str =
@@ -14,16 +17,16 @@ fn labelled(classes: &[u32]) -> Arc<LabelledPictures> {
     let mut bytes = Vec::new();
     for &class in classes {
         let start = stream.below(5) as usize;
-        let (bar, grey) = (start..start + 1 + class as usize, 70 + stream.below(180) as u8);
-        bytes.extend((0..144).map(|i| if bar.contains(&(i % 12)) { grey } else { 0 }));
+        let (bar, level) = (start..start + 1 + class as usize, 70 + stream.below(180) as u8);
+        bytes.extend((0..144).map(|i| if bar.contains(&(i % 12)) { level } else { 0 }));
     }
-    Arc::new(LabelledPictures::new(12, bytes, classes.to_vec()).unwrap())
+    Arc::new(LabelledPictures::new(grey(12), bytes, classes.to_vec()).unwrap())
 }
 
 fn fine_tuning(seed: u64) -> FineTuning {
     let classes: Vec<u32> = (0..40).map(|i| [0, 0, 0, 1, 2, 2, 5][i % 7]).collect();
     FineTuning {
-        parent: Network::initialise(configuration("").architecture(12).unwrap(), seed),
+        parent: Network::initialise(configuration("").architecture(grey(12)).unwrap(), seed),
         labelled: labelled(&classes),
     }
 }
@@ -120,10 +123,10 @@ fn what_does_not_go_together_is_refused() {
     let error = Training::new(&configuration(LABELLED), bars()).unwrap_err();
     assert!(matches!(error, TrainingError::NoLabels("labelled")));
     let large = FineTuning {
-        labelled: Arc::new(LabelledPictures::new(13, vec![0; 338], vec![0, 1]).unwrap()),
+        labelled: Arc::new(LabelledPictures::new(grey(13), vec![0; 338], vec![0, 1]).unwrap()),
         ..fine_tuning(1)
     };
-    assert!(refusal(LABELLED, large).contains("side 13, unlabelled ones 12"));
+    assert!(refusal(LABELLED, large).contains("of 13 x 13, unlabelled ones of 12 x 12"));
     let compact = Configuration::from_toml(LABELLED).unwrap();
     let error = Training::fine_tune(&compact, bars(), fine_tuning(1)).unwrap_err();
     assert!(matches!(error, TrainingError::OtherParent), "{error}");

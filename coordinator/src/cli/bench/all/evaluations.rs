@@ -28,7 +28,7 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
         window: Some(2),
         ..ImageFormat::default().into()
     };
-    let bare = ImageFormat::for_world(shortest, &world)?;
+    let bare = ImageFormat::for_swarm(shortest, &world, &model.into())?;
     let (simulation, evaluation, operations_a_pair) = match model {
         Preset::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", 14),
         _ => ("simulation, two sensors", "evaluation, two sensors", 21),

@@ -29,7 +29,7 @@ impl NullWorker {
             kind: EmbeddingKind::UNKNOWN,
         };
         let address = Address::new(&way.url, &way.credentials, role, "null").map_err(failed)?;
-        let image = (0..format.pixels()).map(|pixel| if pixel % GREY == 0 { 128 } else { 0 });
+        let image = (0..format.bytes()).map(|pixel| if pixel % GREY == 0 { 128 } else { 0 });
         let mut answers = Answers {
             image: image.collect(),
             stream: RandomStream::derive(1, Purpose::Propose, 0),
