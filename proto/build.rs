@@ -4,7 +4,7 @@ use prost::Message as _;
 use std::{error::Error, fs, path::PathBuf};
 
 /// Messages that people write in campaign files: they also read from and write to TOML.
-const WRITTEN_BY_PEOPLE: [&str; 14] = [
+const WRITTEN_BY_PEOPLE: [&str; 15] = [
     "Sensor",
     "Robot",
     "Species",
@@ -15,6 +15,7 @@ const WRITTEN_BY_PEOPLE: [&str; 14] = [
     "ImageFormat",
     "ControllerSpace",
     "Search",
+    "EvaluationParams",
     "TaxonomyFormat",
     "Dataset",
     "Feedback",

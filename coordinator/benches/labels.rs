@@ -11,7 +11,7 @@ use murmuration_model::{
 };
 use murmuration_proto::{CampaignSpec, Controller, Preset, Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
-use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
 use std::{
     error::Error,
     time::{Duration, Instant},
@@ -34,10 +34,12 @@ fn labelled(store: &Store) -> Done<CampaignId> {
         let mut individuals = Vec::new();
         for index in generation * POPULATION..(generation + 1) * POPULATION {
             let controller = Controller::new(Preset::SingleSensor, &[0.0; 4])?;
-            individuals.push(ArchivedIndividual {
+            let trial = Trial {
                 features: std::array::from_fn(|_| stream.unit()),
-                ..ArchivedIndividual::unmeasured(index, generation as u32, controller)
-            });
+                ..Trial::default()
+            };
+            let individual = ArchivedIndividual::unmeasured(index, generation as u32, controller);
+            individuals.push(individual.with_trial(trial));
         }
         let record = GenerationRecord::of(generation as u32, &[0.0], 0);
         store.commit_generation(&id, &record, &individuals, &Provenance::default())?;

@@ -1,12 +1,13 @@
 //! Everything that determines a campaign's outcome, validated as a whole.
 
+mod limits;
 mod swarm;
 #[cfg(test)]
 mod tests;
 
 use crate::{
-    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
-    Search, TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
+    CapabilityModel, ControllerSpace, EmbedderSource, Feedback, ImageFormat, Invalid, Method, Search, Starts,
+    TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -47,6 +48,7 @@ pub struct CampaignSpec {
     image: ImageFormat,
     controllers: ControllerSpace,
     search: Search,
+    starts: Starts,
     medoids: u32,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
@@ -131,6 +133,12 @@ impl CampaignSpec {
         &self.search
     }
 
+    /// Number of trials of each individual.
+    #[must_use]
+    pub const fn starts(&self) -> Starts {
+        self.starts
+    }
+
     /// Number of medoids in the taxonomy.
     #[must_use]
     pub const fn medoids(&self) -> u32 {
@@ -151,8 +159,16 @@ impl CampaignSpec {
 
     /// Maximum number of bytes of a generation's pictures (4 GiB): a coordinator holds them all until the generation is on disk.
     pub const MAX_GENERATION_BYTES: u64 = 4 << 30;
+    /// Maximum number of bytes of the pictures of an individual's trials: a worker's answer has those of many individuals.
+    pub const MAX_INDIVIDUAL_BYTES: usize = 1_000_000;
     /// Maximum number of bytes of the pictures and motions of a report's behaviours (1 GiB): a report holds them all.
     pub const MAX_TAXONOMY_BYTES: u64 = 1 << 30;
+
+    /// Bytes of the pictures of an individual, one a trial.
+    #[must_use]
+    pub const fn individual_bytes(&self) -> usize {
+        self.starts.get() * self.image.bytes()
+    }
 
     /// Number of evaluations if nobody intervenes, including those after unattended rounds.
     #[must_use]
@@ -176,44 +192,6 @@ impl CampaignSpec {
             message.training = Some(training.with_seed(seed)?.to_toml());
         }
         message.try_into()
-    }
-}
-
-impl CampaignSpec {
-    /// Checks that everything held in memory at the same time fits.
-    fn check_memory(&self) -> Result<(), Invalid> {
-        let picture = self.image.bytes() as u64;
-        let format = match self.image.shape().channels() {
-            1 => format!("image.resolution = {}", self.image.resolution()),
-            channels => format!(
-                "image.resolution = {} in {channels} channels",
-                self.image.resolution()
-            ),
-        };
-        let population = self.search.population();
-        let pictures = u64::from(population) * picture;
-        if pictures > Self::MAX_GENERATION_BYTES {
-            let allowed = format!(
-                "at most {} where {format}: the pictures of a generation come to {pictures} bytes, and at most {} are \
-                 held at once",
-                Self::MAX_GENERATION_BYTES / picture,
-                Self::MAX_GENERATION_BYTES
-            );
-            return Err(Invalid::new("search.population", population, allowed));
-        }
-        let motion = Frames::to_watch(&self.world).poses(&self.world) * size_of::<Pose>() as u64;
-        let report = u64::from(self.medoids) * (picture + motion);
-        if report > Self::MAX_TAXONOMY_BYTES {
-            let allowed = format!(
-                "at most {} where {format} and world.agents = {}: their pictures and motions come to \
-                 {report} bytes, and a report holds at most {}",
-                Self::MAX_TAXONOMY_BYTES / (picture + motion),
-                self.world.agents(),
-                Self::MAX_TAXONOMY_BYTES
-            );
-            return Err(Invalid::new("taxonomy.medoids", self.medoids, allowed));
-        }
-        Ok(())
     }
 }
 
@@ -268,22 +246,14 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             controllers: ControllerSpace::for_model(message.controllers.unwrap_or_default(), &model)
                 .map_err(|e| e.within("controllers"))?,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
+            starts: match message.evaluation.unwrap_or_default().starts {
+                Some(starts) => Starts::new("evaluation.starts", starts)?,
+                None => Starts::ONE,
+            },
             world,
             search,
         };
-        spec.check_memory()?;
-        // Without planned rounds, one round counts: a person may request it.
-        let round = spec.feedback.as_ref().map_or(0, |feedback| {
-            u64::from(feedback.generations()) * u64::from(spec.search.population())
-        });
-        if spec.evaluations().max(round) > Search::MAX_EVALUATIONS {
-            let value = format!("{round} evaluations a round");
-            let allowed = format!(
-                "at most {} evaluations in all, after every round",
-                Search::MAX_EVALUATIONS
-            );
-            return Err(Invalid::new("feedback.generations", value, allowed));
-        }
+        spec.check_limits()?;
         Ok(spec)
     }
 }
@@ -314,6 +284,9 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             search: Some(spec.search.into()),
             taxonomy: Some(v1::TaxonomyFormat {
                 medoids: Some(spec.medoids),
+            }),
+            evaluation: Some(v1::EvaluationParams {
+                starts: Some(spec.starts.into()),
             }),
         }
     }

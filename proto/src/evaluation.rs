@@ -19,6 +19,30 @@ pub const FEATURE_NAMES: [&str; 5] = [
 /// enough to compute distances.
 pub const MAX_FEATURE: f64 = 1e12;
 
+/// The mean of the features of an individual's trials; zeros without one. Of one trial they are that trial's, to the bit.
+pub fn mean_features<'a>(trials: impl Iterator<Item = &'a Features>) -> Features {
+    let mut count = 0_u32;
+    let sum = trials
+        .inspect(|_| count += 1)
+        .copied()
+        .reduce(|sum, next| std::array::from_fn(|i| sum[i] + next[i]));
+    sum.unwrap_or_default().map(|sum| sum / f64::from(count.max(1)))
+}
+
+/// The mean of the embeddings of an individual's trials, all of one length; empty without one. Each number is summed in f64, and
+/// rounded once. Of one trial it is that trial's, to the bit.
+pub fn mean_embedding<'a>(trials: impl Iterator<Item = &'a [f32]>) -> Vec<f32> {
+    let mut count = 0_u32;
+    let trials = trials.inspect(|_| count += 1);
+    let widened = |trial: &[f32]| -> Vec<f64> { trial.iter().copied().map(f64::from).collect() };
+    let sum = trials.map(widened).reduce(|mut sum, next| {
+        sum.iter_mut().zip(next).for_each(|(sum, next)| *sum += next);
+        sum
+    });
+    let mean = |sum: f64| (sum / f64::from(count.max(1))) as f32;
+    sum.unwrap_or_default().into_iter().map(mean).collect()
+}
+
 /// The outcome of simulating one controller from one start.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Evaluation {
@@ -228,6 +252,21 @@ impl From<Evaluation> for v1::Evaluation {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn means_are_over_trials_and_of_one_trial_they_are_its_own() {
+        let features = [[-0.0, 1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 2.0, 0.0, -4.0]];
+        assert_eq!(mean_features(features.iter()), [0.5, 1.5, 2.0, 1.5, 0.0]);
+        let alone = mean_features(features[..1].iter());
+        assert_eq!(alone.map(f64::to_bits), features[0].map(f64::to_bits));
+        assert_eq!(mean_features([].iter()), [0.0; 5]);
+
+        let embeddings: [&[f32]; 3] = [&[-0.0, 0.1], &[3.0, 0.1], &[0.0, 0.4]];
+        assert_eq!(mean_embedding(embeddings.into_iter()), [1.0, 0.2]);
+        let alone = mean_embedding(embeddings.into_iter().take(1));
+        assert!(same_embedding(&alone, embeddings[0]));
+        assert!(mean_embedding([].into_iter()).is_empty());
+    }
 
     #[test]
     fn features_are_what_a_swarm_can_have() {

@@ -31,7 +31,8 @@ mod robot;
 mod search;
 mod seen;
 mod space;
-mod spec_sections;
+pub mod spec_sections;
+mod starts;
 pub mod text;
 mod toml_errors;
 mod toml_line;
@@ -46,6 +47,7 @@ pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
 pub use evaluation::{
     EmbeddingKind, Evaluation, FEATURE_NAMES, Features, MAX_FEATURE, check_embedding, embeddings_agree,
+    mean_embedding, mean_features,
 };
 pub use feedback::{Feedback, Strategy};
 pub use image_format::ImageFormat;
@@ -62,6 +64,7 @@ pub use robot::{
 pub use search::Search;
 pub use seen::SeenPictures;
 pub use space::{ControllerSpace, GeneSpace};
+pub use starts::Starts;
 pub use text::Text;
 pub use toml_errors::TomlError;
 pub use toml_line::{of_toml_line, to_toml_line};

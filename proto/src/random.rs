@@ -44,6 +44,8 @@ pub enum Purpose {
     /// Which readings of a robot's sensors are missed or false, a number for each sensor and step; the seed is the start's, the
     /// index the robot's.
     Misreading,
+    /// Seeds of the further starts of an individual; the seed is that of its first start, the index the start's, from 1.
+    FurtherTrial,
 }
 
 impl Purpose {
@@ -68,6 +70,7 @@ impl Purpose {
             Self::Slip => "slip",
             Self::Gain => "gain",
             Self::Misreading => "misreading",
+            Self::FurtherTrial => "further trial",
         }
     }
 }

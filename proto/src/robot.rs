@@ -39,13 +39,15 @@ pub struct Robot {
 impl Robot {
     /// Largest number of sensors.
     pub const MAX_SENSORS: usize = 6;
+    /// Smallest radius of a body, world units. Turning rates, which are divided by it, stay far below what a number can hold.
+    pub const MIN_RADIUS: f64 = 0.001;
     /// Largest radius of a body, world units.
     pub const MAX_RADIUS: f64 = 1000.0;
 
     /// A robot with these sensors, S1 first; `radius` of its body in world units.
     ///
     /// # Errors
-    /// If there are not 1 to 6 sensors, or the radius is not over 0 and at most [`Robot::MAX_RADIUS`].
+    /// If there are not 1 to 6 sensors, or the radius is not from [`Robot::MIN_RADIUS`] to [`Robot::MAX_RADIUS`].
     pub fn new(sensors: Vec<Sensor>, radius: f64, drive: Drive) -> Result<Self, Invalid> {
         if !(1..=Self::MAX_SENSORS).contains(&sensors.len()) {
             let allowed = format!("1 to {} sensors", Self::MAX_SENSORS);
@@ -57,7 +59,7 @@ impl Robot {
         }
         Ok(Self {
             sensors,
-            radius: invalid::positive("radius", radius, Self::MAX_RADIUS)?,
+            radius: invalid::real("radius", radius, Self::MIN_RADIUS..=Self::MAX_RADIUS)?,
             drive,
         })
     }
@@ -68,7 +70,7 @@ impl Robot {
         &self.sensors
     }
 
-    /// Radius of its body, world units, over 0.
+    /// Radius of its body, world units, 0.001 to 1,000.
     #[must_use]
     pub const fn radius(&self) -> f64 {
         self.radius

@@ -6,8 +6,9 @@ use crate::{
 };
 use serde::de::DeserializeOwned;
 
-/// The fields of every section, by the section's name; the top of the file has none.
-pub(crate) fn sections() -> [(&'static str, Vec<String>); 20] {
+/// The fields of every section, by the section's name (`world.start`); the top of the file has the name "".
+#[must_use]
+pub fn sections() -> [(&'static str, Vec<String>); 21] {
     [
         ("", fields::<v1::CampaignSpec>()),
         ("robot", fields::<v1::Robot>()),
@@ -20,6 +21,7 @@ pub(crate) fn sections() -> [(&'static str, Vec<String>); 20] {
         ("image", fields::<v1::ImageFormat>()),
         ("controllers", fields::<v1::ControllerSpace>()),
         ("search", fields::<v1::Search>()),
+        ("evaluation", fields::<v1::EvaluationParams>()),
         ("taxonomy", fields::<v1::TaxonomyFormat>()),
         ("dataset", fields::<v1::Dataset>()),
         ("training", fields::<Settings>()),

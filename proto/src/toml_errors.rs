@@ -9,7 +9,10 @@ use crate::{
 };
 use serde::{Deserialize, de::DeserializeOwned};
 use std::ops::Range;
-use toml::de::{DeTable, DeValue};
+use toml::{
+    Spanned,
+    de::{DeTable, DeValue},
+};
 
 /// An error in a campaign file: where it is, what is wrong, and what is allowed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -184,7 +187,11 @@ fn allowed(expected: &str, found: &str) -> String {
         "f32" | "f64" => "a number".to_owned(),
         "a boolean" => "true or false".to_owned(),
         "a string" => "a text in quotes".to_owned(),
-        "a sequence" => "a list such as [1, 2]".to_owned(),
+        "a sequence" => match found {
+            "map" => "a list of tables, each with two brackets around its name".to_owned(),
+            _ if found.starts_with('"') => format!("a list such as [{found}]"),
+            _ => "a list such as [1, 2]".to_owned(),
+        },
         "a map" => "a table".to_owned(),
         other if other.starts_with("struct ") => "a table".to_owned(),
         other => match other.strip_prefix("an array of length ") {
@@ -211,11 +218,7 @@ fn field_at(text: &str, span: &Range<usize>) -> Option<Field> {
 fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Field> {
     let names = |table: &DeTable<'_>| table.keys().map(|name| name.get_ref().to_string()).collect();
     table.iter().find_map(|(name, value)| {
-        let is_here = |value: &DeValue<'_>| match value {
-            DeValue::Array(values) => values.iter().any(|value| value.span() == *span),
-            _ => false,
-        };
-        if name.span() == *span || value.span() == *span || is_here(value.get_ref()) {
+        if name.span() == *span || value.span() == *span || is_item(value.get_ref(), span) {
             return Some(Field {
                 path: vec![name.get_ref().to_string()],
                 inner: value.get_ref().as_table().map_or_else(Vec::new, names),
@@ -233,6 +236,12 @@ fn find(table: &DeTable<'_>, span: &Range<usize>) -> Option<Field> {
         field.path.insert(0, name);
         Some(field)
     })
+}
+
+/// Whether an item of a list, or of a list in it, is at `span`.
+fn is_item(value: &DeValue<'_>, span: &Range<usize>) -> bool {
+    let is_here = |item: &Spanned<DeValue<'_>>| item.span() == *span || is_item(item.get_ref(), span);
+    value.as_array().is_some_and(|items| items.iter().any(is_here))
 }
 
 #[cfg(test)]
@@ -333,6 +342,22 @@ mod tests {
     }
 
     #[test]
+    fn a_list_that_is_none_is_told_what_a_list_is() {
+        check(
+            "[species]\nname = \"a\"",
+            "species must be a list of tables, each with two brackets around its name, not map",
+        );
+        check(
+            "[robot]\nsensors = [{ sees = \"walls\" }]",
+            "robot.sensors[0].sees must be a list such as [\"walls\"], not \"walls\"",
+        );
+        check(
+            "ratios = [[-1, 4]]",
+            "ratios must be a whole number, 0 or more, not -1",
+        );
+    }
+
+    #[test]
     fn a_field_of_another_section_is_told_where_it_belongs() {
         check(
             "population = 5",
@@ -346,7 +371,10 @@ mod tests {
             "[label]\npopulation = 5",
             "unknown field `label`: its `population` belongs in [search]",
         );
-        check("[image]\nstarts = 5", "it belongs in [dataset] or in [feedback]");
+        check(
+            "[image]\nstarts = 5",
+            "it belongs in [evaluation] or in [dataset] or in [feedback]",
+        );
         check(
             "[image]\nmethod = 5",
             "it belongs at the top of the file, before every [section]",

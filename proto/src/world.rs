@@ -10,7 +10,9 @@ pub use noise::Noise;
 pub use obstacle::Obstacle;
 pub use start_shape::StartShape;
 
-use crate::{Boundary, CapabilityModel, Invalid, Preset, invalid, record::record, robot::Defaults, v1};
+use crate::{
+    Boundary, CapabilityModel, Invalid, Preset, Robot, counted, invalid, record::record, robot::Defaults, v1,
+};
 use std::sync::Arc;
 
 record! {
@@ -27,7 +29,7 @@ record! {
         padding: f64,
         /// Number of agents, 1 to 10,000.
         agents: u32,
-        /// Radius of the largest agent's body, over 0.
+        /// Radius of the largest agent's body, 0.001 to 1,000.
         radius: f64,
         /// Radius of the wheels of an agent that does not say its own, over 0.
         wheel_radius: f64,
@@ -152,7 +154,11 @@ impl TryFrom<v1::World> for World {
                 0.0..=Self::MAX_SIDE,
             )?,
             agents,
-            radius: invalid::positive("radius", message.radius.unwrap_or(default.radius), 1000.0)?,
+            radius: invalid::real(
+                "radius",
+                message.radius.unwrap_or(default.radius),
+                Robot::MIN_RADIUS..=Robot::MAX_RADIUS,
+            )?,
             wheel_radius: invalid::positive(
                 "wheel_radius",
                 message.wheel_radius.unwrap_or(default.wheel_radius),
@@ -180,6 +186,15 @@ impl TryFrom<v1::World> for World {
                 format!("at least 2 (radius + padding) = {needed}, or no agent fits between the walls");
             let field = if width < height { "width" } else { "height" };
             return Err(Invalid::new(field, width.min(height), allowed));
+        }
+        let margin = match world.boundary {
+            Boundary::Walls => world.margin(),
+            Boundary::Open | Boundary::Torus => 0.0,
+        };
+        if !obstacle::leave_room(&world.obstacles, [width, height], (world.radius, margin)) {
+            let allowed = "such that a robot fits somewhere between them";
+            let count = counted(world.obstacles.len() as u64, "obstacle");
+            return Err(Invalid::new("obstacles", count, allowed));
         }
         Ok(world)
     }

@@ -191,6 +191,37 @@ impl Cluster {
         self.client.get_digest(request).await.unwrap().into_inner().digest
     }
 
+    /// Every individual of a campaign, with its picture.
+    pub async fn archive(&mut self, campaign: &str) -> Vec<v1::Individual> {
+        let request = v1::GetArchiveRequest {
+            campaign: campaign.to_owned(),
+            images: true,
+        };
+        let parts = self.client.get_archive(request).await.unwrap().into_inner();
+        whole(parts).await.unwrap().individuals
+    }
+
+    /// The taxonomy of a completed campaign.
+    pub async fn taxonomy(&mut self, campaign: &str) -> v1::Taxonomy {
+        let request = v1::GetTaxonomyRequest {
+            campaign: campaign.to_owned(),
+        };
+        let parts = self.client.get_taxonomy(request).await.unwrap().into_inner();
+        whole(parts).await.unwrap()
+    }
+
+    /// Has a campaign move to a checkpoint.
+    ///
+    /// # Errors
+    /// What the coordinator answers.
+    pub async fn adopt(&mut self, campaign: &str, checkpoint: &str) -> Result<(), tonic::Status> {
+        let request = v1::AdoptCheckpointRequest {
+            campaign: campaign.to_owned(),
+            checkpoint: checkpoint.to_owned(),
+        };
+        self.client.adopt_checkpoint(request).await.map(drop)
+    }
+
     /// The current status of a campaign.
     pub async fn status(&mut self, campaign: &str) -> v1::Campaign {
         let request = v1::GetCampaignRequest {

@@ -5,8 +5,8 @@ use murmuration_model::{
     CampaignId, CampaignRecord, EmbedderRef, Maker, SavedTraining, TrainingPictures, Weight,
 };
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, World,
-    training::Configuration, v1,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, PictureShape, Starts,
+    World, training::Configuration, v1,
 };
 use tokio::sync::watch;
 
@@ -25,12 +25,14 @@ pub struct EvaluationJob {
     pub image: ImageFormat,
     /// What embeds the pictures, if anything.
     pub embedder: Option<EmbedderRef>,
-    /// Controllers with the seeds of their starts; at least one.
+    /// Trials of each controller.
+    pub starts: Starts,
+    /// Controllers with the seeds of their first starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
 }
 
 impl EvaluationJob {
-    /// Controllers, with the seeds of their starts, to evaluate as this campaign wants it.
+    /// Controllers, with the seeds of their starts, to simulate once each, in the world and format of this campaign.
     pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
             campaign: record.id.clone(),
@@ -39,7 +41,20 @@ impl EvaluationJob {
             world: record.spec.world().clone(),
             image: *record.spec.image(),
             embedder,
+            starts: Starts::ONE,
             tasks,
+        }
+    }
+
+    /// As [`EvaluationJob::of`], each with as many trials as an individual of this campaign has.
+    pub fn of_individuals(
+        record: &CampaignRecord,
+        embedder: Option<EmbedderRef>,
+        tasks: Vec<(Controller, u64)>,
+    ) -> Self {
+        Self {
+            starts: record.spec.starts(),
+            ..Self::of(record, embedder, tasks)
         }
     }
 }
@@ -53,8 +68,11 @@ pub struct EmbeddingJob {
     pub weight: Weight,
     /// What embeds them.
     pub embedder: EmbedderRef,
-    /// Grey values as in an evaluation, all of the shape that the embedder takes; at least one picture.
-    pub images: Vec<Vec<u8>>,
+    /// Number of pictures of each individual.
+    pub starts: Starts,
+    /// The pictures of each individual, one a trial: grey values as in an evaluation, all of the shape that the embedder
+    /// takes; at least one individual.
+    pub images: Vec<Vec<Vec<u8>>>,
 }
 
 /// An embedder to train for a campaign.
@@ -122,8 +140,8 @@ pub struct ReplayJob {
 pub enum Evaluated {
     /// It was evaluated.
     Done {
-        /// What came of it.
-        evaluation: Evaluation,
+        /// What came of its trials: as many as the job has starts.
+        trials: Vec<Evaluation>,
         /// Who did it.
         maker: Maker,
     },

@@ -273,8 +273,8 @@ impl Dispatch {
         self.submit(job, job_progress).await
     }
 
-    /// Has the workers embed stored pictures; `job_progress` says how far that is. Embeddings are in the order of the pictures,
-    /// each with who made it. Dropping the future withdraws the job.
+    /// Has the workers embed stored pictures; `job_progress` says how far that is. Embeddings are in the order of the individuals,
+    /// one a picture, each individual's with who made them. Dropping the future withdraws the job.
     ///
     /// # Errors
     /// See [`JobError`].
@@ -282,7 +282,7 @@ impl Dispatch {
         &self,
         job: EmbeddingJob,
         job_progress: Arc<JobProgress>,
-    ) -> Result<Vec<(Vec<f32>, Maker)>, JobError> {
+    ) -> Result<Vec<(Vec<Vec<f32>>, Maker)>, JobError> {
         self.submit(job, job_progress).await
     }
 

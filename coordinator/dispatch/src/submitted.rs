@@ -197,7 +197,7 @@ mod tests {
     use super::*;
     use crate::EmbeddingJob;
     use murmuration_model::{EmbedderRef, MachineId, Weight};
-    use murmuration_proto::CheckpointDigest;
+    use murmuration_proto::{CheckpointDigest, Starts};
     use prometheus_client::registry::Registry;
 
     const KIND: EmbeddingKind = EmbeddingKind::UNKNOWN;
@@ -215,7 +215,8 @@ mod tests {
                 checkpoint: CheckpointDigest::of(b"model"),
                 dimensions: 1,
             },
-            images: vec![Vec::new(); 2],
+            starts: Starts::ONE,
+            images: vec![vec![Vec::new()]; 2],
         });
         (Box::new(submitted), answer)
     }
@@ -266,7 +267,10 @@ mod tests {
             .into_iter()
             .map(|(value, maker)| (value, maker.unaudited))
             .collect();
-        assert_eq!(told, [(vec![1.0], Some(MachineId(3))), (vec![7.0], None)]);
+        assert_eq!(
+            told,
+            [(vec![vec![1.0]], Some(MachineId(3))), (vec![vec![7.0]], None)]
+        );
     }
 
     #[test]

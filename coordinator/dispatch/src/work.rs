@@ -4,7 +4,7 @@ use super::job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask,
 use crate::WorkKind;
 use murmuration_model::{CampaignId, MachineId, Maker, Weight};
 use murmuration_proto::{
-    CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, World, check_embedding,
+    CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, Starts, World, check_embedding,
     embeddings_agree,
     v1::{self, batch_result::Outcome},
 };
@@ -88,12 +88,30 @@ fn task(controller: &Controller, seed: u64) -> v1::EvaluationTask {
     }
 }
 
+/// What a worker sent for the trials of so many tasks, task by task.
+///
+/// # Errors
+/// If there are not `starts` for each task.
+fn by_task<T>(of: &str, trials: Vec<T>, starts: Starts) -> Result<Vec<Vec<T>>, Invalid> {
+    let starts = starts.get();
+    if !trials.len().is_multiple_of(starts) {
+        let allowed = format!("{starts} for each task");
+        return Err(Invalid::new(of, trials.len(), allowed));
+    }
+    let mut trials = trials.into_iter();
+    Ok(std::iter::from_fn(|| {
+        let task: Vec<T> = trials.by_ref().take(starts).collect();
+        (!task.is_empty()).then_some(task)
+    })
+    .collect())
+}
+
 fn other_work() -> Invalid {
     Invalid::new("outcome", "another kind of work", "what the lease asked for")
 }
 
 impl Work for EvaluationJob {
-    type Result = (Evaluation, EmbeddingKind);
+    type Result = (Vec<Evaluation>, EmbeddingKind);
     type Outcome = Evaluated;
 
     const KIND: WorkKind = WorkKind::Evaluation;
@@ -111,7 +129,7 @@ impl Work for EvaluationJob {
     }
 
     fn cost(&self) -> u64 {
-        simulation_cost(&self.world)
+        simulation_cost(&self.world).saturating_mul(self.starts.get() as u64)
     }
 
     fn is_audited(&self) -> bool {
@@ -131,6 +149,7 @@ impl Work for EvaluationJob {
             image: Some(self.image.into()),
             tasks: tasks.map(|(controller, seed)| task(controller, *seed)).collect(),
             checkpoint: checkpoint.unwrap_or_default(),
+            starts: self.starts.into(),
         })
     }
 
@@ -143,18 +162,24 @@ impl Work for EvaluationJob {
         let take = |evaluation| {
             let evaluation = Evaluation::for_format(evaluation, &self.image, dimensions)?;
             bounds.check(evaluation.features())?;
-            Ok((evaluation, kind))
+            Ok(evaluation)
         };
-        message.evaluations.into_iter().map(take).collect()
+        let trials: Result<Vec<_>, Invalid> = message.evaluations.into_iter().map(take).collect();
+        let tasks = by_task("evaluations", trials?, self.starts)?;
+        Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())
     }
 
     fn agree((one, kind): &Self::Result, (other, others): &Self::Result) -> bool {
-        one.same_simulation(other) && embeddings_agree((one.embedding(), *kind), (other.embedding(), *others))
+        let agree = |one: &Evaluation, other: &Evaluation| {
+            one.same_simulation(other)
+                && embeddings_agree((one.embedding(), *kind), (other.embedding(), *others))
+        };
+        one.iter().zip(other).all(|(one, other)| agree(one, other))
     }
 
-    fn settled((evaluation, kind): Self::Result, unaudited: Option<MachineId>) -> Evaluated {
+    fn settled((trials, kind): Self::Result, unaudited: Option<MachineId>) -> Evaluated {
         let maker = Maker { kind, unaudited };
-        Evaluated::Done { evaluation, maker }
+        Evaluated::Done { trials, maker }
     }
 
     fn poisoned(task: PoisonedTask) -> Result<Evaluated, JobError> {
@@ -163,8 +188,8 @@ impl Work for EvaluationJob {
 }
 
 impl Work for EmbeddingJob {
-    type Result = (Vec<f32>, EmbeddingKind);
-    type Outcome = (Vec<f32>, Maker);
+    type Result = (Vec<Vec<f32>>, EmbeddingKind);
+    type Outcome = (Vec<Vec<f32>>, Maker);
 
     const KIND: WorkKind = WorkKind::Embedding;
 
@@ -181,7 +206,7 @@ impl Work for EmbeddingJob {
     }
 
     fn cost(&self) -> u64 {
-        EMBEDDING_COST
+        EMBEDDING_COST * self.starts.get() as u64
     }
 
     fn is_audited(&self) -> bool {
@@ -195,7 +220,11 @@ impl Work for EmbeddingJob {
     fn batch(&self, places: &[usize]) -> v1::lease::Work {
         v1::lease::Work::Embeddings(v1::EmbeddingBatch {
             checkpoint: self.embedder.checkpoint.to_string(),
-            images: places.iter().map(|&place| self.images[place].clone()).collect(),
+            images: places
+                .iter()
+                .flat_map(|&place| self.images[place].iter().cloned())
+                .collect(),
+            starts: self.starts.into(),
         })
     }
 
@@ -203,18 +232,19 @@ impl Work for EmbeddingJob {
         let Outcome::Embeddings(message) = outcome else {
             return Err(other_work());
         };
-        let take = |embedding: v1::Embedding| {
-            Ok((check_embedding(embedding.values, self.embedder.dimensions)?, kind))
-        };
-        message.embeddings.into_iter().map(take).collect()
+        let take = |embedding: v1::Embedding| check_embedding(embedding.values, self.embedder.dimensions);
+        let trials: Result<Vec<_>, Invalid> = message.embeddings.into_iter().map(take).collect();
+        let tasks = by_task("embeddings", trials?, self.starts)?;
+        Ok(tasks.into_iter().map(|trials| (trials, kind)).collect())
     }
 
     fn agree((one, kind): &Self::Result, (other, others): &Self::Result) -> bool {
-        embeddings_agree((one, *kind), (other, *others))
+        let mut both = one.iter().zip(other);
+        both.all(|(one, other)| embeddings_agree((one, *kind), (other, *others)))
     }
 
-    fn settled((embedding, kind): Self::Result, unaudited: Option<MachineId>) -> Self::Outcome {
-        (embedding, Maker { kind, unaudited })
+    fn settled((embeddings, kind): Self::Result, unaudited: Option<MachineId>) -> Self::Outcome {
+        (embeddings, Maker { kind, unaudited })
     }
 }
 
@@ -345,7 +375,7 @@ mod tests {
     fn machines_of_one_kind_agree_to_the_bit_and_others_nearly() {
         let (one, other) = (EmbeddingKind::of("one"), EmbeddingKind::of("other"));
         let agree = |a: f32, kind, b: f32, others| {
-            let embedding = |value, kind| (vec![value, -20.0], kind);
+            let embedding = |value, kind| (vec![vec![value, -20.0]], kind);
             EmbeddingJob::agree(&embedding(a, kind), &embedding(b, others))
         };
         assert!(agree(1.0, one, 1.0, one));
@@ -357,5 +387,24 @@ mod tests {
             agree(1.0, unknown, 1.0 + f32::EPSILON, unknown),
             "nobody knows that they are alike"
         );
+    }
+
+    #[test]
+    fn every_task_has_the_trials_that_were_asked_for() {
+        let three = Starts::new("starts", 3).unwrap();
+        assert_eq!(
+            by_task("evaluations", vec![1, 2, 3, 4, 5, 6], three).unwrap(),
+            [[1, 2, 3], [4, 5, 6]]
+        );
+        let refused = by_task("evaluations", vec![1, 2, 3, 4], three).unwrap_err();
+        assert_eq!(refused.to_string(), "evaluations = 4: must be 3 for each task");
+    }
+
+    #[test]
+    fn machines_agree_about_a_task_if_they_do_about_each_trial() {
+        let kind = EmbeddingKind::of("one");
+        let result = |second: f32| (vec![vec![1.0], vec![second]], kind);
+        assert!(EmbeddingJob::agree(&result(2.0), &result(2.0)));
+        assert!(!EmbeddingJob::agree(&result(2.0), &result(2.5)));
     }
 }

@@ -74,8 +74,8 @@ impl From<Medoid> for v1::Medoid {
 impl Taxonomy {
     /// The messages that carry it, part by part.
     pub fn into_parts(self) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
-        // At most five bytes each on the wire.
-        const CLUSTERS: usize = PART_BYTES / 5;
+        // At most six bytes each on the wire, with the number of robust trials.
+        const CLUSTERS: usize = PART_BYTES / 6;
         let loss = v1::Taxonomy {
             loss: self.loss,
             ..v1::Taxonomy::default()
@@ -85,14 +85,16 @@ impl Taxonomy {
             medoids,
             ..v1::Taxonomy::default()
         });
-        let clusters = self.clusters;
-        let clusters = (0..clusters.len()).step_by(CLUSTERS).map(move |begin| {
-            let end = clusters.len().min(begin + CLUSTERS);
+        let (clusters, robust) = (self.clusters, self.robust_trials);
+        let individuals = (0..clusters.len()).step_by(CLUSTERS).map(move |begin| {
+            let range = begin..clusters.len().min(begin + CLUSTERS);
+            let robust = robust.get(range.clone()).unwrap_or_default();
             v1::Taxonomy {
-                clusters: clusters[begin..end].to_vec(),
+                robust_trials: robust.iter().copied().map(u32::from).collect(),
+                clusters: clusters[range].to_vec(),
                 ..v1::Taxonomy::default()
             }
         });
-        std::iter::once(loss).chain(medoids).chain(clusters)
+        std::iter::once(loss).chain(medoids).chain(individuals)
     }
 }

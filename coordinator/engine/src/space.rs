@@ -134,7 +134,7 @@ fn behaviours(
     for start in (begun as u64..len).step_by(CHUNK as usize) {
         let range = start..len.min(start + CHUNK);
         for individual in store.individuals(&record.id, model, range, false)? {
-            let vector = method.behaviour(&individual.features, &individual.embedding);
+            let vector = individual.behaviour(method);
             behaviours
                 .get_or_insert_with(|| Behaviours::new(vector.len()))
                 .push(&vector)?;

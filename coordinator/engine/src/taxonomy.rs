@@ -1,13 +1,13 @@
 //! The taxonomy of a completed campaign, put together from what the store holds.
 
 use murmuration_model::CampaignId;
-use murmuration_proto::CampaignSpec;
+use murmuration_proto::{CampaignSpec, Method};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     medoids::Clustering,
     novelty::{self, Behaviours},
 };
-use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError};
+use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, Trial};
 
 /// One behaviour: the individual at the centre of a cluster.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +31,9 @@ pub struct Taxonomy {
     pub clusters: Vec<u32>,
     /// Sum over the archive of the distance to the nearest medoid.
     pub loss: f64,
+    /// For each individual by index, the number of its trials that are nearer to its own medoid than to any other; empty if
+    /// individuals have one trial.
+    pub robust_trials: Vec<u8>,
 }
 
 impl Taxonomy {
@@ -65,8 +68,29 @@ impl Taxonomy {
             medoids,
             clusters: stored.clusters,
             loss: stored.loss,
+            robust_trials: stored.robust_trials,
         }))
     }
+}
+
+/// The number of an individual's trials that are nearer to its own medoid than to any other. `behaviours` are those of the
+/// archive; `medoids` the individuals at the centres of its clusters, with the place of the individual's own. A trial as near to
+/// another medoid counts where that comes later in the list.
+#[must_use]
+pub fn robust_trials(
+    individual: &ArchivedIndividual,
+    method: Method,
+    behaviours: &Behaviours,
+    (medoids, own): (&[usize], u32),
+) -> u8 {
+    let is_own = |trial: &&Trial| {
+        let behaviour = method.behaviour(&trial.features, &trial.embedding);
+        let distance = |medoid: usize| behaviours.squared_distance_to(medoid, &behaviour);
+        let nearest =
+            (0..medoids.len()).min_by(|&a, &b| distance(medoids[a]).total_cmp(&distance(medoids[b])));
+        nearest == Some(own as usize)
+    };
+    individual.trials.iter().filter(is_own).count() as u8
 }
 
 /// Measures the clusters of an archive; `neighbours` is the k of novelty.

@@ -1,5 +1,6 @@
 //! The paper's classes, and patterns among random behaviours.
 
+use murmuration_proto::{Boundary, World};
 use std::fmt;
 
 /// A class of collective behaviours (paper, Figures 3 and 8).
@@ -59,6 +60,23 @@ impl Class {
             Self::NestedCycle => "nested_cycle",
             Self::ConcavePath => "concave_path",
             Self::Random => "random",
+        }
+    }
+}
+
+impl Class {
+    /// Why no motion in `world` can be of this class; `None` if one can.
+    #[must_use]
+    pub fn without_meaning(self, world: &World) -> Option<&'static str> {
+        match self {
+            Self::WallFollowing => (world.boundary() != Boundary::Walls).then_some("the world has no walls"),
+            Self::CyclicPursuit
+            | Self::Milling
+            | Self::Aggregation
+            | Self::Dispersal
+            | Self::NestedCycle
+            | Self::ConcavePath => (world.agents() == 1).then_some("the swarm is one robot"),
+            Self::Random => None,
         }
     }
 }

@@ -49,7 +49,7 @@ pub fn frames(world: &World) -> Frames {
 #[must_use]
 pub fn judge(replay: &Replay, world: &World) -> Verdict {
     let measures = Measures::of(replay, world);
-    let class = Class::of(&measures);
+    let class = Class::of(&measures, world);
     Verdict {
         class,
         pattern: (class == Class::Random).then(|| Pattern::of(&measures)).flatten(),
@@ -60,6 +60,7 @@ pub fn judge(replay: &Replay, world: &World) -> Verdict {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::v1;
     use std::f64::consts::TAU;
 
     /// 24 agents of the paper's world over 160 steps, each on its own path.
@@ -136,6 +137,65 @@ mod tests {
             (verdict.class, verdict.pattern),
             (Class::Random, Some(Pattern::SmallClusters))
         );
+    }
+
+    fn world(boundary: &str) -> World {
+        World::try_from(v1::World {
+            boundary: Some(boundary.to_owned()),
+            ..v1::World::default()
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn on_a_torus_a_swarm_across_the_edges_is_judged_as_one_in_the_middle() {
+        let wrapped = |[x, y]: [f64; 2]| [x.rem_euclid(500.0), y.rem_euclid(500.0)];
+        let ring =
+            |agent: f64, step: f64| wrapped(on_circle([10.0, 495.0], 120.0, agent / 24.0 + step / 700.0));
+        let clump =
+            |agent: f64, _| wrapped([490.0 + 10.0 * (agent % 5.0), 10.0 * (agent / 5.0).floor() - 20.0]);
+        let travelling = |agent: f64, step: f64| {
+            let [x, y] = on_grid(agent, 10.0);
+            wrapped([x + 3.0 * step, y])
+        };
+        let torus = world("torus");
+        assert_eq!(judge(&motion(ring), &torus).class, Class::CyclicPursuit);
+        assert_eq!(judge(&motion(clump), &torus).class, Class::Aggregation);
+        assert_eq!(judge(&motion(travelling), &torus).class, Class::Aggregation);
+        assert_ne!(
+            judge(&motion(ring), &World::default()).class,
+            Class::CyclicPursuit
+        );
+    }
+
+    #[test]
+    fn a_class_without_meaning_is_never_the_answer() {
+        let along_the_border = |agent: f64, step: f64| {
+            let way = (agent * 76.0 + step) % 1840.0;
+            let (side, along) = ((way / 460.0).floor(), 20.0 + way % 460.0);
+            let corners = [
+                [along, 20.0],
+                [480.0, along],
+                [500.0 - along, 480.0],
+                [20.0, 500.0 - along],
+            ];
+            corners[side as usize]
+        };
+        assert_eq!(
+            judge(&motion(along_the_border), &World::default()).class,
+            Class::WallFollowing
+        );
+        for boundary in ["open", "torus"] {
+            let verdict = judge(&motion(along_the_border), &world(boundary));
+            assert_ne!(verdict.class, Class::WallFollowing);
+            assert!(Class::WallFollowing.without_meaning(&world(boundary)).is_some());
+        }
+        let one = World::try_from(v1::World {
+            agents: Some(1),
+            ..v1::World::default()
+        });
+        let alone = Replay::new(vec![0, 1200], 1, vec![[250.0, 250.0, 0.0]; 2]).unwrap();
+        assert_eq!(judge(&alone, &one.unwrap()).class, Class::Random);
     }
 
     #[test]

@@ -23,7 +23,7 @@ impl Measures {
     #[must_use]
     pub fn of(replay: &Replay, world: &World) -> Self {
         let scale = Scale::of(world);
-        let window = Window::of(replay);
+        let window = Window::of(replay, world);
         let (motion, shared) = Motion::of(&window, &scale);
         Self {
             arrangement: Arrangement::of(&window, &scale),

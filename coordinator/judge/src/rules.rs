@@ -5,6 +5,7 @@
 //! [`Scale`](super::Scale). `docs/judge.md` says how far to trust the rules.
 
 use super::{Arrangement, Body, Class, Measures, Motion, Pattern, Walls};
+use murmuration_proto::World;
 
 /// A clump's median distance from its middle, in packed radii (a tight disc has 0.7).
 const CLUMP_SPREAD: f64 = 1.78;
@@ -12,9 +13,18 @@ const CLUMP_SPREAD: f64 = 1.78;
 const CLUSTER: usize = 3;
 
 impl Class {
-    /// The class of a motion with these measures.
+    /// The class of a motion with these measures in `world`: [`Class::Random`] where the rules lead to a class that has no
+    /// meaning there.
     #[must_use]
-    pub fn of(measures: &Measures) -> Self {
+    pub fn of(measures: &Measures, world: &World) -> Self {
+        let class = Self::by_rules(measures);
+        match class.without_meaning(world) {
+            Some(_) => Self::Random,
+            None => class,
+        }
+    }
+
+    fn by_rules(measures: &Measures) -> Self {
         let Measures {
             arrangement,
             motion,

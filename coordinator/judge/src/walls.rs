@@ -6,7 +6,7 @@ use super::{
     statistics::{ratio, share},
     window::{Point, Window, mean},
 };
-use murmuration_proto::World;
+use murmuration_proto::{Boundary, World};
 
 /// An agent is near a wall when it could move this far to it; in radii.
 const NEAR: f64 = 4.0;
@@ -27,7 +27,18 @@ pub struct Walls {
 }
 
 impl Walls {
+    /// Where there are no walls.
+    const NONE: Self = Self {
+        near: 0.0,
+        along: 0.0,
+        circulation: 0.0,
+        way: 0.0,
+    };
+
     pub(super) fn of(window: &Window, world: &World, scale: &Scale) -> Self {
+        if world.boundary() != Boundary::Walls {
+            return Self::NONE;
+        }
         let room = |point: Point| room(point, world) / scale.radius;
         let centre = [world.width() / 2.0, world.height() / 2.0];
         let (mut all, mut along, mut around) = (0.0, 0.0, 0.0);

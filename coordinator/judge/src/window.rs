@@ -1,7 +1,7 @@
 //! The last steps of a swarm's motion, at evenly spaced times.
 
-use murmuration_proto::{Pose, Replay};
-use std::num::NonZeroU32;
+use murmuration_proto::{Boundary, Pose, Replay, World};
+use std::{f64::consts::TAU, num::NonZeroU32};
 
 /// Number of steps in the window, as in the pictures that people judge; fewer if the motion is shorter.
 pub(super) const WINDOW_STEPS: u32 = 160;
@@ -20,8 +20,10 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// The window at the end of a replay; positions between two frames are interpolated.
-    pub(super) fn of(replay: &Replay) -> Self {
+    /// The window at the end of a replay; positions between two frames are interpolated. On a torus paths go on across the
+    /// edges, and are all shown about the middle of the swarm: a group across an edge is one group.
+    pub(super) fn of(replay: &Replay, world: &World) -> Self {
+        let torus = (world.boundary() == Boundary::Torus).then(|| [world.width(), world.height()]);
         let frames: Vec<&[Pose]> = replay.frames().collect();
         let end = replay.steps().last().copied().unwrap_or(0);
         let begin = end.saturating_sub(WINDOW_STEPS);
@@ -42,9 +44,13 @@ impl Window {
             for (path, (a, b)) in paths.iter_mut().zip(frames[before].iter().zip(frames[after])) {
                 path.push([0, 1].map(|axis| {
                     let [a, b] = [a[axis], b[axis]].map(f64::from);
-                    a + (b - a) * part
+                    let way = torus.map_or(b - a, |sides| shortest(b - a, sides[axis]));
+                    a + way * part
                 }));
             }
+        }
+        if let Some(sides) = torus {
+            unroll(&mut paths, sides);
         }
         Self { paths }
     }
@@ -75,6 +81,39 @@ impl Window {
     }
 }
 
+/// The shortest way round a torus of this side that leads as far as `way`.
+fn shortest(way: f64, side: f64) -> f64 {
+    way - side * (way / side).round()
+}
+
+/// Makes paths on a torus continuous, and moves each by whole sides so that its mean is near the middle of the swarm.
+fn unroll(paths: &mut [Vec<Point>], sides: [f64; 2]) {
+    for path in &mut *paths {
+        for place in 1..path.len() {
+            let before = path[place - 1];
+            path[place] =
+                [0, 1].map(|axis| before[axis] + shortest(path[place][axis] - before[axis], sides[axis]));
+        }
+    }
+    let homes: Vec<Point> = paths.iter().map(|path| mean(path)).collect();
+    let middle = [0, 1].map(|axis| circular_mean(homes.iter().map(|home| home[axis]), sides[axis]));
+    for (path, home) in paths.iter_mut().zip(homes) {
+        let to = [0, 1].map(|axis| middle[axis] + shortest(home[axis] - middle[axis], sides[axis]));
+        for point in path {
+            *point = [0, 1].map(|axis| point[axis] + to[axis] - home[axis]);
+        }
+    }
+}
+
+/// The middle of places on a circle of this length.
+fn circular_mean(places: impl Iterator<Item = f64>, side: f64) -> f64 {
+    let (sine, cosine) = places.fold((0.0, 0.0), |(sine, cosine), place| {
+        let (s, c) = libm::sincos(place / side * TAU);
+        (sine + s, cosine + c)
+    });
+    libm::atan2(sine, cosine) / TAU * side
+}
+
 /// The mean of at least one point.
 pub(super) fn mean(points: &[Point]) -> Point {
     let count = points.len() as f64;
@@ -90,7 +129,7 @@ mod tests {
         let replay = |stride: usize| {
             let steps: Vec<u32> = (0..=1200).step_by(stride).collect();
             let poses = steps.iter().map(|&step| [step as f32, 7.0, 0.0]).collect();
-            Window::of(&Replay::new(steps, 1, poses).unwrap())
+            Window::of(&Replay::new(steps, 1, poses).unwrap(), &World::default())
         };
         for stride in [1, 3, 16, 1200] {
             let window = replay(stride);
@@ -106,7 +145,8 @@ mod tests {
 
     #[test]
     fn a_start_alone_is_a_motion_too() {
-        let window = Window::of(&Replay::new(vec![0], 1, vec![[3.0, 4.0, 0.0]]).unwrap());
+        let replay = Replay::new(vec![0], 1, vec![[3.0, 4.0, 0.0]]).unwrap();
+        let window = Window::of(&replay, &World::default());
         assert!(window.paths()[0].iter().all(|&point| point == [3.0, 4.0]));
     }
 }

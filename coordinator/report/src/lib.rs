@@ -22,7 +22,7 @@ pub use names::Names;
 use crate::picture::{Bodies, Paper, PictureError};
 use files::Folder;
 use murmuration_model::Repetition;
-use murmuration_proto::{CampaignSpec, Controller, Features, Replay};
+use murmuration_proto::{CampaignSpec, Controller, Features, Replay, Starts};
 use rayon::prelude::*;
 use std::{
     io,
@@ -67,6 +67,15 @@ impl Report {
     fn embedding_dimensions(&self) -> usize {
         self.individuals.first().map_or(0, |entry| entry.embedding.len())
     }
+
+    /// Mean robustness of the individuals of a cluster; `None` if individuals have one trial.
+    fn robustness_of_cluster(&self, place: usize) -> Option<f64> {
+        let members = self.individuals.iter().zip(&self.clusters);
+        let members = members.filter(|(_, cluster)| **cluster as usize == place);
+        let robustness: Option<Vec<f64>> = members.map(|(entry, _)| entry.robustness).collect();
+        let robustness = robustness.filter(|robustness| !robustness.is_empty())?;
+        Some(robustness.iter().sum::<f64>() / robustness.len() as f64)
+    }
 }
 
 /// A generation in figures.
@@ -89,15 +98,31 @@ pub struct Entry {
     pub generation: u32,
     /// The controller.
     pub controller: Controller,
+    /// Seed of its start, the first one if there are several.
+    pub seed: u64,
+    /// Its hand-crafted features: means over its trials.
+    pub features: Features,
+    /// The embedding of its picture by the report's checkpoint, the mean over its trials; empty if none.
+    pub embedding: Vec<f32>,
+    /// Its trials; none if it has only one.
+    pub trials: Vec<TrialEntry>,
+    /// Robustness: the share of its trials that are nearer to its own medoid than to any other, 0 to 1; `None` if it has one
+    /// trial.
+    pub robustness: Option<f64>,
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
+    /// behaviour space of the report.
+    pub novelty_when_evaluated: f64,
+}
+
+/// One simulation of an individual that has several.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrialEntry {
     /// Seed of its start.
     pub seed: u64,
     /// Its hand-crafted features.
     pub features: Features,
-    /// The embedding of its picture by the report's checkpoint; empty if none.
+    /// The embedding of its picture; empty if none.
     pub embedding: Vec<f32>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the
-    /// behaviour space of the report.
-    pub novelty_when_evaluated: f64,
 }
 
 /// One behaviour of the taxonomy.
@@ -170,7 +195,7 @@ pub enum ReportError {
 /// Writes a report into `folder`, which is made if it does not exist.
 ///
 /// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
-/// `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
+/// `trials.csv` (where individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
 /// in the taxonomy, from 01). Every file is complete or absent; the page is written last.
 ///
 /// # Errors
@@ -186,6 +211,9 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     files.text("spec.toml", &again::specification(report))?;
     files.write("archive.csv", |file| tables::archive(report, file))?;
     files.write("taxonomy.csv", |file| tables::taxonomy(report, file))?;
+    if report.spec.starts() != Starts::ONE {
+        files.write("trials.csv", |file| tables::trials(report, file))?;
+    }
     files.write("classes.csv", |file| tables::classes(report, file))?;
     files.write("generations.csv", |file| tables::generations(report, file))?;
     files.text("novelty.svg", &novelty)?;

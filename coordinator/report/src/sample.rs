@@ -76,6 +76,8 @@ pub(super) fn report(sample: &Sample) -> Report {
                 true => (0..5).map(|_| stream.between(-2.0, 2.0) as f32).collect(),
                 false => Vec::new(),
             },
+            trials: Vec::new(),
+            robustness: None,
             novelty_when_evaluated: 0.3 / (i / population + 2) as f64 * stream.between(0.3, 2.0),
         })
         .collect();

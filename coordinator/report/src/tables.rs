@@ -32,7 +32,15 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
 /// One row a medoid, largest cluster first. Its novelty is measured in the whole archive.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    let own = ["cluster", "index", "cluster_size", "mean_distance", "novelty"].map(str::to_owned);
+    let own = [
+        "cluster",
+        "index",
+        "cluster_size",
+        "mean_distance",
+        "mean_robustness",
+        "novelty",
+    ]
+    .map(str::to_owned);
     table.write_record(columns(&own, report))?;
     for (place, medoid) in report.medoids.iter().enumerate() {
         let own = [
@@ -40,10 +48,27 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
             medoid.index.to_string(),
             medoid.cluster_size.to_string(),
             medoid.mean_distance.to_string(),
+            or_empty(report.robustness_of_cluster(place)),
             medoid.novelty.to_string(),
         ];
         let entry = &report.individuals[medoid.index as usize];
         table.write_record(row(&own, entry, report, medoid.index))?;
+    }
+    table.flush()
+}
+
+/// One row a trial, by individual, then by start.
+pub(super) fn trials(report: &Report, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    let own = ["index", "start", "seed"].into_iter().chain(FEATURE_NAMES);
+    table.write_record(own.map(str::to_owned).chain(embedding_columns(report)))?;
+    for (index, entry) in report.individuals.iter().enumerate() {
+        for (start, trial) in entry.trials.iter().enumerate() {
+            let own = [index.to_string(), start.to_string(), trial.seed.to_string()];
+            let features = trial.features.iter().map(f64::to_string);
+            let embedding = trial.embedding.iter().map(f32::to_string);
+            table.write_record(own.into_iter().chain(features).chain(embedding))?;
+        }
     }
     table.flush()
 }
@@ -80,17 +105,24 @@ pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<(
 
 /// The columns of a table of individuals: its own, then what is known of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
-    let known = ["generation", "seed", "novelty_when_evaluated"]
+    let known = ["generation", "seed", "novelty_when_evaluated", "robustness"]
         .into_iter()
         .chain(FEATURE_NAMES);
-    let embedding = (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"));
     own.iter()
         .cloned()
         .chain(known.map(str::to_owned))
         .chain(report.spec.model().gene_names())
-        .chain(embedding)
+        .chain(embedding_columns(report))
         .chain(["class".to_owned()])
         .collect()
+}
+
+fn embedding_columns(report: &Report) -> impl Iterator<Item = String> {
+    (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"))
+}
+
+fn or_empty(number: Option<f64>) -> String {
+    number.map(|number| number.to_string()).unwrap_or_default()
 }
 
 /// A row of [`columns`].
@@ -99,6 +131,7 @@ fn row(own: &[String], entry: &Entry, report: &Report, index: u64) -> Vec<String
         entry.generation.to_string(),
         entry.seed.to_string(),
         entry.novelty_when_evaluated.to_string(),
+        or_empty(entry.robustness),
     ];
     let values = entry.features.iter().chain(entry.controller.genes());
     let class = report

@@ -11,7 +11,7 @@ use murmuration_proto::{
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
-use murmuration_report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report};
+use murmuration_report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report, TrialEntry};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Misfit},
@@ -127,7 +127,11 @@ where
         .list_generations(v1::ListGenerationsRequest { campaign: id() })
         .await?;
     let generations = whole(generations.into_inner()).await?;
-    let individuals = archive(client, campaign, spec.model()).await?;
+    let mut individuals = archive(client, campaign, spec.model()).await?;
+    let starts = spec.starts().get() as f64;
+    for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
+        entry.robustness = Some(f64::from(robust) / starts);
+    }
     let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
     for medoid in taxonomy.medoids {
@@ -200,20 +204,28 @@ where
 }
 
 fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, Invalid> {
+    let trial = |trial: &v1::Trial| -> Result<TrialEntry, Invalid> {
+        Ok(TrialEntry {
+            seed: trial.seed,
+            features: features(&trial.features)?,
+            embedding: trial.embedding.clone(),
+        })
+    };
     Ok(Entry {
         generation: individual.generation,
         controller: Controller::new(model, &individual.controller)?,
         seed: individual.seed,
-        features: Features::try_from(individual.features.as_slice()).map_err(|_| {
-            Invalid::new(
-                "features",
-                counted(individual.features.len() as u64, "value"),
-                "5 values",
-            )
-        })?,
+        features: features(&individual.features)?,
         embedding: individual.embedding.clone(),
+        trials: individual.trials.iter().map(trial).collect::<Result<_, _>>()?,
+        robustness: None,
         novelty_when_evaluated: individual.novelty,
     })
+}
+
+fn features(values: &[f64]) -> Result<Features, Invalid> {
+    Features::try_from(values)
+        .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))
 }
 
 fn generation(summary: v1::GenerationSummary) -> GenerationSummary {

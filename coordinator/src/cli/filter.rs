@@ -2,6 +2,7 @@
 
 use super::{
     CliError, controller, json,
+    robots::RobotArgs,
     table::{Table, left, right},
 };
 use murmuration_link::{InputKind, OutputError, errln, read_text, text_of};
@@ -14,17 +15,25 @@ use std::{
 
 /// Arguments of `filter`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "\
+#[command(
+    group = clap::ArgGroup::new("controller").args(["controllers", "file"]).multiple(true).required(true),
+    after_help = "\
+The robots are the paper's with as many numbers, unless an option names or describes others; docs/robots.md says how the filter \
+scores those.
+
 Examples:
   murmuration filter -0.7,0.3,1,1 0.6,1,0.4,0.5
-  murmuration filter --file controllers.txt --json")]
+  murmuration filter --model turbopi 5,1,10,-1
+  murmuration filter --file controllers.txt --json"
+)]
 pub(super) struct Filter {
-    /// Controllers of the paper's robots: 4 wheel speeds each, or 8 wheel speeds and an angle
-    #[arg(required_unless_present = "file")]
+    /// Controllers, numbers separated by commas: of the paper's robots 4 wheel speeds, or 8 and an angle
     controllers: Vec<String>,
     /// File of further controllers, one a line; - reads stdin
     #[arg(long, value_name = "FILE")]
     file: Option<PathBuf>,
+    #[command(flatten)]
+    robots: RobotArgs,
 }
 
 impl Filter {
@@ -33,9 +42,10 @@ impl Filter {
         if let Some(path) = &self.file {
             texts.extend(lines(path)?);
         }
+        let (model, ..) = self.robots.read()?;
         let controllers = texts
             .iter()
-            .map(|text| controller::parse(text, None))
+            .map(|text| controller::parse(text, model.as_ref()))
             .collect::<Result<Vec<_>, _>>()?;
         if as_json {
             json::print_all(controllers.iter().map(document))?;

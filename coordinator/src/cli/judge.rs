@@ -8,10 +8,10 @@ use super::{
 };
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge as judge;
-use murmuration_judge::{Pattern, Verdict};
+use murmuration_judge::{Class, Pattern, Verdict};
 use murmuration_link::{OutputError, outln};
 use murmuration_model::labels::ConfusionMatrix;
-use murmuration_proto::grouped;
+use murmuration_proto::{counted, grouped};
 use murmuration_worker::replay::replay_frames;
 use rayon::prelude::*;
 use std::{collections::BTreeMap, path::PathBuf};
@@ -43,12 +43,17 @@ impl JudgeCommand {
         let sets = sets.collect::<Result<Vec<_>, _>>()?;
         let mut answers = Vec::new();
         let mut patterns = Pattern::ALL.map(PatternCounts::of);
+        let mut without_meaning = BTreeMap::new();
         for (place, labels) in sets.iter().enumerate() {
-            let verdicts = labels
-                .swarms(self.starts_of(place, labels)?.as_deref())?
-                .par_iter()
-                .map(verdict)
-                .collect::<Result<Vec<_>, _>>()?;
+            let swarms = labels.swarms(self.starts_of(place, labels)?.as_deref())?;
+            for swarm in &swarms {
+                let reasons =
+                    Class::ALL.map(|class| class.without_meaning(&swarm.world).map(|why| (class, why)));
+                for reason in reasons.into_iter().flatten() {
+                    *without_meaning.entry(reason).or_insert(0) += 1;
+                }
+            }
+            let verdicts = swarms.par_iter().map(verdict).collect::<Result<Vec<_>, _>>()?;
             for (seen, verdict) in labels.patterns().zip(&verdicts) {
                 patterns.iter_mut().for_each(|counts| counts.count(seen, verdict));
             }
@@ -58,10 +63,11 @@ impl JudgeCommand {
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
         if global.json {
-            json::print(self.document(&matrix, &patterns, &sets))?;
+            json::print(self.document(&matrix, &patterns, &sets, &without_meaning))?;
         } else {
             print_table(&matrix)?;
             print_patterns(&patterns)?;
+            tell_without_meaning(&without_meaning)?;
             tell_counted(&sets);
         }
         Ok(())
@@ -92,6 +98,7 @@ impl JudgeCommand {
         matrix: &ConfusionMatrix<&str>,
         patterns: &[PatternCounts],
         sets: &[LabelledSet],
+        without_meaning: &WithoutMeaning,
     ) -> json::Judge {
         let said = matrix.answers();
         let row = |class: &str| -> BTreeMap<String, u64> {
@@ -113,6 +120,10 @@ impl JudgeCommand {
             agreed: matrix.same(),
             kappa: matrix.kappa(),
             judged_by_class: said.iter().map(|&class| (class.to_owned(), row(class))).collect(),
+            without_meaning: without_meaning
+                .iter()
+                .map(|(&(class, _), &swarms)| (class.name().to_owned(), swarms))
+                .collect(),
             patterns: patterns
                 .iter()
                 .map(|counts| (counts.pattern.name().to_owned(), counts.document()))
@@ -120,6 +131,9 @@ impl JudgeCommand {
         }
     }
 }
+
+/// Numbers of swarms in whose world a class has no meaning, and why it has none.
+type WithoutMeaning = BTreeMap<(Class, &'static str), u64>;
 
 /// How often a pattern was seen.
 #[derive(Debug)]
@@ -165,6 +179,14 @@ fn verdict(swarm: &Swarm) -> Result<Verdict, CliError> {
     let world = &swarm.world;
     let motion = replay_frames(&swarm.controller, world, &swarm.start, &judge::frames(world))?;
     Ok(judge::judge(&motion, world))
+}
+
+/// Which classes the judge could not answer with.
+fn tell_without_meaning(without_meaning: &WithoutMeaning) -> Result<(), OutputError> {
+    for ((class, why), &swarms) in without_meaning {
+        outln!("\n{class} has no meaning for {}: {why}", counted(swarms, "swarm"))?;
+    }
+    Ok(())
 }
 
 /// For each class that people gave, what the judge said.

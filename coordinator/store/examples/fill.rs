@@ -7,7 +7,7 @@
 
 use murmuration_model::{MachineId, Maker, Weight};
 use murmuration_proto::{CampaignSpec, Controller, EmbeddingKind, Preset, Purpose, RandomStream};
-use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
 use std::{
     env, error::Error, f64::consts::TAU, io::Write as _, path::Path, process::ExitCode, time::Instant,
 };
@@ -37,9 +37,12 @@ fn individual(index: u64, generation: u32) -> Result<ArchivedIndividual, Box<dyn
     let features = [(); 5].map(|()| stream.unit());
     Ok(ArchivedIndividual {
         seed: stream.bits(),
-        features,
         novelty: stream.unit(),
-        image: Some(picture(&mut stream)),
+        trials: vec![Trial {
+            features,
+            image: Some(picture(&mut stream)),
+            ..Trial::default()
+        }],
         ..ArchivedIndividual::unmeasured(index, generation, Controller::new(Preset::SingleSensor, &genes)?)
     })
 }

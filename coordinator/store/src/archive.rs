@@ -3,36 +3,16 @@
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
-    compression::{Compressor, Decompressor},
-    numbers::{blob_to_floats, blob_to_numbers, clamped, floats_to_blob, numbers_to_blob},
+    compression::Decompressor,
+    individual::{ArchivedIndividual, compressed, read},
+    numbers::{blob_to_floats, clamped, floats_to_blob},
     provenance::{ResultKind, add_provenance, suspects},
 };
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::{CapabilityModel, Controller, Features};
+use murmuration_proto::CapabilityModel;
 use murmuration_search::medoids::Clustering;
 use rusqlite::{OptionalExtension as _, Row, params};
 use std::ops::Range;
-
-/// One evaluated controller, with its image where it was asked for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ArchivedIndividual {
-    /// Place in the archive, from 0.
-    pub index: u64,
-    /// Generation, from 0.
-    pub generation: u32,
-    /// The genome.
-    pub controller: Controller,
-    /// Seed of its start.
-    pub seed: u64,
-    /// Hand-crafted features.
-    pub features: Features,
-    /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
-    pub embedding: Vec<f32>,
-    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
-    pub novelty: f64,
-    /// Grey values, as in an evaluation.
-    pub image: Option<Vec<u8>>,
-}
 
 /// What a generation did, as it is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,6 +51,9 @@ pub struct StoredTaxonomy {
     pub loss: f64,
     /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
     pub measures: Vec<ClusterMeasures>,
+    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; empty if individuals
+    /// have one trial.
+    pub robust_trials: Vec<u8>,
 }
 
 /// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
@@ -86,7 +69,10 @@ impl StoredTaxonomy {
     /// Whether every cluster that is named has a medoid, and every medoid its measures.
     fn is_whole(&self) -> bool {
         let medoids = self.medoids.len();
-        self.measures.len() == medoids && self.clusters.iter().all(|&cluster| (cluster as usize) < medoids)
+        let robust = self.robust_trials.len();
+        self.measures.len() == medoids
+            && (robust == 0 || robust == self.clusters.len())
+            && self.clusters.iter().all(|&cluster| (cluster as usize) < medoids)
     }
 }
 
@@ -140,22 +126,23 @@ impl Store {
                 "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
                  VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
             )?;
-            for (row, pixels) in individuals.iter().zip(&images) {
+            for (row, images) in individuals.iter().zip(&images) {
                 let index = row.index as i64;
+                let (features, embeddings) = row.columns();
                 individual.execute(params![
                     number,
                     index,
                     row.generation,
                     floats_to_blob(row.controller.genes()),
                     row.seed.cast_signed(),
-                    floats_to_blob(&row.features),
+                    features,
                     row.novelty,
                 ])?;
-                if let Some(pixels) = pixels {
-                    image.execute(params![number, index, pixels])?;
+                if let Some(images) = images {
+                    image.execute(params![number, index, images])?;
                 }
-                if !row.embedding.is_empty() {
-                    embedding.execute(params![number, index, numbers_to_blob(&row.embedding)])?;
+                if !embeddings.is_empty() {
+                    embedding.execute(params![number, index, embeddings])?;
                 }
             }
             Ok(())
@@ -185,13 +172,13 @@ impl Store {
             )?;
             let bounds = params![number, clamped(range.start), clamped(range.end), with_images];
             let mut images = match with_images {
-                true => Some(Decompressor::of(connection, number)?),
+                true => Some(Decompressor::of_individuals(connection, number)?),
                 false => None,
             };
             let mut rows = statement.query(bounds)?;
             let mut individuals = Vec::new();
             while let Some(row) = rows.next()? {
-                individuals.push(individual(row, model, images.as_mut())?);
+                individuals.push(read(row, model, images.as_mut())?);
             }
             Ok(individuals)
         })
@@ -271,7 +258,7 @@ impl Store {
         })
     }
 
-    /// Stores the taxonomy, with what was measured of its clusters, and completes the campaign, in one transaction; whether it
+    /// Stores the taxonomy, with what was measured of its clusters and individuals, and completes the campaign, in one transaction; whether it
     /// did: not while something of the campaign rests on the word of workers that were found wrong.
     ///
     /// # Errors
@@ -281,6 +268,7 @@ impl Store {
         campaign: &CampaignId,
         taxonomy: &Clustering,
         measures: &[ClusterMeasures],
+        robust_trials: &[u8],
     ) -> Result<bool, StoreError> {
         let medoids: Vec<u8> = taxonomy
             .medoids
@@ -303,9 +291,9 @@ impl Store {
                 return Ok(false);
             }
             transaction.execute(
-                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss, measures)
-                 VALUES (?1, ?2, ?3, ?4, ?5)",
-                params![number, medoids, clusters, taxonomy.loss, measures],
+                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss, measures, robust_trials)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
+                params![number, medoids, clusters, taxonomy.loss, measures, robust_trials],
             )?;
             transaction.execute(
                 "UPDATE campaigns SET state = ?2, error = '' WHERE number = ?1",
@@ -322,7 +310,7 @@ impl Store {
     pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let query = "SELECT medoids, clusters, loss, measures FROM taxonomies WHERE campaign = ?1";
+            let query = "SELECT medoids, clusters, loss, measures, robust_trials FROM taxonomies WHERE campaign = ?1";
             let stored = connection.query_row(query, [number], stored_taxonomy).optional()?;
             match stored {
                 Some(stored) if !stored.is_whole() => Err(StoreError::damaged(format!(
@@ -349,65 +337,6 @@ fn stored_taxonomy(row: &Row<'_>) -> rusqlite::Result<StoredTaxonomy> {
         clusters: clusters.map(|bytes| u32::from_le_bytes(*bytes)).collect(),
         loss: row.get(2)?,
         measures: measures.as_chunks().0.iter().map(measured).collect(),
+        robust_trials: blob(4)?,
     })
-}
-
-/// The value of the column for the image of each, if it has one.
-fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
-    let mut compressor = Compressor::new()?;
-    let images = individuals.iter().map(|individual| individual.image.as_ref());
-    images
-        .map(|image| image.map(|image| compressor.compress(image)).transpose())
-        .collect()
-}
-
-/// The individual in a row, with its image if there is something to decompress that with.
-fn individual(
-    row: &Row<'_>,
-    model: &CapabilityModel,
-    images: Option<&mut Decompressor>,
-) -> Result<ArchivedIndividual, StoreError> {
-    let index: i64 = row.get(0)?;
-    let damaged = |what: &dyn std::fmt::Display| StoreError::damaged(format!("individual {index}: {what}"));
-    let genes = blob_to_floats(&row.get::<_, Vec<u8>>(2)?);
-    let features = blob_to_floats(&row.get::<_, Vec<u8>>(4)?);
-    let column = row.get_ref(6)?.as_blob_or_null().map_err(rusqlite::Error::from)?;
-    let image = images
-        .zip(column)
-        .map(|(images, column)| images.decompress(column));
-    Ok(ArchivedIndividual {
-        index: index.unsigned_abs(),
-        generation: row.get(1)?,
-        controller: Controller::new(model, &genes).map_err(|error| damaged(&error))?,
-        seed: row.get::<_, i64>(3)?.cast_unsigned(),
-        features: Features::try_from(features).map_err(|_| damaged(&"not five features"))?,
-        novelty: row.get(5)?,
-        image: image
-            .transpose()
-            .map_err(|error| damaged(&format_args!("its picture is {error}")))?,
-        embedding: blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default()),
-    })
-}
-
-impl ArchivedIndividual {
-    /// An individual of which nothing was measured: zeros, no embedding and no picture.
-    pub const fn unmeasured(index: u64, generation: u32, controller: Controller) -> Self {
-        Self {
-            index,
-            generation,
-            controller,
-            seed: 0,
-            features: [0.0; 5],
-            embedding: Vec::new(),
-            novelty: 0.0,
-            image: None,
-        }
-    }
-
-    /// A swarm that never moved.
-    #[cfg(test)]
-    pub(crate) fn still(index: u64, generation: u32) -> Self {
-        let controller = Controller::new(murmuration_proto::Preset::SingleSensor, &[0.0; 4]).unwrap();
-        Self::unmeasured(index, generation, controller)
-    }
 }

@@ -68,15 +68,20 @@ impl fmt::Display for NoImage {
 }
 
 impl Decompressor {
-    /// For the images of the campaign with this number.
+    /// For the pictures of the dataset of the campaign with this number: one a value.
     ///
     /// # Errors
     /// If the campaign's specification cannot be read, and [`StoreError::Compression`] if there is no memory.
-    pub(super) fn of(connection: &Connection, campaign: i64) -> Result<Self, StoreError> {
-        let mut statement = connection.prepare_cached("SELECT spec FROM campaigns WHERE number = ?1")?;
-        let spec: String = statement.query_row([campaign], |row| row.get(0))?;
-        let spec = CampaignSpec::from_toml(&spec).map_err(|error| StoreError::damaged(error.to_string()))?;
-        Self::new(spec.image().bytes())
+    pub(super) fn of_dataset(connection: &Connection, campaign: i64) -> Result<Self, StoreError> {
+        Self::new(spec(connection, campaign)?.image().bytes())
+    }
+
+    /// For the pictures of its individuals: those of all trials in one value.
+    ///
+    /// # Errors
+    /// As [`Decompressor::of_dataset`].
+    pub(super) fn of_individuals(connection: &Connection, campaign: i64) -> Result<Self, StoreError> {
+        Self::new(spec(connection, campaign)?.individual_bytes())
     }
 
     fn new(pixels: usize) -> Result<Self, StoreError> {
@@ -102,6 +107,12 @@ impl Decompressor {
             false => Err(NoImage::Damaged),
         }
     }
+}
+
+fn spec(connection: &Connection, campaign: i64) -> Result<CampaignSpec, StoreError> {
+    let mut statement = connection.prepare_cached("SELECT spec FROM campaigns WHERE number = ?1")?;
+    let spec: String = statement.query_row([campaign], |row| row.get(0))?;
+    CampaignSpec::from_toml(&spec).map_err(|error| StoreError::damaged(error.to_string()))
 }
 
 #[cfg(test)]

@@ -16,8 +16,8 @@ pub struct ArchiveDigest {
     pub evaluations: u64,
 }
 
-/// Digests the archive as far as it is complete: for each individual in index order its genes and its features
-/// (f64, little-endian), its image, and its embedding (f32, little-endian) if it has one. Names, times, seeds and novelty are left out: they follow from the
+/// Digests the archive as far as it is complete: for each individual in index order its genes and the features
+/// (f64, little-endian), image, and embedding (f32, little-endian; if it has one) of each of its trials. Names, times, seeds and novelty are left out: they follow from the
 /// specification, or do not matter to the outcome.
 ///
 /// # Errors
@@ -38,12 +38,17 @@ pub fn digest(
             });
         }
         for individual in &chunk {
-            for value in individual.controller.genes().iter().chain(&individual.features) {
+            for value in individual.controller.genes() {
                 hasher.update(&value.to_le_bytes());
             }
-            hasher.update(individual.image.as_deref().unwrap_or_default());
-            for value in &individual.embedding {
-                hasher.update(&value.to_le_bytes());
+            for trial in &individual.trials {
+                for value in trial.features {
+                    hasher.update(&value.to_le_bytes());
+                }
+                hasher.update(trial.image.as_deref().unwrap_or_default());
+                for value in &trial.embedding {
+                    hasher.update(&value.to_le_bytes());
+                }
             }
         }
         evaluations += chunk.len() as u64;

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::checkpoint_rows::checkpoint_number;
 use murmuration_model::{CampaignId, CampaignState};
-use murmuration_proto::CheckpointDigest;
+use murmuration_proto::{CheckpointDigest, mean_embedding};
 use rusqlite::{Transaction, params};
 
 /// What changes in an archive when it switches to the next checkpoint: everything that is measured in its space.
@@ -33,7 +33,7 @@ impl Store {
         })
     }
 
-    /// Adds embeddings by the next checkpoint, the first that of individual `place`, and where they come from, in one
+    /// Adds embeddings by the next checkpoint, one a trial, the first those of individual `place`, and where they come from, in one
     /// transaction.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl Store {
         &self,
         campaign: &CampaignId,
         place: u64,
-        embeddings: &[Vec<f32>],
+        embeddings: &[Vec<Vec<f32>>],
         provenance: &Provenance,
     ) -> Result<(), StoreError> {
         self.write(|transaction| {
@@ -51,8 +51,9 @@ impl Store {
                 "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
                  VALUES (?1, (SELECT next_checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
             )?;
-            for (place, embedding) in (place..).zip(embeddings) {
-                statement.execute(params![number, clamped(place), numbers_to_blob(embedding)])?;
+            for (place, trials) in (place..).zip(embeddings) {
+                let embeddings = numbers_to_blob(&trials.concat());
+                statement.execute(params![number, clamped(place), embeddings])?;
             }
             add_provenance(transaction, number, (ResultKind::Embedding, place), provenance)
         })
@@ -98,11 +99,16 @@ impl Store {
         })
     }
 
-    /// The embeddings by the next checkpoint, from that of individual 0 on, as far as there are any.
+    /// The embeddings by the next checkpoint, of `dimensions` numbers each, from that of individual 0 on, as far as there are
+    /// any: means over trials.
     ///
     /// # Errors
     /// If they cannot be read.
-    pub fn next_embeddings(&self, campaign: &CampaignId) -> Result<Vec<Vec<f32>>, StoreError> {
+    pub fn next_embeddings(
+        &self,
+        campaign: &CampaignId,
+        dimensions: usize,
+    ) -> Result<Vec<Vec<f32>>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare(
@@ -110,7 +116,9 @@ impl Store {
                     AND checkpoint = (SELECT next_checkpoint FROM campaigns WHERE number = ?1) ORDER BY place",
             )?;
             let rows = statement.query_map([number], |row| row.get::<_, Vec<u8>>(0))?;
-            rows.map(|blob| Ok(super::numbers::blob_to_numbers(&blob?))).collect()
+            let mean = |trials: Vec<f32>| mean_embedding(trials.chunks(dimensions.max(1)));
+            rows.map(|blob| Ok(mean(super::numbers::blob_to_numbers(&blob?))))
+                .collect()
         })
     }
 }

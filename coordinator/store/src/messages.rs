@@ -1,19 +1,28 @@
 //! What is stored, as the messages that carry it.
 
-use crate::{ArchivedIndividual, CheckpointRecord, GenerationRecord};
-use murmuration_proto::v1;
+use crate::{ArchivedIndividual, CheckpointRecord, GenerationRecord, Trial};
+use murmuration_proto::{Starts, v1};
 
 impl From<ArchivedIndividual> for v1::Individual {
     fn from(individual: ArchivedIndividual) -> Self {
+        let starts = individual.trials.len();
+        let seeds = Starts::new("trials", starts as u32).unwrap_or_default();
+        let trial = |(seed, trial): (u64, &Trial)| v1::Trial {
+            seed,
+            features: trial.features.to_vec(),
+            embedding: trial.embedding.clone(),
+        };
+        let trials = seeds.seeds(individual.seed).zip(&individual.trials);
         Self {
             index: individual.index,
             generation: individual.generation,
             controller: individual.controller.genes().to_vec(),
             seed: individual.seed,
-            features: individual.features.to_vec(),
-            image: individual.image,
+            features: individual.features().to_vec(),
             novelty: individual.novelty,
-            embedding: individual.embedding,
+            embedding: individual.embedding(),
+            trials: trials.filter(|_| starts > 1).map(trial).collect(),
+            image: individual.into_image(),
         }
     }
 }

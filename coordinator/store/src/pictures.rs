@@ -69,7 +69,7 @@ impl Store {
     ) -> Result<Picture, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let mut images = Decompressor::of(connection, number)?;
+            let mut images = Decompressor::of_dataset(connection, number)?;
             let damaged = |what: &dyn std::fmt::Display| {
                 StoreError::damaged(format!("picture {place} of {campaign}: {what}"))
             };
@@ -110,7 +110,7 @@ impl Store {
                 "SELECT place, image FROM pictures WHERE campaign = ?1 AND place >= ?2 AND place < ?3 ORDER BY place",
             )?;
             let bounds = params![number, clamped(range.start), clamped(range.end)];
-            let mut decompressor = Decompressor::of(connection, number)?;
+            let mut decompressor = Decompressor::of_dataset(connection, number)?;
             let mut rows = statement.query(bounds)?;
             let mut images = Vec::new();
             while let Some(row) = rows.next()? {

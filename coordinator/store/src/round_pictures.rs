@@ -87,7 +87,7 @@ impl Store {
         match picture {
             RoundPicture::Individual(index) => {
                 let individual = self.individual(&record.id, model, index)?;
-                Ok(individual.image.unwrap_or_default())
+                Ok(individual.into_image().unwrap_or_default())
             }
             RoundPicture::Further(place) => Ok(self.picture(&record.id, model, place)?.image),
         }

@@ -91,7 +91,7 @@ impl Store {
         let individuals = self.individuals(&record.id, record.spec.model(), range, true)?;
         Ok(individuals
             .into_iter()
-            .flat_map(|individual| individual.image.unwrap_or_default())
+            .flat_map(|individual| individual.into_image().unwrap_or_default())
             .collect())
     }
 }

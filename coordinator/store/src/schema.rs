@@ -5,7 +5,7 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// The first version that is still opened; databases of lower ones were made before any release.
-const FIRST: u32 = 15;
+const FIRST: u32 = 16;
 
 /// The tables of version [`FIRST`]. Never edited once released.
 const TABLES: &str = "
@@ -74,7 +74,8 @@ const TABLES: &str = "
         medoids BLOB NOT NULL,
         clusters BLOB NOT NULL,
         loss REAL NOT NULL,
-        measures BLOB NOT NULL
+        measures BLOB NOT NULL,
+        robust_trials BLOB NOT NULL
     ) STRICT;
     CREATE TABLE pictures (
         campaign INTEGER NOT NULL REFERENCES campaigns (number),

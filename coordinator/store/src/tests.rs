@@ -27,9 +27,15 @@ fn individual(index: u64) -> ArchivedIndividual {
         generation: (index / 2) as u32,
         controller: Controller::new(MODEL, &[0.1, -0.2, 0.3, (index % 10) as f64 / 10.0]).unwrap(),
         seed: u64::MAX - index,
-        features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
-        embedding: Vec::new(),
+        trials: vec![trial(index, Vec::new())],
         novelty: 0.1 * index as f64,
+    }
+}
+
+fn trial(index: u64, embedding: Vec<f32>) -> Trial {
+    Trial {
+        features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
+        embedding,
         image: Some(vec![index as u8; 2500]),
     }
 }
@@ -72,10 +78,8 @@ fn embedded() -> (tempfile::TempDir, Store, CampaignId, [CheckpointDigest; 2]) {
         .unwrap();
     store.switch(&id, &unchanged(&[])).unwrap();
     let record = GenerationRecord::of(0, &[0.1, 0.2], 0);
-    let individuals = [0, 1].map(|index| ArchivedIndividual {
-        embedding: vec![index as f32, -0.5],
-        ..individual(index)
-    });
+    let individuals =
+        [0, 1].map(|index| individual(index).with_trial(trial(index, vec![index as f32, -0.5])));
     store
         .commit_generation(&id, &record, &individuals, &Provenance::default())
         .unwrap();
@@ -122,7 +126,7 @@ fn a_committed_generation_reads_back_to_the_bit() {
     commit(&store, &id, 1).unwrap();
     let read = store.individuals(&id, &MODEL.into(), 1..100, true).unwrap();
     assert_eq!(read, [individual(1), individual(2), individual(3)]);
-    assert!(read[0].features[2].is_sign_negative());
+    assert!(read[0].features()[2].is_sign_negative());
     assert_eq!(store.generations(&id).unwrap().len(), 2);
     let record = store.campaign("latest").unwrap();
     assert_eq!(
@@ -153,6 +157,33 @@ fn a_generation_is_committed_whole_or_not_at_all() {
 }
 
 #[test]
+fn every_trial_of_an_individual_comes_back_to_the_bit() {
+    let (_folder, store) = open();
+    let spec = CampaignSpec::from_toml(&format!(
+        "{}[evaluation]\nstarts = 3",
+        spec().to_toml().replace("[evaluation]\nstarts = 1\n", "")
+    ))
+    .unwrap();
+    let id = store.create_campaign(&spec, Weight::default(), 0).unwrap();
+    let individuals = [0, 1].map(|index| ArchivedIndividual {
+        trials: [7, 8, 9].map(|other| trial(index * other, Vec::new())).into(),
+        ..individual(index)
+    });
+    let record = GenerationRecord::of(0, &[0.1, 0.1], 0);
+    store
+        .commit_generation(&id, &record, &individuals, &Provenance::default())
+        .unwrap();
+    assert_eq!(
+        store.individuals(&id, spec.model(), 0..2, true).unwrap(),
+        individuals
+    );
+    let without = store.individuals(&id, spec.model(), 1..2, false).unwrap();
+    assert_eq!(without[0].trials.len(), 3);
+    assert!(without[0].trials.iter().all(|trial| trial.image.is_none()));
+    assert_eq!(individuals[1].features()[0], 8.0);
+}
+
+#[test]
 fn a_taxonomy_completes_its_campaign() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
@@ -167,12 +198,13 @@ fn a_taxonomy_completes_its_campaign() {
         mean_distance,
         novelty,
     });
-    store.complete(&id, &clustering, &measures).unwrap();
+    store.complete(&id, &clustering, &measures, &[3, 0]).unwrap();
     let stored = StoredTaxonomy {
         medoids: vec![1, 0],
         clusters: vec![1, 0],
         loss: 0.5,
         measures: measures.into(),
+        robust_trials: vec![3, 0],
     };
     assert_eq!(store.taxonomy(&id).unwrap(), Some(stored));
     assert_eq!(

@@ -41,6 +41,7 @@ pub(super) async fn page(
                     option value="class" { "class" }
                     option value="cluster" { "cluster" }
                     option value="generation" { "generation" }
+                    option value="robustness" disabled { "robustness" }
                 } }
             }
         }
@@ -78,6 +79,7 @@ pub(super) async fn page(
 pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let (individuals, population) = (record.individuals(), record.spec.search().population());
+    let starts = record.spec.starts().get();
     let queries = web.labels.queries;
     let clustered = blocking(move || queries.clusters(&record)).await.or_status()?;
     let clustered = clustered.or_status()?;
@@ -90,6 +92,8 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
         "final": clustered.is_taxonomy,
         "archive_version": clustered.space.archive_version.to_string(),
         "medoids": medoids,
+        "starts": starts,
+        "robust": column(clustered.robust_trials.iter().map(|&robust| [robust])),
         "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
         "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
     })))

@@ -289,7 +289,7 @@ pub(super) async fn image(
     let shape = record.spec.image().shape();
     let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
-    let pixels = individual.image.ok_or(PageError::NoPage)?;
+    let pixels = individual.into_image().ok_or(PageError::NoPage)?;
     let file = image_png(&pixels, shape, SCALE)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))
 }

@@ -13,10 +13,7 @@ use axum::{
     response::IntoResponse,
 };
 use maud::{Markup, html};
-use murmuration_engine::{
-    blocking::blocking,
-    taxonomy::{Medoid, Taxonomy},
-};
+use murmuration_engine::{blocking::blocking, taxonomy::Taxonomy};
 use murmuration_model::{
     CampaignRecord,
     labels::{GivenClass, Labels},
@@ -69,8 +66,8 @@ pub(super) async fn page(
                 (parts::who())
                 datalist #names { @for class in labels.classes() { option value=(class.name) {} } }
                 ul.medoids {
-                    @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
-                        li { (card(&record, place, medoid, taxonomy.clusters.len(), &names)) }
+                    @for place in 0..taxonomy.medoids.len() {
+                        li { (card(&record, place, taxonomy, &names)) }
                     }
                 }
                 (parts::status_line())
@@ -89,11 +86,12 @@ pub(super) async fn page(
 fn card(
     record: &CampaignRecord,
     place: usize,
-    medoid: &Medoid,
-    individuals: usize,
+    taxonomy: &Taxonomy,
     names: &BTreeMap<u64, GivenClass>,
 ) -> Markup {
+    let (medoid, individuals) = (&taxonomy.medoids[place], taxonomy.clusters.len());
     let index = medoid.individual.index;
+    let robust = taxonomy.robust_trials.get(index as usize);
     let share = medoid.cluster_size as f64 / individuals.max(1) as f64;
     let number = place + 1;
     let given = names.get(&index);
@@ -124,6 +122,12 @@ fn card(
                 div { dt { "Individual" } dd { (grouped(index)) } }
                 div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
                 div { dt { "Novelty" } dd { (format!("{:.4}", medoid.novelty)) } }
+                @if let Some(robust) = robust {
+                    div title="Trials of this individual that are nearer to this behaviour than to any other on this page" {
+                        dt { "Robustness" }
+                        dd { (robust) " of " (record.spec.starts().get()) " starts" }
+                    }
+                }
             }
             code { (medoid.individual.controller) }
         }

@@ -1,6 +1,6 @@
 //! The robots of a campaign, and the world that they are in.
 
-use crate::{CapabilityModel, Invalid, World, robot, v1, world};
+use crate::{CapabilityModel, Drive, Invalid, World, robot, v1, world};
 use std::f64::consts::PI;
 
 /// The name of a campaign that has none.
@@ -30,10 +30,24 @@ pub(super) fn swarm(message: &v1::CampaignSpec) -> Result<(CapabilityModel, Worl
             _ => world_message.agents = Some(robots),
         }
     }
-    Ok((
-        model,
-        World::try_from(world_message).map_err(|error| error.within("world"))?,
-    ))
+    let world = World::try_from(world_message).map_err(|error| error.within("world"))?;
+    check_step(&model, &world)?;
+    Ok((model, world))
+}
+
+/// Checks that no robot drives farther in a step than the longest world is wide.
+fn check_step(model: &CapabilityModel, world: &World) -> Result<(), Invalid> {
+    let drives = model.species().iter().map(|species| species.robot().drive());
+    let fastest = drives.map(Drive::top_speed).fold(0.0, f64::max) * world.noise().largest_factor();
+    if fastest * world.dt() <= World::MAX_SIDE {
+        return Ok(());
+    }
+    let allowed = format!(
+        "at most {:e}: robots drive up to {fastest:e} world units a unit of time, and may drive {} in a step",
+        World::MAX_SIDE / fastest,
+        World::MAX_SIDE
+    );
+    Err(Invalid::new("world.dt", world.dt(), allowed))
 }
 
 fn capability_model(

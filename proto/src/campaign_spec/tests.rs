@@ -212,3 +212,58 @@ proptest! {
         let _ = CampaignSpec::from_toml(&text);
     }
 }
+
+#[test]
+fn no_robot_leaps() {
+    let spec = |text: &str| CampaignSpec::from_toml(&format!("method = \"random\"\n{text}"));
+    let refused =
+        spec("[robot]\nsensors = [{}]\nmax_speed = 1000.0\nwheel_radius = 1000.0\n[world]\ndt = 1000.0");
+    assert_eq!(
+        refused.unwrap_err().to_string(),
+        "world.dt = 1000: must be at most 1e-2: robots drive up to 1e6 world units a unit of time, and may drive 10000 in a step"
+    );
+    let refused = spec("[robot]\nsensors = [{}]\nradius = 1e-300")
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        refused,
+        "robot.radius = 1e-300: must be a number from 0.001 to 1000"
+    );
+    spec("[robot]\nsensors = [{}]\nmax_speed = 1000.0\nradius = 0.001").unwrap();
+}
+
+#[test]
+fn several_starts_are_refused_where_they_would_be_alike_or_too_many() {
+    let spec = |text: &str| {
+        let text = format!("model = \"single-sensor\"\nmethod = \"random\"\n{text}");
+        CampaignSpec::from_toml(&text).map_err(|error| error.to_string())
+    };
+    assert_eq!(spec("").unwrap().starts(), Starts::ONE);
+    let four = spec("[evaluation]\nstarts = 4").unwrap();
+    assert_eq!((four.starts().get(), four.individual_bytes()), (4, 10_000));
+    assert_eq!(CampaignSpec::from_toml(&four.to_toml()).unwrap(), four);
+
+    let refused = spec("[evaluation]\nstarts = 17").unwrap_err();
+    assert_eq!(
+        refused,
+        "evaluation.starts = 17: must be a whole number from 1 to 16"
+    );
+    let posed = "agents = 1\n[world.start]\nshape = \"poses\"\nposes = [[100.0, 100.0, 0.0]]\n[evaluation]\nstarts = 4";
+    let refused = spec(&format!("[world]\n{posed}")).unwrap_err();
+    assert!(
+        refused.starts_with("evaluation.starts = 4: must be 1: all trials would be alike"),
+        "{refused}"
+    );
+    spec(&format!("[world]\nnoise.slip = 0.1\n{posed}")).unwrap();
+    let refused = spec("[image]\nresolution = 400\n[evaluation]\nstarts = 8").unwrap_err();
+    assert!(
+        refused.starts_with("evaluation.starts = 8: must be at most 6 where image.resolution = 400"),
+        "{refused}"
+    );
+    let refused =
+        spec("[search]\npopulation = 1000\ngenerations = 1000\n[evaluation]\nstarts = 11").unwrap_err();
+    assert!(
+        refused.starts_with("evaluation.starts = 11: must be at most 10 for 1000000 evaluations"),
+        "{refused}"
+    );
+}

@@ -41,7 +41,7 @@ fn a_robot_has_one_to_six_sensors_and_a_body() {
     refused(robot(7), "sensors = 7 sensors: must be 1 to 6 sensors");
     refused(robot(0), "sensors = 0 sensors: must be 1 to 6 sensors");
     let flat = Robot::new(vec![sensor(plain()).unwrap()], 0.0, wheels());
-    refused(flat, "radius = 0: must be a number over 0 and at most 1000");
+    refused(flat, "radius = 0: must be a number from 0.001 to 1000");
 }
 
 #[test]

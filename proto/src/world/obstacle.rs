@@ -21,6 +21,9 @@ pub enum Obstacle {
     },
 }
 
+/// Places along a side that are tried when room is looked for: finer gaps than that are no arena.
+const TRIED: u32 = 256;
+
 impl Obstacle {
     /// Maximum number of obstacles in a world.
     pub const MAX_COUNT: usize = 100;
@@ -131,6 +134,17 @@ pub(super) fn obstacles(messages: Vec<v1::Obstacle>, sides: [f64; 2]) -> Result<
         Obstacle::in_world(message, sides).map_err(|error| error.within(&format!("obstacles[{i}]")))
     };
     messages.into_iter().enumerate().map(read).collect()
+}
+
+/// Whether a body of this radius fits between obstacles somewhere, with its centre at least `margin` from the edges of a world of
+/// these sides: tried on a grid of [`TRIED`] by as many places.
+pub(super) fn leave_room(obstacles: &[Obstacle], sides: [f64; 2], (radius, margin): (f64, f64)) -> bool {
+    let place = |axis: usize, k: u32| {
+        let share = (f64::from(k) + 0.5) / f64::from(TRIED);
+        margin + share * (sides[axis] - 2.0 * margin)
+    };
+    let mut places = (0..TRIED).flat_map(|i| (0..TRIED).map(move |j| [place(0, i), place(1, j)]));
+    obstacles.is_empty() || places.any(|at| obstacles.iter().all(|obstacle| obstacle.distance(at) >= radius))
 }
 
 fn length([x, y]: [f64; 2]) -> f64 {

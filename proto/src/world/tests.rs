@@ -150,6 +150,16 @@ fn obstacles_are_read_and_written() {
         "world.obstacles[2].radius = 360: must be small enough",
     );
     refused("{ x = 9, y = 9, size = 3 }", "unknown field `size`");
+    let halves = |x: f64| {
+        format!(
+            "{{ x = 120, y = 250, width = 240, height = 500 }}, {{ x = {x:?}, y = 250, width = 252, height = 500 }}"
+        )
+    };
+    refused(
+        &halves(374.0),
+        "world.obstacles = 4 obstacles: must be such that a robot fits",
+    );
+    of(&halves(386.0)).unwrap();
     let many = vec![disc; 101].join(", ");
     assert!(
         of(&many)

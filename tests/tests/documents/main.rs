@@ -3,6 +3,7 @@
 mod arrows;
 mod commands;
 mod features;
+mod fields;
 mod help;
 mod map;
 mod options;
@@ -27,6 +28,7 @@ fn main() -> ExitCode {
         test!(references::links_and_paths_lead_somewhere),
         test!(references::commands_that_are_mentioned_exist),
         test!(pages::every_block_says_what_it_is),
+        test!(fields::every_field_of_a_campaign_file_is_in_a_table),
         test!(robots::every_drawing_is_of_the_description_above_it),
         test!(help::prose_flows_to_the_width_of_the_terminal),
         test!(help::what_every_command_has_stands_after_its_own_options),

@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Controller, Purpose, RandomStream, parts::whole, v1};
-use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store};
+use murmuration_store::{ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, Trial};
 use murmuration_tests::{ProcessClient, ProcessCluster};
 use std::{
     path::Path,
@@ -199,7 +199,10 @@ fn unclustered(data: &Path) -> String {
     let individuals: Vec<_> = (0..u64::from(CLUSTERED))
         .map(|index| ArchivedIndividual {
             seed: index,
-            features: std::array::from_fn(|_| dice.unit()),
+            trials: vec![Trial {
+                features: std::array::from_fn(|_| dice.unit()),
+                ..Trial::default()
+            }],
             novelty: 0.5,
             ..ArchivedIndividual::unmeasured(index, 0, Controller::new(spec.model(), &[0.0; 4]).unwrap())
         })

@@ -1,6 +1,6 @@
 //! Latent campaigns: the same outcome on every cluster, and never two behaviour spaces in one archive.
 
-use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_proto::{CampaignSpec, v1};
 use murmuration_tests::{Cluster, small_latent_spec};
 use tonic::Code;
 
@@ -11,35 +11,6 @@ async fn run(cluster: &mut Cluster, spec: &CampaignSpec) -> (String, v1::Campaig
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let digest = cluster.digest(&id).await;
     (id, last, digest)
-}
-
-async fn archive(cluster: &mut Cluster, campaign: &str) -> Vec<v1::Individual> {
-    let request = v1::GetArchiveRequest {
-        campaign: campaign.to_owned(),
-        images: true,
-    };
-    let mut chunks = cluster.client.get_archive(request).await.unwrap().into_inner();
-    let mut individuals = Vec::new();
-    while let Some(chunk) = chunks.message().await.unwrap() {
-        individuals.extend(chunk.individuals);
-    }
-    individuals
-}
-
-async fn taxonomy(cluster: &mut Cluster, campaign: &str) -> v1::Taxonomy {
-    let request = v1::GetTaxonomyRequest {
-        campaign: campaign.to_owned(),
-    };
-    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
-    whole(taxonomy.into_inner()).await.unwrap()
-}
-
-async fn adopt(cluster: &mut Cluster, campaign: &str, checkpoint: &str) -> Result<(), tonic::Status> {
-    let request = v1::AdoptCheckpointRequest {
-        campaign: campaign.to_owned(),
-        checkpoint: checkpoint.to_owned(),
-    };
-    cluster.client.adopt_checkpoint(request).await.map(drop)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -73,7 +44,7 @@ async fn every_individual_is_embedded_and_novelty_is_measured_there() {
         };
         let (id, last, _) = run(&mut cluster, &spec).await;
         assert_eq!(last.checkpoint.len(), 64);
-        let individuals = archive(&mut cluster, &id).await;
+        let individuals = cluster.archive(&id).await;
         assert_eq!(individuals.len(), 100);
         assert!(
             individuals
@@ -118,19 +89,16 @@ async fn there_and_back_to_a_checkpoint_is_where_it_was() {
     let mut cluster = Cluster::start(folder.path(), 2).await;
     let (_, other, _) = run(&mut cluster, &untrained(&small_latent_spec("").to_toml())).await;
     let (id, first, digest) = run(&mut cluster, &small_latent_spec("")).await;
-    let (individuals, clusters) = (
-        archive(&mut cluster, &id).await,
-        taxonomy(&mut cluster, &id).await,
-    );
+    let (individuals, clusters) = (cluster.archive(&id).await, cluster.taxonomy(&id).await);
 
-    adopt(&mut cluster, &id, &other.checkpoint).await.unwrap();
+    cluster.adopt(&id, &other.checkpoint).await.unwrap();
     let moved = cluster.finish(&id).await;
     assert_eq!(moved.state(), v1::CampaignState::Completed, "{}", moved.error);
     assert_eq!(
         (moved.checkpoint, moved.next_checkpoint.as_str()),
         (other.checkpoint, "")
     );
-    let there = archive(&mut cluster, &id).await;
+    let there = cluster.archive(&id).await;
     for (before, after) in individuals.iter().zip(&there) {
         assert_eq!(
             (&before.controller, &before.image),
@@ -138,12 +106,12 @@ async fn there_and_back_to_a_checkpoint_is_where_it_was() {
         );
         assert!(before.embedding != after.embedding && before.novelty != after.novelty);
     }
-    assert_ne!(taxonomy(&mut cluster, &id).await, clusters);
+    assert_ne!(cluster.taxonomy(&id).await, clusters);
 
-    adopt(&mut cluster, &id, &first.checkpoint).await.unwrap();
+    cluster.adopt(&id, &first.checkpoint).await.unwrap();
     cluster.finish(&id).await;
-    assert_eq!(archive(&mut cluster, &id).await, individuals);
-    assert_eq!(taxonomy(&mut cluster, &id).await, clusters);
+    assert_eq!(cluster.archive(&id).await, individuals);
+    assert_eq!(cluster.taxonomy(&id).await, clusters);
     assert_eq!(cluster.digest(&id).await, digest);
     cluster.stop().await;
 }
@@ -180,17 +148,15 @@ async fn a_checkpoint_that_does_not_suit_is_refused_and_nothing_changes() {
     let (id, first, digest) = run(&mut cluster, &small_latent_spec("")).await;
     let smaller = small_latent_spec("[image]\nresolution = 40");
     let (other, small, _) = run(&mut cluster, &smaller).await;
-    let refused = adopt(&mut cluster, &id, &small.checkpoint).await.unwrap_err();
+    let refused = cluster.adopt(&id, &small.checkpoint).await.unwrap_err();
     assert!(
         refused.message().contains("embeds pictures of 40 x 40"),
         "{refused}"
     );
-    let refused = adopt(&mut cluster, &other, &"0".repeat(64)).await.unwrap_err();
+    let refused = cluster.adopt(&other, &"0".repeat(64)).await.unwrap_err();
     assert_eq!(refused.code(), Code::NotFound, "{refused}");
     let (features, _, _) = run(&mut cluster, &murmuration_tests::small_spec("")).await;
-    let refused = adopt(&mut cluster, &features, &first.checkpoint)
-        .await
-        .unwrap_err();
+    let refused = cluster.adopt(&features, &first.checkpoint).await.unwrap_err();
     assert_eq!(refused.code(), Code::FailedPrecondition, "{refused}");
     assert!(refused.message().contains("hand-crafted"), "{refused}");
     assert_eq!(cluster.digest(&id).await, digest);

@@ -18,5 +18,6 @@ mod playing;
 mod search;
 mod security;
 mod stages;
+mod trials;
 mod web;
 mod wire;

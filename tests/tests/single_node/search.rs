@@ -86,19 +86,6 @@ async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
     cluster.stop().await;
 }
 
-async fn archive(cluster: &mut Cluster, campaign: &str) -> Vec<v1::Individual> {
-    let request = v1::GetArchiveRequest {
-        campaign: campaign.to_owned(),
-        images: true,
-    };
-    let mut chunks = cluster.client.get_archive(request).await.unwrap().into_inner();
-    let mut archive = Vec::new();
-    while let Some(chunk) = chunks.message().await.unwrap() {
-        archive.extend(chunk.individuals);
-    }
-    archive
-}
-
 #[tokio::test(flavor = "multi_thread")]
 async fn pause_resume_and_cancel_keep_the_archive() {
     let folder = tempfile::tempdir().unwrap();
@@ -120,7 +107,7 @@ async fn pause_resume_and_cancel_keep_the_archive() {
         (paused.state(), paused.active),
         (v1::CampaignState::Paused, false)
     );
-    let at_pause = archive(&mut cluster, &campaign).await;
+    let at_pause = cluster.archive(&campaign).await;
     assert_eq!(at_pause.len(), 20 * paused.generations_done as usize);
     assert!(paused.generations_done > 2);
     let error = cluster.client.pause_campaign(pause()).await.unwrap_err();
@@ -143,7 +130,7 @@ async fn pause_resume_and_cancel_keep_the_archive() {
     );
     in_the_middle(&mut cluster, &campaign, paused.generations_done).await;
     cluster.client.cancel_campaign(cancel()).await.unwrap();
-    let at_cancel = archive(&mut cluster, &campaign).await;
+    let at_cancel = cluster.archive(&campaign).await;
     assert!(at_cancel.len() > at_pause.len() && at_cancel.starts_with(&at_pause));
     let error = cluster.client.resume_campaign(resume()).await.unwrap_err();
     assert_eq!(
@@ -153,7 +140,7 @@ async fn pause_resume_and_cancel_keep_the_archive() {
     cluster.stop().await;
 
     let mut cluster = Cluster::start(folder.path(), 1).await;
-    assert!(archive(&mut cluster, &campaign).await == at_cancel);
+    assert!(cluster.archive(&campaign).await == at_cancel);
     cluster.stop().await;
 }
 
@@ -164,7 +151,7 @@ async fn the_archive_the_taxonomy_and_the_replays_fit_together() {
     let campaign = cluster.create(&small_spec("")).await;
     cluster.finish(&campaign).await;
 
-    let archive = archive(&mut cluster, &campaign).await;
+    let archive = cluster.archive(&campaign).await;
     assert_eq!(archive.len(), 100);
     assert!(
         archive
@@ -173,11 +160,7 @@ async fn the_archive_the_taxonomy_and_the_replays_fit_together() {
             .all(|(i, individual)| individual.index == i as u64)
     );
 
-    let request = v1::GetTaxonomyRequest {
-        campaign: campaign.clone(),
-    };
-    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
-    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    let taxonomy = cluster.taxonomy(&campaign).await;
     assert_eq!((taxonomy.medoids.len(), taxonomy.clusters.len()), (4, 100));
     assert_eq!(
         taxonomy

@@ -123,7 +123,7 @@ fn an_error_names_the_key() {
     );
     check(
         json!({"agent_radius": -1}),
-        "agent_radius = -1: must be a number over 0 and at most 1000",
+        "agent_radius = -1: must be a number from 0.001 to 1000",
     );
     check(json!({"steps": 1.5}), "steps = 1.5: must be a whole number");
     check(

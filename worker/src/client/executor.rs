@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{evaluate::Evaluator, replay::replay_frames, simulate::Start};
 use murmuration_embed::{EmbedError, Embedder, Embedders};
-use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, World, v1};
+use murmuration_proto::{CheckpointDigest, Controller, Evaluation, ImageFormat, Invalid, Starts, World, v1};
 use std::sync::Arc;
 
 pub(super) struct Executor {
@@ -56,16 +56,19 @@ impl Executor {
             Work::Evaluations {
                 world,
                 image,
+                starts,
                 tasks,
                 checkpoint,
             } => {
-                let evaluations = self.evaluate(world, image, &tasks)?;
+                let evaluations = self.evaluate(world, image, starts, &tasks)?;
                 Outcome::Evaluations(match checkpoint {
                     Some(checkpoint) => embedded(self.embedder(checkpoint, id)?, evaluations)?,
                     None => evaluations,
                 })
             }
-            Work::Embeddings { checkpoint, images } => {
+            Work::Embeddings {
+                checkpoint, images, ..
+            } => {
                 let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
                 Outcome::Embeddings(self.embedder(checkpoint, id)?.embed(&images)?)
             }
@@ -78,10 +81,12 @@ impl Executor {
         })
     }
 
+    /// One evaluation a trial; the trials of a task are adjacent.
     fn evaluate(
         &mut self,
         world: World,
         image: ImageFormat,
+        starts: Starts,
         tasks: &[(Controller, u64)],
     ) -> Result<Vec<Evaluation>, Invalid> {
         let fitting = self
@@ -93,8 +98,11 @@ impl Executor {
             None => (world.clone(), image, Evaluator::new(&world, &image)?),
         };
         let evaluator = &mut self.evaluator.insert(entry).2;
-        let task = |(controller, seed): &(Controller, u64)| (controller.clone(), Start::seeded(*seed));
-        evaluator.evaluate_all(&tasks.iter().map(task).collect::<Vec<_>>())
+        let trials = |(controller, seed): &(Controller, u64)| -> Vec<_> {
+            let trial = |seed| (controller.clone(), Start::seeded(seed));
+            starts.seeds(*seed).map(trial).collect()
+        };
+        evaluator.evaluate_all(&tasks.iter().flat_map(trials).collect::<Vec<_>>())
     }
 
     fn embedder(

@@ -1,8 +1,8 @@
 //! A validated lease, and its outcome.
 
 use murmuration_proto::{
-    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, World,
-    v1,
+    CapabilityModel, CheckpointDigest, Controller, Evaluation, Frames, ImageFormat, Invalid, Replay, Starts,
+    World, v1,
 };
 
 /// Maximum number of tasks or pictures in one batch.
@@ -24,12 +24,17 @@ pub(super) enum Work {
     Evaluations {
         world: World,
         image: ImageFormat,
+        /// Trials of each task.
+        starts: Starts,
+        /// Controllers, and the seeds of their first starts.
         tasks: Vec<(Controller, u64)>,
         /// The checkpoint to embed the pictures with, if any.
         checkpoint: Option<CheckpointDigest>,
     },
     Embeddings {
         checkpoint: CheckpointDigest,
+        /// Pictures of each task.
+        starts: Starts,
         images: Vec<Vec<u8>>,
     },
     Replay {
@@ -45,7 +50,7 @@ impl Work {
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Evaluations { tasks, .. } => tasks.len(),
-            Self::Embeddings { images, .. } => images.len(),
+            Self::Embeddings { images, starts, .. } => images.len() / starts.get(),
             Self::Replay { .. } => 1,
         }
     }
@@ -149,15 +154,22 @@ fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {
     Ok(Work::Evaluations {
         image: ImageFormat::for_swarm(batch.image.unwrap_or_default(), &world, &model)?,
         world,
+        starts: Starts::new("starts", batch.starts)?,
         tasks,
         checkpoint,
     })
 }
 
 fn embeddings(batch: v1::EmbeddingBatch) -> Result<Work, Invalid> {
-    check_number("images", batch.images.len())?;
+    let starts = Starts::new("starts", batch.starts)?;
+    if !batch.images.len().is_multiple_of(starts.get()) {
+        let allowed = format!("{} for each task", starts.get());
+        return Err(Invalid::new("images", batch.images.len(), allowed));
+    }
+    check_number("images", batch.images.len() / starts.get())?;
     Ok(Work::Embeddings {
         checkpoint: batch.checkpoint.parse()?,
+        starts,
         images: batch.images,
     })
 }
@@ -214,6 +226,7 @@ mod tests {
         v1::lease::Work::Embeddings(v1::EmbeddingBatch {
             checkpoint: checkpoint.to_owned(),
             images: vec![vec![0; 4]; images],
+            starts: 1,
         })
     }
 
@@ -226,6 +239,7 @@ mod tests {
             model: Some((&CapabilityModel::from(Preset::SingleSensor)).into()),
             tasks: vec![task; 3],
             checkpoint: checkpoint.to_owned(),
+            starts: 2,
             ..v1::EvaluationBatch::default()
         })
     }
@@ -280,6 +294,18 @@ mod tests {
             "images = 0 images: must be from 1 to 4096",
         );
         check_refused(embedding_batch(&digest, 4097), "4097 images");
+        let without_starts = v1::lease::Work::Embeddings(v1::EmbeddingBatch {
+            checkpoint: digest.clone(),
+            images: vec![vec![0; 4]],
+            starts: 0,
+        });
+        check_refused(without_starts, "starts = 0: must be a whole number from 1 to 16");
+        let odd = v1::lease::Work::Embeddings(v1::EmbeddingBatch {
+            checkpoint: digest.clone(),
+            images: vec![vec![0; 4]; 3],
+            starts: 2,
+        });
+        check_refused(odd, "images = 3: must be 2 for each task");
         check_refused(evaluation_batch("compact"), "checkpoint = \"compact\"");
         check_refused(replay_task(0), "stride = 0: must be 1 or more");
         check_refused(replay_task(1), "1201 frames of 10000 agents are 12010000 poses");

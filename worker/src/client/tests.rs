@@ -8,7 +8,7 @@ use super::{
 };
 use murmuration_link::{Address, Credentials, Role};
 use murmuration_proto::{
-    CheckpointDigest, Controller, EmbeddingKind, ImageFormat, Preset, World,
+    CheckpointDigest, Controller, EmbeddingKind, ImageFormat, Preset, Starts, World,
     v1::{
         self,
         checkpoint_service_server::{CheckpointService, CheckpointServiceServer},
@@ -138,6 +138,7 @@ impl Worker {
 
 fn pictures(checkpoint: CheckpointDigest) -> Work {
     Work::Embeddings {
+        starts: Starts::ONE,
         checkpoint,
         images: (0..40).map(|grey| vec![grey; 96]).collect(),
     }
@@ -176,6 +177,7 @@ async fn a_checkpoint_of_pictures_of_another_size_fails_for_good() {
     });
     let world = world.unwrap();
     let work = Work::Evaluations {
+        starts: Starts::ONE,
         image: ImageFormat::default(),
         world,
         tasks: vec![(

@@ -4,7 +4,7 @@ use super::{CampaignError, metrics::CampaignMetrics};
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::{Dispatch, Trainers};
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef, RunId};
-use murmuration_proto::ImageFormat;
+use murmuration_proto::{CampaignSpec, ImageFormat};
 use murmuration_store::{Store, checkpoints::Checkpoints};
 
 /// What the stages of a campaign work with.
@@ -46,6 +46,11 @@ const PICTURE_BYTES: usize = 256 << 20;
 /// Pictures that a stage handles at a time: `most`, or as many as fit.
 pub(super) fn pictures_at_once(image: &ImageFormat, most: usize) -> usize {
     (PICTURE_BYTES / image.bytes()).clamp(1, most)
+}
+
+/// Individuals whose pictures a stage handles at a time: `most`, or as many as fit.
+pub(super) fn individuals_at_once(spec: &CampaignSpec, most: usize) -> usize {
+    (PICTURE_BYTES / spec.individual_bytes()).clamp(1, most)
 }
 
 /// How a stage ended.

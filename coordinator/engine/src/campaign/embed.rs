@@ -3,7 +3,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, pictures_at_once},
+    context::{Outcome, StageContext, individuals_at_once},
     run_handle::RunHandle,
 };
 use crate::blocking::blocking;
@@ -14,7 +14,7 @@ use murmuration_search::{
     interrupt::Interrupt,
     novelty::{Behaviours, Index},
 };
-use murmuration_store::{GenerationRecord, Provenance, Store, Switch};
+use murmuration_store::{ArchivedIndividual, GenerationRecord, Provenance, Store, Switch};
 
 /// Pictures embedded and committed together, where so many fit.
 const CHUNK: usize = 2048;
@@ -41,7 +41,7 @@ pub(super) async fn embed(
         return Ok(Outcome::Done);
     };
     let embedder = context.checkpoints.embedder(checkpoint, spec.image()).await?;
-    let at_once = pictures_at_once(spec.image(), CHUNK) as u64;
+    let at_once = individuals_at_once(&spec, CHUNK) as u64;
     loop {
         let (store, of, model) = (context.store.clone(), id.clone(), spec.model().clone());
         let range = embedded..embedded + at_once;
@@ -51,12 +51,13 @@ pub(super) async fn embed(
         }
         let images = individuals
             .into_iter()
-            .map(|individual| individual.image.unwrap_or_default())
+            .map(ArchivedIndividual::into_images)
             .collect();
         let job = EmbeddingJob {
             campaign: id.clone(),
             weight,
             embedder,
+            starts: spec.starts(),
             images,
         };
         let Some(embeddings) = handle
@@ -95,7 +96,7 @@ fn measure(
     dimensions: usize,
     interrupt: &Interrupt,
 ) -> Result<Switch, CampaignError> {
-    let embeddings = store.next_embeddings(id)?;
+    let embeddings = store.next_embeddings(id, dimensions)?;
     let method = spec.method();
     let mut behaviours = Behaviours::new(super::search::dimensions(method, Some(dimensions)));
     let mut index = Index::new();
@@ -110,7 +111,7 @@ fn measure(
         let range = first as u64..(first + generation.len()) as u64;
         let individuals = store.individuals(id, spec.model(), range, false)?;
         for (individual, embedding) in individuals.iter().zip(generation) {
-            behaviours.push(&method.behaviour(&individual.features, embedding))?;
+            behaviours.push(&method.behaviour(&individual.features(), embedding))?;
         }
         let neighbours = spec.search().neighbours() as usize;
         let novelty = index.novelty(&behaviours, first..behaviours.len(), neighbours, interrupt)?;

@@ -16,8 +16,8 @@ const MOST_ATTEMPTS: u64 = 5;
 pub(super) struct Done {
     /// What was evaluated: the tasks of the job, except the poisoned ones.
     pub(super) tasks: Vec<(Controller, u64)>,
-    /// One a task.
-    pub(super) evaluations: Vec<Evaluation>,
+    /// The trials of each task.
+    pub(super) evaluations: Vec<Vec<Evaluation>>,
     /// Who made each.
     pub(super) makers: Vec<Maker>,
     /// The places of poisoned tasks, and why they are.
@@ -25,7 +25,7 @@ pub(super) struct Done {
 }
 
 impl Done {
-    /// Every evaluation's picture, and where they come from; `notice` says what there is to say of the place of a poisoned
+    /// The picture of every task, each of one trial, and where they come from; `notice` says what there is to say of the place of a poisoned
     /// task.
     pub(super) fn into_pictures(
         self,
@@ -41,7 +41,8 @@ impl Done {
             notices: notices.collect(),
             makers: self.makers,
         };
-        let pictures = self.tasks.into_iter().zip(self.evaluations).map(picture);
+        let trials = self.evaluations.into_iter().flatten();
+        let pictures = self.tasks.into_iter().zip(trials).map(picture);
         (pictures.collect(), provenance)
     }
 }
@@ -58,7 +59,7 @@ pub(super) async fn evaluate(
     substitute: impl Fn(usize, u64) -> Result<Vec<Placed>, ProposeError>,
 ) -> Result<Option<Done>, CampaignError> {
     let mut tasks = job.tasks.clone();
-    let mut results: Vec<Option<(Evaluation, Maker)>> = vec![None; tasks.len()];
+    let mut results: Vec<Option<(Vec<Evaluation>, Maker)>> = vec![None; tasks.len()];
     let mut poisoned = Vec::new();
     let mut wanted: Vec<Placed> = tasks.iter().cloned().enumerate().collect();
     for attempt in 1.. {
@@ -78,7 +79,7 @@ pub(super) async fn evaluate(
         let mut substitutes = BTreeMap::new();
         for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
             match evaluated {
-                Evaluated::Done { evaluation, maker } => results[place] = Some((evaluation, maker)),
+                Evaluated::Done { trials, maker } => results[place] = Some((trials, maker)),
                 Evaluated::Poisoned(reason) if attempt == MOST_ATTEMPTS => {
                     return Err(JobError::Poisoned(reason).into());
                 }

@@ -6,7 +6,7 @@
 
 use super::{
     CampaignError,
-    context::{Outcome, StageContext, pictures_at_once},
+    context::{Outcome, StageContext, individuals_at_once, pictures_at_once},
     evaluate::{Done, evaluate},
     run_handle::RunHandle,
 };
@@ -81,6 +81,7 @@ async fn first_wrong(
 ) -> Result<Option<Option<Wrong>>, CampaignError> {
     // What is stored and what is found again.
     let at_once = pictures_at_once(record.spec.image(), 2 * CHUNK).div_ceil(2);
+    let individuals_at_once = individuals_at_once(&record.spec, 2 * CHUNK).div_ceil(2);
     for chunk in suspects.pictures.chunks(at_once) {
         match wrong_picture(context, record, chunk, handle).await? {
             Some(None) => {}
@@ -88,13 +89,13 @@ async fn first_wrong(
         }
     }
     // Before individuals, which are not to blame for what was made of them later.
-    for chunk in suspects.embeddings.chunks(at_once) {
+    for chunk in suspects.embeddings.chunks(individuals_at_once) {
         match wrong_embedding(context, record, chunk, handle).await? {
             Some(None) => {}
             found => return Ok(found),
         }
     }
-    for chunk in suspects.individuals.chunks(at_once) {
+    for chunk in suspects.individuals.chunks(individuals_at_once) {
         match wrong_individual(context, record, chunk, handle).await? {
             Some(None) => {}
             found => return Ok(found),
@@ -122,7 +123,8 @@ async fn wrong_picture(
     let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
     };
-    let mut both = suspects.iter().zip(pictures.iter().zip(&again.evaluations));
+    let new = again.evaluations.iter().flatten();
+    let mut both = suspects.iter().zip(pictures.iter().zip(new));
     let differs = both.find(|(_, (old, new))| old.image != new.image());
     Ok(Some(differs.map(|(suspect, _)| Wrong::Picture(suspect.place))))
 }
@@ -140,7 +142,7 @@ async fn wrong_individual(
         .iter()
         .map(|old| (old.controller.clone(), old.seed))
         .collect();
-    let job = EvaluationJob::of(record, embedder, tasks);
+    let job = EvaluationJob::of_individuals(record, embedder, tasks);
     let Some(again) = evaluated_again(context, job, handle).await? else {
         return Ok(None);
     };
@@ -149,9 +151,12 @@ async fn wrong_individual(
     let differs = both.find(|((suspect, old), (new, maker))| {
         // What was there when the archive moved was embedded again then, maybe by others.
         let embedded = embedder.is_some() && old.index >= moved;
-        old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
-            || old.image.as_deref() != Some(new.image())
-            || (embedded && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
+        old.trials.iter().zip(*new).any(|(old, new)| {
+            old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
+                || old.image.as_deref() != Some(new.image())
+                || (embedded
+                    && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
+        })
     });
     Ok(Some(differs.map(|((_, old), _)| Wrong::Individual {
         index: old.index,
@@ -179,10 +184,8 @@ async fn wrong_embedding(
             .checkpoints
             .embedder(checkpoint, record.spec.image())
             .await?,
-        images: archived
-            .iter()
-            .map(|old| old.image.clone().unwrap_or_default())
-            .collect(),
+        starts: record.spec.starts(),
+        images: archived.iter().map(|old| old.clone().into_images()).collect(),
     };
     let embed = |job_progress| context.dispatch.embed(job, job_progress);
     let Some(again) = handle.until_stopped(embed).await else {
@@ -191,7 +194,8 @@ async fn wrong_embedding(
     let again = again?;
     let mut both = suspects.iter().zip(&archived).zip(&again);
     let differs = both.find(|((suspect, old), (new, maker))| {
-        !embeddings_agree((&old.embedding, suspect.kind), (new, maker.kind))
+        let mut trials = old.trials.iter().zip(new);
+        trials.any(|(old, new)| !embeddings_agree((&old.embedding, suspect.kind), (new, maker.kind)))
     });
     Ok(Some(differs.map(|((_, old), _)| Wrong::Embedding(old.index))))
 }

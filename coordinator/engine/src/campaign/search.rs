@@ -10,7 +10,7 @@ use super::{
 use crate::{blocking::blocking, taxonomy};
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::{CampaignRecord, EmbedderRef};
-use murmuration_proto::{Method, Purpose, RandomStream};
+use murmuration_proto::{Evaluation, Method, Purpose, RandomStream, Starts};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
     interrupt::{Interrupt, Interrupted},
@@ -18,7 +18,7 @@ use murmuration_search::{
     novelty::{Behaviours, Index},
 };
 use murmuration_store::{
-    ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError,
+    ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError, Trial,
 };
 use std::{sync::Arc, time::Instant};
 
@@ -75,7 +75,7 @@ pub(super) async fn evolve(
         search = unchanged;
         let proposal = proposal?;
         let tasks = proposal.controllers.iter().cloned().zip(search.seeds()).collect();
-        let job = EvaluationJob::of(&search.campaign, search.embedder, tasks);
+        let job = EvaluationJob::of_individuals(&search.campaign, search.embedder, tasks);
         let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
         });
@@ -113,9 +113,23 @@ pub(super) async fn complete(
 ) -> Result<Option<bool>, CampaignError> {
     let search = restore(context, record, handle).await?;
     let id = search.campaign.id.clone();
-    let (taxonomy, measures) = blocking(move || search.taxonomy()).await??;
-    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures);
+    let clustered = move || -> Result<_, CampaignError> {
+        let (taxonomy, measures) = search.taxonomy()?;
+        let robust_trials = search.robust_trials(&taxonomy)?;
+        Ok((taxonomy, measures, robust_trials))
+    };
+    let (taxonomy, measures, robust_trials) = blocking(clustered).await??;
+    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures, &robust_trials);
     context.commit(handle, complete).await
+}
+
+/// A trial, as it is stored.
+fn trial(evaluation: Evaluation) -> Trial {
+    Trial {
+        features: *evaluation.features(),
+        embedding: evaluation.embedding().to_vec(),
+        image: Some(evaluation.into_image()),
+    }
 }
 
 /// Numbers in a behaviour vector.
@@ -164,8 +178,7 @@ impl Search {
                     .store
                     .individuals(&search.campaign.id, search.campaign.spec.model(), range, false)?
             {
-                let behaviour = method.behaviour(&individual.features, &individual.embedding);
-                search.behaviours.push(&behaviour)?;
+                search.behaviours.push(&individual.behaviour(method))?;
                 if individual.index + population >= len {
                     let ArchivedIndividual {
                         controller, novelty, ..
@@ -222,9 +235,19 @@ impl Search {
     fn absorb(mut self, filtered: u64, done: Done) -> Result<(Self, Generation), CampaignError> {
         let first = self.behaviours.len();
         let method = self.campaign.spec.method();
-        for evaluation in &done.evaluations {
-            let behaviour = method.behaviour(evaluation.features(), evaluation.embedding());
-            self.behaviours.push(&behaviour)?;
+        let mut individuals: Vec<_> = (first as u64..)
+            .zip(done.tasks.iter().zip(done.evaluations))
+            .map(|(index, ((controller, seed), evaluations))| ArchivedIndividual {
+                index,
+                generation: self.next_generation,
+                controller: controller.clone(),
+                seed: *seed,
+                trials: evaluations.into_iter().map(trial).collect(),
+                novelty: 0.0,
+            })
+            .collect();
+        for individual in &individuals {
+            self.behaviours.push(&individual.behaviour(method))?;
         }
         let neighbours = self.campaign.spec.search().neighbours() as usize;
         let all = first..self.behaviours.len();
@@ -242,22 +265,9 @@ impl Search {
             makers: done.makers,
             notices: done.poisoned.iter().map(notice).collect(),
         };
-        let individuals: Vec<_> = (first as u64..)
-            .zip(&done.tasks)
-            .zip(done.evaluations.into_iter().zip(&novelty))
-            .map(
-                |((index, (controller, seed)), (evaluation, &novelty))| ArchivedIndividual {
-                    index,
-                    generation: record.generation,
-                    controller: controller.clone(),
-                    seed: *seed,
-                    features: *evaluation.features(),
-                    embedding: evaluation.embedding().to_vec(),
-                    novelty,
-                    image: Some(evaluation.into_image()),
-                },
-            )
-            .collect();
+        for (individual, &novelty) in individuals.iter_mut().zip(&novelty) {
+            individual.novelty = novelty;
+        }
         let parent = |(controller, novelty)| Parent { controller, novelty };
         let controllers = done.tasks.into_iter().map(|(controller, _)| controller);
         self.parents = controllers.zip(novelty).map(parent).collect();
@@ -268,6 +278,32 @@ impl Search {
             provenance,
         };
         Ok((self, generation))
+    }
+
+    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; nothing where
+    /// individuals have one trial.
+    fn robust_trials(&self, taxonomy: &Clustering) -> Result<Vec<u8>, CampaignError> {
+        let (spec, len) = (&self.campaign.spec, self.campaign.individuals());
+        if spec.starts() == Starts::ONE {
+            return Ok(Vec::new());
+        }
+        let mut robust = Vec::with_capacity(taxonomy.clusters.len());
+        for start in (0..len).step_by(CHUNK as usize) {
+            self.interrupt.check()?;
+            let range = start..len.min(start + CHUNK);
+            let individuals = self
+                .store
+                .individuals(&self.campaign.id, spec.model(), range, false)?;
+            for (individual, &own) in individuals.iter().zip(&taxonomy.clusters[start as usize..]) {
+                robust.push(taxonomy::robust_trials(
+                    individual,
+                    spec.method(),
+                    &self.behaviours,
+                    (&taxonomy.medoids, own),
+                ));
+            }
+        }
+        Ok(robust)
     }
 
     /// Clusters the archive, and measures the clusters.

@@ -3,9 +3,7 @@
 use super::*;
 use murmuration_model::Weight;
 use murmuration_proto::{CampaignSpec, Purpose, RandomStream};
-use murmuration_store::{
-    ArchivedIndividual, DataDirectory, GenerationRecord, Provenance, Store, kept::ENTRY_BYTES,
-};
+use murmuration_store::{DataDirectory, GenerationRecord, Provenance, Store, Trial, kept::ENTRY_BYTES};
 
 #[test]
 fn an_empty_archive_has_an_empty_map() {
@@ -41,9 +39,11 @@ fn paused(store: &Store, seed: u64) -> CampaignRecord {
         .create_campaign(&CampaignSpec::from_toml(&text).unwrap(), Weight::default(), 7)
         .unwrap();
     let mut stream = RandomStream::derive(seed, Purpose::Propose, 0);
-    let individual = |index: u64| ArchivedIndividual {
-        features: std::array::from_fn(|_| 10.0 * (index % 2) as f64 + stream.unit()),
-        ..crate::still::still(index, 0)
+    let individual = |index: u64| {
+        crate::still::still(index, 0).with_trial(Trial {
+            features: std::array::from_fn(|_| 10.0 * (index % 2) as f64 + stream.unit()),
+            ..Trial::default()
+        })
     };
     let individuals: Vec<_> = (0..COUNT).map(individual).collect();
     store

@@ -22,6 +22,9 @@ pub struct Clustered {
     pub clustering: Clustering,
     /// Whether they are the taxonomy's.
     pub is_taxonomy: bool,
+    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; empty if individuals
+    /// have one trial, or these are not the taxonomy's clusters.
+    pub robust_trials: Vec<u8>,
 }
 
 /// What was clustered lately, campaign by campaign; cheap to clone.
@@ -40,10 +43,11 @@ impl Clustered {
     pub fn read(spaces: &Spaces, record: &CampaignRecord, interrupt: &Interrupt) -> Result<Self, SpaceError> {
         let space = spaces.of(record)?;
         Ok(match spaces.store().taxonomy(&record.id)? {
-            Some(stored) if stored.clusters.len() == space.behaviours.len() => Self {
+            Some(mut stored) if stored.clusters.len() == space.behaviours.len() => Self {
                 space,
-                clustering: stored.into(),
                 is_taxonomy: true,
+                robust_trials: std::mem::take(&mut stored.robust_trials),
+                clustering: stored.into(),
             },
             _ => {
                 let count = record.spec.medoids() as usize;
@@ -52,6 +56,7 @@ impl Clustered {
                     clustering: medoids::cluster(&space.behaviours, count, &mut stream, interrupt)?,
                     space,
                     is_taxonomy: false,
+                    robust_trials: Vec::new(),
                 }
             }
         })
@@ -62,7 +67,10 @@ impl Clustered {
         let Clustering {
             medoids, clusters, ..
         } = &self.clustering;
-        self.space.bytes() + size_of_val(medoids.as_slice()) + size_of_val(clusters.as_slice())
+        self.space.bytes()
+            + size_of_val(medoids.as_slice())
+            + size_of_val(clusters.as_slice())
+            + self.robust_trials.len()
     }
 
     fn serves(&self, record: &CampaignRecord) -> bool {

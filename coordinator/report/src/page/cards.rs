@@ -36,7 +36,7 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
             p.lead {
                 "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
                 (one_colour) ", with older parts fainter. "
-                span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its random start." }
+                span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its start." }
             }
             div.cards {
                 @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {
@@ -82,6 +82,12 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                     dl {
                         div { dt { "Novelty" } dd { (short(medoid.novelty)) } }
                         div { dt { "Mean distance" } dd { (short(medoid.mean_distance)) } }
+                        @if let Some(robustness) = entry.robustness {
+                            div title=(robust(report, place)) {
+                                dt { "Robustness" }
+                                dd { (of_starts(report, robustness)) }
+                            }
+                        }
                         div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
                         div { dt { "Individual" } dd { (grouped(medoid.index)) } }
                     }
@@ -94,6 +100,21 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
             }
         }
     }
+}
+
+/// `3 of 4`: how many of its trials show an individual's own behaviour.
+fn of_starts(report: &Report, robustness: f64) -> String {
+    let starts = report.spec.starts().get();
+    format!("{:.0} of {starts}", robustness * starts as f64)
+}
+
+fn robust(report: &Report, place: usize) -> String {
+    let mean = report.robustness_of_cluster(place).unwrap_or_default();
+    format!(
+        "Trials of this individual that are nearer to this behaviour than to any other on this page; of all individuals in its \
+         cluster, {:.1} % of the trials are",
+        100.0 * mean
+    )
 }
 
 fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {

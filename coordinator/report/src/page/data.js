@@ -18,6 +18,7 @@ window.murmuration = {
     machine: column(archive.machine, Uint8Array),
     generation: column(archive.generation, Uint32Array),
     novelty: column(archive.novelty, Float32Array),
+    robust: column(archive.robust, Uint8Array),
     genes: column(archive.genes, Int16Array),
     geneUnit: archive.geneUnit,
     medoids: archive.medoids,

@@ -2,7 +2,7 @@
 //! individuals and the motion of every medoid stay small and load at once.
 
 use crate::{
-    Report,
+    Entry, Report,
     picture::{
         Bodies,
         columns::{self, column, span, spread},
@@ -59,6 +59,14 @@ fn content(report: &Report) -> Value {
 /// The class of an individual without a name.
 const NAMELESS: u16 = u16::MAX;
 
+/// The number of an individual's trials that show its own behaviour; 255 if it has one trial.
+fn robust_starts(report: &Report, entry: &Entry) -> u8 {
+    let starts = report.spec.starts().get() as f64;
+    entry
+        .robustness
+        .map_or(u8::MAX, |robustness| (robustness * starts).round() as u8)
+}
+
 /// The individuals on the map: place, cluster, index, class, who gave that, generation, novelty when evaluated, and genes in
 /// ten-thousandths, or coarser where genes are large.
 fn archive(report: &Report) -> Value {
@@ -83,6 +91,9 @@ fn archive(report: &Report) -> Value {
         "novelty": column(entries().map(|entry| (entry.novelty_when_evaluated as f32).to_le_bytes())),
         "genes": column(genes().map(|gene| ((gene / gene_unit).round() as i16).to_le_bytes())),
         "geneUnit": gene_unit,
+        // In starts, 255 where individuals have one.
+        "robust": column(entries().map(|entry| [robust_starts(report, entry)])),
+        "trials": report.spec.starts().get(),
         "medoids": report.medoids.iter().map(|medoid| place_of(medoid.index)).collect::<Vec<_>>(),
     })
 }

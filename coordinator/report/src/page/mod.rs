@@ -7,6 +7,7 @@ mod cards;
 mod data;
 mod robots;
 mod sections;
+mod world;
 
 use super::{
     Files, MedoidPictures, Report, ReportError,
@@ -16,7 +17,7 @@ use super::{
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
-use murmuration_proto::Method;
+use murmuration_proto::{Method, Starts};
 
 const STYLE: &str = include_str!("style.css");
 /// Each in a scope of its own, in this order, so that one that fails takes no other with it.
@@ -117,6 +118,9 @@ fn facts(report: &Report) -> Markup {
             (fact("Model", html! { (spec.model()) }))
             (fact("Method", html! { (method) }))
             (fact("Filter", html! { @if spec.filter() { "on" } @else { "off" } }))
+            @let differences = world::differences(spec.world());
+            @if !differences.is_empty() { (fact("World", html! { (differences.join("; ")) })) }
+            @if spec.starts() != Starts::ONE { (fact("Starts of each", html! { (spec.starts().get()) })) }
             (fact("Individuals", html! { (grouped(report.individuals.len() as u64)) }))
             (fact("Generations", html! { (generations(report)) }))
             @if !report.checkpoint.is_empty() {

@@ -331,10 +331,18 @@ pub(super) fn reading(report: &Report) -> Markup {
                     "picture represents all of them; a high value, that the cluster is mixed. The distances of the whole archive add up to "
                     (short(report.loss)) "."
                 }))
-                (entry("A caution", html! {
-                    "Each controller was simulated from one start. Another start can lead to another behaviour: try another seed "
-                    "before you draw conclusions."
-                }))
+                @match report.spec.starts().get() {
+                    1 => { (entry("A caution", html! {
+                        "Each controller was simulated from one start. Another start can lead to another behaviour: try another seed "
+                        "before you draw conclusions, or ask for several starts (" code { "[evaluation] starts" } ")."
+                    })) },
+                    starts => { (entry("Robustness", html! {
+                        "Each controller was simulated from " (starts) " starts. Its features "
+                        @if report.spec.method().embeds() { "and its embedding are means over these trials" } @else { "are means over these trials" }
+                        "; its picture and its motion are of the first. Robustness is the share of its trials that are nearer to its own "
+                        "behaviour than to any other on this page. A low value means that the start, or noise, decides what the swarm does."
+                    })) },
+                }
             }
         }
     }

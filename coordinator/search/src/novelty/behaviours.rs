@@ -136,6 +136,15 @@ impl Behaviours {
         squared_distance(self.values_of(one), self.values_of(other))
     }
 
+    /// Squared Euclidean distance from behaviour `index` to a vector of [`Behaviours::dims`] values.
+    ///
+    /// # Panics
+    /// If the index is not below [`Behaviours::len`].
+    #[must_use]
+    pub fn squared_distance_to(&self, index: usize, vector: &[f64]) -> f64 {
+        squared_distance(self.values_of(index), vector)
+    }
+
     /// Visits every behaviour, in order, with its squared distance from behaviour `origin`: the values of
     /// [`Behaviours::squared_distance`].
     ///

@@ -142,17 +142,31 @@ pub(in crate::cli) struct Individual {
     generation: Option<u32>,
     /// The genes, in the order in which `murmuration robot` names them; of the paper's robots 4 wheel speeds, or 8 and an angle in radians.
     controller: Vec<f64>,
-    /// Seed of the start.
+    /// Seed of the start, the first one if there are several.
     seed: u64,
-    /// Average speed, angular momentum, radial variance, scatter, group rotation.
+    /// Average speed, angular momentum, radial variance, scatter, group rotation: means over the trials.
     features: Vec<f64>,
     /// Mean distance to the nearest neighbours in the archive as it stood after the individual's generation; null for a
     /// controller that was only simulated.
     novelty_when_evaluated: Option<f64>,
+    /// Embedding by the campaign's checkpoint, the mean over the trials; empty if there is none.
+    embedding: Vec<f64>,
+    /// Its trials, one a start; empty if there is one.
+    trials: Vec<Trial>,
+    /// Grey values of the picture (of the first trial), base64, channel by channel and column by column; null if there is no picture.
+    image: Option<String>,
+}
+
+/// One simulation of an individual that has several.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct Trial {
+    /// Seed of its start.
+    seed: u64,
+    /// Average speed, angular momentum, radial variance, scatter, group rotation.
+    features: Vec<f64>,
     /// Embedding by the campaign's checkpoint; empty if there is none.
     embedding: Vec<f64>,
-    /// Grey values of the picture, base64, channel by channel and column by column; null if there is no picture.
-    image: Option<String>,
 }
 
 /// How a campaign ended.
@@ -310,7 +324,18 @@ impl Individual {
             features: evaluation.features().to_vec(),
             novelty_when_evaluated: None,
             embedding: Vec::new(),
+            trials: Vec::new(),
             image: Some(STANDARD.encode(evaluation.image())),
+        }
+    }
+}
+
+impl From<&v1::Trial> for Trial {
+    fn from(trial: &v1::Trial) -> Self {
+        Self {
+            seed: trial.seed,
+            features: trial.features.clone(),
+            embedding: trial.embedding.iter().copied().map(f64::from).collect(),
         }
     }
 }
@@ -325,6 +350,7 @@ impl From<&v1::Individual> for Individual {
             features: individual.features.clone(),
             novelty_when_evaluated: Some(individual.novelty),
             embedding: individual.embedding.iter().copied().map(f64::from).collect(),
+            trials: individual.trials.iter().map(Trial::from).collect(),
             image: individual.image.as_deref().map(|image| STANDARD.encode(image)),
         }
     }

@@ -84,6 +84,8 @@ pub(in crate::cli) struct Judge {
     pub(in crate::cli) judged_by_class: BTreeMap<String, BTreeMap<String, u64>>,
     /// The patterns among behaviours of no class, by name.
     pub(in crate::cli) patterns: BTreeMap<String, PatternCounts>,
+    /// By class: number of behaviours in whose world it has no meaning, so that the judge cannot answer with it.
+    pub(in crate::cli) without_meaning: BTreeMap<String, u64>,
 }
 
 /// How often a pattern was seen.

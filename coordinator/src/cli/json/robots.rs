@@ -1,6 +1,6 @@
 //! Documents about robots and their controllers.
 
-use murmuration_proto::{CapabilityModel, Controller, DriveKind, Species};
+use murmuration_proto::{CapabilityModel, Controller, DriveKind, SeenRobots, Sensor, Species};
 use murmuration_report::picture::sensor_in_words;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -33,8 +33,30 @@ struct OneSpecies {
     drive: &'static str,
     /// Largest magnitude of the two numbers of a pair: left and right wheel, or speed and turning rate.
     limits: [f64; 2],
-    /// What each sensor sees and where, in words.
-    sensors: Vec<String>,
+    /// Its sensors, S1 first.
+    sensors: Vec<OneSensor>,
+}
+
+/// One sensor.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct OneSensor {
+    /// Its angle from the heading, radians; null if that is a gene.
+    angle: Option<f64>,
+    /// Lowest and highest value of a free angle, radians; null unless it is free in a range.
+    angle_range: Option<[f64; 2]>,
+    /// Values of a free angle to choose from, radians; empty unless it is free in a list.
+    angles: Vec<f64>,
+    /// Half of the cone's opening angle, radians; 0 for a ray.
+    half_angle: f64,
+    /// Largest distance at which it sees robots and obstacles, world units; null without a limit.
+    range: Option<f64>,
+    /// Largest distance at which it sees walls, world units; null if it does not see them.
+    wall_range: Option<f64>,
+    /// What it sees: `robots` or the name of one species, `walls`, `obstacles`.
+    sees: Vec<String>,
+    /// The same in words.
+    words: String,
 }
 
 impl From<&CapabilityModel> for Robots {
@@ -60,11 +82,29 @@ impl From<&Species> for OneSpecies {
                 DriveKind::Unicycle => "unicycle",
             },
             limits: robot.drive().limits(),
-            sensors: robot
-                .sensors()
-                .iter()
-                .map(|sensor| sensor_in_words(sensor, None))
-                .collect(),
+            sensors: robot.sensors().iter().map(OneSensor::from).collect(),
+        }
+    }
+}
+
+impl From<&Sensor> for OneSensor {
+    fn from(sensor: &Sensor) -> Self {
+        let robots = match sensor.robots() {
+            SeenRobots::None => None,
+            SeenRobots::All => Some("robots".to_owned()),
+            SeenRobots::Species(name) => Some(name.to_string()),
+        };
+        let walls = sensor.wall_range().map(|_| "walls".to_owned());
+        let obstacles = sensor.sees_obstacles().then(|| "obstacles".to_owned());
+        Self {
+            angle: sensor.angle().value(),
+            angle_range: sensor.angle().range(),
+            angles: sensor.angle().choices().to_vec(),
+            half_angle: sensor.half_angle(),
+            range: sensor.range(),
+            wall_range: sensor.wall_range(),
+            sees: robots.into_iter().chain(walls).chain(obstacles).collect(),
+            words: sensor_in_words(sensor, None),
         }
     }
 }

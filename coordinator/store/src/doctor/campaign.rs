@@ -140,20 +140,23 @@ fn generations(store: &Store, record: &CampaignRecord, problems: &mut Vec<String
 /// Individuals that are whole, from the first on.
 fn individuals(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -> u64 {
     let population = u64::from(record.spec.search().population());
+    let starts = record.spec.starts().get();
     let mut length = None;
     let mut wrong = |individual: &ArchivedIndividual, index: u64| {
-        let length = *length.get_or_insert(individual.embedding.len());
+        let embedding = individual.trials.first().map_or(0, |trial| trial.embedding.len());
+        let length = *length.get_or_insert(embedding);
         if individual.index != index {
             Some("it is missing")
         } else if u64::from(individual.generation) != index / population {
             Some("it is of another generation")
-        } else if individual.image.is_none() {
+        } else if individual.trials.len() != starts {
+            Some("it has another number of trials than the campaign asks for")
+        } else if individual.image().is_none() {
             Some("its picture is missing")
-        } else if individual.embedding.len() != length
-            || record.embedder.checkpoint().is_some() != (length > 0)
-        {
+        } else if embedding != length || record.embedder.checkpoint().is_some() != (length > 0) {
             Some("its embedding is missing or cut off")
-        } else if !individual.novelty.is_finite() || individual.features.iter().any(|value| value.is_nan()) {
+        } else if !individual.novelty.is_finite() || individual.features().iter().any(|value| value.is_nan())
+        {
             Some("its figures are none")
         } else {
             None

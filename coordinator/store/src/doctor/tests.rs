@@ -23,9 +23,8 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         .create_campaign(&CampaignSpec::from_toml(text).unwrap(), Weight::default(), 0)
         .unwrap();
     for generation in 0..3 {
-        let individuals = [0, 1].map(|place| ArchivedIndividual {
-            image: Some(vec![7; 2500]),
-            ..ArchivedIndividual::still(u64::from(generation) * 2 + place, generation)
+        let individuals = [0, 1].map(|place| {
+            ArchivedIndividual::pictured(u64::from(generation) * 2 + place, generation, vec![7; 2500])
         });
         let record = GenerationRecord::of(generation, &[0.1, 0.1], 0);
         store
@@ -50,7 +49,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         loss: 1.0,
     };
     store
-        .complete(&id, &taxonomy, &[ClusterMeasures::default()])
+        .complete(&id, &taxonomy, &[ClusterMeasures::default()], &[])
         .unwrap();
     (folder, id)
 }

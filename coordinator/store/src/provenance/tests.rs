@@ -34,10 +34,8 @@ pub(crate) fn open() -> (tempfile::TempDir, Store, CampaignId) {
     }
     for generation in 0..3 {
         let first = 2 * u64::from(generation);
-        let individuals = [first, first + 1].map(|index| ArchivedIndividual {
-            image: Some(vec![index as u8; 2500]),
-            ..ArchivedIndividual::still(index, generation)
-        });
+        let individuals = [first, first + 1]
+            .map(|index| ArchivedIndividual::pictured(index, generation, vec![index as u8; 2500]));
         let record = GenerationRecord::of(generation, &[0.0], 0);
         let provenance = by_7(vec![format!("generation {generation}")]);
         store

@@ -37,10 +37,7 @@ fn generations_that_are_rolled_back_are_gone_and_can_be_made_again() {
         "a worker was wrong"
     );
     let again = GenerationRecord::of(1, &[0.0], 0);
-    let individuals = [2, 3].map(|index| ArchivedIndividual {
-        image: Some(vec![0; 2500]),
-        ..ArchivedIndividual::still(index, 1)
-    });
+    let individuals = [2, 3].map(|index| ArchivedIndividual::pictured(index, 1, vec![0; 2500]));
     store
         .commit_generation(&id, &again, &individuals, &Provenance::default())
         .unwrap();

@@ -16,10 +16,7 @@ fn labelled() -> (tempfile::TempDir, Store, CampaignId) {
                 [search]\npopulation = 5\n[feedback]\nstarts = 3";
     let spec = CampaignSpec::from_toml(text).unwrap();
     let id = store.create_campaign(&spec, Weight::default(), 7).unwrap();
-    let individual = |index: u64| ArchivedIndividual {
-        image: Some(vec![index as u8; 2500]),
-        ..ArchivedIndividual::still(index, 0)
-    };
+    let individual = |index: u64| ArchivedIndividual::pictured(index, 0, vec![index as u8; 2500]);
     add(&store, &id, 0, &[start(1), start(2), start(3), start(4)]);
     let record = GenerationRecord::of(0, &[0.0], 0);
     let individuals: Vec<_> = (0..5).map(individual).collect();

@@ -26,10 +26,7 @@ fn open() -> (tempfile::TempDir, Store, CampaignId, CheckpointDigest) {
     let id = store
         .create_campaign(&CampaignSpec::from_toml(&spec).unwrap(), Weight::default(), 7)
         .unwrap();
-    let individual = |index: u64| ArchivedIndividual {
-        image: Some(vec![index as u8; 2500]),
-        ..ArchivedIndividual::still(index, 0)
-    };
+    let individual = |index: u64| ArchivedIndividual::pictured(index, 0, vec![index as u8; 2500]);
     let record = GenerationRecord::of(0, &[0.0], 0);
     let individuals: Vec<_> = (0..5).map(individual).collect();
     store

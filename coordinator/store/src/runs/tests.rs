@@ -49,7 +49,7 @@ const COMMITS: [(&str, Commit); 11] = [
         store.add_pictures(id, 0, &[picture], &Provenance::default())
     }),
     ("embeddings", |store, id| {
-        store.add_embeddings(id, 0, &[vec![0.5]], &Provenance::default())
+        store.add_embeddings(id, 0, &[vec![vec![0.5]]], &Provenance::default())
     }),
     ("a switch", |store, id| {
         let nothing = Switch {
@@ -90,7 +90,7 @@ const COMMITS: [(&str, Commit); 11] = [
             clusters: Vec::new(),
             loss: 0.0,
         };
-        store.complete(id, &none, &[]).map(drop)
+        store.complete(id, &none, &[], &[]).map(drop)
     }),
 ];
 
@@ -160,6 +160,7 @@ fn a_run_that_has_ended_has_no_last_word() {
             loss: 0.0,
         },
         &[],
+        &[],
     );
     assert!(matches!(late, Err(StoreError::Superseded(_))), "{late:?}");
     assert_eq!(store.campaign(id.as_str()).unwrap().state, CampaignState::Failed);
@@ -174,7 +175,7 @@ fn a_decision_goes_by_the_state_that_is() {
         loss: 0.0,
     };
     // It completes between the click and the decision.
-    store.complete(&id, &none, &[]).unwrap();
+    store.complete(&id, &none, &[], &[]).unwrap();
     for decision in [Decision::Pause, Decision::Cancel, Decision::Resume] {
         let refused = store.decide(&id, decision, false).unwrap_err().to_string();
         assert!(refused.ends_with("it was already completed"), "{refused}");

@@ -43,8 +43,10 @@ fn an_individual_of_a_latent_campaign_takes_at_most_1000_bytes_with_all_that_bel
         let individuals: Vec<_> = (first..first + 100)
             .map(|index| ArchivedIndividual {
                 generation,
-                embedding: (0..5).map(|value| (index + value) as f32).collect(),
-                image: Some(picture(index)),
+                trials: vec![Trial {
+                    image: Some(picture(index)),
+                    ..trial(index, (0..5).map(|value| (index + value) as f32).collect())
+                }],
                 ..individual(index)
             })
             .collect();

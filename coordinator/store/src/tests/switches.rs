@@ -7,7 +7,7 @@ fn embeddings(store: &Store, id: &CampaignId) -> Vec<Vec<f32>> {
     let individuals = store.individuals(id, &MODEL.into(), 0..10, false).unwrap();
     individuals
         .into_iter()
-        .map(|individual| individual.embedding)
+        .map(|individual| individual.embedding())
         .collect()
 }
 
@@ -21,12 +21,12 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
         loss: 1.0,
     };
     store
-        .complete(&id, &clustering, &[ClusterMeasures::default()])
+        .complete(&id, &clustering, &[ClusterMeasures::default()], &[])
         .unwrap();
 
     store.move_to(&id, second).unwrap();
     store
-        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .add_embeddings(&id, 0, &[vec![vec![7.0]]], &Provenance::default())
         .unwrap();
     let record = store.campaign(id.as_str()).unwrap();
     let switching = |from, to, embedded| ArchiveEmbedder::Switching { from, to, embedded };
@@ -37,9 +37,9 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
     assert!(store.taxonomy(&id).unwrap().is_some());
 
     store
-        .add_embeddings(&id, 1, &[vec![8.0]], &Provenance::default())
+        .add_embeddings(&id, 1, &[vec![vec![8.0]]], &Provenance::default())
         .unwrap();
-    assert_eq!(store.next_embeddings(&id).unwrap(), [[7.0], [8.0]]);
+    assert_eq!(store.next_embeddings(&id, 1).unwrap(), [[7.0], [8.0]]);
     let switch = Switch {
         novelty: vec![3.0, 5.0],
         generations: vec![GenerationRecord::of(0, &[3.0, 5.0], 0)],
@@ -67,17 +67,14 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
         ],
         notices: Vec::new(),
     };
-    let wrong = [vec![7.0], vec![8.0]];
+    let wrong = [vec![vec![7.0]], vec![vec![8.0]]];
     store.add_embeddings(&id, 0, &wrong, &by_7).unwrap();
     let switch = Switch {
         novelty: vec![3.0, 5.0],
         generations: Vec::new(),
     };
     store.switch(&id, &switch).unwrap();
-    let later = ArchivedIndividual {
-        image: Some(vec![0; 2500]),
-        ..ArchivedIndividual::still(2, 1)
-    };
+    let later = ArchivedIndividual::pictured(2, 1, vec![0; 2500]);
     let generation = GenerationRecord::of(1, &[0.0], 0);
     store
         .commit_generation(&id, &generation, &[later], &Provenance::default())
@@ -103,12 +100,12 @@ fn an_archive_that_was_embedded_wrongly_is_embedded_again_without_what_came_afte
     };
     assert_eq!((record.embedder, record.generations_done), (switching, 1));
     assert!(store.suspects(&id).unwrap().is_empty());
-    let right = [vec![1.0], vec![2.0]];
+    let right = [vec![vec![1.0]], vec![vec![2.0]]];
     store
         .add_embeddings(&id, 0, &right, &Provenance::default())
         .unwrap();
     store.switch(&id, &switch).unwrap();
-    assert_eq!(embeddings(&store, &id), right);
+    assert_eq!(embeddings(&store, &id), right.concat());
 }
 
 #[test]
@@ -116,7 +113,7 @@ fn a_move_that_is_given_up_leaves_nothing_behind() {
     let (_folder, store, id, [first, second]) = embedded();
     store.move_to(&id, second).unwrap();
     store
-        .add_embeddings(&id, 0, &[vec![7.0]], &Provenance::default())
+        .add_embeddings(&id, 0, &[vec![vec![7.0]]], &Provenance::default())
         .unwrap();
     store.move_to(&id, first).unwrap();
     let record = store.campaign(id.as_str()).unwrap();

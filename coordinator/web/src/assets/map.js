@@ -61,6 +61,17 @@ function colouring() {
       const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${grouped(Math.round(part * last))}`];
       return { of, entries: [0, 0.5, 1].map(mark) };
     }
+    case "robustness": {
+      const of = (i) => (i < points.robust.length ? shade(points.robust[i] / points.starts) : nameless);
+      const counts = Array.from({ length: points.starts + 1 }, () => 0);
+      for (const robust of points.robust) counts[robust]++;
+      const mark = (count, robust) => [
+        `#${shade(robust / points.starts).toString(16).padStart(6, "0")}`,
+        `${robust} of ${points.starts} starts`,
+        count,
+      ];
+      return { of, entries: counts.map(mark) };
+    }
     default: {
       const colours = known.classes.map(({ colour }) => number(colour));
       const entries = known.classes.map(({ colour, name }, place) => [colour, name, individualsOf(place)]).filter(([, , of]) => of);
@@ -130,13 +141,18 @@ function nameOf(i) {
   return known.machine.has(i) ? `${name} (by the rule-based judge)` : name;
 }
 
+// How many of its starts lead to the behaviour of its cluster; nothing where individuals have one.
+function robustnessOf(i) {
+  return i < points.robust.length ? ` · ${points.robust[i]} of ${points.starts} starts` : "";
+}
+
 function hover(i) {
   if (i === hovered) return;
   hovered = i;
   tip.hidden = i < 0;
   if (i >= 0) {
     tip.querySelector("img").src = path(archived(i));
-    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}`;
+    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${robustnessOf(i)}`;
     const [x, y] = [plot.across[i], plot.down[i]];
     const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;
     tip.style.left = `${Math.max(left, 4)}px`;
@@ -147,7 +163,7 @@ function hover(i) {
 
 function choose(i) {
   if (i < 0) return;
-  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}.`;
+  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${robustnessOf(i)}.`;
   player.show(i).catch((error) => complain(status, error));
 }
 
@@ -228,10 +244,13 @@ async function load() {
   const cluster = column(about.cluster, Uint16Array);
   const sizes = about.medoids.map(() => 0);
   for (const of of cluster) sizes[of]++;
-  points = { ...about, cluster, sizes, places: { axes: read(axes) } };
+  points = { ...about, cluster, sizes, robust: column(about.robust, Uint8Array), places: { axes: read(axes) } };
   points.count = points.places.axes[0].length;
   document.querySelector(".plane .empty").hidden = points.count > 0;
-  for (const option of at("colouring")) if (option.value === "cluster") option.disabled = sizes.length === 0;
+  for (const option of at("colouring")) {
+    if (option.value === "cluster") option.disabled = sizes.length === 0;
+    if (option.value === "robustness") option.disabled = points.robust.length === 0;
+  }
   offer(false);
   settle();
   const loaded = points;

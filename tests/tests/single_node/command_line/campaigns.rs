@@ -2,7 +2,7 @@
 
 use crate::command_line::Desk;
 use murmuration_proto::FEATURE_NAMES;
-use murmuration_tests::small_latent_spec;
+use murmuration_tests::{small_latent_spec, small_spec};
 use std::{
     collections::BTreeMap,
     fs,
@@ -84,6 +84,42 @@ fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
         named.zip(cells.map(str::to_owned)).collect()
     };
     lines.map(row).collect()
+}
+
+#[test]
+fn robustness_can_be_counted_again_from_the_tables() {
+    let desk = Desk::new();
+    let text = small_spec("").to_toml().replace("starts = 1", "starts = 4");
+    desk.check(&["run", &desk.write("starts.toml", &text)], 0, "campaign small-1");
+    let folder = PathBuf::from(desk.path("data/reports/small-1"));
+    let features =
+        |row: &BTreeMap<String, String>| FEATURE_NAMES.map(|name| row[name].parse::<f64>().unwrap());
+    let medoids: Vec<_> = table(&folder.join("taxonomy.csv")).iter().map(features).collect();
+    let mut robust: BTreeMap<String, f64> = BTreeMap::new();
+    let archive = table(&folder.join("archive.csv"));
+    for trial in table(&folder.join("trials.csv")) {
+        let own = features(&trial);
+        let distance = |medoid: &[f64; 5]| -> f64 {
+            let squares = own.iter().zip(medoid).map(|(a, b)| (a - b) * (a - b));
+            squares.sum()
+        };
+        let nearest = (1..)
+            .zip(&medoids)
+            .min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+        let individual = &archive[trial["index"].parse::<usize>().unwrap()];
+        let is_own = individual["cluster"] == nearest.unwrap().0.to_string();
+        *robust.entry(trial["index"].clone()).or_default() += if is_own { 0.25 } else { 0.0 };
+    }
+    assert_eq!(robust.len(), 100);
+    for individual in &archive {
+        let told: f64 = individual["robustness"].parse().unwrap();
+        assert_eq!(
+            robust[&individual["index"]], told,
+            "individual {}",
+            individual["index"]
+        );
+    }
+    assert!(robust.values().any(|&share| share < 1.0));
 }
 
 #[test]

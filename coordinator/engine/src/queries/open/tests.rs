@@ -7,7 +7,7 @@ use murmuration_model::{
 };
 use murmuration_proto::CampaignSpec;
 use murmuration_search::medoids::Clustering;
-use murmuration_store::{ArchivedIndividual, ClusterMeasures, DataDirectory, GenerationRecord, Provenance};
+use murmuration_store::{ClusterMeasures, DataDirectory, GenerationRecord, Provenance, Trial};
 use std::collections::BTreeSet;
 
 /// A running campaign of generations of ten.
@@ -36,9 +36,11 @@ impl Campaign {
     }
 
     fn grow(&self, generation: u32) {
-        let individual = |place| ArchivedIndividual {
-            features: [f64::from(generation), place as f64, 0.0, 0.0, 0.0],
-            ..crate::still::still(u64::from(generation) * 10 + place, generation)
+        let individual = |place| {
+            crate::still::still(u64::from(generation) * 10 + place, generation).with_trial(Trial {
+                features: [f64::from(generation), place as f64, 0.0, 0.0, 0.0],
+                ..Trial::default()
+            })
         };
         let record = GenerationRecord::of(generation, &[0.0], 0);
         let individuals: Vec<_> = (0..10).map(individual).collect();
@@ -157,7 +159,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
     };
     campaign
         .store
-        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()])
+        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()], &[])
         .unwrap();
     let last = clusters();
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
@@ -197,7 +199,7 @@ async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
     };
     campaign
         .store
-        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2])
+        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2], &[])
         .unwrap();
     let record = campaign.store.campaign("latest").unwrap();
     let asked = campaign

@@ -1,0 +1,221 @@
+//! An individual as it stands in its rows: what is measured of its trials, one behind the other, in one value a column.
+
+use super::{
+    StoreError,
+    compression::{Compressor, Decompressor},
+    numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
+};
+use murmuration_proto::{
+    CapabilityModel, Controller, Features, Method, Starts, mean_embedding, mean_features,
+};
+use rusqlite::Row;
+
+/// One evaluated controller, with its images where they were asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArchivedIndividual {
+    /// Place in the archive, from 0.
+    pub index: u64,
+    /// Generation, from 0.
+    pub generation: u32,
+    /// The genome.
+    pub controller: Controller,
+    /// Seed of its first start, from which the others follow ([`Starts::seeds`]).
+    pub seed: u64,
+    /// What came of it from each start; at least one.
+    pub trials: Vec<Trial>,
+    /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation.
+    pub novelty: f64,
+}
+
+/// What came of one simulation of an individual.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Trial {
+    /// Hand-crafted features.
+    pub features: Features,
+    /// Embedding of its picture by the campaign's checkpoint; empty if there is none.
+    pub embedding: Vec<f32>,
+    /// Grey values, index x * resolution + y; absent where they were not asked for.
+    pub image: Option<Vec<u8>>,
+}
+
+impl ArchivedIndividual {
+    /// Its hand-crafted features: means over its trials.
+    #[must_use]
+    pub fn features(&self) -> Features {
+        mean_features(self.trials.iter().map(|trial| &trial.features))
+    }
+
+    /// Its embedding: the mean over its trials; empty if there is none.
+    #[must_use]
+    pub fn embedding(&self) -> Vec<f32> {
+        mean_embedding(self.trials.iter().map(|trial| trial.embedding.as_slice()))
+    }
+
+    /// Its picture: that of its first trial.
+    #[must_use]
+    pub fn image(&self) -> Option<&[u8]> {
+        self.trials.first()?.image.as_deref()
+    }
+
+    /// As [`ArchivedIndividual::image`], where nothing else of it is wanted.
+    #[must_use]
+    pub fn into_image(mut self) -> Option<Vec<u8>> {
+        self.trials.first_mut()?.image.take()
+    }
+
+    /// The pictures of its trials, where they were asked for.
+    #[must_use]
+    pub fn into_images(self) -> Vec<Vec<u8>> {
+        self.trials.into_iter().filter_map(|trial| trial.image).collect()
+    }
+
+    /// Its behaviour vector: what novelty and clusters are measured on.
+    #[must_use]
+    pub fn behaviour(&self, method: Method) -> Vec<f64> {
+        method.behaviour(&self.features(), &self.embedding())
+    }
+
+    /// An individual of which nothing was measured: one trial with zeros, no embedding and no picture.
+    #[must_use]
+    pub fn unmeasured(index: u64, generation: u32, controller: Controller) -> Self {
+        Self {
+            index,
+            generation,
+            controller,
+            seed: 0,
+            trials: vec![Trial::default()],
+            novelty: 0.0,
+        }
+    }
+
+    /// A swarm that never moved.
+    #[cfg(test)]
+    pub(crate) fn still(index: u64, generation: u32) -> Self {
+        let controller = Controller::new(murmuration_proto::Preset::SingleSensor, &[0.0; 4]).unwrap();
+        Self::unmeasured(index, generation, controller)
+    }
+
+    /// A swarm that never moved, with this picture.
+    #[cfg(test)]
+    pub(crate) fn pictured(index: u64, generation: u32, image: Vec<u8>) -> Self {
+        Self::still(index, generation).with_trial(Trial {
+            image: Some(image),
+            ..Trial::default()
+        })
+    }
+
+    /// The same with this one trial.
+    #[must_use]
+    pub fn with_trial(self, trial: Trial) -> Self {
+        Self {
+            trials: vec![trial],
+            ..self
+        }
+    }
+
+    /// The values of the columns for features and embeddings.
+    pub(super) fn columns(&self) -> (Vec<u8>, Vec<u8>) {
+        let trials = self.trials.iter();
+        let features: Vec<f64> = trials.clone().flat_map(|trial| trial.features).collect();
+        let embeddings: Vec<f32> = trials.flat_map(|trial| trial.embedding.iter().copied()).collect();
+        (floats_to_blob(&features), numbers_to_blob(&embeddings))
+    }
+}
+
+/// The value of the column for the images of each, if it has them.
+pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
+    let mut compressor = Compressor::new()?;
+    let images = individuals.iter().map(|individual| {
+        let images = individual.trials.iter().map(|trial| trial.image.as_deref());
+        images.collect::<Option<Vec<_>>>().map(|images| images.concat())
+    });
+    images
+        .map(|images| images.map(|images| compressor.compress(&images)).transpose())
+        .collect()
+}
+
+/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding), with its images if there
+/// is something to decompress them with.
+pub(super) fn read(
+    row: &Row<'_>,
+    model: &CapabilityModel,
+    images: Option<&mut Decompressor>,
+) -> Result<ArchivedIndividual, StoreError> {
+    let index: i64 = row.get(0)?;
+    let damaged = |what: &dyn std::fmt::Display| StoreError::damaged(format!("individual {index}: {what}"));
+    let genes = blob_to_floats(&row.get::<_, Vec<u8>>(2)?);
+    let features = blob_to_floats(&row.get::<_, Vec<u8>>(4)?);
+    let column = row.get_ref(6)?.as_blob_or_null().map_err(rusqlite::Error::from)?;
+    let image = images
+        .zip(column)
+        .map(|(images, column)| images.decompress(column))
+        .transpose()
+        .map_err(|error| damaged(&format_args!("its picture is {error}")))?;
+    let embeddings = blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default());
+    Ok(ArchivedIndividual {
+        index: index.unsigned_abs(),
+        generation: row.get(1)?,
+        controller: Controller::new(model, &genes).map_err(|error| damaged(&error))?,
+        seed: row.get::<_, i64>(3)?.cast_unsigned(),
+        trials: trials(&features, &embeddings, image.as_deref()).map_err(|error| damaged(&error))?,
+        novelty: row.get(5)?,
+    })
+}
+
+/// The trials in the values of columns.
+fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result<Vec<Trial>, &'static str> {
+    let (features, rest) = features.as_chunks();
+    let count = features.len();
+    if !(1..=Starts::MAX as usize).contains(&count) || !rest.is_empty() {
+        return Err("not five features");
+    }
+    if !embeddings.len().is_multiple_of(count) {
+        return Err("its embedding is cut off");
+    }
+    if images.is_some_and(|images| !images.len().is_multiple_of(count)) {
+        return Err("its picture is cut off");
+    }
+    let dimensions = embeddings.len() / count;
+    let trial = |(place, features): (usize, &Features)| Trial {
+        features: *features,
+        embedding: embeddings[place * dimensions..(place + 1) * dimensions].to_vec(),
+        image: images.map(|images| {
+            let pixels = images.len() / count;
+            images[place * pixels..(place + 1) * pixels].to_vec()
+        }),
+    };
+    Ok(features.iter().enumerate().map(trial).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_measured_of_an_individual_is_the_mean_over_its_trials() {
+        let trial = |value: f32, grey| Trial {
+            features: [f64::from(value); 5],
+            embedding: vec![value, -value],
+            image: Some(vec![grey; 4]),
+        };
+        let individual = ArchivedIndividual {
+            trials: vec![trial(1.0, 10), trial(2.0, 20), trial(6.0, 30)],
+            ..ArchivedIndividual::still(0, 0)
+        };
+        assert_eq!(individual.features(), [3.0; 5]);
+        assert_eq!(individual.embedding(), [3.0, -3.0]);
+        assert_eq!(individual.image(), Some([10; 4].as_slice()));
+        assert_eq!(individual.behaviour(Method::Latent), [3.0, -3.0]);
+        assert_eq!(individual.behaviour(Method::HandCrafted), [3.0; 5]);
+    }
+
+    #[test]
+    fn columns_that_do_not_fit_each_other_are_damaged() {
+        assert_eq!(trials(&[0.0; 10], &[0.0; 6], Some(&[0; 8])).unwrap().len(), 2);
+        assert!(trials(&[], &[], None).is_err());
+        assert!(trials(&[0.0; 7], &[], None).is_err());
+        assert!(trials(&[0.0; 85], &[], None).is_err());
+        assert!(trials(&[0.0; 10], &[0.0; 5], None).is_err());
+        assert!(trials(&[0.0; 10], &[], Some(&[0; 3])).is_err());
+    }
+}
