@@ -122,22 +122,24 @@ impl Rasteriser {
     /// Grey values channel by channel, each with index `x * resolution + y`. It is what the network sees.
     #[must_use]
     pub fn image(&self) -> Vec<u8> {
-        let channels = 0..self.channels;
-        channels.flat_map(|channel| self.image_of(channel)).collect()
+        self.of_channels(|canvas| grey::stretched(&self.cells.average(self.arch, canvas)))
     }
 
-    /// What is on one canvas, a channel's or that of the swarm in a lane.
-    pub(crate) fn image_of(&self, canvas: usize) -> Vec<u8> {
-        grey::stretched(&self.cells.average(self.arch, &self.canvases[canvas]))
+    /// The picture of the swarm in one lane.
+    pub(crate) fn image_of(&self, lane: usize) -> Vec<u8> {
+        grey::stretched(&self.cells.average(self.arch, &self.canvases[lane]))
     }
 
     /// The picture before it is stretched: 255 times the share of white, rounded half to even.
     #[must_use]
     pub fn raw_image(&self) -> Vec<u8> {
-        let canvases = self.canvases[..self.channels].iter();
-        canvases
-            .flat_map(|canvas| self.cells.average(self.arch, canvas))
-            .collect()
+        self.of_channels(|canvas| self.cells.average(self.arch, canvas))
+    }
+
+    /// The values of all channels, one after the other.
+    fn of_channels(&self, values: impl Fn(&Canvas) -> Vec<u8>) -> Vec<u8> {
+        let canvases = self.canvases.iter().take(self.channels);
+        canvases.map(values).collect::<Vec<_>>().concat()
     }
 }
 
