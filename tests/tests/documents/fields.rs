@@ -12,23 +12,30 @@ const IN_WORDS: [&str; 5] = [
     "world.noise",
 ];
 
-/// Sections without fields that people choose between: a recipe's fields are in the table of the recipe's section.
-fn table_of(section: &str) -> String {
-    match section.split_once(".recipe.") {
-        Some((parent, _)) => format!("`[{parent}.recipe]`"),
-        None if section == "training.network" => "`[training]`".to_owned(),
-        None if section.is_empty() => "the file".to_owned(),
-        None => format!("`[{section}]`"),
+/// Where the fields of a section are: those of a recipe are in the table of its section, or in that of the recipes that it shares
+/// them with.
+fn tables_of(section: &str) -> Vec<String> {
+    match section {
+        "" => vec!["the file".to_owned()],
+        "training.network" => vec!["`[training]`".to_owned()],
+        section if section.starts_with("feedback.recipe.") => {
+            vec!["`[feedback.recipe]`".to_owned(), "`[training.recipe]`".to_owned()]
+        }
+        section if section.starts_with("training.recipe.") => vec!["`[training.recipe]`".to_owned()],
+        section => vec![format!("`[{section}]`")],
     }
 }
 
 /// The first cells of the rows of all tables of fields of a section.
 fn documented(pages: &str, section: &str) -> String {
-    let header = format!("| field of {} |", table_of(section));
+    let headers = tables_of(section)
+        .into_iter()
+        .map(|name| format!("| field of {name} |"));
+    let headers: Vec<String> = headers.collect();
     let mut cells = String::new();
     let mut inside = false;
     for line in pages.lines() {
-        inside = line.starts_with('|') && (inside || line.starts_with(&header));
+        inside = line.starts_with('|') && (inside || headers.iter().any(|header| line.starts_with(header)));
         if inside {
             cells += line.split('|').nth(1).unwrap_or_default();
         }
@@ -48,6 +55,7 @@ pub fn every_field_of_a_campaign_file_is_in_a_table() {
             let names = [
                 format!("`{field}`"),
                 format!("`network.{field}`"),
+                format!("`{field}."),
                 format!("`{field} = "),
             ];
             assert!(
