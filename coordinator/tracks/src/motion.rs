@@ -1,0 +1,220 @@
+//! From the frames of a film to the steps of a world.
+
+use crate::{Sighting, Tracks, TracksError, headings};
+use murmuration_proto::{Boundary, Invalid, World};
+use std::{collections::BTreeMap, f64::consts::TAU};
+
+/// Most frames in a row that a robot may be missing from.
+pub const MAX_GAP_FRAMES: u32 = 25;
+
+/// Most poses of a motion (480 MB).
+pub const MAX_POSES: u64 = 20_000_000;
+
+/// How a world was filmed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Filmed<'a> {
+    world: &'a World,
+    /// World units to a unit of the tracks.
+    scale: f64,
+    /// Where the origin of the tracks is, world units.
+    origin: [f64; 2],
+    /// Frames from one step to the next.
+    frames_a_step: f64,
+}
+
+impl<'a> Filmed<'a> {
+    /// A film of `world` whose tracks are in world units, with a frame for each step.
+    #[must_use]
+    pub const fn new(world: &'a World) -> Self {
+        Self {
+            world,
+            scale: 1.0,
+            origin: [0.0; 2],
+            frames_a_step: 1.0,
+        }
+    }
+
+    /// The same, with this time from one frame to the next, in units of the world's time.
+    ///
+    /// # Errors
+    /// If the time is not over 0 and finite.
+    pub fn with_frame_time(self, time: f64) -> Result<Self, Invalid> {
+        let frames_a_step = self.world.dt() / time;
+        match time > 0.0 && frames_a_step > 0.0 && frames_a_step.is_finite() {
+            true => Ok(Self {
+                frames_a_step,
+                ..self
+            }),
+            false => Err(Invalid::new("frame-time", time, "a finite number over 0")),
+        }
+    }
+
+    /// The same, with tracks of an arena of this width and height in the units of the tracks, whose corner is their origin. It is
+    /// scaled by one factor until it fits the world, and its centre is the world's.
+    ///
+    /// # Errors
+    /// If a side is not over 0 and finite.
+    pub fn with_arena(self, arena: [f64; 2]) -> Result<Self, Invalid> {
+        let world = [self.world.width(), self.world.height()];
+        let scale = (world[0] / arena[0]).min(world[1] / arena[1]);
+        let is_side = |side: f64| side > 0.0 && side.is_finite();
+        if !arena.into_iter().all(is_side) || !is_side(scale) {
+            let value = format!("{}x{}", arena[0], arena[1]);
+            return Err(Invalid::new("arena", value, "two finite numbers over 0"));
+        }
+        let origin = [0, 1].map(|axis| (world[axis] - scale * arena[axis]) / 2.0);
+        Ok(Self {
+            scale,
+            origin,
+            ..self
+        })
+    }
+
+    /// Factor from the units of the tracks to those of the world.
+    #[must_use]
+    pub const fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// A place of the tracks in the world.
+    fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        // A scale of 1 without an offset leaves every bit as it is.
+        [0, 1].map(|axis| self.origin[axis] + self.scale * at[axis])
+    }
+
+    /// The way from one place of the world to another: on a torus the shorter way around.
+    pub(crate) fn way(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+        let sides = [self.world.width(), self.world.height()];
+        [0, 1].map(|axis| {
+            let way = to[axis] - from[axis];
+            match self.world.boundary() {
+                Boundary::Torus => way - sides[axis] * (way / sides[axis]).round(),
+                Boundary::Walls | Boundary::Open => way,
+            }
+        })
+    }
+
+    /// Distance from which on a motion has a direction, world units: a hundredth of a body.
+    pub(crate) fn still(&self) -> f64 {
+        self.world.radius() / 100.0
+    }
+}
+
+impl Tracks {
+    /// The pose (x, y, heading; world units and radians) of each robot, in the order of their numbers, at the end of the film and
+    /// before each of at most `steps` steps up to there: fewer if the film is shorter.
+    ///
+    /// Between two frames, and in up to [`MAX_GAP_FRAMES`] without it, a robot moves straight ahead at one speed and turns the
+    /// shorter way; before its first frame and after its last it stands still for as long. Where no heading is known, it is
+    /// the direction of the motion from one step before to one step after; a robot that stands still keeps the last.
+    ///
+    /// # Errors
+    /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].
+    pub fn ending(&self, steps: u32, filmed: &Filmed<'_>) -> Result<Vec<Vec<[f64; 3]>>, TracksError> {
+        let [first, last] = self.frames().map(f64::from);
+        let whole = ((last - first) / filmed.frames_a_step).floor();
+        // A cast of what is larger gives the largest.
+        let steps = steps.min(whole as u32);
+        if steps == 0 {
+            return Err(TracksError::Short(self.path.clone()));
+        }
+        let poses = (u64::from(steps) + 1) * u64::from(self.robots());
+        if poses > MAX_POSES {
+            let allowed = format!("small enough to keep {poses} poses under {MAX_POSES}");
+            return Err(Invalid::new("image.window", steps, allowed).into());
+        }
+        // From the end, so that frames are met exactly where there is one for each step.
+        let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step);
+        let moments: Vec<f64> = moments.collect();
+        let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
+        for (&robot, sightings) in &self.robots {
+            let at = |&moment: &f64| {
+                self.check_gap(robot, sightings, moment)
+                    .map(|()| seen(sightings, moment, filmed))
+            };
+            let path = moments.iter().map(at).collect::<Result<Vec<_>, _>>()?;
+            let headings = headings::complete(&path, filmed);
+            for ((frame, sighting), heading) in frames.iter_mut().zip(&path).zip(headings) {
+                frame.push([sighting.at[0], sighting.at[1], heading]);
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Checks that a robot is not missing for too long about a moment.
+    fn check_gap(
+        &self,
+        robot: u32,
+        sightings: &BTreeMap<u32, Sighting>,
+        moment: f64,
+    ) -> Result<(), TracksError> {
+        let (before, after) = around(sightings, moment);
+        let [first, last] = self.frames();
+        let missing = match (before, after) {
+            (Some((before, _)), Some((after, _))) if before == after => return Ok(()),
+            (Some((before, _)), Some((after, _))) => [before + 1, after - 1],
+            (None, Some((after, _))) => [first, after - 1],
+            (Some((before, _)), None) => [before + 1, last],
+            // No robot is without a sighting.
+            (None, None) => [first, last],
+        };
+        // Next to each other, nothing is between them.
+        let count = (u64::from(missing[1]) + 1).saturating_sub(missing[0].into());
+        if count <= u64::from(MAX_GAP_FRAMES) {
+            return Ok(());
+        }
+        Err(TracksError::Gap {
+            path: self.path.clone(),
+            robot,
+            frames: missing,
+        })
+    }
+}
+
+/// The sightings at or next to a moment.
+fn around(
+    sightings: &BTreeMap<u32, Sighting>,
+    moment: f64,
+) -> (Option<(u32, Sighting)>, Option<(u32, Sighting)>) {
+    // Moments are between the first frame and the last.
+    let before = sightings.range(..=moment.floor() as u32).next_back();
+    let after = sightings.range(moment.ceil() as u32..).next();
+    let own = |found: Option<(&u32, &Sighting)>| found.map(|(frame, sighting)| (*frame, *sighting));
+    (own(before), own(after))
+}
+
+/// A robot at a moment, in the world.
+fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -> Sighting {
+    let placed = |sighting: Sighting| Sighting {
+        at: filmed.place(sighting.at),
+        ..sighting
+    };
+    let (before, after) = match around(sightings, moment) {
+        (Some(before), Some(after)) if before.0 < after.0 => (before, after),
+        (Some((_, only)), _) | (None, Some((_, only))) => return placed(only),
+        // No robot is without a sighting.
+        (None, None) => {
+            return Sighting {
+                at: filmed.origin,
+                heading: None,
+            };
+        }
+    };
+    let share = (moment - f64::from(before.0)) / (f64::from(after.0) - f64::from(before.0));
+    let (before, after) = (placed(before.1), placed(after.1));
+    let way = filmed.way(before.at, after.at);
+    let turned = |from: f64, to: f64| {
+        let turn = to - from;
+        from + share * (turn - TAU * (turn / TAU).round())
+    };
+    Sighting {
+        at: [0, 1].map(|axis| before.at[axis] + share * way[axis]),
+        heading: before
+            .heading
+            .zip(after.heading)
+            .map(|(from, to)| turned(from, to)),
+    }
+}
+
+#[cfg(test)]
+mod tests;
