@@ -6,7 +6,7 @@ mod tests;
 
 use crate::{
     CapabilityModel, ControllerSpace, EmbedderSource, Feedback, Frames, ImageFormat, Invalid, Method, Pose,
-    Search, TomlError, World, embedder, invalid, robot, text, toml_errors, v1,
+    Search, TomlError, World, counted, embedder, invalid, robot, text, toml_errors, v1,
 };
 
 /// A campaign's name: 1 to 64 letters, digits, `-` and `_`, so that it fits into ids and paths.
@@ -180,6 +180,17 @@ impl CampaignSpec {
 }
 
 impl CampaignSpec {
+    /// Checks that the first generation has room for the controllers that it begins with.
+    fn check_initial(&self) -> Result<(), Invalid> {
+        let (initial, population) = (self.controllers.initial().len(), self.search.population());
+        if initial <= population as usize {
+            return Ok(());
+        }
+        let value = counted(initial as u64, "controller");
+        let allowed = format!("at most {population} controllers where search.population = {population}");
+        Err(Invalid::new("controllers.initial", value, allowed))
+    }
+
     /// Checks that everything held in memory at the same time fits.
     fn check_memory(&self) -> Result<(), Invalid> {
         let pixels = self.image.pixels() as u64;
@@ -267,6 +278,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             search,
         };
         spec.check_memory()?;
+        spec.check_initial()?;
         // Without planned rounds, one round counts: a person may request it.
         let round = spec.feedback.as_ref().map_or(0, |feedback| {
             u64::from(feedback.generations()) * u64::from(spec.search.population())

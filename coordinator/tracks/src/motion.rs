@@ -148,7 +148,7 @@ impl Tracks {
         sightings: &BTreeMap<u32, Sighting>,
         moment: f64,
     ) -> Result<(), TracksError> {
-        let (before, after) = around(sightings, moment);
+        let [before, after] = around(sightings, moment);
         let [first, last] = self.frames();
         let missing = match (before, after) {
             (Some((before, _)), Some((after, _))) if before == after => return Ok(()),
@@ -172,15 +172,12 @@ impl Tracks {
 }
 
 /// The sightings at or next to a moment.
-fn around(
-    sightings: &BTreeMap<u32, Sighting>,
-    moment: f64,
-) -> (Option<(u32, Sighting)>, Option<(u32, Sighting)>) {
+fn around(sightings: &BTreeMap<u32, Sighting>, moment: f64) -> [Option<(u32, Sighting)>; 2] {
     // Moments are between the first frame and the last.
     let before = sightings.range(..=moment.floor() as u32).next_back();
     let after = sightings.range(moment.ceil() as u32..).next();
     let own = |found: Option<(&u32, &Sighting)>| found.map(|(frame, sighting)| (*frame, *sighting));
-    (own(before), own(after))
+    [own(before), own(after)]
 }
 
 /// A robot at a moment, in the world.
@@ -190,10 +187,10 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
         ..sighting
     };
     let (before, after) = match around(sightings, moment) {
-        (Some(before), Some(after)) if before.0 < after.0 => (before, after),
-        (Some((_, only)), _) | (None, Some((_, only))) => return placed(only),
+        [Some(before), Some(after)] if before.0 < after.0 => (before, after),
+        [Some((_, only)), _] | [None, Some((_, only))] => return placed(only),
         // No robot is without a sighting.
-        (None, None) => {
+        [None, None] => {
             return Sighting {
                 at: filmed.origin,
                 heading: None,

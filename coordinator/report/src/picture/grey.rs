@@ -2,6 +2,9 @@
 
 use super::{PictureError, SIZES};
 
+/// Grey value of what is between two pictures.
+const GAP: u8 = 255;
+
 /// The grey image of a behaviour as a PNG, every pixel `scale` pixels wide, without smoothing.
 ///
 /// `image` holds `resolution` squared grey values with index `x * resolution + y` (axis 0 is x), as in an evaluation;
@@ -11,25 +14,42 @@ use super::{PictureError, SIZES};
 /// [`PictureError::NotSquare`] where the bytes are not such a square, [`PictureError::Size`] where the picture would be
 /// smaller than 1 pixel or wider than 4096.
 pub fn grey_png(image: &[u8], resolution: u32, scale: u32) -> Result<Vec<u8>, PictureError> {
+    grey_row_png(&[image], resolution, scale)
+}
+
+/// Grey images as [`grey_png`] has one, side by side, with a white line of `scale` pixels between two.
+///
+/// # Errors
+/// As [`grey_png`], of the whole row.
+pub fn grey_row_png(images: &[&[u8]], resolution: u32, scale: u32) -> Result<Vec<u8>, PictureError> {
     let cells = resolution as usize;
-    if image.is_empty() || image.len() != cells * cells {
+    let is_square = |image: &&[u8]| !image.is_empty() && image.len() == cells * cells;
+    if let Some(image) = images.iter().find(|image| !is_square(image)) {
         return Err(PictureError::NotSquare {
             resolution,
             bytes: image.len(),
         });
     }
-    let pixels = u64::from(resolution) * u64::from(scale);
-    if pixels == 0 || pixels > u64::from(*SIZES.end()) {
-        return Err(PictureError::Size(pixels));
+    let columns = (u64::from(resolution) + 1) * images.len() as u64;
+    let width = columns.saturating_sub(1) * u64::from(scale);
+    if width == 0 || width > u64::from(*SIZES.end()) {
+        return Err(PictureError::Size(width));
     }
-    let pixels = pixels as usize;
     let scale = scale as usize;
-    let mut screen = Vec::with_capacity(pixels * pixels);
-    for y in 0..pixels {
-        screen.extend((0..pixels).map(|x| image[x / scale * cells + y / scale]));
+    let (width, height) = (width as usize, cells * scale);
+    let pixel = |x: usize, y: usize| {
+        let image = images[x / (cells + 1)];
+        match x % (cells + 1) {
+            gap if gap == cells => GAP,
+            x => image[x * cells + y],
+        }
+    };
+    let mut screen = Vec::with_capacity(width * height);
+    for y in 0..height {
+        screen.extend((0..width).map(|x| pixel(x / scale, y / scale)));
     }
     let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, pixels as u32, pixels as u32);
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
     encoder.set_color(png::ColorType::Grayscale);
     encoder.set_compression(png::Compression::High);
     let mut writer = encoder.write_header()?;
@@ -59,6 +79,16 @@ mod tests {
             pixels,
             [10, 10, 30, 30, 10, 10, 30, 30, 20, 20, 40, 40, 20, 20, 40, 40]
         );
+    }
+
+    #[test]
+    fn pictures_of_a_row_have_a_white_line_between_them() {
+        let row = grey_row_png(&[&[10, 20, 30, 40], &[1, 2, 3, 4]], 2, 1).unwrap();
+        let (width, height, pixels) = decode_png(&row);
+        assert_eq!((width, height), (5, 2));
+        assert_eq!(pixels, [10, 30, 255, 1, 3, 20, 40, 255, 2, 4]);
+        assert!(matches!(grey_row_png(&[], 2, 1), Err(PictureError::Size(0))));
+        assert!(grey_row_png(&[&[0; 4], &[0; 3]], 2, 1).is_err());
     }
 
     #[test]
