@@ -6,6 +6,9 @@ use murmuration_proto::counted;
 use murmuration_search::novelty::{Behaviours, Misfit};
 use std::collections::BTreeMap;
 
+/// From this many times the mean distance of a cluster's members on, a behaviour is like nothing in it.
+pub const UNLIKE: f64 = 3.0;
+
 /// An individual near a behaviour.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Neighbour {
@@ -102,6 +105,20 @@ impl Nearest {
             is_taxonomy: clustered.is_taxonomy,
         })
     }
+}
+
+impl Nearest {
+    /// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
+    #[must_use]
+    pub fn relative_distance(&self) -> Option<f64> {
+        relative_distance(self.medoid.distance, self.mean_distance)
+    }
+}
+
+/// A distance from a medoid by the mean distance of its members; `None` if they are all at one place.
+#[must_use]
+pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
+    (mean_distance > 0.0).then(|| distance / mean_distance)
 }
 
 /// The distance of every individual from a behaviour of the same space.

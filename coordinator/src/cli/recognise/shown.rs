@@ -7,11 +7,9 @@ use super::{
     },
     Recognised,
 };
+use murmuration_engine::nearest::{UNLIKE, relative_distance};
 use murmuration_link::{OutputError, outln};
 use murmuration_proto::{FEATURE_NAMES, v1};
-
-/// From this many times the mean distance of a cluster's members on, a behaviour is like nothing in it.
-const UNLIKE: f64 = 3.0;
 
 /// Prints it, for a person or for programs.
 pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputError> {
@@ -84,8 +82,7 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
 
 /// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
 fn relative(nearest: &v1::FindNearestResponse) -> Option<f64> {
-    let distance = nearest.medoid.as_ref()?.distance;
-    (nearest.mean_distance > 0.0).then(|| distance / nearest.mean_distance)
+    relative_distance(nearest.medoid.as_ref()?.distance, nearest.mean_distance)
 }
 
 fn document(recognised: &Recognised) -> json::Recognised {

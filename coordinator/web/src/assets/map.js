@@ -234,6 +234,7 @@ async function load() {
   for (const option of at("colouring")) if (option.value === "cluster") option.disabled = sizes.length === 0;
   offer(false);
   settle();
+  begin();
   const loaded = points;
   for (;;) {
     const neighbours = await insist(() => get("points/neighbours"));
@@ -269,6 +270,14 @@ async function label() {
   paint();
 }
 
+// The individual that an address names is shown once, when it is there with its name.
+let named = /^#individual-(\d{1,9})$/.exec(location.hash)?.[1];
+function begin() {
+  if (!points || entries === null || !(named < points.count)) return;
+  choose(Number(named));
+  named = undefined;
+}
+
 let stands = null;
 let entries = null;
 follow(async (seen) => {
@@ -278,4 +287,5 @@ follow(async (seen) => {
   [stands, entries] = [now, seen.labels];
   if (moved) load().catch((error) => complain(status, error));
   if (said) await label();
+  begin();
 });

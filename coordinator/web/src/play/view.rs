@@ -6,13 +6,15 @@ use super::{
     knobs::{Knob, Values, knobs},
 };
 use maud::{Markup, html};
-use murmuration_model::colours;
+use murmuration_model::{CampaignId, colours};
 use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Species};
 use murmuration_report::picture::columns;
 use serde_json::{Value, json};
 
 /// The page of an address.
-pub(super) fn page(address: &Address, visitor: &Visitor) -> Markup {
+///
+/// `campaigns` are those that its swarm can be compared with.
+pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visitor) -> Markup {
     let content = html! {
         div.wide-bar {
             h1 { "Play" }
@@ -21,7 +23,10 @@ pub(super) fn page(address: &Address, visitor: &Visitor) -> Markup {
         noscript { p.scriptless { "This page needs JavaScript, which is not running in this browser." } }
         (problems(&address.problems))
         (description(address))
-        @if let Ok(play) = &address.play { (playground(address, play)) }
+        @if let Ok(play) = &address.play {
+            (playground(address, play))
+            (comparison(play, campaigns))
+        }
     };
     play_page(visitor, content)
 }
@@ -113,6 +118,34 @@ fn playground(address: &Address, play: &Play) -> Markup {
             "The address of this page holds the robots, the controller, the seed and the number of robots: a link shows the same "
             "motion to everybody. Space plays and pauses, " kbd { "n" } " starts anew, " kbd { "-" } " and " kbd { "+" }
             " change the speed."
+        }
+    }
+}
+
+/// What the swarm is like, and the button that searches on from it.
+fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
+    html! {
+        section.compare.scripted aria-label="This swarm and campaigns" {
+            div.choices {
+                @if campaigns.is_empty() {
+                    p.reason {
+                        "No campaign in a world of " (play.world.width()) " × " (play.world.height())
+                        " has individuals yet that this swarm could be compared with."
+                    }
+                } @else {
+                    label { "Campaign " select #campaign {
+                        @for id in campaigns { option value=(id) { (id) } }
+                    } }
+                    button.plain #ask type="button" { "What is this like? " kbd { "l" } }
+                }
+                form #search method="post" action="/play/search" { button { "Search from here" } }
+            }
+            p.reason {
+                "Search from here starts a small campaign with these robots, on hand-crafted features. Its first generation begins with "
+                "this controller."
+            }
+            p #compared.status role="status" {}
+            div #likes {}
         }
     }
 }
@@ -296,7 +329,7 @@ mod tests {
     fn shown(parameters: &[(&str, &str)]) -> String {
         let owned = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
         let address = Address::read(&parameters.iter().map(owned).collect());
-        page(&address, &Visitor::ANYBODY).into_string()
+        page(&address, &[], &Visitor::ANYBODY).into_string()
     }
 
     #[test]
