@@ -101,6 +101,8 @@ impl Recognise {
         let (controller, world) = self.swarm(&spec, tracks)?;
         let assumed = Assumed::of(self, tracks, &controller, &world)?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
+        // The campaign looks no further back than the start of its own swarms.
+        let steps = steps.min(spec.world().horizon());
         let frames = tracks.ending(steps, &assumed.filmed(&world)?)?;
         let assumed = assumed.with_steps(frames.len() as u64 - 1, u64::from(steps));
         let evaluation = observe(&controller, &world, spec.image(), &frames)?;

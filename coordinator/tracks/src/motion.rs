@@ -94,9 +94,9 @@ impl<'a> Filmed<'a> {
         })
     }
 
-    /// Distance from which on a motion has a direction, world units: a hundredth of a body.
+    /// Distance from which on a motion is no jitter of the camera, world units: a fifth of the largest radius.
     pub(crate) fn still(&self) -> f64 {
-        self.world.radius() / 100.0
+        self.world.radius() / 5.0
     }
 }
 
@@ -106,7 +106,8 @@ impl Tracks {
     ///
     /// Between two frames, and in up to [`MAX_GAP_FRAMES`] without it, a robot moves straight ahead at one speed and turns the
     /// shorter way; before its first frame and after its last it stands still for as long. Where no heading is known, it is
-    /// the direction of the motion from one step before to one step after; a robot that stands still keeps the last.
+    /// the direction of the motion from up to five steps before to as many after, the fewest in which the robot moves by a fifth of its
+    /// radius; one that moves by less keeps its last.
     ///
     /// # Errors
     /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].

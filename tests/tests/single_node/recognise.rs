@@ -102,9 +102,8 @@ fn a_filmed_individual_is_recognised_as_itself_and_through_a_bad_camera_as_one_l
         assert!(bad["missing"].as_u64().unwrap() > 1000, "{}", bad["missing"]);
         let nearest = bad["nearest"].as_array().unwrap();
         found += u32::from(nearest.iter().any(|near| near["index"] == index));
-        eprintln!("individual {index}: {}", bad["nearest"]);
     }
-    assert!(found >= 7, "only {found} of 10 are among the 5 nearest");
+    assert!(found >= 8, "only {found} of 10 are among the 5 nearest");
 }
 
 #[test]

@@ -89,16 +89,27 @@ fn frames_come_at_their_own_pace_and_arenas_in_their_own_units() {
 fn headings_are_the_cameras_or_else_those_of_the_motion() {
     let world = World::default();
     let filmed = Filmed::new(&world);
-    let rows = "0,0,0,0\n1,0,0,0\n2,0,0,0\n3,0,0,2\n4,0,0,2\n5,0,0,2\n6,0,-2,2\n";
+    // It moves down once, and later to the left; the camera is off by little.
+    let rows = |frame: u32| match frame {
+        0..4 => "0,0",
+        4..16 => "0.3,2",
+        _ => "-2,2",
+    };
+    let rows: String = (0..20)
+        .map(|frame| format!("{frame},0,{}\n", rows(frame)))
+        .collect();
     let film = tracks(&format!("frame,robot,x,y\n{rows}"));
     let headings: Vec<f64> = film
-        .ending(9, &filmed)
+        .ending(99, &filmed)
         .unwrap()
         .iter()
         .map(|poses| poses[0][2])
         .collect();
     let [down, left] = [FRAC_PI_2, 2.0 * FRAC_PI_2];
-    assert_eq!(headings, [down, down, down, down, down, left, left]);
+    let is =
+        |step: usize, heading: f64| assert!((headings[step] - heading).abs() < 0.2, "{step}: {headings:?}");
+    (0..11).for_each(|step| is(step, down));
+    (11..20).for_each(|step| is(step, left));
     // Known ones are kept, and a robot turns the shorter way between them.
     let film = tracks("frame,robot,x,y,heading\n0,0,9,0,3\n2,0,9,0,-3\n3,0,9,9,\n");
     let headings: Vec<f64> = film
