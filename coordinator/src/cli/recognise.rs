@@ -38,7 +38,7 @@ Without headings, a robot looks where it moves.
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --seed 7 --tracks tracks.csv
   murmuration recognise tracks.csv
-  murmuration recognise film.csv --frame-time 0.04 --arena 400x400 --png row.png")]
+  murmuration recognise tracks.csv --frame-time 0.5 --arena 400x400 --png row.png")]
 pub(super) struct Recognise {
     /// Tracks of the robots, CSV
     tracks: PathBuf,

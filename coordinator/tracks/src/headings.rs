@@ -1,6 +1,6 @@
 //! Headings that no camera measured.
 
-use crate::{Sighting, motion::Filmed};
+use crate::{Sighting, filmed::Filmed};
 
 /// Most steps before and after a step whose motion says where a robot looks.
 const MOST_STEPS: usize = 5;

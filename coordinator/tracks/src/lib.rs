@@ -5,11 +5,13 @@
 //! Limits: text in and out, no files; knows nothing of features or pictures.
 
 mod file;
+mod filmed;
 mod headings;
 mod motion;
 
 pub use file::{Tracks, TracksError, to_csv};
-pub use motion::{Filmed, MAX_GAP_FRAMES, MAX_POSES};
+pub use filmed::Filmed;
+pub use motion::{MAX_GAP_FRAMES, MAX_POSES};
 
 /// Where a robot was at a moment.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,7 +15,7 @@ mod trajectory;
 pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
 pub use grey::{grey_png, grey_row_png};
-pub use robot::{robot_svg, sensor_in_words};
+pub use robot::{robot_svg, sensor_in_words, sensor_reach};
 pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 

@@ -1,6 +1,7 @@
 //! What becomes of gaps, units, and headings that nobody measured.
 
 use super::*;
+use murmuration_proto::World;
 use std::{f64::consts::FRAC_PI_2, path::Path};
 
 fn tracks(text: &str) -> Tracks {

@@ -7,8 +7,8 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, colours};
-use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Species};
-use murmuration_report::picture::columns;
+use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Sensor, Species};
+use murmuration_report::picture::{columns, sensor_reach};
 use serde_json::{Value, json};
 
 /// The page of an address.
@@ -296,6 +296,16 @@ fn colour(place: usize) -> String {
     colours::hex(colours::AGENTS[place % colours::AGENTS.len()])
 }
 
+/// Radii that a cone without limit is drawn long.
+const UNLIMITED_RADII: f64 = 12.0;
+
+/// Half of a cone's opening angle, radians, and how far it is drawn, world units; a ray without limit has no length.
+fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
+    let half = sensor.half_angle();
+    let drawn = (half > 0.0).then(|| UNLIMITED_RADII * robot.radius());
+    (half, sensor_reach(sensor).or(drawn))
+}
+
 /// What the script needs to draw the swarm.
 fn swarm(play: &Play) -> Value {
     let (model, world) = (play.controller.model(), &play.world);
@@ -305,11 +315,14 @@ fn swarm(play: &Play) -> Value {
         let robot = of.robot();
         let mut gene = first + robot.speeds();
         first += robot.genes();
-        let sensor = |sensor: &murmuration_proto::Sensor| match sensor.angle().value() {
-            Some(angle) => json!({ "angle": angle }),
-            None => {
-                gene += 1;
-                json!({ "gene": gene - 1 })
+        let sensor = |sensor: &Sensor| {
+            let (half, reach) = cone(robot, sensor);
+            match sensor.angle().value() {
+                Some(angle) => json!({ "angle": angle, "half": half, "reach": reach }),
+                None => {
+                    gene += 1;
+                    json!({ "gene": gene - 1, "half": half, "reach": reach })
+                }
             }
         };
         let sensors: Vec<_> = robot.sensors().iter().map(sensor).collect();
@@ -365,6 +378,20 @@ mod tests {
         );
         assert!(!page.contains("id=\"robots\""), "their number is fixed: {page}");
         assert!(page.contains("&quot;gene&quot;:8"), "{page}");
+    }
+
+    #[test]
+    fn cones_are_drawn_as_far_as_they_reach_and_rays_have_an_end_only_if_they_have_a_range() {
+        let text = "[robot]\nradius = 6\nsensors = [{ half_angle = 0.25, range = 120 }, { half_angle = 0.5 }, { range = 40 }, {}]\n";
+        let page = shown(&[("robot", text)]).replace("&quot;", "\"");
+        for sensor in [
+            r#"{"angle":0.0,"half":0.25,"reach":120.0}"#,
+            r#"{"angle":0.0,"half":0.5,"reach":72.0}"#,
+            r#"{"angle":0.0,"half":0.0,"reach":40.0}"#,
+            r#"{"angle":0.0,"half":0.0,"reach":null}"#,
+        ] {
+            assert!(page.contains(sensor), "{sensor}: {page}");
+        }
     }
 
     #[test]

@@ -299,7 +299,7 @@ pub async fn a_search_begins_with_the_controller_that_was_played_with() {
     window.until(&format!("{STEP} > 20")).await;
     slide(window, 1, "0.35").await;
     window.click("#search button").await;
-    window.until("location.pathname === '/campaigns/play-1'").await;
+    window.until("location.pathname === '/campaigns/play-2'").await;
     let spec = window.value("document.querySelector('pre').textContent").await;
     let spec = CampaignSpec::from_toml(spec.as_str().unwrap()).unwrap();
     let first: Vec<_> = spec
