@@ -73,6 +73,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             "#[serde(with = \"crate::robot::toml_names::ratios\", skip_serializing_if = \"Vec::is_empty\")]",
         )
         .field_attribute(
+            "murmuration.v1.ControllerSpace.initial",
+            "#[serde(with = \"crate::toml_names::genes\", skip_serializing_if = \"Vec::is_empty\")]",
+        )
+        .field_attribute(
             "murmuration.v1.CampaignSpec.method",
             "#[serde(with = \"crate::toml_names::method\")]",
         )

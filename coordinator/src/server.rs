@@ -156,6 +156,7 @@ impl Coordinator {
             campaigns: campaigns.clone(),
             store: store.clone(),
             dispatch: dispatch.clone(),
+            queries: queries.clone(),
             permits: Permits::default(),
         };
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.

@@ -1,5 +1,6 @@
 //! Everything that determines a campaign's outcome, validated as a whole.
 
+mod begun;
 mod limits;
 mod swarm;
 #[cfg(test)]

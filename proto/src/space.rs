@@ -13,6 +13,7 @@ pub struct ControllerSpace {
     /// Choices for every free angle that has no list of its own; empty: any in its range.
     angles: Vec<f64>,
     genes: Vec<GeneSpace>,
+    initial: Vec<Controller>,
 }
 
 /// The values of one gene of a controller space.
@@ -34,6 +35,9 @@ pub enum GeneSpace {
 }
 
 impl ControllerSpace {
+    /// Maximum number of controllers that a first generation begins with.
+    pub const MAX_INITIAL: usize = 1000;
+
     /// The paper's ten angles of the second sensor, radians.
     #[must_use]
     pub fn paper_angles() -> Vec<f64> {
@@ -47,7 +51,7 @@ impl ControllerSpace {
     ///
     /// # Errors
     /// Names the invalid field: a step that does not divide 1 evenly, an angle out of a sensor's range, angles for a model that
-    /// has none to choose.
+    /// has none to choose, a controller that the model does not have.
     pub fn for_model(message: v1::ControllerSpace, model: &CapabilityModel) -> Result<Self, Invalid> {
         let steps = steps(message.step.unwrap_or(0.1))?;
         let angles = match model.preset() {
@@ -56,6 +60,7 @@ impl ControllerSpace {
         };
         check_angles(&angles, model)?;
         Ok(Self {
+            initial: initial(&message.initial, model)?,
             genes: genes(model, steps, &angles),
             model: model.clone(),
             steps,
@@ -73,6 +78,13 @@ impl ControllerSpace {
     #[must_use]
     pub fn genes(&self) -> &[GeneSpace] {
         &self.genes
+    }
+
+    /// The controllers that the first generation begins with, at most [`ControllerSpace::MAX_INITIAL`]: any that the model has, also
+    /// those between the points of the grid.
+    #[must_use]
+    pub fn initial(&self) -> &[Controller] {
+        &self.initial
     }
 
     /// A uniform sample of the space.
@@ -113,6 +125,23 @@ impl GeneSpace {
             Self::Among(_) | Self::Within(_) | Self::Ratio(_) => 0.0,
         }
     }
+}
+
+/// The controllers that people name.
+fn initial(controllers: &[v1::Genes], model: &CapabilityModel) -> Result<Vec<Controller>, Invalid> {
+    if controllers.len() > ControllerSpace::MAX_INITIAL {
+        let value = counted(controllers.len() as u64, "controller");
+        let allowed = format!("at most {} controllers", ControllerSpace::MAX_INITIAL);
+        return Err(Invalid::new("initial", value, allowed));
+    }
+    let checked = |(i, genes): (usize, &v1::Genes)| {
+        let named = |error: Invalid| Invalid {
+            field: error.field.replacen("controller", &format!("initial[{i}]"), 1),
+            ..error
+        };
+        Controller::new(model, &genes.values).map_err(named)
+    };
+    controllers.iter().enumerate().map(checked).collect()
 }
 
 /// The values of each gene of a model's controllers.
@@ -179,6 +208,15 @@ impl From<&ControllerSpace> for v1::ControllerSpace {
                 steps => 1.0 / f64::from(steps),
             }),
             angles: space.angles.clone(),
+            initial: space.initial.iter().map(v1::Genes::from).collect(),
+        }
+    }
+}
+
+impl From<&Controller> for v1::Genes {
+    fn from(controller: &Controller) -> Self {
+        Self {
+            values: controller.genes().to_vec(),
         }
     }
 }

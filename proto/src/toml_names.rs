@@ -14,6 +14,21 @@ pub(crate) mod poses {
     }
 }
 
+/// `initial = [[-0.7, 0.3, 1.0, 1.0]]`.
+pub(crate) mod genes {
+    use crate::v1::Genes;
+    use serde::{Deserialize as _, Deserializer, Serializer};
+
+    pub(crate) fn serialize<S: Serializer>(controllers: &[Genes], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(controllers.iter().map(|genes| &genes.values))
+    }
+
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Genes>, D::Error> {
+        let controllers = Vec::<Vec<f64>>::deserialize(deserializer)?;
+        Ok(controllers.into_iter().map(|values| Genes { values }).collect())
+    }
+}
+
 /// `method = "hand-crafted"`.
 pub(crate) mod method {
     use crate::{Method, v1};

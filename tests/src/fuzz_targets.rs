@@ -8,6 +8,7 @@ use murmuration_proto::{
     CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
     Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
 };
+use murmuration_tracks::{Filmed, Tracks};
 use murmuration_worker::case::Case;
 use prost::Message;
 use serde_json::Value;
@@ -25,7 +26,7 @@ pub struct Edge {
 }
 
 /// All of them.
-pub const EDGES: [Edge; 5] = [
+pub const EDGES: [Edge; 6] = [
     Edge {
         name: "campaign_toml",
         parse: campaign_toml,
@@ -50,6 +51,11 @@ pub const EDGES: [Edge; 5] = [
         name: "labels_csv",
         parse: labels_csv,
         seeds: tables,
+    },
+    Edge {
+        name: "tracks_csv",
+        parse: tracks_csv,
+        seeds: films,
     },
 ];
 
@@ -148,6 +154,23 @@ pub fn labels_csv(bytes: &[u8]) {
         };
         let written = to_csv(&spec, answers.iter().map(labelled)).unwrap();
         assert_eq!(parse(written).as_ref(), Ok(&answers));
+    }
+}
+
+/// Tracks of robots.
+pub fn tracks_csv(bytes: &[u8]) {
+    const STEPS: u32 = 100;
+    let parse = |bytes| Tracks::parse(Path::new("tracks.csv"), bytes);
+    let world = World::default();
+    let filmed = Filmed::new(&world);
+    let Ok(Ok(frames)) = parse(bytes.to_vec()).map(|tracks| tracks.ending(STEPS, &filmed)) else {
+        return;
+    };
+    // Places may be so far apart that the way between them is infinite; nothing is computed of those.
+    let numbers = frames.iter().flatten().flatten();
+    if numbers.copied().all(f64::is_finite) {
+        let again = parse(murmuration_tracks::to_csv(&frames).into_bytes()).unwrap();
+        assert_eq!(again.ending(STEPS, &filmed).as_ref(), Ok(&frames));
     }
 }
 
@@ -257,6 +280,14 @@ fn encoded() -> Vec<Vec<u8>> {
         seeds.push(of(6, individual.encode_to_vec()));
     }
     seeds
+}
+
+fn films() -> Vec<Vec<u8>> {
+    let texts = [
+        "frame,robot,x,y,heading\n0,0,1.5,2,0.1\n0,1,20,30,-3\n1,0,2,2,0.2\n3,0,4,2.5,6\n3,1,21,30,3\n",
+        "x,y,frame,robot,time\r\n1,2,7,4,0.1\r\n1,3,20,4,0.2\r\n",
+    ];
+    texts.map(|text| text.as_bytes().to_vec()).into()
 }
 
 fn tables() -> Vec<Vec<u8>> {

@@ -1,8 +1,11 @@
-//! The evaluation of a controller: simulates it, computes the features, draws the picture.
+//! The evaluation of a controller: simulates it, computes the features, draws the picture; and that of a swarm that was tracked.
 
 mod batch;
+mod observed;
 #[cfg(test)]
 mod tests;
+
+pub use observed::observe;
 
 use crate::{
     features::{FEATURE_STEPS, FeatureMeans},

@@ -43,6 +43,32 @@ pub fn replay_frames(
     record(swarm, frames.steps(world), frames.poses(world))
 }
 
+/// Simulates `controller` from `start` over the world's horizon: the pose (x, y, heading) of each robot before the first step and
+/// after every step, in full precision.
+///
+/// # Errors
+/// If `start` does not fit the world, or there would be more than [`MAX_POSES`].
+pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Vec<Vec<[f64; 3]>>, Invalid> {
+    let mut swarm = Swarm::new(controller, world, start)?;
+    let poses = (u64::from(world.horizon()) + 1) * u64::from(world.agents());
+    if poses > MAX_POSES {
+        let allowed = format!("short enough to keep {poses} poses under {MAX_POSES}");
+        return Err(Invalid::new("world.horizon", world.horizon(), allowed));
+    }
+    let now = |swarm: &Swarm| {
+        let agents = swarm.agents();
+        agents
+            .map(|agent| [agent.position[0], agent.position[1], agent.theta])
+            .collect::<Vec<_>>()
+    };
+    let mut frames = vec![now(&swarm)];
+    while swarm.steps() < world.horizon() {
+        swarm.step();
+        frames.push(now(&swarm));
+    }
+    Ok(frames)
+}
+
 /// The motion of a swarm at these steps, ascending from 0, with this number of poses.
 fn record(mut swarm: Swarm, wanted: impl Iterator<Item = u32>, count: u64) -> Result<Replay, Invalid> {
     let agents = swarm.agents().count();

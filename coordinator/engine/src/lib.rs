@@ -1,5 +1,5 @@
-//! Campaigns at work: the stages that they go through, what to ask people next, maps of archives, and the synthetic
-//! annotator.
+//! Campaigns at work: the stages that they go through, what to ask people next, maps of archives, what in them is
+//! like a behaviour from elsewhere, and the synthetic annotator.
 //!
 //! Limits: knows neither the network nor HTML.
 
@@ -7,6 +7,7 @@ pub mod blocking;
 pub mod campaign;
 pub mod maps;
 mod messages;
+pub mod nearest;
 pub mod queries;
 pub mod space;
 pub mod synthetic;

@@ -2,6 +2,7 @@
 
 use crate::{
     campaign::CampaignStatus,
+    nearest::{Nearest, Neighbour},
     taxonomy::{Medoid, Taxonomy},
 };
 use murmuration_model::Stage;
@@ -67,6 +68,29 @@ impl From<Medoid> for v1::Medoid {
             cluster_size: medoid.cluster_size,
             mean_distance: medoid.mean_distance,
             novelty: medoid.novelty,
+        }
+    }
+}
+
+impl From<Neighbour> for v1::Neighbour {
+    fn from(neighbour: Neighbour) -> Self {
+        Self {
+            index: neighbour.index,
+            distance: neighbour.distance,
+            cluster: neighbour.cluster,
+            class: neighbour.class.map(|class| class.to_string()).unwrap_or_default(),
+        }
+    }
+}
+
+impl From<Nearest> for v1::FindNearestResponse {
+    fn from(nearest: Nearest) -> Self {
+        Self {
+            neighbours: nearest.neighbours.into_iter().map(Into::into).collect(),
+            labelled: nearest.labelled.map(Into::into),
+            medoid: Some(nearest.medoid.into()),
+            mean_distance: nearest.mean_distance,
+            is_taxonomy: nearest.is_taxonomy,
         }
     }
 }

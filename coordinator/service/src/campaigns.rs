@@ -3,7 +3,7 @@
 use super::{Permits, Streamed, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
-use murmuration_engine::{blocking::blocking, campaign::Campaigns, taxonomy::Taxonomy};
+use murmuration_engine::{blocking::blocking, campaign::Campaigns, queries::Queries, taxonomy::Taxonomy};
 use murmuration_model::{CampaignRecord, Weight};
 use murmuration_proto::{CampaignSpec, Frames, Invalid, PART_BYTES, parts::parts, v1};
 use murmuration_store::{Store, StoreError, digest::digest};
@@ -24,6 +24,8 @@ pub struct CampaignApi {
     pub store: Store,
     /// Who simulates replays.
     pub dispatch: Dispatch,
+    /// Where the clusters of archives are known.
+    pub queries: Queries,
     /// How many may watch, and ask for replays, at once.
     pub permits: Permits,
 }
@@ -31,7 +33,7 @@ pub struct CampaignApi {
 type Answer<T> = Result<Response<T>, Status>;
 
 impl CampaignApi {
-    async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
+    pub(super) async fn record(&self, id: &str) -> Result<CampaignRecord, Status> {
         Ok(self.campaigns.status(id).await.or_status()?.record)
     }
 
@@ -277,5 +279,13 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             .or_status()?
             .or_status()?;
         Ok(in_parts(replay.into_parts()))
+    }
+
+    async fn find_nearest(
+        &self,
+        request: Request<v1::FindNearestRequest>,
+    ) -> Answer<v1::FindNearestResponse> {
+        let found = self.find_nearest_of(request.into_inner()).await?;
+        Ok(Response::new(found))
     }
 }

@@ -40,6 +40,7 @@ pub(super) enum Written {
     Png,
     Svg,
     Header,
+    Csv,
 }
 
 impl Written {
@@ -50,6 +51,7 @@ impl Written {
             Self::Png => ("a PNG picture", "png"),
             Self::Svg => ("an SVG picture", "svg"),
             Self::Header => ("a C header", "h"),
+            Self::Csv => ("a table", "csv"),
         };
         match path.extension() {
             Some(other) if !other.eq_ignore_ascii_case(ending) => Err(CliError::Input(format!(

@@ -59,6 +59,15 @@ impl Heard for v1::Campaign {
     }
 }
 
+impl Heard for v1::FindNearestResponse {
+    fn heard(mut self) -> Result<Self, CliError> {
+        let others = self.labelled.iter_mut().chain(&mut self.medoid);
+        let neighbours = self.neighbours.iter_mut().chain(others);
+        neighbours.for_each(|neighbour| clean(&mut neighbour.class));
+        Ok(self)
+    }
+}
+
 impl Heard for v1::Checkpoint {
     fn heard(mut self) -> Result<Self, CliError> {
         for digest in [&self.digest, &self.parent] {

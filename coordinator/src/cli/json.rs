@@ -7,6 +7,7 @@ mod kinds;
 mod labels;
 mod machines;
 mod measures;
+mod recognised;
 mod robots;
 
 pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
@@ -21,6 +22,7 @@ pub(super) use measures::{
     Accuracy, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, Machine,
     PatternCounts, Set, UntrainedAccuracy,
 };
+pub(super) use recognised::{Behaviour, Neighbour, Recognised};
 pub(super) use robots::{ExportedController, Robots};
 
 use murmuration_link::{OutputError, outln};

@@ -23,6 +23,7 @@ mod labels;
 mod maintenance;
 mod next_step;
 mod quarantine;
+mod recognise;
 mod report;
 mod robots;
 mod run;
@@ -161,6 +162,8 @@ enum Command {
     Report(report::ReportCommand),
     /// Simulate one controller, or a reference case
     Simulate(simulate::Simulate),
+    /// Find what in a campaign is like a swarm that a camera tracked
+    Recognise(recognise::Recognise),
     /// Show the robots that a file describes: their sensors, drives and genes
     Robot(robots::ShowRobot),
     /// Export a controller to real robots
@@ -266,6 +269,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
+        Command::Recognise(recognise) => Box::pin(recognise.execute(global)),
         Command::Robot(robot) => Box::pin(ready(robot.execute(global.json))),
         Command::Controller(controller) => Box::pin(controller.execute(global)),
         Command::Filter(filter) => Box::pin(ready(filter.execute(global.json))),

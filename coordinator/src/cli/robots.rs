@@ -51,7 +51,7 @@ impl RobotArgs {
 }
 
 /// The robots of a file, and their world.
-fn described(path: &Path) -> Result<(CapabilityModel, World), CliError> {
+pub(super) fn described(path: &Path) -> Result<(CapabilityModel, World), CliError> {
     let text = read_words(path, InputKind::Campaign)?;
     let named = |error| CliError::Input(format!("{}: {error}", path.display()));
     CampaignSpec::robots_from_toml(&text).map_err(named)

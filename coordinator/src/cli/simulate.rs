@@ -9,7 +9,13 @@ use super::{
 use murmuration_link::{InputKind, outln};
 use murmuration_proto::{FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
-use murmuration_worker::{case::Case, evaluate::evaluate, replay::replay, simulate::Start};
+use murmuration_tracks::to_csv;
+use murmuration_worker::{
+    case::Case,
+    evaluate::evaluate,
+    replay::{poses, replay},
+    simulate::Start,
+};
 use std::{
     num::NonZeroU32,
     path::{Path, PathBuf},
@@ -50,6 +56,9 @@ pub(super) struct Simulate {
     /// Write the trajectories of the last steps to this PNG, in colour
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
+    /// Write where each robot is before the first step and after every step to this CSV, as `recognise` reads it
+    #[arg(long, value_name = "FILE", conflicts_with = "case")]
+    tracks: Option<PathBuf>,
     /// Write the behaviour image, as an embedder sees it, to this enlarged PNG
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     image: Option<PathBuf>,
@@ -72,6 +81,7 @@ impl Simulate {
             (Written::Gif, "--gif", &self.gif),
             (Written::Png, "--png", &self.png),
             (Written::Png, "--image", &self.image),
+            (Written::Csv, "--tracks", &self.tracks),
         ];
         let mut named = named
             .into_iter()
@@ -91,6 +101,9 @@ impl Simulate {
         if let Some(path) = &self.image {
             let image = evaluation.image();
             write(path, &picture::image_png(image, format.shape(), IMAGE_SCALE)?)?;
+        }
+        if let Some(path) = &self.tracks {
+            write(path, to_csv(&poses(controller, &world, &start)?))?;
         }
         if as_json {
             json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;

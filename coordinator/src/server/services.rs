@@ -34,6 +34,7 @@ const CAMPAIGNS: MethodRequirements = &[
     ("GetTaxonomy", VIEWER),
     ("GetIndividual", VIEWER),
     ("GetReplay", VIEWER),
+    ("FindNearest", VIEWER),
 ];
 
 const CHECKPOINTS: MethodRequirements = &[

@@ -54,6 +54,7 @@ pub(super) async fn refine(State(web): State<Web>, Path(id): Path<String>) -> Re
     Ok(Redirect::to(&format!("/campaigns/{}/map", refined.record.id)))
 }
 
-fn page_of(campaign: &str) -> Redirect {
+/// The page of a campaign.
+pub(super) fn page_of(campaign: &str) -> Redirect {
     Redirect::to(&format!("/campaigns/{campaign}"))
 }

@@ -12,13 +12,14 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, without the scripts that reports share.
-const ASSETS: [(&str, &str, &str); 22] = [
+const ASSETS: [(&str, &str, &str); 23] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
     ("noscript.css", CSS, include_str!("assets/noscript.css")),
     ("live.js", SCRIPT, include_str!("assets/live.js")),
     ("annotator.js", SCRIPT, include_str!("assets/annotator.js")),
+    ("compare.js", SCRIPT, include_str!("assets/compare.js")),
     ("coordinator.js", SCRIPT, include_str!("assets/coordinator.js")),
     ("events.js", SCRIPT, include_str!("assets/events.js")),
     ("keys.js", SCRIPT, include_str!("assets/keys.js")),

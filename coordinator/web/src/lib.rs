@@ -96,8 +96,10 @@ fn pages() -> GuardedRouter<Web> {
         .post("/logout", Nothing, login::log_out)
         .get("/events", VIEWER, live::campaigns)
         .get("/play", VIEWER, play::page)
-        // It changes nothing; what is posted must come from a page of ours.
+        // These two change nothing; what is posted must come from a page of ours.
         .post("/play/motion", VIEWER, play::motion)
+        .post("/play/like", VIEWER, play::like)
+        .post("/play/search", OPERATOR, play::search)
         .get("/campaigns/{id}", VIEWER, pages::campaign)
         .get("/campaigns/{id}/events", VIEWER, live::campaign)
         .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)

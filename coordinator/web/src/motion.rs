@@ -22,7 +22,7 @@ use tonic::{Request, Status};
 /// Bytes of one motion, before base64.
 const MOTION_BYTES: usize = 2 << 20;
 /// How long a script waits for a worker; then it is told that they have other work, and may ask again.
-const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
+pub(super) const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
 
 pub(super) async fn motion(
     State(web): State<Web>,

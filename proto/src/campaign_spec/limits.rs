@@ -1,7 +1,7 @@
 //! What a campaign may be as a whole: how much is held in memory at the same time, and how often it simulates.
 
 use super::CampaignSpec;
-use crate::{Frames, Invalid, Pose, Search, StartShape, Starts};
+use crate::{Frames, Invalid, Pose, Search, StartShape, Starts, counted};
 
 impl CampaignSpec {
     /// Checks what no field alone can say.
@@ -10,8 +10,20 @@ impl CampaignSpec {
     /// Names the field that people would change.
     pub(super) fn check_limits(&self) -> Result<(), Invalid> {
         self.check_memory()?;
+        self.check_initial()?;
         self.check_round()?;
         self.check_trials()
+    }
+
+    /// Checks that the first generation has room for the controllers that it begins with.
+    fn check_initial(&self) -> Result<(), Invalid> {
+        let (initial, population) = (self.controllers.initial().len(), self.search.population());
+        if initial <= population as usize {
+            return Ok(());
+        }
+        let value = counted(initial as u64, "controller");
+        let allowed = format!("at most {population} controllers where search.population = {population}");
+        Err(Invalid::new("controllers.initial", value, allowed))
     }
 
     /// Checks that everything held in memory at the same time fits.

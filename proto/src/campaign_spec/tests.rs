@@ -1,6 +1,7 @@
 //! Campaign files: what they say by default, and what is wrong with them.
 
 use super::*;
+use crate::Controller;
 use proptest::prelude::*;
 
 #[track_caller]
@@ -265,5 +266,46 @@ fn several_starts_are_refused_where_they_would_be_alike_or_too_many() {
     assert!(
         refused.starts_with("evaluation.starts = 11: must be at most 10 for 1000000 evaluations"),
         "{refused}"
+    );
+}
+
+#[test]
+fn a_first_generation_may_begin_with_named_controllers() {
+    let named = |genes: &str, search: &str| {
+        format!("{MINIMAL}[controllers]\ninitial = {genes}\n[search]\n{search}\n")
+    };
+    // One is between the points of the grid.
+    let spec = CampaignSpec::from_toml(&named("[[-0.7, 0.3, 1, 1], [0.123, 0, 0, 0]]", "")).unwrap();
+    let genes: Vec<_> = spec
+        .controllers()
+        .initial()
+        .iter()
+        .map(Controller::genes)
+        .collect();
+    assert_eq!(genes, [[-0.7, 0.3, 1.0, 1.0], [0.123, 0.0, 0.0, 0.0]]);
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    check_refused(
+        &named("[[1, 1, 2, 0]]", ""),
+        "controllers.initial[0][2] = 2: must be a number from -1 to 1",
+    );
+    check_refused(
+        &named("[[1, 1, 0]]", ""),
+        "controllers.initial[0] = [1.0, 1.0, 0.0]: must be 4 values",
+    );
+    let three = "[[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]";
+    check_refused(
+        &named(three, "population = 2"),
+        "controllers.initial = 3 controllers: must be at most 2 controllers where search.population = 2",
+    );
+    let many = format!("[{}]", "[0, 0, 0, 0],".repeat(1001));
+    check_refused(
+        &named(&many, "population = 2000"),
+        "controllers.initial = 1,001 controllers: must be at most 1000",
+    );
+    assert!(
+        !CampaignSpec::from_toml(MINIMAL)
+            .unwrap()
+            .to_toml()
+            .contains("initial")
     );
 }

@@ -25,6 +25,7 @@ pub const FLOORS: &[(&str, u8)] = &[
     ("coordinator/tsne", 3),
     ("coordinator/model", 3),
     ("coordinator/accuracy", 4),
+    ("coordinator/tracks", 4),
     ("coordinator/store", 4),
     ("coordinator/dispatch", 5),
     ("coordinator/report", 5),

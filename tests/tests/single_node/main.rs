@@ -15,6 +15,7 @@ mod labels;
 mod latent;
 mod observability;
 mod playing;
+mod recognise;
 mod search;
 mod security;
 mod stages;

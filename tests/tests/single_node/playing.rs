@@ -1,8 +1,8 @@
 //! The page on which people play, over HTTP.
 
 use murmuration_access::limits::MAX_PLAYED;
-use murmuration_proto::{Controller, Preset, World};
-use murmuration_tests::Cluster;
+use murmuration_proto::{Controller, Preset, World, v1};
+use murmuration_tests::{Cluster, small_latent_spec};
 use murmuration_worker::simulate::{Start, Swarm};
 use reqwest::{
     Client, Response, StatusCode,
@@ -13,6 +13,7 @@ use std::{
     time::{Duration, Instant},
 };
 use tempfile::TempDir;
+use tonic::Code;
 
 /// A browser at a coordinator without workers: the coordinator simulates by itself.
 struct Playground {
@@ -170,4 +171,84 @@ async fn one_too_many_is_told_to_try_again_and_who_leaves_makes_room() {
     }
     let playground = Arc::into_inner(playground).unwrap();
     playground.cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_swarm_is_like_is_found_in_the_space_of_the_campaign() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let id = cluster.create(&small_latent_spec("")).await;
+    let last = cluster.finish(&id).await;
+    let request = v1::GetIndividualRequest {
+        campaign: id.clone(),
+        index: 42,
+    };
+    let individual = cluster.client.get_individual(request).await.unwrap().into_inner();
+    let mut request = v1::FindNearestRequest {
+        campaign: id.clone(),
+        features: individual.features.clone(),
+        embedding: individual.embedding.clone(),
+        checkpoint: last.checkpoint.clone(),
+        count: None,
+    };
+    let found = cluster
+        .client
+        .find_nearest(request.clone())
+        .await
+        .unwrap()
+        .into_inner();
+    assert!(found.is_taxonomy && found.neighbours.len() == 5 && found.labelled.is_none());
+    assert_eq!(
+        (found.neighbours[0].index, found.neighbours[0].distance),
+        (42, 0.0)
+    );
+    request.checkpoint = "0".repeat(64);
+    let refused = cluster.client.find_nearest(request.clone()).await.unwrap_err();
+    assert!(
+        refused.code() == Code::FailedPrecondition && refused.message().contains(&last.checkpoint),
+        "{refused}"
+    );
+    request.count = Some(101);
+    let refused = cluster.client.find_nearest(request.clone()).await.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument);
+
+    let post = async |form: String| {
+        let request = Client::new().post(format!("{}/play/like", cluster.url()));
+        let request = request.header(ORIGIN, cluster.url());
+        let request = request.header(CONTENT_TYPE, "application/x-www-form-urlencoded");
+        let answer = request.body(form).send().await.unwrap();
+        (answer.status(), answer.text().await.unwrap())
+    };
+    let (status, page) = post(format!("{MILLING}&campaign={id}")).await;
+    assert_eq!(status, StatusCode::OK, "{page}");
+    assert_eq!(page.matches("<img").count(), 5, "{page}");
+    assert!(
+        page.contains(&format!("/campaigns/{id}/map#individual-")),
+        "{page}"
+    );
+    let (status, page) = post(format!("model=turbopi&campaign={id}")).await;
+    assert_eq!(status, StatusCode::OK, "{page}");
+    assert!(
+        page.contains("its model is single-sensor, and this is turbopi"),
+        "{page}"
+    );
+    for (form, said) in [
+        (MILLING.to_owned(), "campaign = nothing"),
+        (format!("{MILLING}&campaign=other-1"), "other-1"),
+        (
+            format!("campaign={id}&robot=model%3D%22turbopi%22%0A%5Bworld%5D%0Awidth%3D400"),
+            "a world of 400 x 500",
+        ),
+        (
+            format!("campaign={id}&robot=model%3D%22turbopi%22%0A%5Bworld%5D%0Ahorizon%3D9000000"),
+            "world.horizon",
+        ),
+    ] {
+        let (status, page) = post(form).await;
+        assert!(
+            status.is_client_error() && page.contains(said),
+            "{status}: {page}"
+        );
+    }
+    cluster.stop().await;
 }

@@ -20,6 +20,8 @@ pub enum InputKind {
     Labels,
     /// Starts of swarms, CSV.
     Starts,
+    /// Tracks of robots, CSV.
+    Tracks,
     /// A picture of a behaviour, PNG.
     Picture,
     /// A reference case, JSON.
@@ -45,7 +47,7 @@ impl InputKind {
             Self::Campaign | Self::Tokens | Self::Pem => 1 << 20,
             Self::Controllers | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
             Self::Checkpoint => MAX_MODEL_BYTES as u64,
-            Self::Labels | Self::Starts => 256 << 20,
+            Self::Labels | Self::Starts | Self::Tracks => 256 << 20,
         }
     }
 
@@ -55,6 +57,7 @@ impl InputKind {
             Self::Controllers => "a file of controllers",
             Self::Labels => "a file of labels",
             Self::Starts => "a file of starts",
+            Self::Tracks => "a file of tracks",
             Self::Picture => "the picture of a behaviour",
             Self::Case => "a reference case",
             Self::Checkpoint => "a checkpoint",

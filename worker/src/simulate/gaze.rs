@@ -93,11 +93,6 @@ impl Eye {
         self.shape
     }
 
-    /// Whether its cone is more than a half plane.
-    pub(super) fn is_wide(&self) -> bool {
-        self.shape == Shape::Wide
-    }
-
     /// (cos, sin) of the angles of its edges.
     pub(super) const fn edges(&self) -> [[f64; 2]; 2] {
         self.edges

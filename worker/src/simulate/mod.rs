@@ -14,6 +14,7 @@ mod mind;
 mod noise;
 mod obstacles;
 mod others;
+mod placed;
 mod positions;
 mod sight;
 mod situated;

@@ -35,6 +35,11 @@ impl Situated {
         &self.kinds
     }
 
+    /// The world's sides, if it is a torus.
+    pub(super) const fn torus(&self) -> Option<Torus> {
+        self.torus
+    }
+
     /// What a robot senses without moving and without noise.
     pub(super) fn sense<S: Simd>(&self, simd: S, others: &impl Everyone, robot: Driven) -> u8 {
         match self.torus {

@@ -5,6 +5,7 @@ mod commit;
 mod context;
 mod dataset;
 mod decisions;
+mod elsewhere;
 mod embed;
 mod error;
 mod evaluate;

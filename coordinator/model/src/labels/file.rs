@@ -319,6 +319,14 @@ impl<'a> Row<'a> {
         Ok(features)
     }
 
+    /// A whole number.
+    ///
+    /// # Errors
+    /// Where the column is missing, or holds something else.
+    pub fn whole(&self, column: &str) -> Result<u32, LabelFileError> {
+        self.needed(column, "a whole number from 0 to 4294967295")
+    }
+
     /// A number that is neither infinite nor none.
     ///
     /// # Errors

@@ -4,6 +4,9 @@ use super::{PictureError, SIZES};
 use murmuration_model::colours;
 use murmuration_proto::PictureShape;
 
+/// Grey value of what is between two pictures.
+const GAP: u8 = 255;
+
 /// The image of a behaviour as a PNG, every pixel `scale` pixels wide, without smoothing. One channel is grey. Of several, each
 /// is in the colour of its species on black, and where species were at one place their colours add up.
 ///
@@ -14,36 +17,77 @@ use murmuration_proto::PictureShape;
 /// [`PictureError::Shape`] where there are not as many bytes, [`PictureError::Size`] where the picture would be smaller than 1
 /// pixel or wider than 4096.
 pub fn image_png(image: &[u8], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
-    if image.len() != shape.bytes() {
-        return Err(PictureError::Shape {
-            shape,
-            bytes: image.len(),
-        });
+    image_row_png(&[image], shape, scale)
+}
+
+/// Images as [`image_png`] has one, side by side, with a white line of `scale` pixels between two.
+///
+/// # Errors
+/// As [`image_png`], of the whole row.
+pub fn image_row_png(images: &[&[u8]], shape: PictureShape, scale: u32) -> Result<Vec<u8>, PictureError> {
+    images.iter().try_for_each(|image| check(image, shape))?;
+    let columns = (shape.side() as u64 + 1) * images.len() as u64;
+    let width = columns.saturating_sub(1) * u64::from(scale);
+    if width == 0 || width > u64::from(*SIZES.end()) {
+        return Err(PictureError::Size(width));
     }
-    let pixels = shape.side() as u64 * u64::from(scale);
-    if pixels == 0 || pixels > u64::from(*SIZES.end()) {
-        return Err(PictureError::Size(pixels));
-    }
-    let (pixels, scale) = (pixels as usize, scale as usize);
-    let mut screen = Vec::with_capacity(pixels * pixels);
-    for y in 0..pixels {
-        let index = |x| x / scale * shape.side() + y / scale;
-        match shape.channels() {
-            1 => screen.extend((0..pixels).map(|x| image[index(x)])),
-            _ => screen.extend((0..pixels).flat_map(|x| coloured(image, shape, index(x)))),
-        }
-    }
+    let (side, scale) = (shape.side(), scale as usize);
+    let (width, height) = (width as usize, side * scale);
+    let place = |x: usize, y: usize| (images[x / scale / (side + 1)], x / scale % (side + 1), y / scale);
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| place(x, y)));
+    let is_grey = shape.channels() == 1;
+    let screen: Vec<u8> = match is_grey {
+        true => pixels
+            .map(|(image, x, y)| if x == side { GAP } else { image[x * side + y] })
+            .collect(),
+        false => pixels
+            .flat_map(|(image, x, y)| {
+                if x == side {
+                    [GAP; 3]
+                } else {
+                    coloured(image, shape, x * side + y)
+                }
+            })
+            .collect(),
+    };
     let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, pixels as u32, pixels as u32);
-    encoder.set_color(match shape.channels() {
-        1 => png::ColorType::Grayscale,
-        _ => png::ColorType::Rgb,
+    let mut encoder = png::Encoder::new(&mut file, width as u32, height as u32);
+    encoder.set_color(if is_grey {
+        png::ColorType::Grayscale
+    } else {
+        png::ColorType::Rgb
     });
     encoder.set_compression(png::Compression::High);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(&screen)?;
     writer.finish()?;
     Ok(file)
+}
+
+/// The pixels of an image as the PNG of [`image_png`] shows them: row by row, red, green and blue of each.
+///
+/// # Errors
+/// [`PictureError::Shape`] where there are not as many bytes as the shape has.
+pub fn rgb(image: &[u8], shape: PictureShape) -> Result<Vec<u8>, PictureError> {
+    check(image, shape)?;
+    let side = shape.side();
+    let indices = (0..side).flat_map(|y| (0..side).map(move |x| x * side + y));
+    Ok(indices
+        .flat_map(|index| match shape.channels() {
+            1 => [image[index]; 3],
+            _ => coloured(image, shape, index),
+        })
+        .collect())
+}
+
+fn check(image: &[u8], shape: PictureShape) -> Result<(), PictureError> {
+    match image.len() == shape.bytes() {
+        true => Ok(()),
+        false => Err(PictureError::Shape {
+            shape,
+            bytes: image.len(),
+        }),
+    }
 }
 
 /// The sum of the species' colours at a pixel.
@@ -94,6 +138,31 @@ mod tests {
         let both: [u8; 3] = std::array::from_fn(|i| first[i].saturating_add(second[i]));
         assert_eq!(width, 2);
         assert_eq!(pixels, [first, [0; 3], [0; 3], both].concat());
+    }
+
+    #[test]
+    fn pictures_of_a_row_have_a_white_line_between_them() {
+        let row = image_row_png(&[&[10, 20, 30, 40], &[1, 2, 3, 4]], shape(1), 1).unwrap();
+        let (width, height, pixels) = decode_png(&row);
+        assert_eq!((width, height), (5, 2));
+        assert_eq!(pixels, [10, 30, 255, 1, 3, 20, 40, 255, 2, 4]);
+        assert!(matches!(
+            image_row_png(&[], shape(1), 1),
+            Err(PictureError::Size(0))
+        ));
+        assert!(image_row_png(&[&[0; 4], &[0; 3]], shape(1), 1).is_err());
+    }
+
+    #[test]
+    fn the_pixels_of_a_screen_are_those_of_the_png() {
+        let image = [255, 0, 0, 255, 0, 0, 0, 255];
+        let (_, _, pixels) = decode_png(&image_png(&image, shape(2), 1).unwrap());
+        assert_eq!(rgb(&image, shape(2)).unwrap(), pixels);
+        assert_eq!(
+            rgb(&[1, 2, 3, 4], shape(1)).unwrap(),
+            [1, 1, 1, 3, 3, 3, 2, 2, 2, 4, 4, 4]
+        );
+        assert!(rgb(&[1], shape(1)).is_err());
     }
 
     #[test]

@@ -14,8 +14,8 @@ mod trajectory;
 
 pub(crate) use animation::thinned;
 pub use animation::{Animation, animation_gif};
-pub use image::image_png;
-pub use robot::{robot_svg, sensor_in_words};
+pub use image::{image_png, image_row_png, rgb};
+pub use robot::{robot_svg, sensor_in_words, sensor_reach};
 pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
 

@@ -17,7 +17,7 @@ const SMALLEST_BODY: f64 = 7.0;
 ///
 /// Lengths are to scale, but for a body that would be too small, and for sensors without limit, which go to the edge.
 pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
-    let ranges = robot.sensors().iter().filter_map(reach);
+    let ranges = robot.sensors().iter().filter_map(sensor_reach);
     let longest = ranges.fold(10.0 * robot.radius(), f64::max);
     let scale = LONGEST / longest;
     let body = (robot.radius() * scale).max(SMALLEST_BODY);
@@ -35,7 +35,8 @@ pub fn robot_svg(robot: &Robot, angles: Option<&[f64]>) -> Markup {
 }
 
 /// Largest distance at which a sensor sees anything, world units; `None` if there is no limit.
-fn reach(sensor: &Sensor) -> Option<f64> {
+#[must_use]
+pub fn sensor_reach(sensor: &Sensor) -> Option<f64> {
     let robots = match sensor.robots() {
         SeenRobots::None if !sensor.sees_obstacles() => Some(0.0),
         _ => sensor.range(),
@@ -45,7 +46,7 @@ fn reach(sensor: &Sensor) -> Option<f64> {
 
 fn drawn_sensor(i: usize, sensor: &Sensor, chosen: Option<f64>, scale: f64) -> Markup {
     let colour = colours::hex(colours::AGENTS[i]);
-    let length = reach(sensor).map_or(LONGEST, |reach| reach * scale);
+    let length = sensor_reach(sensor).map_or(LONGEST, |reach| reach * scale);
     let free = sensor.angle();
     let middles = match (free.value().or(chosen), free.range()) {
         (Some(angle), _) => vec![angle],
@@ -58,7 +59,7 @@ fn drawn_sensor(i: usize, sensor: &Sensor, chosen: Option<f64>, scale: f64) -> M
         g fill="none" stroke=(colour) stroke-width="1.5" {
             @for &middle in &middles {
                 path d=(cone(middle, sensor.half_angle(), length)) fill=(colour) fill-opacity="0.16"
-                    stroke-dasharray=[reach(sensor).is_none().then_some("5 4")] {}
+                    stroke-dasharray=[sensor_reach(sensor).is_none().then_some("5 4")] {}
             }
             @if let (None, Some([low, high])) = (chosen, free.range()) {
                 path d=(arc(low, high, 0.55 * length)) stroke-dasharray="2 4" {}

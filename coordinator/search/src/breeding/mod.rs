@@ -1,7 +1,7 @@
 //! Proposals: which controllers a generation evaluates (paper, "Evolution and Clustering").
 //!
 //! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller
-//! space. Every other is bred from the generation before it: parents win tournaments by novelty, a child is
+//! space; the first begins with the controllers that the specification names, if any, whatever the filter says of them. Every other is bred from the generation before it: parents win tournaments by novelty, a child is
 //! crossed over and mutated. With the filter, a controller that fails it is drawn or bred anew.
 //!
 //! A generation is a pure function of what [`propose`] is given. All of its random numbers come from one stream,
@@ -82,7 +82,13 @@ pub enum ProposeError {
 /// filter lets nothing through.
 pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Result<Proposal, ProposeError> {
     if generation == 0 || spec.method() == Method::Random {
-        return fill(spec, generation, |stream| spec.controllers().sample(stream));
+        let initial = match generation {
+            0 => spec.controllers().initial(),
+            _ => &[],
+        };
+        return fill(spec, generation, initial, |stream| {
+            spec.controllers().sample(stream)
+        });
     }
     if parents.is_empty() {
         return Err(ProposeError::NoParents { generation });
@@ -97,7 +103,7 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
             });
         }
     }
-    fill(spec, generation, |stream| breed(spec, parents, stream))
+    fill(spec, generation, &[], |stream| breed(spec, parents, stream))
 }
 
 /// A uniform sample of the space that passes the filter, if there is one.
@@ -115,14 +121,15 @@ pub fn sample(
         .ok_or(ProposeError::AllFiltered { generation: 0 })
 }
 
-/// A population of what `attempt` makes and the filter, if there is one, lets through.
+/// A population of `first`, then of what `attempt` makes and the filter, if there is one, lets through.
 fn fill(
     spec: &CampaignSpec,
     generation: u32,
+    first: &[Controller],
     mut attempt: impl FnMut(&mut RandomStream) -> Controller,
 ) -> Result<Proposal, ProposeError> {
     let mut stream = RandomStream::derive(spec.seed(), Purpose::Propose, generation.into());
-    let mut controllers = Vec::new();
+    let mut controllers = first.to_vec();
     let mut filtered = 0;
     let mut in_a_row = 0;
     while controllers.len() < spec.search().population() as usize {

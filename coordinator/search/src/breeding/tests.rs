@@ -281,3 +281,23 @@ proptest! {
         prop_assert_eq!(propose(&spec, generation, &parents), Ok(proposal));
     }
 }
+
+#[test]
+fn the_first_generation_begins_with_the_named_controllers_whatever_the_filter_says() {
+    let with = |initial: &str| {
+        single(
+            &format!("filter = true\n[controllers]\n{initial}"),
+            "population = 5\ngenerations = 3",
+        )
+    };
+    let plain = propose(&with(""), 0, &[]).unwrap().controllers;
+    let named = with("initial = [[0.05, 0, 0, 0], [0.05, 0, 0, 0]]");
+    let begun = propose(&named, 0, &[]).unwrap().controllers;
+    let genes = [0.05, 0.0, 0.0, 0.0];
+    assert!(!Score::of(&begun[0]).passes(), "the test would show nothing");
+    assert!(begun[..2].iter().all(|controller| controller.genes() == genes));
+    // The rest is sampled as ever.
+    assert_eq!(begun[2..], plain[..3]);
+    let parents = parents("single-sensor", 5);
+    assert_eq!(propose(&named, 1, &parents), propose(&with(""), 1, &parents));
+}

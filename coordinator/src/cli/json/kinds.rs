@@ -3,7 +3,8 @@
 use super::{
     Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain,
     Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController, FilterScore, Individual,
-    Judge, Label, LiftedQuarantine, Quarantine, Report, Robots, Run, Token, UntrainedAccuracy, schema_of,
+    Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run, Token, UntrainedAccuracy,
+    schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -39,6 +40,8 @@ pub(in crate::cli) enum Kind {
     Judge,
     /// The score of a controller: filter
     FilterScore,
+    /// A swarm that a camera tracked: recognise
+    Recognised,
     /// The robots of a swarm: robot
     Robots,
     /// A controller for other programs: controller export
@@ -85,6 +88,7 @@ impl Kind {
             Self::UntrainedAccuracy => schema_of::<UntrainedAccuracy>(),
             Self::Judge => schema_of::<Judge>(),
             Self::FilterScore => schema_of::<FilterScore>(),
+            Self::Recognised => schema_of::<Recognised>(),
             Self::Robots => schema_of::<Robots>(),
             Self::ExportedController => schema_of::<ExportedController>(),
             Self::Backup => schema_of::<Backup>(),

@@ -253,6 +253,7 @@ async function load() {
   }
   offer(false);
   settle();
+  begin();
   const loaded = points;
   for (;;) {
     const neighbours = await insist(() => get("points/neighbours"));
@@ -288,6 +289,14 @@ async function label() {
   paint();
 }
 
+// The individual that an address names is shown once, when it is there with its name.
+let named = /^#individual-(\d{1,9})$/.exec(location.hash)?.[1];
+function begin() {
+  if (!points || entries === null || !(named < points.count)) return;
+  choose(Number(named));
+  named = undefined;
+}
+
 let stands = null;
 let entries = null;
 follow(async (seen) => {
@@ -297,4 +306,5 @@ follow(async (seen) => {
   [stands, entries] = [now, seen.labels];
   if (moved) load().catch((error) => complain(status, error));
   if (said) await label();
+  begin();
 });

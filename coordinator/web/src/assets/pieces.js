@@ -110,7 +110,7 @@ export function draw(canvas, piece, step, { swarm, counts, genes }) {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   drawArena(pen, swarm.world, scale);
   const layers = swarm.species.map((species) => layer(species, scale, genes));
-  for (const layer of layers) if (layer.radius < LEAST_RADIUS_PX || piece.robots > MOST_WITH_SENSORS) layer.angles = [];
+  for (const layer of layers) if (layer.radius < LEAST_RADIUS_PX || piece.robots > MOST_WITH_SENSORS) layer.sensors = [];
   const ends = counts.map((_, place) => counts.slice(0, place + 1).reduce((sum, count) => sum + count));
   piece.at(step, swarm.world, (x, y, heading, sensed, i) => {
     const place = ends.findIndex((end) => i < end);
@@ -123,26 +123,38 @@ function layer({ colour, radius, sensors }, scale, genes) {
   return {
     colour,
     radius: Math.max(radius * scale, 1.5),
-    angles: sensors.map(({ angle, gene }) => angle ?? genes[gene]),
+    sensors: sensors.map(({ angle, gene, half, reach }) => ({ angle: angle ?? genes[gene], half, reach: reach * scale })),
     on: new Path2D(),
     off: new Path2D(),
     headings: new Path2D(),
     seeing: new Path2D(),
     blind: new Path2D(),
+    // What cones cover, of sensors that are on and of those that are off.
+    lit: new Path2D(),
+    dim: new Path2D(),
   };
 }
 
-// A robot: its body, full where a sensor is on; its heading; and where its sensors look.
+// A robot: its body, full where a sensor is on; its heading; and where its sensors look, as far as they do if that has an end.
 function add(layer, x, y, heading, sensed) {
-  const { radius, angles } = layer;
+  const { radius, sensors } = layer;
   const body = sensed ? layer.on : layer.off;
   body.moveTo(x + radius, y);
   body.arc(x, y, radius, 0, 2 * Math.PI);
   ray(layer.headings, x, y, heading, 0, 1.6 * radius);
-  for (let sensor = 0; sensor < angles.length; sensor++) {
-    const isOn = (sensed >> (angles.length - 1 - sensor)) & 1;
-    ray(isOn ? layer.seeing : layer.blind, x, y, heading + angles[sensor], 1.8 * radius, (isOn ? 3.4 : 2.6) * radius);
-  }
+  sensors.forEach(({ angle, half, reach }, place) => {
+    const isOn = (sensed >> (sensors.length - 1 - place)) & 1;
+    const end = half === 0 && reach ? reach : (isOn ? 3.4 : 2.6) * radius;
+    ray(isOn ? layer.seeing : layer.blind, x, y, heading + angle, 1.8 * radius, end);
+    if (half > 0) cone(isOn ? layer.lit : layer.dim, x, y, heading + angle, half, reach);
+  });
+}
+
+function cone(path, x, y, middle, half, reach) {
+  if (half >= Math.PI) path.moveTo(x + reach, y);
+  else path.moveTo(x, y);
+  path.arc(x, y, reach, middle - half, middle + half);
+  path.closePath();
 }
 
 function ray(path, x, y, angle, from, to) {
@@ -150,10 +162,16 @@ function ray(path, x, y, angle, from, to) {
   path.lineTo(x + to * Math.cos(angle), y + to * Math.sin(angle));
 }
 
-function paint(pen, { colour, radius, on, off, headings, seeing, blind }) {
+function paint(pen, { colour, radius, on, off, headings, seeing, blind, lit, dim }) {
   const thin = Math.max(0.25 * radius, 1);
   pen.fillStyle = colour;
   pen.strokeStyle = colour;
+  // Under the robots, and each path as one area: where many cones overlap, robots are still seen.
+  pen.globalAlpha = 0.08;
+  pen.fill(dim);
+  pen.globalAlpha = 0.2;
+  pen.fill(lit);
+  pen.globalAlpha = 1;
   pen.lineWidth = thin;
   pen.stroke(off);
   pen.stroke(on);

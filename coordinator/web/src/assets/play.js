@@ -1,4 +1,5 @@
 // The page Play: a person sets a controller, and the swarm that it controls moves.
+import { Comparison } from "./compare.js";
 import { Unavailable } from "./coordinator.js";
 import { isForPage } from "./keys.js";
 import { Pieces, draw } from "./pieces.js";
@@ -129,9 +130,11 @@ function playground() {
   const endless = new Endless(player, state);
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
+  const comparison = new Comparison(() => state.query());
   // What changes at once is the motion; the address follows when it has been changed.
   const changed = (step) => {
     complain();
+    comparison.forget();
     if (isValid()) endless.begin(step);
   };
   let told = `?${state.query()}`;
@@ -159,6 +162,10 @@ function playground() {
     });
   }
   for (const choice of root.querySelectorAll("select[data-gene]")) choice.addEventListener("change", () => changed(seen()));
+  at("search").addEventListener("submit", (event) => {
+    at("search").action = `/play/search?${state.query()}`;
+    if (!isValid()) event.preventDefault();
+  });
   at("seed").addEventListener("input", () => changed(0));
   at("controller").addEventListener("change", settled);
   at("controller").addEventListener("submit", (event) => event.preventDefault());
@@ -170,7 +177,7 @@ function playground() {
       changed(0);
       settled();
     },
-    restart: () => changed(0),
+    restart: () => isValid() && endless.begin(0),
     once: () => endless.once(),
   };
   at("anew").addEventListener("click", acts.anew);
@@ -183,6 +190,7 @@ function playground() {
     else if (key === "ArrowRight") acts.once();
     else if (key === "r") acts.restart();
     else if (key === "n") acts.anew();
+    else if (key === "l") comparison.ask();
     else if (key === "+" || key === "=") endless.pace(true);
     else if (key === "-") endless.pace(false);
     else return;

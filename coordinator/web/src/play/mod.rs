@@ -1,14 +1,20 @@
 //! The page on which people set a controller and watch the swarm that it controls.
 //!
 //! The whole state is in the address. The coordinator itself simulates, a piece of the motion at a time: few at once, each for
-//! a short time, and only for as long as the script waits for it.
+//! a short time, and only for as long as the script waits for it. What the swarm is like, a worker evaluates: that needs a
+//! campaign's embedder.
 
 mod address;
+mod compare;
 mod knobs;
 mod motion;
+mod search;
 mod view;
 
-use super::{Web, refused::Refused, visitor::Visitor};
+pub(super) use compare::like;
+pub(super) use search::search;
+
+use super::{Web, page_error::PageError, refused::Refused, visitor::Visitor};
 use address::{Address, Parameters, Play};
 use axum::{
     Form,
@@ -20,6 +26,7 @@ use maud::Markup;
 use motion::{Kept, MOST_STEPS};
 use murmuration_access::limits::MAX_PLAYED;
 use murmuration_engine::blocking::blocking;
+use murmuration_model::CampaignId;
 use murmuration_proto::Invalid;
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::OrStatus as _;
@@ -60,8 +67,26 @@ impl Drop for Wanted {
 }
 
 /// The page.
-pub(super) async fn page(Query(parameters): Query<Parameters>, visitor: Visitor) -> Markup {
-    view::page(&Address::read(&parameters), &visitor)
+pub(super) async fn page(
+    State(web): State<Web>,
+    Query(parameters): Query<Parameters>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let address = Address::read(&parameters);
+    let campaigns = match &address.play {
+        Ok(play) => comparable(&web, play).await?,
+        Err(_) => Vec::new(),
+    };
+    Ok(view::page(&address, &campaigns, &visitor))
+}
+
+/// The campaigns with individuals that a swarm can be compared with, newest first.
+async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError> {
+    let listed = web.campaigns.list().await?.into_iter().rev();
+    let records = listed.map(|status| status.record);
+    let comparable =
+        records.filter(|record| record.individuals() > 0 && compare::is_comparable(record, &play.world));
+    Ok(comparable.map(|record| record.id).collect())
 }
 
 /// A piece of the motion of the swarm of an address, from the step `from` on.
@@ -88,9 +113,8 @@ pub(super) async fn motion(
 }
 
 fn strictly(parameters: &Parameters) -> Result<Play, Status> {
-    Address::read(parameters)
-        .strictly()
-        .map_err(Status::invalid_argument)
+    let play = Address::read(parameters).strictly();
+    play.map_err(Status::invalid_argument)
 }
 
 /// Takes the first step out of the parameters; without one the motion begins with its start.

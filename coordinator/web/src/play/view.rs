@@ -6,13 +6,15 @@ use super::{
     knobs::{Knob, Values, knobs},
 };
 use maud::{Markup, html};
-use murmuration_model::colours;
-use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Species};
-use murmuration_report::picture::columns;
+use murmuration_model::{CampaignId, colours};
+use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Sensor, Species};
+use murmuration_report::picture::{columns, sensor_reach};
 use serde_json::{Value, json};
 
 /// The page of an address.
-pub(super) fn page(address: &Address, visitor: &Visitor) -> Markup {
+///
+/// `campaigns` are those that its swarm can be compared with.
+pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visitor) -> Markup {
     let content = html! {
         div.wide-bar {
             h1 { "Play" }
@@ -21,7 +23,10 @@ pub(super) fn page(address: &Address, visitor: &Visitor) -> Markup {
         noscript { p.scriptless { "This page needs JavaScript, which is not running in this browser." } }
         (problems(&address.problems))
         (description(address))
-        @if let Ok(play) = &address.play { (playground(address, play)) }
+        @if let Ok(play) = &address.play {
+            (playground(address, play))
+            (comparison(play, campaigns))
+        }
     };
     play_page(visitor, content)
 }
@@ -113,6 +118,34 @@ fn playground(address: &Address, play: &Play) -> Markup {
             "The address of this page holds the robots, the controller, the seed and the number of robots: a link shows the same "
             "motion to everybody. Space plays and pauses, " kbd { "n" } " starts anew, " kbd { "-" } " and " kbd { "+" }
             " change the speed."
+        }
+    }
+}
+
+/// What the swarm is like, and the button that searches on from it.
+fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
+    html! {
+        section.compare.scripted aria-label="This swarm and campaigns" {
+            div.choices {
+                @if campaigns.is_empty() {
+                    p.reason {
+                        "No campaign in a world of " (play.world.width()) " × " (play.world.height())
+                        " has individuals yet that this swarm could be compared with."
+                    }
+                } @else {
+                    label { "Campaign " select #campaign {
+                        @for id in campaigns { option value=(id) { (id) } }
+                    } }
+                    button.plain #ask type="button" { "What is this like? " kbd { "l" } }
+                }
+                form #search method="post" action="/play/search" { button { "Search from here" } }
+            }
+            p.reason {
+                "Search from here starts a small campaign with these robots, on hand-crafted features. Its first generation begins with "
+                "this controller."
+            }
+            p #compared.status role="status" {}
+            div #likes {}
         }
     }
 }
@@ -263,6 +296,16 @@ fn colour(place: usize) -> String {
     colours::hex(colours::AGENTS[place % colours::AGENTS.len()])
 }
 
+/// Radii that a cone without limit is drawn long.
+const UNLIMITED_RADII: f64 = 12.0;
+
+/// Half of a cone's opening angle, radians, and how far it is drawn, world units; a ray without limit has no length.
+fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
+    let half = sensor.half_angle();
+    let drawn = (half > 0.0).then(|| UNLIMITED_RADII * robot.radius());
+    (half, sensor_reach(sensor).or(drawn))
+}
+
 /// What the script needs to draw the swarm.
 fn swarm(play: &Play) -> Value {
     let (model, world) = (play.controller.model(), &play.world);
@@ -272,11 +315,14 @@ fn swarm(play: &Play) -> Value {
         let robot = of.robot();
         let mut gene = first + robot.speeds();
         first += robot.genes();
-        let sensor = |sensor: &murmuration_proto::Sensor| match sensor.angle().value() {
-            Some(angle) => json!({ "angle": angle }),
-            None => {
-                gene += 1;
-                json!({ "gene": gene - 1 })
+        let sensor = |sensor: &Sensor| {
+            let (half, reach) = cone(robot, sensor);
+            match sensor.angle().value() {
+                Some(angle) => json!({ "angle": angle, "half": half, "reach": reach }),
+                None => {
+                    gene += 1;
+                    json!({ "gene": gene - 1, "half": half, "reach": reach })
+                }
             }
         };
         let sensors: Vec<_> = robot.sensors().iter().map(sensor).collect();
@@ -296,7 +342,7 @@ mod tests {
     fn shown(parameters: &[(&str, &str)]) -> String {
         let owned = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
         let address = Address::read(&parameters.iter().map(owned).collect());
-        page(&address, &Visitor::ANYBODY).into_string()
+        page(&address, &[], &Visitor::ANYBODY).into_string()
     }
 
     #[test]
@@ -332,6 +378,20 @@ mod tests {
         );
         assert!(!page.contains("id=\"robots\""), "their number is fixed: {page}");
         assert!(page.contains("&quot;gene&quot;:8"), "{page}");
+    }
+
+    #[test]
+    fn cones_are_drawn_as_far_as_they_reach_and_rays_have_an_end_only_if_they_have_a_range() {
+        let text = "[robot]\nradius = 6\nsensors = [{ half_angle = 0.25, range = 120 }, { half_angle = 0.5 }, { range = 40 }, {}]\n";
+        let page = shown(&[("robot", text)]).replace("&quot;", "\"");
+        for sensor in [
+            r#"{"angle":0.0,"half":0.25,"reach":120.0}"#,
+            r#"{"angle":0.0,"half":0.5,"reach":72.0}"#,
+            r#"{"angle":0.0,"half":0.0,"reach":40.0}"#,
+            r#"{"angle":0.0,"half":0.0,"reach":null}"#,
+        ] {
+            assert!(page.contains(sensor), "{sensor}: {page}");
+        }
     }
 
     #[test]

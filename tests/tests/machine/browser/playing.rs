@@ -4,11 +4,12 @@ use crate::browser::{
     driver::{Driver, Window},
     looks::{self, SIZES},
 };
-use murmuration_tests::Cluster;
+use murmuration_proto::{CampaignSpec, Controller};
+use murmuration_tests::{Cluster, small_spec};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// A coordinator without workers or campaigns, and a person at the page.
+/// A coordinator, and a person at the page.
 struct Playground {
     _folder: TempDir,
     _driver: Driver,
@@ -18,8 +19,21 @@ struct Playground {
 
 impl Playground {
     async fn open() -> Self {
-        let (folder, driver) = (tempfile::tempdir().unwrap(), Driver::start());
+        let folder = tempfile::tempdir().unwrap();
         let cluster = Cluster::start(folder.path(), 0).await;
+        Self::at(folder, cluster).await
+    }
+
+    /// With a worker and a completed campaign.
+    async fn beside_a_campaign() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut cluster = Cluster::start(folder.path(), 1).await;
+        cluster.run(&small_spec("")).await;
+        Self::at(folder, cluster).await
+    }
+
+    async fn at(folder: TempDir, cluster: Cluster) -> Self {
+        let driver = Driver::start();
         let window = driver.open(&format!("{}/play", cluster.url())).await;
         Self {
             _folder: folder,
@@ -233,5 +247,92 @@ pub async fn the_page_fits_every_screen_and_rests_where_motion_is_not_wanted() {
         .await;
     window.click(".toggle").await;
     window.until(&format!("{STEP} > 10")).await;
+    playground.close().await;
+}
+
+/// Individuals that the page says the swarm is like.
+const LIKE: &str = "document.querySelectorAll('#likes li').length";
+
+pub async fn what_a_swarm_is_like_is_shown_with_ways_to_see_it() {
+    let playground = Playground::beside_a_campaign().await;
+    let window = &playground.window;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            playground.goto("model=single-sensor&genes=0.6,1,0.4,0.5").await;
+            window.until(&format!("{STEP} > 20")).await;
+            window.press("l").await;
+            window.until(&format!("{LIKE} === 6 && [...document.querySelectorAll('#likes img')].every((it) => it.naturalWidth > 0)")).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("play-like-{width}-{scheme}")).await;
+            looks::check(window, "play-like").await;
+        }
+    }
+    // The swarm's own picture is drawn, and the nearest is not farther than the next.
+    let white = "(() => { const c = document.querySelector('#likes canvas'); \
+        return Math.max(...c.getContext('2d').getImageData(0, 0, c.width, c.height).data.filter((_, i) => i % 4 < 3)); })()";
+    assert!(window.value(white).await.as_u64().unwrap() > 200);
+    let distances =
+        "[...document.querySelectorAll('#likes .reason')].map((it) => parseFloat(it.textContent))";
+    let distances: Vec<f64> = serde_json::from_value(window.value(distances).await).unwrap();
+    assert!(distances.len() == 5 && distances.is_sorted(), "{distances:?}");
+    // Of another controller nothing is known.
+    slide(window, 0, "0.9").await;
+    window
+        .until(&format!("{LIKE} === 0 && {QUERY}.genes === '0.9,1,0.4,0.5'"))
+        .await;
+    window.click("#ask").await;
+    window.until(&format!("{LIKE} === 6")).await;
+    window.click("#likes a").await;
+    window
+        .until("location.pathname.endsWith('/map') && document.getElementById('chosen').textContent.startsWith('Individual ' + location.hash.split('-')[1])")
+        .await;
+    playground.close().await;
+}
+
+pub async fn a_search_begins_with_the_controller_that_was_played_with() {
+    let playground = Playground::beside_a_campaign().await;
+    let window = &playground.window;
+    playground
+        .goto("model=single-sensor&genes=0.6,1,0.4,0.5&seed=7")
+        .await;
+    window.until(&format!("{STEP} > 20")).await;
+    slide(window, 1, "0.35").await;
+    window.click("#search button").await;
+    window.until("location.pathname === '/campaigns/play-2'").await;
+    let spec = window.value("document.querySelector('pre').textContent").await;
+    let spec = CampaignSpec::from_toml(spec.as_str().unwrap()).unwrap();
+    let first: Vec<_> = spec
+        .controllers()
+        .initial()
+        .iter()
+        .map(Controller::genes)
+        .collect();
+    assert_eq!((first, spec.seed()), (vec![&[0.6, 0.35, 0.4, 0.5][..]], 7));
+    playground.close().await;
+}
+
+pub async fn where_nothing_can_be_compared_the_page_says_so() {
+    let playground = Playground::open().await;
+    let window = &playground.window;
+    window
+        .until("document.querySelector('.compare .reason')?.textContent.includes('No campaign in a world of 500 × 500')")
+        .await;
+    window.press("l").await;
+    assert_eq!(window.value(LIKE).await, json!(0));
+    playground.close().await;
+    // A campaign, and nobody who could simulate.
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    cluster.run(&small_spec("")).await;
+    cluster.stop().await;
+    let cluster = Cluster::start(folder.path(), 0).await;
+    let playground = Playground::at(folder, cluster).await;
+    let window = &playground.window;
+    window.until(&format!("{STEP} > 20")).await;
+    window.click("#ask").await;
+    window
+        .until("document.getElementById('compared').textContent.startsWith('No worker is connected')")
+        .await;
     playground.close().await;
 }

@@ -63,6 +63,9 @@ const LABELS: &str = "id,class,annotator,time\n\
     4,not sure,ana,2026-11-21T12:00:04Z\n\
     0,ring,ben,2026-11-21T12:00:05Z\n1,clump,ben,2026-11-21T12:00:06Z\n";
 
+/// Tracks of two robots, one of which a frame lacks.
+const FEW: &str = "frame,robot,x,y\n0,1,100,100\n0,2,200,200\n1,1,101,100\n2,1,102,100\n2,2,200,202\n";
+
 const ROBOTS: &str = "ratios = [[3, 1], [2, 2]]\n[[species]]\nname = \"a\"\nmodel = \"two-sensor\"\n\
     [[species]]\nname = \"b\"\nrobot.sensors = [{ half_angle = 0.2, range = 120, sees = [\"a\", \"walls\"] }]\n";
 
@@ -78,7 +81,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 56] = [
+pub const OUTPUTS: [Transcript; 59] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -165,6 +168,23 @@ pub const OUTPUTS: [Transcript; 56] = [
         "individual",
         &["simulate", "--controller", "-0.7,0.3,1,1", "--json"],
     ),
+    done(
+        "simulate-tracks",
+        &[
+            "simulate",
+            "--controller",
+            "-0.7,0.3,1,1",
+            "--tracks",
+            "FOLDER/tracks.csv",
+        ],
+    ),
+    done("recognise", &["recognise", "FOLDER/tracks.csv"]),
+    json(
+        "recognise-json",
+        "recognised",
+        &["recognise", "FOLDER/few.csv", "--count", "2", "--json"],
+    )
+    .with_files(&[("few.csv", FEW)]),
     done("robot", &["robot", "FOLDER/robots.toml"]).with_files(&[("robots.toml", ROBOTS)]),
     json("robot-json", "robots", &["robot", "--model", "turbopi", "--json"]),
     done("controller-export", &["controller", "export", "small-1", "3"]),
@@ -242,7 +262,7 @@ pub const OUTPUTS: [Transcript; 56] = [
 ];
 
 /// What people meet most when something is wrong, first without a data directory, then about a campaign.
-pub const ERRORS: [Transcript; 40] = [
+pub const ERRORS: [Transcript; 43] = [
     fails("robot-sensors", 2, &["robot", "FOLDER/seven.toml"])
         .with_files(&[("seven.toml", "robot.sensors = [{}, {}, {}, {}, {}, {}, {}]")]),
     fails("robot-cone", 2, &["robot", "FOLDER/cone.toml"])
@@ -286,6 +306,10 @@ pub const ERRORS: [Transcript; 40] = [
         2,
         &["simulate", "--controller", "0,0,0,0", "--gif", "FOLDER/a.png"],
     ),
+    fails("error-tracks-column", 2, &["recognise", "FOLDER/bad.csv"])
+        .with_files(&[("bad.csv", "frame,x,y\n0,1,2\n")]),
+    fails("error-tracks-cell", 2, &["recognise", "FOLDER/bad.csv"])
+        .with_files(&[("bad.csv", "frame,robot,x,y\n0,0,1,2\n1,0,1,up\n")]),
     fails("error-no-answers", 2, &["label", "latest"]),
     fails("error-token-role", 2, &["token", "ana", "--role", "king"]),
     fails("error-insecure-listen", 2, &["serve", "--listen", "0.0.0.0:0"]),
@@ -293,6 +317,10 @@ pub const ERRORS: [Transcript; 40] = [
     fails("error-doctor-no-data-directory", 2, &["doctor"]),
     done("campaign-for-errors", &["run", "FOLDER/small.toml"]),
     fails("error-no-campaign", 2, &["show", "other-1"]),
+    fails("error-tracks-gap", 2, &["recognise", "FOLDER/gap.csv"]).with_files(&[(
+        "gap.csv",
+        "frame,robot,x,y\n0,0,1,2\n0,1,1,2\n90,0,1,2\n90,1,1,2\n60,0,1,2\n",
+    )]),
     fails("error-no-individual", 2, &["show", "small-1", "--index", "100"]),
     fails("error-submit-alone", 1, &["submit", "FOLDER/small.toml"]),
     fails("error-resume-completed", 1, &["resume", "small-1"]),

@@ -302,6 +302,12 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
         assert_eq!(status(label).await, labels);
         assert_eq!(status(browser.post("/campaigns/small-1/pause", "")).await, pauses);
         assert_eq!(status(browser.post("/play/motion", "seed=2")).await, ok);
+        assert_eq!(status(browser.post("/play/like", "campaign=small-1")).await, ok);
+        let searches = match pauses {
+            StatusCode::FORBIDDEN => StatusCode::FORBIDDEN,
+            _ => StatusCode::SEE_OTHER,
+        };
+        assert_eq!(status(browser.post("/play/search?seed=2", "")).await, searches);
 
         let service = "/murmuration.v1.CampaignService/ListCampaigns";
         let grpc = |request: RequestBuilder| {

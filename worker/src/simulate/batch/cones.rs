@@ -1,9 +1,18 @@
 //! What one agent of each swarm has in its cones, and whether another touches it.
 //!
-//! The rule is that of [`gaze`](crate::simulate::gaze), and so are the answers. In the frame of a cone, with a the distance of
-//! another's centre along the middle and b its distance from the middle, the two edges are one: the other is seen where
-//! `s = b cos(h) - a sin(h)` is at most its radius and, if the half-angle h is at most a right angle, `a cos(h) + b sin(h)` is not
-//! negative. Two multiplications a number instead of a dozen comparisons; where rounding could decide, the definition does.
+//! The rule is that of [`gaze`](crate::simulate::gaze), and so are the answers; the way there is shorter. With h the half-angle and
+//! rho the radius of bodies, another is seen where its centre is in the cone, or less than rho beside it: in a cone of the same
+//! opening whose apex is k = rho / sin(h) further back. With e from here to the centre, |e'| its distance from that apex and
+//! a' = e.c + k how far along the middle c it is from there, it is inside that cone where
+//!
+//! ```text
+//! C |e'|^2 - a' |a'| <= 0,   C = cos(h) |cos(h)|,   |e'|^2 = e.e + 2 k a' - k^2
+//! ```
+//!
+//! which holds for wide cones too, whose cosine is negative, and with k = 0 in |e'|^2 - rho^2 for rays. Around the apex of a cone
+//! the other one has a tip behind the robot that the rule does not have. Nobody is in the tip who does not touch the robot where k
+//! is at most 2 rho; where it is more, nobody but who is more than 1.5 rho behind, and nobody is seen who is more than rho / 2
+//! behind. Where rounding could decide, the definition does.
 
 use super::look::{Seen, Viewer};
 use crate::{
@@ -15,20 +24,23 @@ use crate::{
 };
 use murmuration_proto::{Robot, Sensor};
 use pulp::Simd;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Headings are unit vectors up to 10^-12, twice that in their squares: what that and rounding put into a length, relative to
 /// the lengths at hand, is below this.
 const ROUNDING: f64 = 1e-10;
 /// The same of a square of a length, which headings are no part of.
 const SQUARE_ROUNDING: f64 = 1e-13;
+/// The smallest sine of a half-angle for which the apex is moved back; the definition alone decides for other cones.
+const SMALLEST_SINE: f64 = 0.01;
 
 /// The sensors of all agents of a batch, some of which are cones or have a range.
 #[derive(Debug, Clone)]
 pub(super) struct Cones<S: Simd, const SENSORS: usize> {
     cones: [Cone<S>; SENSORS],
     radius: f64,
-    /// Parts of the margin: whatever the coordinates, and for each unit of the largest one and of its square.
-    margin: [f64; 3],
+    /// How far the apexes are moved back at most; `None` where only the definition decides.
+    furthest_back: Option<f64>,
 }
 
 /// One sensor: all lanes have its shape, and each its direction.
@@ -37,10 +49,60 @@ struct Cone<S: Simd> {
     /// One of the lanes, for what they have in common.
     eye: Eye,
     edges: [Planar<S>; 2],
-    cos: f64,
-    sin: f64,
-    /// Half the inverse of the range, 0 without a limit, and what is added to as much of a square beyond the body.
-    range: [f64; 2],
+    opening: Opening,
+    /// What is added to e.e - rho^2 so that it is negative within range.
+    range: Option<f64>,
+}
+
+/// The cone with the apex further back, as coefficients: of `C |e'|^2` by e.e - rho^2, by a', and whatever they are.
+#[derive(Debug, Clone, Copy)]
+struct Opening {
+    /// How far the apex is moved back: k.
+    back: f64,
+    outside: f64,
+    along: f64,
+    constant: f64,
+    /// Coefficient by a' and constant of what is positive in the tip, if somebody may be in the tip who does not touch.
+    tip: Option<[f64; 2]>,
+}
+
+impl Opening {
+    const NONE: Self = Self {
+        back: 0.0,
+        outside: 0.0,
+        along: 0.0,
+        constant: 0.0,
+        tip: None,
+    };
+
+    /// That of cones of this half-angle, for bodies of this radius; `None` where the apex would be too far back.
+    fn new(half_angle: f64, radius: f64) -> Option<Self> {
+        let square = radius * radius;
+        let without_apex = |outside, constant| Self {
+            back: 0.0,
+            outside,
+            along: 0.0,
+            constant,
+            tip: None,
+        };
+        if half_angle == 0.0 {
+            return Some(without_apex(1.0, 0.0));
+        }
+        // All around: -e.e - rho^2 - a |a| is negative wherever the other is.
+        if half_angle >= PI {
+            return Some(without_apex(-1.0, -2.0 * square));
+        }
+        let (sin, cos) = libm::sincos(half_angle);
+        let (back, opening) = (radius / sin, cos * cos.abs());
+        let has_tip = half_angle < FRAC_PI_2 && back > 2.0 * radius;
+        (sin >= SMALLEST_SINE).then(|| Self {
+            back,
+            outside: opening,
+            along: 2.0 * back * opening,
+            constant: opening * (square - back * back),
+            tip: has_tip.then(|| [-radius, radius * back - square]),
+        })
+    }
 }
 
 /// An agent of each swarm, about to look into its cones.
@@ -71,6 +133,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     pub(super) fn new(simd: S, robot: &Robot, angles: &[Vec<f64>]) -> Option<Self> {
         let sensors: &[Sensor; SENSORS] = robot.sensors().try_into().ok()?;
         let radius = robot.radius();
+        let openings = sensors
+            .each_ref()
+            .map(|sensor| Opening::new(sensor.half_angle(), radius));
         let cone = |s: usize| {
             let sensor = &sensors[s];
             let eyes = angles.iter().map(|angles| Eye::new(sensor, angles[s]));
@@ -78,25 +143,18 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             Cone {
                 eye: Eye::new(sensor, 0.0),
                 edges: [edge(0), edge(1)],
-                cos: libm::cos(sensor.half_angle()),
-                sin: libm::sin(sensor.half_angle()),
-                range: match sensor.range() {
-                    None => [0.0, f64::NEG_INFINITY],
-                    Some(range) => [0.5 / range, (radius * radius - range * range) * (0.5 / range)],
-                },
+                // Not looked at where there is none.
+                opening: openings[s].unwrap_or(Opening::NONE),
+                range: sensor.range().map(|range| radius * radius - range * range),
             }
         };
-        let ranges = sensors.iter().filter_map(Sensor::range);
-        let shortest = ranges.clone().fold(f64::INFINITY, f64::min);
-        let longest = ranges.fold(0.0, f64::max);
+        let back = openings.iter().map(|opening| opening.map(|opening| opening.back));
         Some(Self {
             cones: std::array::from_fn(cone),
             radius,
-            margin: [
-                ROUNDING * radius + SQUARE_ROUNDING * longest,
-                ROUNDING,
-                ROUNDING / radius + SQUARE_ROUNDING / shortest,
-            ],
+            furthest_back: back
+                .collect::<Option<Vec<_>>>()
+                .map(|all| all.into_iter().fold(0.0, f64::max)),
         })
     }
 
@@ -124,9 +182,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         others: &[Aligned<Planar<S>>],
         far: S::f64s,
     ) -> Option<Seen<S, SENSORS>> {
+        let margin = self.margin(simd, far)?;
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
-        let radius = simd.splat_f64s(-self.radius);
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
@@ -134,30 +192,10 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
             for ((cone, middle), deepest) in self.cones.iter().zip(&viewer.middles).zip(&mut deepest) {
-                let [cos, sin] = [simd.splat_f64s(cone.cos), simd.splat_f64s(-cone.sin)];
-                let along = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_f64s(e[1], middle[1]));
-                let beside =
-                    simd.mul_add_e_f64s(e[1], middle[0], simd.neg_f64s(simd.mul_f64s(e[0], middle[1])));
-                let beside = simd.abs_f64s(beside);
-                let mut beyond = simd.mul_add_e_f64s(beside, cos, simd.mul_add_e_f64s(along, sin, radius));
-                if !cone.eye.is_wide() {
-                    let backwards = simd.splat_f64s(-cone.cos);
-                    let aside = simd.mul_f64s(beside, sin);
-                    let behind = simd.mul_add_e_f64s(along, backwards, aside);
-                    beyond = simd.max_f64s(beyond, behind);
-                }
-                let [scale, offset] = cone.range;
-                let farther = simd.mul_add_e_f64s(outside, simd.splat_f64s(scale), simd.splat_f64s(offset));
-                *deepest = simd.min_f64s(*deepest, simd.max_f64s(beyond, farther));
+                let beyond = cone.beyond(simd, e, *middle, outside);
+                *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
-        let [constant, linear, square] = self.margin;
-        let [constant, linear, square] = [
-            simd.splat_f64s(constant),
-            simd.splat_f64s(linear),
-            simd.splat_f64s(square),
-        ];
-        let margin = simd.mul_add_e_f64s(far, simd.mul_add_e_f64s(far, square, linear), constant);
         // Whether another touches is of squares, as for rays.
         let touches = simd.sub_f64s(nearest, simd.splat_f64s(viewer.reach.touch - viewer.reach.body));
         let touch_margin = simd.mul_add_e_f64s(
@@ -173,6 +211,23 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         }
         let touched = simd.less_than_f64s(touches, zero);
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
+    }
+
+    /// A number of [`Cone::beyond`] below this decides nothing, where no coordinate is over `far`; `None` where none does.
+    ///
+    /// What rounding and headings put into the distance from an edge of the cone is at most `ROUNDING (rho + far + far^2 / rho)`:
+    /// the definition squares it. The number is that distance times the distance from the other edge, which is at most |e'|,
+    /// 3 far + k; 4 times that leaves room. The number itself is rounded in squares of far + k.
+    #[inline(always)]
+    fn margin(&self, simd: S, far: S::f64s) -> Option<S::f64s> {
+        let back = self.furthest_back?;
+        let [constant, linear, square] = [ROUNDING * self.radius, ROUNDING, ROUNDING / self.radius];
+        let [constant, linear, square] = [constant, linear, square].map(|part| simd.splat_f64s(part));
+        let beside = simd.mul_add_e_f64s(far, simd.mul_add_e_f64s(far, square, linear), constant);
+        let across = simd.mul_add_e_f64s(far, simd.splat_f64s(12.0), simd.splat_f64s(4.0 * back));
+        let reach = simd.add_f64s(far, simd.splat_f64s(back));
+        let own = simd.mul_f64s(simd.mul_f64s(reach, reach), linear);
+        Some(simd.mul_add_e_f64s(beside, across, own))
     }
 
     /// The look by the operations that the definition has.
@@ -201,5 +256,32 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             }
         }
         Seen { touched, hits }
+    }
+}
+
+impl<S: Simd> Cone<S> {
+    /// Negative where another whose centre is at `e` from here, and which does not touch, is seen; positive where it is not.
+    /// `outside` is e.e - rho^2.
+    #[inline(always)]
+    fn beyond(&self, simd: S, e: Planar<S>, middle: Planar<S>, outside: S::f64s) -> S::f64s {
+        let opening = &self.opening;
+        let back = simd.splat_f64s(opening.back);
+        let along = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_add_e_f64s(e[1], middle[1], back));
+        let by_outside = simd.mul_add_e_f64s(
+            outside,
+            simd.splat_f64s(opening.outside),
+            simd.splat_f64s(opening.constant),
+        );
+        let length = simd.mul_add_e_f64s(along, simd.splat_f64s(opening.along), by_outside);
+        let size = simd.abs_f64s(along);
+        let mut beyond = simd.negate_mul_add_e_f64s(along, size, length);
+        if let Some([by_along, constant]) = opening.tip {
+            let behind = simd.mul_add_e_f64s(along, simd.splat_f64s(by_along), simd.splat_f64s(constant));
+            beyond = simd.max_f64s(beyond, behind);
+        }
+        if let Some(range) = self.range {
+            beyond = simd.max_f64s(beyond, simd.add_f64s(outside, simd.splat_f64s(range)));
+        }
+        beyond
     }
 }

@@ -1,0 +1,202 @@
+//! What in an archive is like a behaviour that need not be of it.
+
+use crate::queries::Clustered;
+use murmuration_model::labels::ClassName;
+use murmuration_proto::counted;
+use murmuration_search::novelty::{Behaviours, Misfit};
+use std::collections::BTreeMap;
+
+/// From this many times the mean distance of a cluster's members on, a behaviour is like nothing in it.
+pub const UNLIKE: f64 = 3.0;
+
+/// An individual near a behaviour.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Neighbour {
+    /// Place in the archive, from 0.
+    pub index: u64,
+    /// Its distance from the behaviour, in units of the behaviour space.
+    pub distance: f64,
+    /// The place of its cluster, from 0.
+    pub cluster: u32,
+    /// The class that stands for it.
+    pub class: Option<ClassName>,
+}
+
+/// What in an archive is like a behaviour.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Nearest {
+    /// The nearest individuals, nearest first; those as near as each other by their index.
+    pub neighbours: Vec<Neighbour>,
+    /// The nearest individual that has a class.
+    pub labelled: Option<Neighbour>,
+    /// The nearest medoid; its cluster is the behaviour's.
+    pub medoid: Neighbour,
+    /// Mean distance of that cluster's members, the medoid included, to the medoid, in units of the behaviour space.
+    pub mean_distance: f64,
+    /// Whether the clusters are a taxonomy's.
+    pub is_taxonomy: bool,
+}
+
+/// Why nothing can be compared with a behaviour.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NearestError {
+    /// The archive is empty.
+    #[error("the archive is empty: wait until the first generation is complete")]
+    Empty,
+    /// The behaviour is of another space.
+    #[error("{0}")]
+    Misfit(#[from] Misfit),
+    /// A cluster has lost its medoid, which is a bug.
+    #[error("the archive of {} has no medoids", counted(*.0 as u64, "individual"))]
+    NoMedoid(usize),
+}
+
+impl Nearest {
+    /// What is like `behaviour` among `count` individuals of an archive at most, in which `classes` stand.
+    ///
+    /// # Errors
+    /// See [`NearestError`].
+    pub fn find(
+        clustered: &Clustered,
+        classes: &BTreeMap<u64, ClassName>,
+        behaviour: &[f64],
+        count: usize,
+    ) -> Result<Self, NearestError> {
+        let (behaviours, clustering) = (&clustered.space.behaviours, &clustered.clustering);
+        if behaviours.is_empty() {
+            return Err(NearestError::Empty);
+        }
+        let distances = distances(behaviours, behaviour)?;
+        let neighbour = |place: usize| Neighbour {
+            index: place as u64,
+            distance: distances[place],
+            cluster: clustering.clusters.get(place).copied().unwrap_or_default(),
+            class: classes.get(&(place as u64)).cloned(),
+        };
+        let nearer = |one: &usize, other: &usize| {
+            let distances = distances[*one].total_cmp(&distances[*other]);
+            distances.then(one.cmp(other))
+        };
+        let mut places: Vec<usize> = (0..distances.len()).collect();
+        let count = count.min(places.len());
+        if count < places.len() {
+            places.select_nth_unstable_by(count, nearer);
+            places.truncate(count);
+        }
+        places.sort_unstable_by(nearer);
+        let labelled = classes.keys().map(|&index| index as usize);
+        let labelled = labelled.filter(|&place| place < distances.len()).min_by(nearer);
+        let medoid = clustering.medoids.iter().copied().min_by(nearer);
+        let medoid = medoid.ok_or(NearestError::NoMedoid(distances.len()))?;
+        let members = clustering
+            .clusters
+            .iter()
+            .zip(0..)
+            .filter(|(cluster, _)| clustering.medoids.get(**cluster as usize) == Some(&medoid));
+        let to_medoid = members.map(|(_, member)| behaviours.squared_distance(member, medoid).sqrt());
+        let (sum, members) = to_medoid.fold((0.0, 0_u32), |(sum, members), distance| {
+            (sum + distance, members + 1)
+        });
+        Ok(Self {
+            neighbours: places.into_iter().map(neighbour).collect(),
+            labelled: labelled.map(neighbour),
+            medoid: neighbour(medoid),
+            mean_distance: sum / f64::from(members.max(1)),
+            is_taxonomy: clustered.is_taxonomy,
+        })
+    }
+}
+
+impl Nearest {
+    /// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
+    #[must_use]
+    pub fn relative_distance(&self) -> Option<f64> {
+        relative_distance(self.medoid.distance, self.mean_distance)
+    }
+}
+
+/// A distance from a medoid by the mean distance of its members; `None` if they are all at one place.
+#[must_use]
+pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
+    (mean_distance > 0.0).then(|| distance / mean_distance)
+}
+
+/// The distance of every individual from a behaviour of the same space.
+fn distances(behaviours: &Behaviours, behaviour: &[f64]) -> Result<Vec<f64>, Misfit> {
+    let mut own = Behaviours::new(behaviours.dims());
+    own.push(behaviour)?;
+    let own = own.point(0);
+    Ok((0..behaviours.len())
+        .map(|place| (behaviours.point(place) - own).norm())
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::Space;
+    use murmuration_model::ArchiveVersion;
+    use murmuration_search::medoids::Clustering;
+    use std::sync::Arc;
+
+    /// An archive on a line, with clusters about 1 and 10.
+    fn archive(places: &[f64]) -> Clustered {
+        let mut behaviours = Behaviours::new(1);
+        for place in places {
+            behaviours.push(&[*place]).unwrap();
+        }
+        Clustered {
+            space: Arc::new(Space {
+                behaviours,
+                archive_version: ArchiveVersion {
+                    created_ms: 0,
+                    rollbacks: 0,
+                    checkpoint: None,
+                },
+            }),
+            clustering: Clustering {
+                medoids: vec![1, 3],
+                clusters: vec![0, 0, 0, 1],
+                loss: 3.0,
+            },
+            is_taxonomy: true,
+        }
+    }
+
+    fn class(name: &str) -> ClassName {
+        name.parse().unwrap()
+    }
+
+    #[test]
+    fn the_nearest_come_first_with_their_clusters_and_classes() {
+        let archive = archive(&[0.0, 1.0, 3.0, 10.0]);
+        let classes = BTreeMap::from([(0, class("ring")), (3, class("wall"))]);
+        let found = Nearest::find(&archive, &classes, &[2.0], 3).unwrap();
+        let near: Vec<_> = found
+            .neighbours
+            .iter()
+            .map(|near| (near.index, near.distance, near.cluster))
+            .collect();
+        assert_eq!(near, [(1, 1.0, 0), (2, 1.0, 0), (0, 2.0, 0)]);
+        assert_eq!(found.neighbours[2].class, Some(class("ring")));
+        assert_eq!(found.labelled.unwrap().index, 0);
+        assert_eq!((found.medoid.index, found.medoid.distance), (1, 1.0));
+        assert_eq!(found.mean_distance, 1.0);
+        let far = Nearest::find(&archive, &BTreeMap::new(), &[12.0], 9).unwrap();
+        assert_eq!(
+            (far.neighbours.len(), far.medoid.cluster, far.labelled),
+            (4, 1, None)
+        );
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        let found = |places: &[f64], behaviour: &[f64]| {
+            Nearest::find(&archive(places), &BTreeMap::new(), behaviour, 1).unwrap_err()
+        };
+        assert_eq!(found(&[], &[1.0]), NearestError::Empty);
+        let places = [0.0, 1.0, 3.0, 10.0];
+        assert!(matches!(found(&places, &[1.0, 2.0]), NearestError::Misfit(_)));
+        assert!(matches!(found(&places, &[f64::NAN]), NearestError::Misfit(_)));
+    }
+}

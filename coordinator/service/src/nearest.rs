@@ -1,0 +1,128 @@
+//! What in an archive is like a behaviour from elsewhere.
+
+use super::CampaignApi;
+use crate::status::{IntoStatus, OrStatus as _};
+use murmuration_engine::{
+    blocking::blocking,
+    nearest::{Nearest, NearestError},
+};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::{CheckpointDigest, Evaluation, FEATURE_NAMES, Features, Invalid, counted, v1};
+use tonic::Status;
+
+/// Individuals that an answer has where the request does not say how many.
+const USUAL_COUNT: u32 = 5;
+/// Most individuals of an answer.
+const MAX_COUNT: u32 = 100;
+
+/// A behaviour that need not be of an archive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OtherBehaviour {
+    /// Its hand-crafted features.
+    pub features: Features,
+    /// The embedding of its picture, and the checkpoint that made it; `None` if there is none.
+    pub embedding: Option<(CheckpointDigest, Vec<f32>)>,
+}
+
+impl OtherBehaviour {
+    /// That of an evaluation, embedded by this checkpoint if by any.
+    #[must_use]
+    pub fn of(evaluation: &Evaluation, checkpoint: Option<CheckpointDigest>) -> Self {
+        Self {
+            features: *evaluation.features(),
+            embedding: checkpoint.map(|checkpoint| (checkpoint, evaluation.embedding().to_vec())),
+        }
+    }
+}
+
+impl CampaignApi {
+    /// What in a campaign's archive is like `behaviour`: `count` individuals at most.
+    ///
+    /// # Errors
+    /// If the archive is empty or its embeddings are by another checkpoint, or it cannot be read.
+    pub async fn nearest(
+        &self,
+        record: &CampaignRecord,
+        behaviour: OtherBehaviour,
+        count: usize,
+    ) -> Result<Nearest, Status> {
+        let (api, record) = (self.clone(), record.clone());
+        let find = move || {
+            let clustered = api.queries.clusters(&record).or_status()?;
+            let OtherBehaviour { features, embedding } = behaviour;
+            let (given, embedding) = embedding.unzip();
+            let embedded = clustered.space.archive_version.checkpoint;
+            if record.spec.method().embeds() && !clustered.space.behaviours.is_empty() && given != embedded {
+                return Err(other_checkpoint(&record, given, embedded));
+            }
+            let classes = api.store.labels(&record.id).or_status()?.by_individual();
+            let vector = record
+                .spec
+                .method()
+                .behaviour(&features, &embedding.unwrap_or_default());
+            Nearest::find(&clustered, &classes, &vector, count).or_status()
+        };
+        blocking(find).await.or_status()?
+    }
+
+    /// Answers a `FindNearest`.
+    pub(super) async fn find_nearest_of(
+        &self,
+        request: v1::FindNearestRequest,
+    ) -> Result<v1::FindNearestResponse, Status> {
+        let count = request.count.unwrap_or(USUAL_COUNT);
+        if !(1..=MAX_COUNT).contains(&count) {
+            let allowed = format!("a whole number from 1 to {MAX_COUNT}");
+            return Err(Invalid::new("count", count, allowed).into());
+        }
+        let behaviour = OtherBehaviour {
+            features: features(&request.features)?,
+            embedding: match request.checkpoint.as_str() {
+                "" => None,
+                digest => Some((digest.parse()?, request.embedding)),
+            },
+        };
+        let record = self.record(&request.campaign).await?;
+        let found = self.nearest(&record, behaviour, count as usize).await?;
+        Ok(found.into())
+    }
+}
+
+fn features(values: &[f64]) -> Result<Features, Invalid> {
+    let features = Features::try_from(values).ok();
+    let finite = features.filter(|features| features.iter().all(|value| value.is_finite()));
+    finite.ok_or_else(|| {
+        let value = counted(values.len() as u64, "value");
+        Invalid::new(
+            "features",
+            value,
+            format!("{} finite numbers", FEATURE_NAMES.len()),
+        )
+    })
+}
+
+fn other_checkpoint(
+    record: &CampaignRecord,
+    given: Option<CheckpointDigest>,
+    embedded: Option<CheckpointDigest>,
+) -> Status {
+    let named =
+        |digest: Option<CheckpointDigest>| digest.map_or("none".to_owned(), |digest| digest.to_string());
+    Status::failed_precondition(format!(
+        "the embeddings of campaign {} are by checkpoint {}, and the behaviour's is by {}: embed its picture with that checkpoint",
+        record.id,
+        named(embedded),
+        named(given)
+    ))
+}
+
+impl IntoStatus for NearestError {
+    fn into_status(self) -> Status {
+        let said = self.to_string();
+        match self {
+            Self::Empty => Status::failed_precondition(said),
+            Self::Misfit(_) => Status::invalid_argument(said),
+            Self::NoMedoid(_) => Status::internal(said),
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! What tracks do not say, and was therefore assumed.
+
+use super::{super::CliError, Recognise};
+use murmuration_link::errln;
+use murmuration_proto::{CapabilityModel, Controller, Invalid, World, counted};
+use murmuration_tracks::{Filmed, Tracks};
+
+/// Width and height of an arena in the units of the tracks, each over 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Arena(pub(super) [f64; 2]);
+
+/// How tracks were understood.
+pub(super) struct Assumed {
+    pub(super) robots: u32,
+    /// First and last.
+    pub(super) frames: [u32; 2],
+    /// Sightings that are missing, of one for each robot in each frame.
+    pub(super) missing: u64,
+    /// Share of the sightings with a heading, 0 to 1.
+    pub(super) share_of_headings: f64,
+    /// Time from one frame to the next, in units of the world's time.
+    pub(super) frame_time: f64,
+    /// World units to a unit of the tracks.
+    pub(super) scale: f64,
+    /// Steps that features and picture are of.
+    pub(super) steps: u64,
+    /// Steps that the campaign's are of.
+    wanted: u64,
+    arena: Option<Arena>,
+    /// Whether sensors look somewhere that only the controller would say, and it is not known.
+    looks_unknown: bool,
+}
+
+impl Assumed {
+    pub(super) fn of(
+        asked: &Recognise,
+        tracks: &Tracks,
+        controller: &Controller,
+        world: &World,
+    ) -> Result<Self, Invalid> {
+        let model = controller.model();
+        let is_free = model
+            .species()
+            .iter()
+            .any(|species| species.robot().free_angles().next().is_some());
+        let mut assumed = Self {
+            robots: tracks.robots(),
+            frames: tracks.frames(),
+            missing: tracks.missing(),
+            share_of_headings: tracks.share_of_headings(),
+            frame_time: asked.frame_time.unwrap_or(world.dt()),
+            scale: 1.0,
+            steps: 0,
+            wanted: 0,
+            arena: asked.arena,
+            looks_unknown: asked.controller.is_none() && (is_free || model.ratios().len() > 1),
+        };
+        assumed.scale = assumed.filmed(world)?.scale();
+        Ok(assumed)
+    }
+
+    /// How a world was filmed.
+    pub(super) fn filmed<'a>(&self, world: &'a World) -> Result<Filmed<'a>, Invalid> {
+        let filmed = Filmed::new(world).with_frame_time(self.frame_time)?;
+        match self.arena {
+            Some(Arena(sides)) => filmed.with_arena(sides),
+            None => Ok(filmed),
+        }
+    }
+
+    /// The same, of so many steps where so many were wanted.
+    pub(super) fn with_steps(self, steps: u64, wanted: u64) -> Self {
+        Self {
+            steps,
+            wanted,
+            ..self
+        }
+    }
+
+    /// Says on stderr how the tracks were understood.
+    pub(super) fn tell(&self) {
+        let [first, last] = self.frames;
+        let missing = match self.missing {
+            0 => String::new(),
+            missing => format!(", {missing} of the rows missing"),
+        };
+        errln!(
+            "tracks: {} in frames {first} to {last}{missing}; a frame lasts {}, a unit is {} in the world",
+            counted(self.robots.into(), "robot"),
+            self.frame_time,
+            self.scale
+        );
+        if self.share_of_headings < 1.0 {
+            errln!(
+                "assumed: a robot looks where it moves, in the {:.0} % of the rows that have no heading",
+                100.0 * (1.0 - self.share_of_headings)
+            );
+        }
+        if self.looks_unknown {
+            errln!(
+                "assumed: sensors with free angles look straight ahead, and there are as many robots of each species as in the first \
+                 ratio; --controller says where they look"
+            );
+        }
+        if self.steps < self.wanted {
+            errln!(
+                "the tracks last {} only, and the pictures of the campaign are of {}",
+                counted(self.steps, "step"),
+                self.wanted
+            );
+        }
+    }
+}
+
+/// A controller of robots about which nothing is known but the model: free angles are as near to straight ahead as they can be, and
+/// there are as many robots of each species as in the first ratio.
+pub(super) fn unknown(model: &CapabilityModel) -> Result<Controller, CliError> {
+    let mut genes = Vec::with_capacity(model.genes());
+    for species in model.species() {
+        genes.resize(genes.len() + species.robot().speeds(), 0.0);
+        genes.extend(species.robot().free_angles().map(|(_, angle)| {
+            let nearest = |one: &f64, other: &f64| one.abs().total_cmp(&other.abs());
+            match angle.range() {
+                Some([low, high]) => 0.0_f64.clamp(low, high),
+                None => angle
+                    .choices()
+                    .iter()
+                    .copied()
+                    .min_by(nearest)
+                    .unwrap_or_default(),
+            }
+        }));
+    }
+    genes.resize(model.genes(), 0.0);
+    Ok(Controller::new(model, &genes)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_proto::{CampaignSpec, Preset};
+
+    #[test]
+    fn sensors_of_robots_of_which_nothing_is_known_look_ahead_as_far_as_they_can() {
+        let check = |model: &CapabilityModel, angles: &[f64]| {
+            let controller = unknown(model).unwrap();
+            let found: Vec<f64> = controller.robots().flat_map(|robot| robot.angles()).collect();
+            assert_eq!(found, angles);
+        };
+        check(&Preset::SingleSensor.into(), &[0.0]);
+        check(&Preset::TwoSensor.into(), &[0.0, 0.0]);
+        let text = "ratios = [[3, 4], [4, 3]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{ angle = \"free\", angle_range = [0.5, 1] }]\n\
+                    [[species]]\nname = \"b\"\nrobot.sensors = [{ angle = \"free\", angles = [-2, -1, 3] }]\n";
+        check(&CampaignSpec::robots_from_toml(text).unwrap().0, &[0.5, -1.0]);
+    }
+
+    #[test]
+    fn an_arena_is_two_lengths() {
+        let sides = |text: &str| text.parse::<Arena>().map(|arena| arena.0);
+        assert_eq!(sides("4x2.5"), Ok([4.0, 2.5]));
+        for bad in ["", "4", "4x", "4x0", "-4x2", "4xinf", "4x2x1"] {
+            assert!(sides(bad).is_err(), "{bad}");
+        }
+    }
+}

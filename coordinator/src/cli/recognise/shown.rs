@@ -1,0 +1,137 @@
+//! What is said of a recognised swarm.
+
+use super::{
+    super::{
+        json,
+        table::{Table, left, right},
+    },
+    Recognised,
+};
+use murmuration_engine::nearest::{UNLIKE, relative_distance};
+use murmuration_link::{OutputError, outln};
+use murmuration_proto::{FEATURE_NAMES, v1};
+
+/// Prints it, for a person or for programs.
+pub(super) fn show(recognised: &Recognised, as_json: bool) -> Result<(), OutputError> {
+    match as_json {
+        true => json::print(document(recognised)),
+        false => {
+            for (name, value) in FEATURE_NAMES.iter().zip(recognised.evaluation.features()) {
+                outln!("{name:<20} {value}")?;
+            }
+            outln!("")?;
+            table(&recognised.nearest).print()?;
+            outln!("")?;
+            outln!("{}", verdict(&recognised.campaign, &recognised.nearest))
+        }
+    }
+}
+
+fn table(nearest: &v1::FindNearestResponse) -> Table {
+    let mut table = Table::new([
+        right("INDIVIDUAL"),
+        right("DISTANCE"),
+        right("CLUSTER"),
+        left("CLASS"),
+    ]);
+    for neighbour in &nearest.neighbours {
+        table.row([
+            neighbour.index.to_string(),
+            format!("{:.4}", neighbour.distance),
+            (neighbour.cluster + 1).to_string(),
+            named(neighbour),
+        ]);
+    }
+    table
+}
+
+fn named(neighbour: &v1::Neighbour) -> String {
+    match neighbour.class.as_str() {
+        "" => "-".to_owned(),
+        class => class.to_owned(),
+    }
+}
+
+/// Which cluster the swarm belongs to, whether it is like what is there, and what it may be called.
+fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
+    let medoid = nearest.medoid.clone().unwrap_or_default();
+    let mut said = match relative(nearest) {
+        Some(times) if times > UNLIKE => format!("It is like nothing in {campaign}: the"),
+        _ => "The".to_owned(),
+    };
+    said += &format!(
+        " nearest cluster is {} (individual {}), {:.4} from its medoid",
+        medoid.cluster + 1,
+        medoid.index,
+        medoid.distance
+    );
+    if let Some(times) = relative(nearest) {
+        said += &format!(", {times:.1} times as far as its members are on average");
+    }
+    if !nearest.is_taxonomy {
+        said += ". The campaign has no taxonomy yet; these are the clusters that it would have now";
+    }
+    if let Some(labelled) = &nearest.labelled {
+        said += &format!(
+            ". The nearest individual with a class is {} ({:.4}): {}",
+            labelled.index, labelled.distance, labelled.class
+        );
+    }
+    said + "."
+}
+
+/// The distance from the medoid by the mean distance of its members; `None` if they are all at one place.
+fn relative(nearest: &v1::FindNearestResponse) -> Option<f64> {
+    relative_distance(nearest.medoid.as_ref()?.distance, nearest.mean_distance)
+}
+
+fn document(recognised: &Recognised) -> json::Recognised {
+    let (assumed, nearest) = (&recognised.assumed, &recognised.nearest);
+    json::Recognised {
+        campaign: recognised.campaign.clone(),
+        robots: assumed.robots,
+        frames: assumed.frames,
+        missing: assumed.missing,
+        share_of_headings: assumed.share_of_headings,
+        frame_time: assumed.frame_time,
+        scale: assumed.scale,
+        steps: assumed.steps,
+        behaviour: json::Behaviour::from(&recognised.evaluation),
+        nearest: nearest.neighbours.iter().map(json::Neighbour::from).collect(),
+        nearest_labelled: nearest.labelled.as_ref().map(json::Neighbour::from),
+        medoid: nearest.medoid.as_ref().map(json::Neighbour::from),
+        mean_distance: nearest.mean_distance,
+        is_taxonomy: nearest.is_taxonomy,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_far_from_every_cluster_is_like_nothing() {
+        let said = |distance: f64| {
+            let neighbour = |class: &str| v1::Neighbour {
+                index: 7,
+                distance,
+                cluster: 2,
+                class: class.to_owned(),
+            };
+            let nearest = v1::FindNearestResponse {
+                medoid: Some(neighbour("")),
+                labelled: Some(neighbour("ring")),
+                mean_distance: 0.5,
+                is_taxonomy: true,
+                ..v1::FindNearestResponse::default()
+            };
+            verdict("quick-1", &nearest)
+        };
+        assert_eq!(
+            said(1.0),
+            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average. The \
+             nearest individual with a class is 7 (1.0000): ring."
+        );
+        assert!(said(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
+    }
+}

@@ -1,0 +1,196 @@
+//! Files of tracks: CSV with the columns frame, robot, x, y and perhaps heading, found by name in any order; other columns are
+//! passed over.
+
+use crate::Sighting;
+use murmuration_model::labels::{LabelFile, LabelFileError};
+use murmuration_proto::{Invalid, counted};
+use std::{
+    collections::BTreeMap,
+    fmt::Write as _,
+    path::{Path, PathBuf},
+};
+
+/// The tracks of a swarm: at least one robot, seen at least once.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tracks {
+    pub(crate) path: PathBuf,
+    /// By number of the robot, then frame; no robot without a sighting.
+    pub(crate) robots: BTreeMap<u32, BTreeMap<u32, Sighting>>,
+    frames: [u32; 2],
+}
+
+/// Why tracks cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TracksError {
+    /// The file is not CSV, a column is missing, or a cell cannot be used.
+    #[error("{0}")]
+    File(#[from] LabelFileError),
+    /// There is not one row.
+    #[error("{}: there are no rows below the names of the columns", .0.display())]
+    Empty(PathBuf),
+    /// All of it is one moment.
+    #[error("{}: the frames last less than one step, and a motion has one at least", .0.display())]
+    Short(PathBuf),
+    /// A robot is missing for too long, in the part of the film that is looked at.
+    #[error(
+        "{}: robot {robot} is not in {}, and it is interpolated over {} at most", path.display(), missing(*frames),
+        counted(u64::from(crate::MAX_GAP_FRAMES), "frame")
+    )]
+    Gap {
+        /// The file.
+        path: PathBuf,
+        /// Number of the robot.
+        robot: u32,
+        /// First and last frame without it.
+        frames: [u32; 2],
+    },
+    /// The frames cannot be understood as asked.
+    #[error("{0}")]
+    Invalid(#[from] Invalid),
+}
+
+fn missing([first, last]: [u32; 2]) -> String {
+    match first == last {
+        true => format!("frame {first}"),
+        false => format!("frames {first} to {last}"),
+    }
+}
+
+impl Tracks {
+    /// Reads the text of the file at `path`.
+    ///
+    /// # Errors
+    /// Names line and column of the first cell that cannot be used; or there is no row, or a robot is in a frame twice.
+    pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
+        let file = LabelFile::with_columns(&["frame", "robot", "x", "y"], path, text)?;
+        let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
+        let mut frames: Option<[u32; 2]> = None;
+        for row in file.rows() {
+            let (frame, robot) = (row.whole("frame")?, row.whole("robot")?);
+            let sighting = Sighting {
+                at: [row.finite("x")?, row.finite("y")?],
+                heading: match row.cell("heading") {
+                    "" => None,
+                    _ => Some(row.finite("heading")?),
+                },
+            };
+            let own = robots.entry(robot).or_default();
+            if own.insert(frame, sighting).is_some() {
+                let allowed = format!("a frame that robot {robot} is in once");
+                return Err(row.refuse("frame", &allowed).into());
+            }
+            let [first, last] = frames.unwrap_or([frame; 2]);
+            frames = Some([first.min(frame), last.max(frame)]);
+        }
+        match frames {
+            Some(frames) => Ok(Self {
+                path: path.to_owned(),
+                robots,
+                frames,
+            }),
+            None => Err(TracksError::Empty(path.to_owned())),
+        }
+    }
+
+    /// Number of robots.
+    #[must_use]
+    pub fn robots(&self) -> u32 {
+        u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
+    }
+
+    /// The first and the last frame that a robot is in.
+    #[must_use]
+    pub const fn frames(&self) -> [u32; 2] {
+        self.frames
+    }
+
+    /// Share of the rows that have a heading, 0 to 1.
+    #[must_use]
+    pub fn share_of_headings(&self) -> f64 {
+        let sightings = || self.robots.values().flat_map(BTreeMap::values);
+        let known = sightings().filter(|sighting| sighting.heading.is_some());
+        known.count() as f64 / sightings().count() as f64
+    }
+
+    /// Number of frames in which robots are missing that were in one before or are in one after, summed over the robots.
+    #[must_use]
+    pub fn missing(&self) -> u64 {
+        let [first, last] = self.frames.map(u64::from);
+        let all = (last - first + 1) * self.robots.len() as u64;
+        all - self.robots.values().map(|own| own.len() as u64).sum::<u64>()
+    }
+}
+
+/// The tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`] reads the
+/// same numbers back.
+#[must_use]
+pub fn to_csv(frames: &[Vec<[f64; 3]>]) -> String {
+    let mut text = "frame,robot,x,y,heading\n".to_owned();
+    for (frame, poses) in frames.iter().enumerate() {
+        for (robot, [x, y, heading]) in poses.iter().enumerate() {
+            // Text takes whatever is written to it.
+            let _ = writeln!(text, "{frame},{robot},{x},{y},{heading}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parsed(text: &str) -> Result<Tracks, TracksError> {
+        Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec())
+    }
+
+    #[test]
+    fn columns_are_found_by_name_and_headings_may_be_missing() {
+        let tracks = parsed("time,robot,y,x,frame\n0.1,7,2,1,10\n0.2,7,4,3,12\n0.1,3,6,5,10\n").unwrap();
+        assert_eq!((tracks.robots(), tracks.frames()), (2, [10, 12]));
+        assert_eq!(tracks.robots[&7][&12].at, [3.0, 4.0]);
+        assert_eq!(tracks.share_of_headings(), 0.0);
+        // Frame 11 of both, and frame 12 of robot 3.
+        assert_eq!(tracks.missing(), 3);
+        let some = parsed("frame,robot,x,y,heading\n0,0,1,1,0.5\n1,0,1,1,\n").unwrap();
+        assert_eq!(some.share_of_headings(), 0.5);
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_by_line_and_column() {
+        let check = |text: &str, said: &str| assert_eq!(parsed(text).unwrap_err().to_string(), said);
+        check(
+            "frame,x,y\n1,2,3\n",
+            "t.csv, line 1: there is no column \"robot\"; its columns are frame, x, y",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,4\n1.5,2,3,4\n",
+            "t.csv, line 3: frame = \"1.5\": must be a whole number from 0 to 4294967295",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,inf\n",
+            "t.csv, line 2: y = \"inf\": must be a finite number",
+        );
+        check(
+            "frame,robot,x,y,heading\n1,2,3,4,north\n",
+            "t.csv, line 2: heading = \"north\": must be a finite number",
+        );
+        check(
+            "frame,robot,x,y\n1,2,3,4\n1,2,3,5\n",
+            "t.csv, line 3: frame = \"1\": must be a frame that robot 2 is in once",
+        );
+        check(
+            "frame,robot,x,y\n",
+            "t.csv: there are no rows below the names of the columns",
+        );
+    }
+
+    #[test]
+    fn what_is_written_is_read_again() {
+        let frames = vec![vec![[0.1, 1.0 / 3.0, -4.0]; 2], vec![[1e-7, 250.0, 1e3]; 2]];
+        let tracks = parsed(&to_csv(&frames)).unwrap();
+        let heading = |robot: u32, frame: u32| tracks.robots[&robot][&frame].heading;
+        assert_eq!(tracks.robots[&1][&0].at, [0.1, 1.0 / 3.0]);
+        assert_eq!((heading(0, 1), heading(1, 0)), (Some(1e3), Some(-4.0)));
+        assert_eq!(tracks.missing(), 0);
+    }
+}

@@ -1,0 +1,98 @@
+//! What lies between a film and the world that it is of: its pace and its units.
+
+use murmuration_proto::{Boundary, Invalid, World};
+
+/// How a world was filmed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Filmed<'a> {
+    world: &'a World,
+    /// World units to a unit of the tracks.
+    scale: f64,
+    /// Where the origin of the tracks is, world units.
+    origin: [f64; 2],
+    /// Frames from one step to the next.
+    frames_a_step: f64,
+}
+
+impl<'a> Filmed<'a> {
+    /// A film of `world` whose tracks are in world units, with a frame for each step.
+    #[must_use]
+    pub const fn new(world: &'a World) -> Self {
+        Self {
+            world,
+            scale: 1.0,
+            origin: [0.0; 2],
+            frames_a_step: 1.0,
+        }
+    }
+
+    /// The same, with this time from one frame to the next, in units of the world's time.
+    ///
+    /// # Errors
+    /// If the time is not over 0 and finite.
+    pub fn with_frame_time(self, time: f64) -> Result<Self, Invalid> {
+        let frames_a_step = self.world.dt() / time;
+        match time > 0.0 && frames_a_step > 0.0 && frames_a_step.is_finite() {
+            true => Ok(Self {
+                frames_a_step,
+                ..self
+            }),
+            false => Err(Invalid::new("frame-time", time, "a finite number over 0")),
+        }
+    }
+
+    /// The same, with tracks of an arena of this width and height in the units of the tracks, whose corner is their origin. It is
+    /// scaled by one factor until it fits the world, and its centre is the world's.
+    ///
+    /// # Errors
+    /// If a side is not over 0 and finite.
+    pub fn with_arena(self, arena: [f64; 2]) -> Result<Self, Invalid> {
+        let world = [self.world.width(), self.world.height()];
+        let scale = (world[0] / arena[0]).min(world[1] / arena[1]);
+        let is_side = |side: f64| side > 0.0 && side.is_finite();
+        if !arena.into_iter().all(is_side) || !is_side(scale) {
+            let value = format!("{}x{}", arena[0], arena[1]);
+            return Err(Invalid::new("arena", value, "two finite numbers over 0"));
+        }
+        let origin = [0, 1].map(|axis| (world[axis] - scale * arena[axis]) / 2.0);
+        Ok(Self {
+            scale,
+            origin,
+            ..self
+        })
+    }
+
+    /// Factor from the units of the tracks to those of the world.
+    #[must_use]
+    pub const fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Frames from one step to the next.
+    pub(crate) const fn frames_a_step(&self) -> f64 {
+        self.frames_a_step
+    }
+
+    /// A place of the tracks in the world.
+    pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        // A scale of 1 without an offset leaves every bit as it is.
+        [0, 1].map(|axis| self.origin[axis] + self.scale * at[axis])
+    }
+
+    /// The way from one place of the world to another: on a torus the shorter way around.
+    pub(crate) fn way(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+        let sides = [self.world.width(), self.world.height()];
+        [0, 1].map(|axis| {
+            let way = to[axis] - from[axis];
+            match self.world.boundary() {
+                Boundary::Torus => way - sides[axis] * (way / sides[axis]).round(),
+                Boundary::Walls | Boundary::Open => way,
+            }
+        })
+    }
+
+    /// Distance from which on a motion is no jitter of the camera, world units: a fifth of the largest radius.
+    pub(crate) fn still(&self) -> f64 {
+        self.world.radius() / 5.0
+    }
+}

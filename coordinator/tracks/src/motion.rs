@@ -1,0 +1,128 @@
+//! From the frames of a film to the steps of a world.
+
+use crate::{Sighting, Tracks, TracksError, filmed::Filmed, headings};
+use murmuration_proto::Invalid;
+use std::{collections::BTreeMap, f64::consts::TAU};
+
+/// Most frames in a row that a robot may be missing from.
+pub const MAX_GAP_FRAMES: u32 = 25;
+
+/// Most poses of a motion (480 MB).
+pub const MAX_POSES: u64 = 20_000_000;
+
+impl Tracks {
+    /// The pose (x, y, heading; world units and radians) of each robot, in the order of their numbers, at the end of the film and
+    /// before each of at most `steps` steps up to there: fewer if the film is shorter.
+    ///
+    /// Between two frames, and in up to [`MAX_GAP_FRAMES`] without it, a robot moves straight ahead at one speed and turns the
+    /// shorter way; before its first frame and after its last it stands still for as long. Where no heading is known, it is
+    /// the direction of the motion from up to five steps before to as many after, the fewest in which the robot moves by a fifth of its
+    /// radius; one that moves by less keeps its last.
+    ///
+    /// # Errors
+    /// If the film is shorter than a step, a robot is missing for longer, or there would be more than [`MAX_POSES`].
+    pub fn ending(&self, steps: u32, filmed: &Filmed<'_>) -> Result<Vec<Vec<[f64; 3]>>, TracksError> {
+        let [first, last] = self.frames().map(f64::from);
+        let whole = ((last - first) / filmed.frames_a_step()).floor();
+        // A cast of what is larger gives the largest.
+        let steps = steps.min(whole as u32);
+        if steps == 0 {
+            return Err(TracksError::Short(self.path.clone()));
+        }
+        let poses = (u64::from(steps) + 1) * u64::from(self.robots());
+        if poses > MAX_POSES {
+            let allowed = format!("small enough to keep {poses} poses under {MAX_POSES}");
+            return Err(Invalid::new("image.window", steps, allowed).into());
+        }
+        // From the end, so that frames are met exactly where there is one for each step.
+        let moments = (0..=steps).map(|step| last - f64::from(steps - step) * filmed.frames_a_step());
+        let moments: Vec<f64> = moments.collect();
+        let mut frames = vec![Vec::with_capacity(self.robots.len()); moments.len()];
+        for (&robot, sightings) in &self.robots {
+            let at = |&moment: &f64| {
+                self.check_gap(robot, sightings, moment)
+                    .map(|()| seen(sightings, moment, filmed))
+            };
+            let path = moments.iter().map(at).collect::<Result<Vec<_>, _>>()?;
+            let headings = headings::complete(&path, filmed);
+            for ((frame, sighting), heading) in frames.iter_mut().zip(&path).zip(headings) {
+                frame.push([sighting.at[0], sighting.at[1], heading]);
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Checks that a robot is not missing for too long about a moment.
+    fn check_gap(
+        &self,
+        robot: u32,
+        sightings: &BTreeMap<u32, Sighting>,
+        moment: f64,
+    ) -> Result<(), TracksError> {
+        let [before, after] = around(sightings, moment);
+        let [first, last] = self.frames();
+        let missing = match (before, after) {
+            (Some((before, _)), Some((after, _))) if before == after => return Ok(()),
+            (Some((before, _)), Some((after, _))) => [before + 1, after - 1],
+            (None, Some((after, _))) => [first, after - 1],
+            (Some((before, _)), None) => [before + 1, last],
+            // No robot is without a sighting.
+            (None, None) => [first, last],
+        };
+        // Next to each other, nothing is between them.
+        let count = (u64::from(missing[1]) + 1).saturating_sub(missing[0].into());
+        if count <= u64::from(MAX_GAP_FRAMES) {
+            return Ok(());
+        }
+        Err(TracksError::Gap {
+            path: self.path.clone(),
+            robot,
+            frames: missing,
+        })
+    }
+}
+
+/// The sightings at or next to a moment.
+fn around(sightings: &BTreeMap<u32, Sighting>, moment: f64) -> [Option<(u32, Sighting)>; 2] {
+    // Moments are between the first frame and the last.
+    let before = sightings.range(..=moment.floor() as u32).next_back();
+    let after = sightings.range(moment.ceil() as u32..).next();
+    let own = |found: Option<(&u32, &Sighting)>| found.map(|(frame, sighting)| (*frame, *sighting));
+    [own(before), own(after)]
+}
+
+/// A robot at a moment, in the world.
+fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -> Sighting {
+    let placed = |sighting: Sighting| Sighting {
+        at: filmed.place(sighting.at),
+        ..sighting
+    };
+    let (before, after) = match around(sightings, moment) {
+        [Some(before), Some(after)] if before.0 < after.0 => (before, after),
+        [Some((_, only)), _] | [None, Some((_, only))] => return placed(only),
+        // No robot is without a sighting.
+        [None, None] => {
+            return Sighting {
+                at: filmed.place([0.0; 2]),
+                heading: None,
+            };
+        }
+    };
+    let share = (moment - f64::from(before.0)) / (f64::from(after.0) - f64::from(before.0));
+    let (before, after) = (placed(before.1), placed(after.1));
+    let way = filmed.way(before.at, after.at);
+    let turned = |from: f64, to: f64| {
+        let turn = to - from;
+        from + share * (turn - TAU * (turn / TAU).round())
+    };
+    Sighting {
+        at: [0, 1].map(|axis| before.at[axis] + share * way[axis]),
+        heading: before
+            .heading
+            .zip(after.heading)
+            .map(|(from, to)| turned(from, to)),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,155 @@
+//! "What is this like?": the individuals of a campaign nearest to the swarm that is played with.
+
+use super::{
+    super::{Web, archived, motion::REPLAY_TIMEOUT, refused::Refused},
+    address::{Parameters, Play},
+    strictly,
+};
+use axum::{Form, extract::State};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use maud::{Markup, html};
+use murmuration_engine::nearest::{Nearest, Neighbour, UNLIKE};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::{CapabilityModel, Invalid, World};
+use murmuration_report::picture;
+use murmuration_service::{OrStatus as _, OtherBehaviour};
+use tonic::Status;
+
+/// Individuals that are shown.
+const SHOWN: usize = 5;
+/// Most steps, summed over the robots, that a worker simulates for an answer: eight times those of 1,000 robots in the paper's
+/// world.
+const MOST_ROBOT_STEPS: u64 = 10_000_000;
+
+/// Whether the individuals of a campaign can be compared with a swarm in `world`: pictures of arenas of one size can.
+pub(super) fn is_comparable(record: &CampaignRecord, world: &World) -> bool {
+    let own = record.spec.world();
+    (own.width(), own.height()) == (world.width(), world.height())
+}
+
+/// The part of the page that shows what in the campaign of the form is like the swarm of the form.
+pub(in super::super) async fn like(
+    State(web): State<Web>,
+    Form(mut parameters): Form<Parameters>,
+) -> Result<Markup, Refused> {
+    let campaign = campaign(&mut parameters)?;
+    let play = strictly(&parameters)?;
+    let record = web.campaigns.status(&campaign).await.or_status()?.record;
+    check(&play, &record)?;
+    // Whoever looks at the page would wait in vain.
+    web.archive.dispatch.check_staffed().or_status()?;
+    let _seat = web.archive.permits.replay()?;
+    let Play {
+        controller,
+        world,
+        seed,
+    } = play;
+    let model = controller.model().clone();
+    let evaluated = web
+        .campaigns
+        .evaluate_elsewhere(&record, (controller, seed), world);
+    let late = |_| Status::unavailable("the workers have not simulated this yet");
+    let evaluated = tokio::time::timeout(REPLAY_TIMEOUT, evaluated)
+        .await
+        .map_err(late)?;
+    let evaluation = evaluated.or_status()?;
+    let behaviour = OtherBehaviour::of(&evaluation, record.embedder.checkpoint());
+    let nearest = web.archive.nearest(&record, behaviour, SHOWN).await?;
+    let pixels = picture::rgb(evaluation.image(), record.spec.image().shape());
+    let pixels = pixels.map_err(|error| Status::internal(error.to_string()))?;
+    Ok(shown(&record, &model, &pixels, &nearest))
+}
+
+/// Takes the campaign out of the parameters.
+fn campaign(parameters: &mut Parameters) -> Result<String, Invalid> {
+    let place = parameters.iter().position(|(name, _)| name == "campaign");
+    let place = place.ok_or_else(|| Invalid::new("campaign", "nothing", "the id of a campaign"))?;
+    Ok(parameters.remove(place).1)
+}
+
+fn check(play: &Play, record: &CampaignRecord) -> Result<(), Invalid> {
+    let world = &play.world;
+    if !is_comparable(record, world) {
+        let allowed = format!(
+            "a campaign in a world of {} x {}, as this swarm's is",
+            world.width(),
+            world.height()
+        );
+        return Err(Invalid::new("campaign", &record.id, allowed));
+    }
+    if let Err(other) = record.spec.image().check_species(play.controller.model()) {
+        let allowed = format!("a campaign whose pictures such a swarm can have: its {other}");
+        return Err(Invalid::new("campaign", &record.id, allowed));
+    }
+    if u64::from(world.agents()) * u64::from(world.horizon()) > MOST_ROBOT_STEPS {
+        let most = MOST_ROBOT_STEPS / u64::from(world.agents());
+        let allowed = format!("at most {most} with {} robots, to be compared", world.agents());
+        return Err(Invalid::new("world.horizon", world.horizon(), allowed));
+    }
+    Ok(())
+}
+
+/// The swarm, of whose picture these are the pixels, and what it is like.
+fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], nearest: &Nearest) -> Markup {
+    let side = record.spec.image().resolution();
+    html! {
+        p { (verdict(record, nearest)) }
+        @if record.spec.model() != model {
+            p.reason { "The robots of " (record.id) " are others: its model is " (record.spec.model()) ", and this is " (model) "." }
+        }
+        ul.behaviours {
+            li {
+                canvas.picture width=(side) height=(side) data-image=(STANDARD.encode(pixels)) role="img"
+                    aria-label="Picture of this swarm" {}
+                p { "This swarm" }
+            }
+            @for near in &nearest.neighbours { li { (individual(record, near)) } }
+        }
+    }
+}
+
+/// What the swarm is most like.
+fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
+    let medoid = &nearest.medoid;
+    let times = nearest.relative_distance();
+    html! {
+        @if times.is_some_and(|times| times > UNLIKE) { strong { "This is like nothing in " (record.id) "." } " " }
+        "The nearest cluster is " (medoid.cluster + 1) ", " (format!("{:.3}", medoid.distance)) " from its medoid"
+        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average" }
+        "."
+        @if !nearest.is_taxonomy { " The campaign is not complete, so clusters may change." }
+        @if let Some(labelled) = &nearest.labelled {
+            " The nearest individual with a class is " (labelled.index) " (" (format!("{:.3}", labelled.distance)) "): "
+            strong { (labelled.class.as_ref().map_or("", |class| class.as_str())) } "."
+        }
+    }
+}
+
+fn individual(record: &CampaignRecord, near: &Neighbour) -> Markup {
+    html! {
+        a href={ "/campaigns/" (record.id) "/map#individual-" (near.index) } {
+            img.picture src=(archived::picture(record, near.index)) alt={ "Picture of individual " (near.index) };
+            "Individual " (near.index)
+        }
+        p.reason {
+            (format!("{:.3}", near.distance)) " away · cluster " (near.cluster + 1)
+            @if let Some(class) = &near.class { " · " (class) }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_campaign_is_taken_out_of_the_parameters() {
+        let mut parameters = vec![
+            ("seed".to_owned(), "2".to_owned()),
+            ("campaign".to_owned(), "quick-1".to_owned()),
+        ];
+        assert_eq!(campaign(&mut parameters), Ok("quick-1".to_owned()));
+        assert_eq!(parameters.len(), 1);
+        assert_eq!(campaign(&mut parameters).unwrap_err().field, "campaign");
+    }
+}

@@ -1,0 +1,156 @@
+//! Swarms that a camera tracked: those that the simulator filmed are recognised, also through jitter and dropped frames.
+
+use murmuration_proto::{Purpose, RandomStream};
+use murmuration_tests::{Murmuration, small_latent_spec};
+use serde_json::Value;
+use std::{fs, path::PathBuf};
+use tempfile::TempDir;
+
+/// Most that a camera is off by along each axis, world units: robots have a radius of 5.
+const JITTER: f64 = 0.3;
+
+/// A completed campaign, whose individuals can be filmed.
+struct Studio {
+    folder: TempDir,
+    murmuration: Murmuration,
+    spec: String,
+}
+
+impl Studio {
+    fn open() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let spec = folder.path().join("small.toml").display().to_string();
+        fs::write(&spec, small_latent_spec("").to_toml()).unwrap();
+        let murmuration = Murmuration::over(&folder.path().join("data"));
+        let run = murmuration.run(&["run", &spec]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        Self {
+            folder,
+            murmuration,
+            spec,
+        }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// An individual, and the film of it.
+    fn film(&self, index: u64) -> (Value, String) {
+        let shown = self
+            .murmuration
+            .run(&["show", "small-1", "--index", &index.to_string(), "--json"]);
+        let individual = shown.last_line();
+        let controller = individual["controller"].to_string();
+        let seed = individual["seed"].to_string();
+        let tracks = self.path("tracks.csv").display().to_string();
+        let filmed = self.murmuration.run(&[
+            "simulate",
+            "--controller",
+            &controller,
+            "--seed",
+            &seed,
+            "--spec",
+            &self.spec,
+            "--tracks",
+            &tracks,
+        ]);
+        assert_eq!(filmed.code, Some(0), "{}", filmed.stderr);
+        (individual, fs::read_to_string(tracks).unwrap())
+    }
+
+    /// What a film is recognised as.
+    fn recognise(&self, film: &str, more: &[&str]) -> Value {
+        let path = self.path("film.csv");
+        fs::write(&path, film).unwrap();
+        let path = path.display().to_string();
+        let arguments = [&["recognise", &path, "--json"], more].concat();
+        self.murmuration.run(&arguments).last_line()
+    }
+}
+
+/// The film as a worse camera has it: without headings, a fifth of the rows and every ninth frame missing, each place off by some.
+fn worse(film: &str) -> String {
+    let mut dice = RandomStream::derive(3, Purpose::Jitter, 0);
+    let mut text = "frame,robot,x,y\n".to_owned();
+    for row in film.lines().skip(1) {
+        let cells: Vec<&str> = row.split(',').collect();
+        let frame: u32 = cells[0].parse().unwrap();
+        let mut off = |cell: &str| cell.parse::<f64>().unwrap() + dice.between(-JITTER, JITTER);
+        let [x, y] = [cells[2], cells[3]].map(&mut off);
+        if !frame.is_multiple_of(9) && !dice.chance(0.2) {
+            text += &format!("{frame},{},{x:.2},{y:.2}\n", cells[1]);
+        }
+    }
+    text
+}
+
+#[test]
+fn a_filmed_individual_is_recognised_as_itself_and_through_a_bad_camera_as_one_like_it() {
+    let studio = Studio::open();
+    let mut found = 0;
+    for index in (0..100).step_by(11) {
+        let (individual, film) = studio.film(index);
+        let exact = studio.recognise(&film, &[]);
+        for field in ["features", "embedding", "image"] {
+            assert_eq!(exact[field], individual[field], "{field} of individual {index}");
+        }
+        assert_eq!(exact["missing"], 0);
+        assert_eq!(exact["nearest"][0]["distance"], 0.0, "{}", exact["nearest"]);
+        let bad = studio.recognise(&worse(&film), &[]);
+        assert_eq!(bad["share_of_headings"], 0.0);
+        assert!(bad["missing"].as_u64().unwrap() > 1000, "{}", bad["missing"]);
+        let nearest = bad["nearest"].as_array().unwrap();
+        found += u32::from(nearest.iter().any(|near| near["index"] == index));
+    }
+    assert!(found >= 8, "only {found} of 10 are among the 5 nearest");
+}
+
+#[test]
+fn a_film_of_another_pace_in_other_units_shows_the_same() {
+    let studio = Studio::open();
+    let (individual, film) = studio.film(40);
+    let rows = film.lines().skip(1).map(|row| {
+        let cells: Vec<&str> = row.split(',').collect();
+        let metres = |cell: &str| cell.parse::<f64>().unwrap() / 250.0;
+        let frame = cells[0].parse::<u32>().unwrap();
+        // Two frames a step, of which the second is missing.
+        format!(
+            "{},{},{},{},{}\n",
+            2 * frame,
+            cells[1],
+            metres(cells[2]),
+            metres(cells[3]),
+            cells[4]
+        )
+    });
+    let metres = format!("frame,robot,x,y,heading\n{}", rows.collect::<String>());
+    let png = studio.path("row.png").display().to_string();
+    let options = [
+        "--frame-time",
+        "0.5",
+        "--arena",
+        "2x2",
+        "--count",
+        "3",
+        "--png",
+        &png,
+    ];
+    let found = studio.recognise(&metres, &options);
+    assert_eq!(
+        (&found["scale"], &found["frame_time"]),
+        (&250.0.into(), &0.5.into())
+    );
+    assert_eq!(found["image"], individual["image"]);
+    assert_eq!(found["nearest"][0]["index"], 40);
+    assert_eq!(found["nearest"].as_array().unwrap().len(), 3);
+    let file = fs::File::open(&png).unwrap();
+    let picture = png::Decoder::new(std::io::BufReader::new(file))
+        .read_info()
+        .unwrap();
+    // Four pictures of 50 x 50 cells of 8 pixels, and three lines.
+    assert_eq!(
+        (picture.info().width, picture.info().height),
+        (4 * 400 + 3 * 8, 400)
+    );
+}

@@ -1,0 +1,151 @@
+//! The evaluation of a swarm that was tracked, not simulated.
+
+use super::Ending;
+use crate::{
+    rasterise::Rasteriser,
+    simulate::{Start, Swarm},
+};
+use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World, counted, v1};
+
+/// Features and picture of a swarm that moved like this: `frames` has the pose (x, y, heading; world units and radians) of each
+/// robot before the first step and after every step, at least one. The length of the simulation is theirs, whatever `world`
+/// says.
+///
+/// Of a simulated swarm they are those of its evaluation, except in two cases. Headings come from angles here and from rotations
+/// in a simulation, so they differ by rounding; this moves a pixel where a line ends between two. And on a torus a displacement
+/// differs by rounding.
+///
+/// Of the controller only what says how robots look is used: where their sensors point, and how many there are of each species.
+///
+/// # Errors
+/// If the swarm does not fit the world or the picture (or has another number of species than the picture has channels), a frame has another number of poses, or a pose is not finite or over
+/// [`World::MAX_SIDE`] away from the world.
+pub fn observe(
+    controller: &Controller,
+    world: &World,
+    format: &ImageFormat,
+    frames: &[Vec<[f64; 3]>],
+) -> Result<Evaluation, Invalid> {
+    let (Some(first), steps @ 1..) = (frames.first(), frames.len().saturating_sub(1)) else {
+        let value = counted(frames.len() as u64, "frame");
+        return Err(Invalid::new("frames", value, "two frames or more"));
+    };
+    format
+        .check_species(controller.model())
+        .map_err(|error| error.within("image"))?;
+    let world = World::try_from(v1::World {
+        horizon: Some(u32::try_from(steps).unwrap_or(u32::MAX)),
+        ..world.clone().into()
+    })?;
+    frames.iter().try_for_each(|poses| check(poses, &world))?;
+    let mut swarm = Swarm::new(controller, &world, &Start::at(first.clone())?)?;
+    let mut rasteriser = Rasteriser::new(&world, format)?;
+    let mut ending = Ending::new(&world, format, &mut rasteriser);
+    for poses in &frames[1..] {
+        swarm.place(poses);
+        ending.observe(&swarm);
+    }
+    Evaluation::new(ending.features.means(), ending.rasteriser.image(), format)
+}
+
+fn check(poses: &[[f64; 3]], world: &World) -> Result<(), Invalid> {
+    if poses.len() != world.agents() as usize {
+        let allowed = format!("{}, one a robot", counted(world.agents().into(), "pose"));
+        return Err(Invalid::new(
+            "frames",
+            counted(poses.len() as u64, "pose"),
+            allowed,
+        ));
+    }
+    for [x, y, heading] in poses {
+        for (field, value, side) in [("x", x, world.width()), ("y", y, world.height())] {
+            let [low, high] = [-World::MAX_SIDE, side + World::MAX_SIDE];
+            if !(low..=high).contains(value) {
+                let allowed = format!("a number from {low} to {high}, world units");
+                return Err(Invalid::new(field, value, allowed));
+            }
+        }
+        if !heading.is_finite() {
+            return Err(Invalid::new("heading", heading, "a finite number"));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{evaluate::evaluate, replay::poses};
+    use murmuration_proto::{CampaignSpec, Preset};
+
+    const SPECIES: &str = r#"
+        [[species]]
+        name = "a"
+        count = 5
+        robot.radius = 4
+        robot.sensors = [{ half_angle = 0.3, range = 100 }, { angle = 1.0, sees = ["b"] }, { angle = -1.0, range = 40, sees = ["walls"] }]
+        [[species]]
+        name = "b"
+        count = 7
+        robot.sensors = [{}]
+    "#;
+
+    /// A swarm that a description stands for, with speeds that differ by sensor state.
+    fn swarm(robots: &str) -> (Controller, World) {
+        let (model, world) = CampaignSpec::robots_from_toml(robots).unwrap();
+        let genes: Vec<f64> = (0..model.genes())
+            .map(|gene| 0.9 - 0.23 * (gene % 8) as f64)
+            .collect();
+        (Controller::new(model, &genes).unwrap(), world)
+    }
+
+    #[test]
+    fn a_simulated_swarm_that_is_observed_has_its_own_features_and_picture() {
+        let format = ImageFormat::default();
+        for robots in ["model = \"single-sensor\"", "model = \"two-sensor\"", SPECIES] {
+            let (controller, world) = swarm(robots);
+            for seed in 0..3 {
+                let start = Start::seeded(seed);
+                let simulated = evaluate(&controller, &world, &format, &start).unwrap();
+                let frames = poses(&controller, &world, &start).unwrap();
+                let observed = observe(&controller, &world, &format, &frames).unwrap();
+                assert!(observed.same_simulation(&simulated), "{robots}, seed {seed}");
+                // The end alone has all that is looked at.
+                let end = observe(&controller, &world, &format, &frames[frames.len() - 160..]).unwrap();
+                assert!(end.same_simulation(&simulated), "{robots}, seed {seed}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_swarm_that_crosses_the_edge_of_a_torus_does_not_jump() {
+        let (controller, world) = swarm("model = \"single-sensor\"\n[world]\nboundary = \"torus\"\n");
+        let format = ImageFormat::default();
+        for seed in 0..3 {
+            let start = Start::seeded(seed);
+            let simulated = evaluate(&controller, &world, &format, &start).unwrap();
+            let frames = poses(&controller, &world, &start).unwrap();
+            let observed = observe(&controller, &world, &format, &frames).unwrap();
+            assert_eq!(observed.image(), simulated.image());
+            for (observed, simulated) in observed.features().iter().zip(simulated.features()) {
+                assert!((observed - simulated).abs() < 1e-9, "{observed} {simulated}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_motion_of_this_swarm_is_refused() {
+        let controller = Controller::new(Preset::SingleSensor, &[0.0; 4]).unwrap();
+        let check = |frames: &[Vec<[f64; 3]>], field: &str| {
+            let error = observe(&controller, &World::default(), &ImageFormat::default(), frames);
+            assert_eq!(error.unwrap_err().field, field);
+        };
+        let pose = [250.0, 250.0, 0.0];
+        check(&[], "frames");
+        check(&[vec![pose; 24]], "frames");
+        check(&[vec![pose; 24], vec![pose; 23]], "frames");
+        check(&[vec![pose; 24], vec![[1e9, 0.0, 0.0]; 24]], "x");
+        check(&[vec![pose; 24], vec![[0.0, f64::NAN, 0.0]; 24]], "y");
+        check(&[vec![pose; 24], vec![[0.0, 0.0, f64::INFINITY]; 24]], "heading");
+    }
+}
