@@ -160,6 +160,7 @@ mod tests {
                 loss: 3.0,
             },
             is_taxonomy: true,
+            robust_trials: Vec::new(),
         }
     }
 

@@ -118,24 +118,6 @@ fn a_channel_for_each_species_of_another_swarm_is_refused() {
     }
 }
 
-#[test]
-fn a_number_that_is_not_finite_is_an_error() {
-    let speck = v1::World {
-        radius: Some(1e-308),
-        dt: Some(1000.0),
-        ..World::default().into()
-    };
-    let world = World::try_from(speck).unwrap();
-    let error = evaluate(
-        &simulate::tests::sized(&controllers()[0], &world),
-        &world,
-        &ImageFormat::default(),
-        &Start::seeded(1),
-    )
-    .unwrap_err();
-    assert!(error.field.starts_with("features."), "{error}");
-}
-
 /// A picture that every one of `simulate::tests::worlds` has room for.
 fn small_picture() -> ImageFormat {
     let message = v1::ImageFormat {

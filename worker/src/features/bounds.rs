@@ -209,7 +209,7 @@ mod tests {
         features::FeatureMeans,
         simulate::{Start, Swarm, tests::sized},
     };
-    use murmuration_proto::{Controller, Preset, v1};
+    use murmuration_proto::{Controller, Preset, Robot, v1};
     use proptest::prelude::*;
 
     fn features(controller: &Controller, world: &World, seed: u64) -> Features {
@@ -298,7 +298,8 @@ mod tests {
             prop_oneof![1..4_u32, 95..140_u32],
         );
         let parts = (sides, bodies, motion, size, surroundings());
-        parts.prop_map(
+        parts.prop_filter_map(
+            "obstacles leave no room",
             |(
                 (width, height),
                 (filled, padded),
@@ -307,11 +308,11 @@ mod tests {
                 (boundary, obstacles, line, noise),
             )| {
                 let half = f64::min(width, height) / 2.0;
-                let radius = (half * filled).min(1000.0);
+                let radius = (half * filled).clamp(Robot::MIN_RADIUS, Robot::MAX_RADIUS);
                 World::try_from(v1::World {
                     width: Some(width),
                     height: Some(height),
-                    padding: Some((half - radius) * padded),
+                    padding: Some((half - radius).max(0.0) * padded),
                     agents: Some(agents),
                     radius: Some(radius),
                     wheel_radius: Some(wheel_radius),
@@ -330,7 +331,7 @@ mod tests {
                         ..v1::StartShape::default()
                     }),
                 })
-                .unwrap()
+                .ok()
             },
         )
     }
