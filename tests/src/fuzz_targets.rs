@@ -169,7 +169,7 @@ pub fn tracks_csv(bytes: &[u8]) {
     // Places may be so far apart that the way between them is infinite; nothing is computed of those.
     let numbers = frames.iter().flatten().flatten();
     if numbers.copied().all(f64::is_finite) {
-        let again = parse(murmuration_tracks::to_csv(&frames).into_bytes()).unwrap();
+        let again = parse(murmuration_tracks::to_csv(&frames, &[]).into_bytes()).unwrap();
         assert_eq!(again.ending(STEPS, &filmed).as_ref(), Ok(&frames));
     }
 }

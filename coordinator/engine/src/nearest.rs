@@ -113,6 +113,19 @@ impl Nearest {
     pub fn relative_distance(&self) -> Option<f64> {
         relative_distance(self.medoid.distance, self.mean_distance)
     }
+
+    /// Whether the behaviour is like nothing in the archive.
+    #[must_use]
+    pub fn is_unlike(&self) -> bool {
+        is_unlike(self.medoid.distance, self.mean_distance)
+    }
+}
+
+/// Whether a distance from a medoid is more than [`UNLIKE`] times the mean distance of its members: any distance, if they are all at
+/// one place.
+#[must_use]
+pub fn is_unlike(distance: f64, mean_distance: f64) -> bool {
+    distance > UNLIKE * mean_distance
 }
 
 /// A distance from a medoid by the mean distance of its members; `None` if they are all at one place.
@@ -180,10 +193,13 @@ mod tests {
             .collect();
         assert_eq!(near, [(1, 1.0, 0), (2, 1.0, 0), (0, 2.0, 0)]);
         assert_eq!(found.neighbours[2].class, Some(class("ring")));
-        assert_eq!(found.labelled.unwrap().index, 0);
+        assert_eq!(found.labelled.as_ref().map(|near| near.index), Some(0));
         assert_eq!((found.medoid.index, found.medoid.distance), (1, 1.0));
         assert_eq!(found.mean_distance, 1.0);
+        assert!(!found.is_unlike());
         let far = Nearest::find(&archive, &BTreeMap::new(), &[12.0], 9).unwrap();
+        // The only member of its cluster is at one place.
+        assert!(far.is_unlike() && far.relative_distance().is_none());
         assert_eq!(
             (far.neighbours.len(), far.medoid.cluster, far.labelled),
             (4, 1, None)

@@ -73,9 +73,8 @@ impl Taxonomy {
     }
 }
 
-/// The number of an individual's trials that are nearer to its own medoid than to any other. `behaviours` are those of the
-/// archive; `medoids` the individuals at the centres of its clusters, with the place of the individual's own. A trial as near to
-/// another medoid counts where that comes later in the list.
+/// The number of an individual's trials that no other medoid is nearer to than its own. `behaviours` are those of the archive;
+/// `medoids` the individuals at the centres of its clusters, with the place of the individual's own.
 #[must_use]
 pub fn robust_trials(
     individual: &ArchivedIndividual,
@@ -86,9 +85,10 @@ pub fn robust_trials(
     let is_own = |trial: &&Trial| {
         let behaviour = method.behaviour(&trial.features, &trial.embedding);
         let distance = |medoid: usize| behaviours.squared_distance_to(medoid, &behaviour);
-        let nearest =
-            (0..medoids.len()).min_by(|&a, &b| distance(medoids[a]).total_cmp(&distance(medoids[b])));
-        nearest == Some(own as usize)
+        let to_own = medoids
+            .get(own as usize)
+            .map_or(f64::INFINITY, |&own| distance(own));
+        medoids.iter().all(|&medoid| to_own <= distance(medoid))
     };
     individual.trials.iter().filter(is_own).count() as u8
 }

@@ -277,6 +277,13 @@ fn show_individual(
     for (name, value) in novelty.into_iter().chain(features) {
         outln!("{name:<22} {value}")?;
     }
+    if !individual.trials.is_empty() {
+        let trials = counted(individual.trials.len() as u64, "trial");
+        outln!("features are means over {trials}, from starts with the seeds")?;
+        for trial in &individual.trials {
+            outln!("  {}", trial.seed)?;
+        }
+    }
     Ok(())
 }
 

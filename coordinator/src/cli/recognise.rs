@@ -102,13 +102,14 @@ impl Recognise {
         let campaign = heard(connection.client.get_campaign(request).await?)?;
         let spec = CampaignSpec::try_from(campaign.spec.unwrap_or_default())?;
         let (controller, world) = self.swarm(&spec, tracks)?;
-        let assumed = Assumed::of(self, tracks, &controller, &world)?;
+        let assumed = Assumed::of(self, tracks, &controller, (&world, &spec))?;
         let steps = (spec.image().window() - 1).max(FEATURE_STEPS);
         // The campaign looks no further back than the start of its own swarms.
         let steps = steps.min(spec.world().horizon());
         let frames = tracks.ending(steps, &assumed.filmed(&world)?)?;
         let assumed = assumed.with_steps(frames.len() as u64 - 1, u64::from(steps));
-        let evaluation = observe(&controller, &world, spec.image(), &frames)?;
+        let named = |error| CliError::Input(format!("{}: {error}", self.tracks.display()));
+        let evaluation = observe(&controller, &world, spec.image(), &frames).map_err(named)?;
         let evaluation = match campaign.checkpoint.as_str() {
             digest if spec.method().embeds() && !digest.is_empty() => {
                 embedded(connection, digest, evaluation).await?
@@ -173,7 +174,7 @@ impl Recognise {
         let world = world.map_err(|error| CliError::Input(format!("{}: {error}", self.tracks.display())))?;
         let controller = match &self.controller {
             Some(text) => controller::parse(text, Some(&model))?,
-            None => assumed::unknown(&model)?,
+            None => assumed::unknown(&model, tracks.counts(&model)?.as_deref())?,
         };
         Ok((controller, world))
     }

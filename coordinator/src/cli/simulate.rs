@@ -7,7 +7,7 @@ use super::{
     robots::RobotArgs,
 };
 use murmuration_link::{InputKind, outln};
-use murmuration_proto::{FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
+use murmuration_proto::{Controller, FEATURE_NAMES, ImageFormat, Invalid, Replay, World};
 use murmuration_report::picture::{self, Animation, Bodies, Colouring, Paper};
 use murmuration_tracks::to_csv;
 use murmuration_worker::{
@@ -103,7 +103,10 @@ impl Simulate {
             write(path, &picture::image_png(image, format.shape(), IMAGE_SCALE)?)?;
         }
         if let Some(path) = &self.tracks {
-            write(path, to_csv(&poses(controller, &world, &start)?))?;
+            write(
+                path,
+                to_csv(&poses(controller, &world, &start)?, &species(controller, &world)),
+            )?;
         }
         if as_json {
             json::print(json::Individual::simulated(controller, self.seed, &evaluation))?;
@@ -153,4 +156,17 @@ impl Simulate {
         })?;
         Ok(outln!("{outcome}")?)
     }
+}
+
+/// The name of each robot's species; none if all robots are of one.
+fn species<'a>(controller: &'a Controller, world: &World) -> Vec<&'a str> {
+    let species = controller.model().species();
+    if species.len() == 1 {
+        return Vec::new();
+    }
+    let counts = controller.counts(world.agents());
+    let names = species.iter().zip(counts);
+    names
+        .flat_map(|(species, count)| std::iter::repeat_n(species.name().as_str(), count as usize))
+        .collect()
 }

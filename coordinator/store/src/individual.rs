@@ -170,10 +170,10 @@ fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result
         return Err("not five features");
     }
     if !embeddings.len().is_multiple_of(count) {
-        return Err("its embedding is cut off");
+        return Err("its features and embeddings are of different numbers of trials");
     }
     if images.is_some_and(|images| !images.len().is_multiple_of(count)) {
-        return Err("its picture is cut off");
+        return Err("its features and pictures are of different numbers of trials");
     }
     let dimensions = embeddings.len() / count;
     let trial = |(place, features): (usize, &Features)| Trial {

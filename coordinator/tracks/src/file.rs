@@ -1,9 +1,9 @@
-//! Files of tracks: CSV with the columns frame, robot, x, y and perhaps heading, found by name in any order; other columns are
-//! passed over.
+//! Files of tracks: CSV with the columns frame, robot, x, y and perhaps heading and species, found by name in any order; other
+//! columns are passed over.
 
 use crate::Sighting;
 use murmuration_model::labels::{LabelFile, LabelFileError};
-use murmuration_proto::{Invalid, counted};
+use murmuration_proto::{CapabilityModel, Invalid, Species, counted, text::quoted};
 use std::{
     collections::BTreeMap,
     fmt::Write as _,
@@ -16,6 +16,8 @@ pub struct Tracks {
     pub(crate) path: PathBuf,
     /// By number of the robot, then frame; no robot without a sighting.
     pub(crate) robots: BTreeMap<u32, BTreeMap<u32, Sighting>>,
+    /// The species of robots, by their number, as far as the file says.
+    species: BTreeMap<u32, String>,
     frames: [u32; 2],
 }
 
@@ -44,6 +46,16 @@ pub enum TracksError {
         /// First and last frame without it.
         frames: [u32; 2],
     },
+    /// The species of a robot does not fit the swarm.
+    #[error("{}: robot {robot} {what}", path.display())]
+    Species {
+        /// The file.
+        path: PathBuf,
+        /// Number of the robot.
+        robot: u32,
+        /// What is wrong with it.
+        what: String,
+    },
     /// The frames cannot be understood as asked.
     #[error("{0}")]
     Invalid(#[from] Invalid),
@@ -60,10 +72,12 @@ impl Tracks {
     /// Reads the text of the file at `path`.
     ///
     /// # Errors
-    /// Names line and column of the first cell that cannot be used; or there is no row, or a robot is in a frame twice.
+    /// Names line and column of the first cell that cannot be used; or there is no row, a robot is in a frame twice, or it is of
+    /// two species.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, TracksError> {
         let file = LabelFile::with_columns(&["frame", "robot", "x", "y"], path, text)?;
         let mut robots: BTreeMap<u32, BTreeMap<u32, Sighting>> = BTreeMap::new();
+        let mut species: BTreeMap<u32, String> = BTreeMap::new();
         let mut frames: Option<[u32; 2]> = None;
         for row in file.rows() {
             let (frame, robot) = (row.whole("frame")?, row.whole("robot")?);
@@ -79,6 +93,15 @@ impl Tracks {
                 let allowed = format!("a frame that robot {robot} is in once");
                 return Err(row.refuse("frame", &allowed).into());
             }
+            let name = row.cell("species");
+            if !name.is_empty() && species.entry(robot).or_insert_with(|| name.to_owned()) != name {
+                return Err(row
+                    .refuse(
+                        "species",
+                        &format!("the one that robot {robot} has in other rows"),
+                    )
+                    .into());
+            }
             let [first, last] = frames.unwrap_or([frame; 2]);
             frames = Some([first.min(frame), last.max(frame)]);
         }
@@ -86,6 +109,7 @@ impl Tracks {
             Some(frames) => Ok(Self {
                 path: path.to_owned(),
                 robots,
+                species,
                 frames,
             }),
             None => Err(TracksError::Empty(path.to_owned())),
@@ -96,6 +120,48 @@ impl Tracks {
     #[must_use]
     pub fn robots(&self) -> u32 {
         u32::try_from(self.robots.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Number of robots of each species of `model`; `None` if the file says nothing of species.
+    ///
+    /// # Errors
+    /// [`TracksError::Species`] where a robot has none, or one that the model has not, or comes after robots of a later species.
+    pub fn counts(&self, model: &CapabilityModel) -> Result<Option<Vec<u32>>, TracksError> {
+        if self.species.is_empty() {
+            return Ok(None);
+        }
+        let mut counts = vec![0; model.species().len()];
+        let mut last = 0;
+        for &robot in self.robots.keys() {
+            let refused = |what: String| TracksError::Species {
+                path: self.path.clone(),
+                robot,
+                what,
+            };
+            let Some(name) = self.species.get(&robot) else {
+                return Err(refused("has no species, and others have one".to_owned()));
+            };
+            let known = |species: &Species| species.name().as_str() == name;
+            let Some(place) = model.species().iter().position(known) else {
+                let names: Vec<_> = model
+                    .species()
+                    .iter()
+                    .map(|species| species.name().as_str())
+                    .collect();
+                let known = names.join(", ");
+                return Err(refused(format!(
+                    "is of species {}: there are {known}",
+                    quoted(name)
+                )));
+            };
+            if place < last {
+                let what = "comes after robots of a later species: those of the first species have the lowest numbers";
+                return Err(refused(what.to_owned()));
+            }
+            last = place;
+            counts[place] += 1;
+        }
+        Ok(Some(counts))
     }
 
     /// The first and the last frame that a robot is in.
@@ -122,14 +188,21 @@ impl Tracks {
 }
 
 /// The tracks of a swarm whose robots had these poses (x, y, heading) in each frame, from frame 0 on; [`Tracks::parse`] reads the
-/// same numbers back.
+/// same numbers back. `species` has the name of each robot's species; without any there is no column for it.
 #[must_use]
-pub fn to_csv(frames: &[Vec<[f64; 3]>]) -> String {
-    let mut text = "frame,robot,x,y,heading\n".to_owned();
+pub fn to_csv(frames: &[Vec<[f64; 3]>], species: &[&str]) -> String {
+    let header = "frame,robot,x,y,heading";
+    let mut text = match species {
+        [] => format!("{header}\n"),
+        _ => format!("{header},species\n"),
+    };
     for (frame, poses) in frames.iter().enumerate() {
         for (robot, [x, y, heading]) in poses.iter().enumerate() {
             // Text takes whatever is written to it.
-            let _ = writeln!(text, "{frame},{robot},{x},{y},{heading}");
+            let _ = match species.get(robot) {
+                None => writeln!(text, "{frame},{robot},{x},{y},{heading}"),
+                Some(name) => writeln!(text, "{frame},{robot},{x},{y},{heading},{name}"),
+            };
         }
     }
     text
@@ -138,6 +211,7 @@ pub fn to_csv(frames: &[Vec<[f64; 3]>]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use murmuration_proto::CampaignSpec;
 
     fn parsed(text: &str) -> Result<Tracks, TracksError> {
         Tracks::parse(Path::new("t.csv"), text.as_bytes().to_vec())
@@ -185,9 +259,40 @@ mod tests {
     }
 
     #[test]
+    fn robots_of_each_species_are_counted() {
+        let text = "ratios = [[1, 2], [2, 1]]\n[[species]]\nname = \"a\"\nmodel = \"turbopi\"\n\
+                    [[species]]\nname = \"b\"\nmodel = \"turbopi\"\n";
+        let (model, _) = CampaignSpec::robots_from_toml(text).unwrap();
+        let frames = [vec![[0.0; 3]; 3], vec![[1.0; 3]; 3]];
+        let counts = |species: &[&str]| {
+            let tracks = parsed(&to_csv(&frames, species)).unwrap();
+            tracks.counts(&model).map_err(|error| error.to_string())
+        };
+        assert_eq!(counts(&["a", "a", "b"]), Ok(Some(vec![2, 1])));
+        assert_eq!(counts(&[]), Ok(None));
+        let refused = |species: &[&str]| counts(species).unwrap_err();
+        assert_eq!(
+            refused(&["a", "c", "b"]),
+            "t.csv: robot 1 is of species \"c\": there are a, b"
+        );
+        assert_eq!(
+            refused(&["a", "", "b"]),
+            "t.csv: robot 1 has no species, and others have one"
+        );
+        assert!(
+            refused(&["b", "a", "b"]).starts_with("t.csv: robot 1 comes after robots of a later species")
+        );
+        let two = parsed("frame,robot,x,y,species\n0,4,1,1,a\n1,4,1,1,b\n").unwrap_err();
+        assert_eq!(
+            two.to_string(),
+            "t.csv, line 3: species = \"b\": must be the one that robot 4 has in other rows"
+        );
+    }
+
+    #[test]
     fn what_is_written_is_read_again() {
         let frames = vec![vec![[0.1, 1.0 / 3.0, -4.0]; 2], vec![[1e-7, 250.0, 1e3]; 2]];
-        let tracks = parsed(&to_csv(&frames)).unwrap();
+        let tracks = parsed(&to_csv(&frames, &[])).unwrap();
         let heading = |robot: u32, frame: u32| tracks.robots[&robot][&frame].heading;
         assert_eq!(tracks.robots[&1][&0].at, [0.1, 1.0 / 3.0]);
         assert_eq!((heading(0, 1), heading(1, 0)), (Some(1e3), Some(-4.0)));

@@ -10,6 +10,9 @@ const POPULATION: u32 = 100;
 const GENERATIONS: u32 = 30;
 
 impl CampaignSpec {
+    /// Evaluations of a campaign of [`CampaignSpec::begun_with`].
+    pub const BEGUN_EVALUATIONS: u32 = POPULATION * GENERATIONS;
+
     /// A small search on hand-crafted features for what the robots of a controller can do in a world. Its first generation begins
     /// with that controller; `seed` is that of the search.
     ///

@@ -131,10 +131,16 @@ fn species_are_read_and_written() {
     );
     check_refused(
         &format!(
-            "{TWO}[image]\nchannels = \"species\"\nresolution = 1000\n[search]\npopulation = 3000\n[world]\nwidth = \
+            "{TWO}[image]\nchannels = \"species\"\nresolution = 700\n[search]\npopulation = 5000\n[world]\nwidth = \
              1000\nheight = 1000"
         ),
-        "search.population = 3000: must be at most 2147 where image.resolution = 1000 in 2 channels",
+        "search.population = 5000: must be at most 4382 where image.resolution = 700 in 2 channels",
+    );
+    check_refused(
+        &format!(
+            "{TWO}[image]\nchannels = \"species\"\nresolution = 1000\n[world]\nwidth = 1000\nheight = 1000"
+        ),
+        "image.resolution = 1000: must be at most 707 in 2 channels",
     );
     let shares = TWO
         .replace("ratios = [[12, 12], [8, 16]]\n", "")

@@ -51,7 +51,7 @@ fn check_robustness(spec: &CampaignSpec, archive: &[v1::Individual], taxonomy: &
     {
         let is_own = |trial: &&v1::Trial| {
             let nearest = nearest(&behaviour(&trial.features, &trial.embedding), &medoids);
-            nearest.first() == Some(&own)
+            nearest.contains(&own)
         };
         let counted = individual.trials.iter().filter(is_own).count();
         assert_eq!(counted, robust as usize, "individual {}", individual.index);

@@ -62,7 +62,7 @@ fn check(poses: &[[f64; 3]], world: &World) -> Result<(), Invalid> {
             let [low, high] = [-World::MAX_SIDE, side + World::MAX_SIDE];
             if !(low..=high).contains(value) {
                 let allowed = format!("a number from {low} to {high}, world units");
-                return Err(Invalid::new(field, value, allowed));
+                return Err(Invalid::new(field, format!("{value:e}"), allowed));
             }
         }
         if !heading.is_finite() {

@@ -36,6 +36,7 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
             p.lead {
                 "Each picture shows the paths of the last " (counted(report.spec.image().window().into(), "step"))
                 (one_colour) ", with older parts fainter. "
+                @if report.spec.model().species().len() > 1 { (species(report)) " " }
                 span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its start." }
             }
             div.cards {
@@ -43,6 +44,16 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
                     (card(report, place, medoid, pictures))
                 }
             }
+        }
+    }
+}
+
+/// The colour of each species.
+fn species(report: &Report) -> Markup {
+    let species = report.spec.model().species().iter().zip(colours::AGENTS);
+    html! {
+        @for (species, colour) in species {
+            span.species style={ "--species:" (colours::hex(colour)) } { (species.name()) } " "
         }
     }
 }
@@ -87,6 +98,10 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                                 dt { "Robustness" }
                                 dd { (of_starts(report, robustness)) }
                             }
+                            div title=(robust(report, place)) {
+                                dt { "of its cluster" }
+                                dd { (of_cluster(report, place)) }
+                            }
                         }
                         div { dt { "Generation" } dd { (grouped(entry.generation.into())) } }
                         div { dt { "Individual" } dd { (grouped(medoid.index)) } }
@@ -108,12 +123,16 @@ fn of_starts(report: &Report, robustness: f64) -> String {
     format!("{:.0} of {starts}", robustness * starts as f64)
 }
 
-fn robust(report: &Report, place: usize) -> String {
+fn of_cluster(report: &Report, place: usize) -> String {
     let mean = report.robustness_of_cluster(place).unwrap_or_default();
+    format!("{:.0} %", 100.0 * mean)
+}
+
+fn robust(report: &Report, place: usize) -> String {
     format!(
-        "Trials of this individual that are nearer to this behaviour than to any other on this page; of all individuals in its \
-         cluster, {:.1} % of the trials are",
-        100.0 * mean
+        "Trials of this individual that are nearer to this behaviour than to any other on this page; and, of all individuals in its \
+         cluster, {} of the trials",
+        of_cluster(report, place)
     )
 }
 

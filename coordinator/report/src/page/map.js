@@ -187,7 +187,7 @@ function describe(i) {
     `[${values.join(", ")}]`,
     `novelty when evaluated ${archive.novelty[i].toPrecision(4)} · generation ${grouped(archive.generation[i])}`,
   ];
-  if (archive.trials > 1) lines.push(`robustness: ${archive.robust[i]} of ${archive.trials} starts`);
+  if (archive.trials > 1) lines.push(`robustness ${archive.robust[i]} of ${archive.trials}`);
   tip.replaceChildren(
     ...lines.map((line) => {
       const row = document.createElement("div");

@@ -2,8 +2,8 @@
 
 use super::{super::CliError, Recognise};
 use murmuration_link::errln;
-use murmuration_proto::{CapabilityModel, Controller, Invalid, World, counted};
-use murmuration_tracks::{Filmed, Tracks};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Controller, Invalid, World, counted};
+use murmuration_tracks::{Filmed, Tracks, TracksError};
 
 /// Width and height of an arena in the units of the tracks, each over 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +29,12 @@ pub(super) struct Assumed {
     arena: Option<Arena>,
     /// Whether sensors look somewhere that only the controller would say, and it is not known.
     looks_unknown: bool,
+    /// Whether nothing says how many robots of each species there are.
+    counts_unknown: bool,
+    /// Robots that the campaign's swarms have.
+    campaign_robots: u32,
+    /// Trials of each individual of the campaign.
+    campaign_starts: u32,
 }
 
 impl Assumed {
@@ -36,8 +42,8 @@ impl Assumed {
         asked: &Recognise,
         tracks: &Tracks,
         controller: &Controller,
-        world: &World,
-    ) -> Result<Self, Invalid> {
+        (world, campaign): (&World, &CampaignSpec),
+    ) -> Result<Self, TracksError> {
         let model = controller.model();
         let is_free = model
             .species()
@@ -53,7 +59,12 @@ impl Assumed {
             steps: 0,
             wanted: 0,
             arena: asked.arena,
-            looks_unknown: asked.controller.is_none() && (is_free || model.ratios().len() > 1),
+            looks_unknown: asked.controller.is_none() && is_free,
+            counts_unknown: asked.controller.is_none()
+                && model.ratios().len() > 1
+                && tracks.counts(model)?.is_none(),
+            campaign_robots: campaign.world().agents(),
+            campaign_starts: campaign.starts().into(),
         };
         assumed.scale = assumed.filmed(world)?.scale();
         Ok(assumed)
@@ -98,13 +109,32 @@ impl Assumed {
         }
         if self.looks_unknown {
             errln!(
-                "assumed: sensors with free angles look straight ahead, and there are as many robots of each species as in the first \
-                 ratio; --controller says where they look"
+                "assumed: sensors with free angles look straight ahead, or as nearly as they can; --controller says where they look"
+            );
+        }
+        if self.counts_unknown {
+            errln!(
+                "assumed: there are as many robots of each species as in the first ratio; a column species, or --controller, says how \
+                 many"
+            );
+        }
+        if self.robots != self.campaign_robots {
+            errln!(
+                "the swarms of the campaign have {}: its distances are hardly those of swarms of {}",
+                counted(self.campaign_robots.into(), "robot"),
+                self.robots
+            );
+        }
+        if self.campaign_starts > 1 {
+            errln!(
+                "the individuals of the campaign are means over {} starts, and a film is one: its own individual is near, but not at \
+                 distance 0",
+                self.campaign_starts
             );
         }
         if self.steps < self.wanted {
             errln!(
-                "the tracks last {} only, and the pictures of the campaign are of {}",
+                "the tracks last {} only, and features and pictures of the campaign show {}: distances say less",
                 counted(self.steps, "step"),
                 self.wanted
             );
@@ -112,9 +142,22 @@ impl Assumed {
     }
 }
 
-/// A controller of robots about which nothing is known but the model: free angles are as near to straight ahead as they can be, and
-/// there are as many robots of each species as in the first ratio.
-pub(super) fn unknown(model: &CapabilityModel) -> Result<Controller, CliError> {
+/// A controller of robots about which nothing is known but the model: free angles are as near to straight ahead as they can be. There
+/// are as many robots of each species as `counts` says, or as in the first ratio.
+pub(super) fn unknown(model: &CapabilityModel, counts: Option<&[u32]>) -> Result<Controller, CliError> {
+    let ratios = model.ratios();
+    let ratio = counts.map_or(Some(0), |counts| ratios.iter().position(|ratio| ratio == counts));
+    let ratio = match (ratio, counts) {
+        (Some(ratio), _) => ratio,
+        (None, Some(counts)) if !ratios.is_empty() => {
+            let ratios: Vec<_> = ratios.iter().map(|ratio| format!("{ratio:?}")).collect();
+            return Err(CliError::Input(format!(
+                "the tracks have {counts:?} robots of the species, and the swarm may have {}",
+                ratios.join(" or ")
+            )));
+        }
+        (None, _) => 0,
+    };
     let mut genes = Vec::with_capacity(model.genes());
     for species in model.species() {
         genes.resize(genes.len() + species.robot().speeds(), 0.0);
@@ -131,19 +174,20 @@ pub(super) fn unknown(model: &CapabilityModel) -> Result<Controller, CliError> {
             }
         }));
     }
-    genes.resize(model.genes(), 0.0);
+    // The ratio, where that is a gene, is the last one.
+    genes.resize(model.genes(), ratio as f64);
     Ok(Controller::new(model, &genes)?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use murmuration_proto::{CampaignSpec, Preset};
+    use murmuration_proto::Preset;
 
     #[test]
     fn sensors_of_robots_of_which_nothing_is_known_look_ahead_as_far_as_they_can() {
         let check = |model: &CapabilityModel, angles: &[f64]| {
-            let controller = unknown(model).unwrap();
+            let controller = unknown(model, None).unwrap();
             let found: Vec<f64> = controller.robots().flat_map(|robot| robot.angles()).collect();
             assert_eq!(found, angles);
         };
@@ -152,6 +196,21 @@ mod tests {
         let text = "ratios = [[3, 4], [4, 3]]\n[[species]]\nname = \"a\"\nrobot.sensors = [{ angle = \"free\", angle_range = [0.5, 1] }]\n\
                     [[species]]\nname = \"b\"\nrobot.sensors = [{ angle = \"free\", angles = [-2, -1, 3] }]\n";
         check(&CampaignSpec::robots_from_toml(text).unwrap().0, &[0.5, -1.0]);
+    }
+
+    #[test]
+    fn the_ratio_is_that_of_the_tracks() {
+        let text = "ratios = [[3, 4], [4, 3]]\n[[species]]\nname = \"a\"\nmodel = \"turbopi\"\n\
+                    [[species]]\nname = \"b\"\nmodel = \"turbopi\"\n";
+        let (model, _) = CampaignSpec::robots_from_toml(text).unwrap();
+        let counts = |of: Option<&[u32]>| unknown(&model, of).map(|controller| controller.counts(7));
+        assert_eq!(counts(None).unwrap(), [3, 4]);
+        assert_eq!(counts(Some(&[4, 3])).unwrap(), [4, 3]);
+        let refused = counts(Some(&[6, 1])).unwrap_err().to_string();
+        assert!(
+            refused.contains("[6, 1] robots of the species, and the swarm may have [3, 4] or [4, 3]"),
+            "{refused}"
+        );
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::{
     },
     Recognised,
 };
-use murmuration_engine::nearest::{UNLIKE, relative_distance};
+use murmuration_engine::nearest::{UNLIKE, is_unlike, relative_distance};
 use murmuration_link::{OutputError, outln};
 use murmuration_proto::{FEATURE_NAMES, v1};
 
@@ -55,9 +55,9 @@ fn named(neighbour: &v1::Neighbour) -> String {
 /// Which cluster the swarm belongs to, whether it is like what is there, and what it may be called.
 fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     let medoid = nearest.medoid.clone().unwrap_or_default();
-    let mut said = match relative(nearest) {
-        Some(times) if times > UNLIKE => format!("It is like nothing in {campaign}: the"),
-        _ => "The".to_owned(),
+    let mut said = match is_unlike(medoid.distance, nearest.mean_distance) {
+        true => format!("It is like nothing in {campaign}: the"),
+        false => "The".to_owned(),
     };
     said += &format!(
         " nearest cluster is {} (individual {}), {:.4} from its medoid",
@@ -66,7 +66,9 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
         medoid.distance
     );
     if let Some(times) = relative(nearest) {
-        said += &format!(", {times:.1} times as far as its members are on average");
+        said += &format!(
+            ", {times:.1} times as far as its members are on average (over {UNLIKE} is like nothing)"
+        );
     }
     if !nearest.is_taxonomy {
         said += ". The campaign has no taxonomy yet; these are the clusters that it would have now";
@@ -129,8 +131,8 @@ mod tests {
         };
         assert_eq!(
             said(1.0),
-            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average. The \
-             nearest individual with a class is 7 (1.0000): ring."
+            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (over 3 is \
+             like nothing). The nearest individual with a class is 7 (1.0000): ring."
         );
         assert!(said(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
     }

@@ -221,10 +221,16 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
         Ok(Some(taxonomy)) => {
             let len = record.individuals();
             let about = taxonomy.clusters.len() as u64 == len;
-            if about && taxonomy.medoids.iter().all(|&index| index < len) {
+            let starts = record.spec.starts().get();
+            let robust = &taxonomy.robust_trials;
+            let counted = robust.len() == if starts > 1 { taxonomy.clusters.len() } else { 0 };
+            if !counted || robust.iter().any(|&trials| usize::from(trials) > starts) {
+                "has robustness that no individual has".to_owned()
+            } else if about && taxonomy.medoids.iter().all(|&index| index < len) {
                 return true;
+            } else {
+                "is of another archive".to_owned()
             }
-            "is of another archive".to_owned()
         }
         Err(error) => format!("cannot be read: {}", error.reason()),
     };

@@ -67,7 +67,7 @@ function colouring() {
       for (const robust of points.robust) counts[robust]++;
       const mark = (count, robust) => [
         `#${shade(robust / points.starts).toString(16).padStart(6, "0")}`,
-        `${robust} of ${points.starts} starts`,
+        `${robust} of ${points.starts} trials nearest to their own medoid`,
         count,
       ];
       return { of, entries: counts.map(mark) };
@@ -143,7 +143,7 @@ function nameOf(i) {
 
 // How many of its starts lead to the behaviour of its cluster; nothing where individuals have one.
 function robustnessOf(i) {
-  return i < points.robust.length ? ` · ${points.robust[i]} of ${points.starts} starts` : "";
+  return i < points.robust.length ? ` · robustness ${points.robust[i]} of ${points.starts}` : "";
 }
 
 function hover(i) {

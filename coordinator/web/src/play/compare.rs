@@ -17,9 +17,9 @@ use tonic::Status;
 
 /// Individuals that are shown.
 const SHOWN: usize = 5;
-/// Most steps, summed over the robots, that a worker simulates for an answer: eight times those of 1,000 robots in the paper's
-/// world.
-const MOST_ROBOT_STEPS: u64 = 10_000_000;
+/// Most steps, summed over the robots, that one simulation of what is played with may have, where workers do it: more than those of
+/// 1,000 robots in the paper's world, and a second or two of a worker.
+const MOST_ROBOT_STEPS: u64 = 2_000_000;
 
 /// Whether the individuals of a campaign can be compared with a swarm in `world`: pictures of arenas of one size can.
 pub(super) fn is_comparable(record: &CampaignRecord, world: &World) -> bool {
@@ -77,16 +77,31 @@ fn check(play: &Play, record: &CampaignRecord) -> Result<(), Invalid> {
         );
         return Err(Invalid::new("campaign", &record.id, allowed));
     }
-    if let Err(other) = record.spec.image().check_species(play.controller.model()) {
-        let allowed = format!("a campaign whose pictures such a swarm can have: its {other}");
+    if record
+        .spec
+        .image()
+        .check_species(play.controller.model())
+        .is_err()
+    {
+        let allowed = format!(
+            "a campaign whose pictures this swarm can have: its pictures have {} channels, one for each species, and this swarm has {} species",
+            record.spec.image().shape().channels(),
+            play.controller.model().species().len()
+        );
         return Err(Invalid::new("campaign", &record.id, allowed));
     }
-    if u64::from(world.agents()) * u64::from(world.horizon()) > MOST_ROBOT_STEPS {
-        let most = MOST_ROBOT_STEPS / u64::from(world.agents());
-        let allowed = format!("at most {most} with {} robots, to be compared", world.agents());
-        return Err(Invalid::new("world.horizon", world.horizon(), allowed));
+    check_cost(world)
+}
+
+/// Checks that workers simulate what is played with in a second or two: who plays shares them with every campaign.
+pub(super) fn check_cost(world: &World) -> Result<(), Invalid> {
+    let (agents, horizon) = (world.agents(), world.horizon());
+    if u64::from(agents) * u64::from(horizon) <= MOST_ROBOT_STEPS {
+        return Ok(());
     }
-    Ok(())
+    let most = MOST_ROBOT_STEPS / u64::from(agents);
+    let allowed = format!("at most {most} with {agents} robots, from this page");
+    Err(Invalid::new("world.horizon", horizon, allowed))
 }
 
 /// The swarm, of whose picture these are the pixels, and what it is like.
@@ -95,7 +110,7 @@ fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], neares
     html! {
         p { (verdict(record, nearest)) }
         @if record.spec.model() != model {
-            p.reason { "The robots of " (record.id) " are others: its model is " (record.spec.model()) ", and this is " (model) "." }
+            p.reason { "The robots of " (record.id) " are others: " (difference(record.spec.model(), model)) "." }
         }
         ul.behaviours {
             li {
@@ -108,14 +123,23 @@ fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], neares
     }
 }
 
+/// How the robots of a campaign differ from those that are played with.
+fn difference(theirs: &CapabilityModel, own: &CapabilityModel) -> String {
+    let [theirs, own] = [theirs.to_string(), own.to_string()];
+    match theirs == own {
+        true => format!("both are {own}, with another body or other sensors"),
+        false => format!("its model is {theirs}, and this is {own}"),
+    }
+}
+
 /// What the swarm is most like.
 fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     let medoid = &nearest.medoid;
     let times = nearest.relative_distance();
     html! {
-        @if times.is_some_and(|times| times > UNLIKE) { strong { "This is like nothing in " (record.id) "." } " " }
+        @if nearest.is_unlike() { strong { "This is like nothing in " (record.id) "." } " " }
         "The nearest cluster is " (medoid.cluster + 1) ", " (format!("{:.3}", medoid.distance)) " from its medoid"
-        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average" }
+        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average (over " (UNLIKE) " is like nothing)" }
         "."
         @if !nearest.is_taxonomy { " The campaign is not complete, so clusters may change." }
         @if let Some(labelled) = &nearest.labelled {

@@ -3,6 +3,7 @@
 use super::{
     super::{Web, actions::page_of, page_error::PageError},
     address::Parameters,
+    compare::check_cost,
     strictly,
 };
 use axum::{
@@ -18,6 +19,7 @@ pub(in super::super) async fn search(
     Query(parameters): Query<Parameters>,
 ) -> Result<Redirect, PageError> {
     let play = strictly(&parameters)?;
+    check_cost(&play.world)?;
     let spec = CampaignSpec::begun_with(&play.controller, &play.world, play.seed)?;
     let created = web.campaigns.create(spec, Weight::default()).await?;
     Ok(page_of(created.record.id.as_str()))

@@ -7,7 +7,7 @@ use super::{
 };
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, colours};
-use murmuration_proto::{CapabilityModel, Invalid, Preset, Robot, Sensor, Species};
+use murmuration_proto::{CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, grouped};
 use murmuration_report::picture::{columns, sensor_reach};
 use serde_json::{Value, json};
 
@@ -141,8 +141,8 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
                 form #search method="post" action="/play/search" { button { "Search from here" } }
             }
             p.reason {
-                "Search from here starts a small campaign with these robots, on hand-crafted features. Its first generation begins with "
-                "this controller."
+                "Search from here starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations with these "
+                "robots, on hand-crafted features. Its first generation begins with this controller."
             }
             p #compared.status role="status" {}
             div #likes {}
