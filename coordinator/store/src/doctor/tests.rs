@@ -213,6 +213,12 @@ async fn labels_and_taxonomy_are_examined_too() {
     )
     .await;
     check(
+        "UPDATE taxonomies SET robust_trials = x'00000000'",
+        "its taxonomy has robustness that no individual has",
+        failed,
+    )
+    .await;
+    check(
         "UPDATE taxonomies SET measures = x''",
         "its taxonomy cannot be read: the taxonomy of campaign",
         failed,
