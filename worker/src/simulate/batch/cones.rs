@@ -185,14 +185,20 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let margin = self.margin(simd, far)?;
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
+        let mut backwards = viewer.middles;
+        for middle in &mut backwards {
+            *middle = [simd.neg_f64s(middle[0]), simd.neg_f64s(middle[1])];
+        }
+        // All bits but the sign.
+        let size = simd.not_f64s(simd.splat_f64s(-0.0));
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
             let e = minus(simd, other.0, viewer.at);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
-            for ((cone, middle), deepest) in self.cones.iter().zip(&viewer.middles).zip(&mut deepest) {
-                let beyond = cone.beyond(simd, e, *middle, outside);
+            for ((cone, middle), deepest) in self.cones.iter().zip(&backwards).zip(&mut deepest) {
+                let beyond = cone.beyond(simd, e, *middle, (outside, size));
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
@@ -221,8 +227,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     #[inline(always)]
     fn margin(&self, simd: S, far: S::f64s) -> Option<S::f64s> {
         let back = self.furthest_back?;
-        let [constant, linear, square] = [ROUNDING * self.radius, ROUNDING, ROUNDING / self.radius];
-        let [constant, linear, square] = [constant, linear, square].map(|part| simd.splat_f64s(part));
+        let constant = simd.splat_f64s(ROUNDING * self.radius);
+        let linear = simd.splat_f64s(ROUNDING);
+        let square = simd.splat_f64s(ROUNDING / self.radius);
         let beside = simd.mul_add_e_f64s(far, simd.mul_add_e_f64s(far, square, linear), constant);
         let across = simd.mul_add_e_f64s(far, simd.splat_f64s(12.0), simd.splat_f64s(4.0 * back));
         let reach = simd.add_f64s(far, simd.splat_f64s(back));
@@ -261,23 +268,29 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
 
 impl<S: Simd> Cone<S> {
     /// Negative where another whose centre is at `e` from here, and which does not touch, is seen; positive where it is not.
-    /// `outside` is e.e - rho^2.
+    /// `backwards` points against the middle; `outside` is e.e - rho^2; `size` has all bits but the sign.
     #[inline(always)]
-    fn beyond(&self, simd: S, e: Planar<S>, middle: Planar<S>, outside: S::f64s) -> S::f64s {
+    fn beyond(
+        &self,
+        simd: S,
+        e: Planar<S>,
+        backwards: Planar<S>,
+        (outside, size): (S::f64s, S::f64s),
+    ) -> S::f64s {
         let opening = &self.opening;
-        let back = simd.splat_f64s(opening.back);
-        let along = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_add_e_f64s(e[1], middle[1], back));
+        let apex = simd.splat_f64s(-opening.back);
+        // -a', so that one operation subtracts its square.
+        let behind = simd.mul_add_e_f64s(e[0], backwards[0], simd.mul_add_e_f64s(e[1], backwards[1], apex));
         let by_outside = simd.mul_add_e_f64s(
             outside,
             simd.splat_f64s(opening.outside),
             simd.splat_f64s(opening.constant),
         );
-        let length = simd.mul_add_e_f64s(along, simd.splat_f64s(opening.along), by_outside);
-        let size = simd.abs_f64s(along);
-        let mut beyond = simd.negate_mul_add_e_f64s(along, size, length);
+        let length = simd.mul_add_e_f64s(behind, simd.splat_f64s(-opening.along), by_outside);
+        let mut beyond = simd.mul_add_e_f64s(behind, simd.and_f64s(size, behind), length);
         if let Some([by_along, constant]) = opening.tip {
-            let behind = simd.mul_add_e_f64s(along, simd.splat_f64s(by_along), simd.splat_f64s(constant));
-            beyond = simd.max_f64s(beyond, behind);
+            let tip = simd.mul_add_e_f64s(behind, simd.splat_f64s(-by_along), simd.splat_f64s(constant));
+            beyond = simd.max_f64s(beyond, tip);
         }
         if let Some(range) = self.range {
             beyond = simd.max_f64s(beyond, simd.add_f64s(outside, simd.splat_f64s(range)));
