@@ -23,7 +23,7 @@ use crate::{
     },
 };
 use murmuration_proto::{Robot, Sensor};
-use pulp::Simd;
+use pulp::{Simd, WithSimd};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Headings are unit vectors up to 10^-12, twice that in their squares: what that and rounding put into a length, relative to
@@ -238,8 +238,23 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     }
 
     /// The look by the operations that the definition has.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn look_apart(
+        &self,
+        simd: S,
+        viewer: ConeViewer<S, SENSORS>,
+        others: &[Aligned<Planar<S>>],
+    ) -> Seen<S, SENSORS> {
+        simd.vectorize(ByDefinition {
+            cones: self,
+            simd,
+            viewer,
+            others,
+        })
+    }
+
+    #[inline(always)]
+    fn by_definition(
         &self,
         simd: S,
         viewer: ConeViewer<S, SENSORS>,
@@ -251,7 +266,10 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let touch = simd.splat_f64s(viewer.reach.touch);
         let (mut touched, mut hits) = (none, [none; SENSORS]);
         for ((cone, &middle), hit) in self.cones.iter().zip(&viewer.middles).zip(&mut hits) {
-            let edges = cone.edges.map(|edge| rotate(simd, viewer.heading, edge));
+            let edges = [
+                rotate(simd, viewer.heading, cone.edges[0]),
+                rotate(simd, viewer.heading, cone.edges[1]),
+            ];
             let vectors = Vectors::turned(simd, &cone.eye, middle, edges);
             for other in others {
                 let e = minus(simd, other.0, viewer.at);
@@ -263,6 +281,23 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             }
         }
         Seen { touched, hits }
+    }
+}
+
+/// A look by the definition, in a function of its own, which would otherwise be compiled for no instructions in particular.
+struct ByDefinition<'a, S: Simd, const SENSORS: usize> {
+    cones: &'a Cones<S, SENSORS>,
+    simd: S,
+    viewer: ConeViewer<S, SENSORS>,
+    others: &'a [Aligned<Planar<S>>],
+}
+
+impl<S: Simd, const SENSORS: usize> WithSimd for ByDefinition<'_, S, SENSORS> {
+    type Output = Seen<S, SENSORS>;
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) -> Self::Output {
+        self.cones.by_definition(self.simd, self.viewer, self.others)
     }
 }
 
