@@ -25,7 +25,15 @@ fn sensors() -> impl Strategy<Value = Sensor> {
 }
 
 fn sensors_that_see(sees: impl Strategy<Value = Vec<&'static str>>) -> impl Strategy<Value = Sensor> {
-    let half_angle = prop_oneof![Just(0.0), 0.0..PI, Just(FRAC_PI_2), Just(PI)];
+    let half_angle = prop_oneof![
+        Just(0.0),
+        0.0..0.02,
+        0.0..0.6,
+        0.0..PI,
+        PI - 0.02..PI,
+        Just(FRAC_PI_2),
+        Just(PI)
+    ];
     (
         -PI..=PI,
         half_angle,
