@@ -138,9 +138,8 @@ pub fn relative_distance(distance: f64, mean_distance: f64) -> Option<f64> {
 fn distances(behaviours: &Behaviours, behaviour: &[f64]) -> Result<Vec<f64>, Misfit> {
     let mut own = Behaviours::new(behaviours.dims());
     own.push(behaviour)?;
-    let own = own.point(0);
     Ok((0..behaviours.len())
-        .map(|place| (behaviours.point(place) - own).norm())
+        .map(|place| behaviours.squared_distance_to(place, behaviour).sqrt())
         .collect())
 }
 

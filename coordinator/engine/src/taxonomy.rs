@@ -31,7 +31,7 @@ pub struct Taxonomy {
     pub clusters: Vec<u32>,
     /// Sum over the archive of the distance to the nearest medoid.
     pub loss: f64,
-    /// For each individual by index, the number of its trials that are nearer to its own medoid than to any other; empty if
+    /// For each individual by index, the number of its trials to which no other medoid is nearer than its own; empty if
     /// individuals have one trial.
     pub robust_trials: Vec<u8>,
 }

@@ -106,7 +106,7 @@ pub struct Entry {
     pub embedding: Vec<f32>,
     /// Its trials; none if it has only one.
     pub trials: Vec<TrialEntry>,
-    /// Robustness: the share of its trials that are nearer to its own medoid than to any other, 0 to 1; `None` if it has one
+    /// Robustness: the share of its trials to which no other medoid is nearer than its own, 0 to 1; `None` if it has one
     /// trial.
     pub robustness: Option<f64>,
     /// Novelty when evaluated: mean distance to its nearest neighbours in the archive as it stood after its generation, in the

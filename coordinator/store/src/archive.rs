@@ -51,7 +51,7 @@ pub struct StoredTaxonomy {
     pub loss: f64,
     /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
     pub measures: Vec<ClusterMeasures>,
-    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; empty if individuals
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
     /// have one trial.
     pub robust_trials: Vec<u8>,
 }

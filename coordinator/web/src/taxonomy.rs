@@ -123,7 +123,7 @@ fn card(
                 div { dt { "Generation" } dd { (grouped(medoid.individual.generation.into())) } }
                 div { dt { "Novelty" } dd { (format!("{:.4}", medoid.novelty)) } }
                 @if let Some(robust) = robust {
-                    div title="Trials of this individual that are nearer to this behaviour than to any other on this page" {
+                    div title="Trials of this individual to which no other behaviour on this page is nearer than this one" {
                         dt { "Robustness" }
                         dd { (robust) " of " (record.spec.starts().get()) " starts" }
                     }

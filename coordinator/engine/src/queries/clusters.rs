@@ -22,7 +22,7 @@ pub struct Clustered {
     pub clustering: Clustering,
     /// Whether they are the taxonomy's.
     pub is_taxonomy: bool,
-    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; empty if individuals
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
     /// have one trial, or these are not the taxonomy's clusters.
     pub robust_trials: Vec<u8>,
 }

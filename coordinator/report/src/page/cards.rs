@@ -130,8 +130,8 @@ fn of_cluster(report: &Report, place: usize) -> String {
 
 fn robust(report: &Report, place: usize) -> String {
     format!(
-        "Trials of this individual that are nearer to this behaviour than to any other on this page; and, of all individuals in its \
-         cluster, {} of the trials",
+        "Trials of this individual to which no other behaviour on this page is nearer than this one. The mean robustness of its \
+         cluster is {}",
         of_cluster(report, place)
     )
 }

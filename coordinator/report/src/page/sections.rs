@@ -339,8 +339,8 @@ pub(super) fn reading(report: &Report) -> Markup {
                     starts => { (entry("Robustness", html! {
                         "Each controller was simulated from " (starts) " starts. Its features "
                         @if report.spec.method().embeds() { "and its embedding are means over these trials" } @else { "are means over these trials" }
-                        "; its picture and its motion are of the first. Robustness is the share of its trials that are nearer to its own "
-                        "behaviour than to any other on this page. A low value means that the start, or noise, decides what the swarm does."
+                        "; its picture and its motion are of the first. Robustness is the share of its trials to which no "
+                        "other behaviour on this page is nearer than its own. A low value means that the start, or noise, decides what the swarm does."
                     })) },
                 }
             }

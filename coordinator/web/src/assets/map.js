@@ -67,7 +67,7 @@ function colouring() {
       for (const robust of points.robust) counts[robust]++;
       const mark = (count, robust) => [
         `#${shade(robust / points.starts).toString(16).padStart(6, "0")}`,
-        `${robust} of ${points.starts} trials nearest to their own medoid`,
+        `${robust} of ${points.starts} trials nearest to the individual's medoid`,
         count,
       ];
       return { of, entries: counts.map(mark) };

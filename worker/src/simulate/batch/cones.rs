@@ -39,8 +39,16 @@ const SMALLEST_SINE: f64 = 0.01;
 pub(super) struct Cones<S: Simd, const SENSORS: usize> {
     cones: [Cone<S>; SENSORS],
     radius: f64,
-    /// How far the apexes are moved back at most; `None` where only the definition decides.
-    furthest_back: Option<f64>,
+    /// The same cones with their apexes further back; `None` where only the definition decides.
+    moved: Option<Moved<SENSORS>>,
+}
+
+/// Cones whose apexes are moved back.
+#[derive(Debug, Clone)]
+struct Moved<const SENSORS: usize> {
+    openings: [Opening; SENSORS],
+    /// How far the apexes are moved back at most.
+    furthest: f64,
 }
 
 /// One sensor: all lanes have its shape, and each its direction.
@@ -49,7 +57,6 @@ struct Cone<S: Simd> {
     /// One of the lanes, for what they have in common.
     eye: Eye,
     edges: [Planar<S>; 2],
-    opening: Opening,
     /// What is added to e.e - rho^2 so that it is negative within range.
     range: Option<f64>,
 }
@@ -67,14 +74,6 @@ struct Opening {
 }
 
 impl Opening {
-    const NONE: Self = Self {
-        back: 0.0,
-        outside: 0.0,
-        along: 0.0,
-        constant: 0.0,
-        tip: None,
-    };
-
     /// That of cones of this half-angle, for bodies of this radius; `None` where the apex would be too far back.
     fn new(half_angle: f64, radius: f64) -> Option<Self> {
         let square = radius * radius;
@@ -102,6 +101,19 @@ impl Opening {
             constant: opening * (square - back * back),
             tip: has_tip.then(|| [-radius, radius * back - square]),
         })
+    }
+}
+
+impl<const SENSORS: usize> Moved<SENSORS> {
+    /// Those of these sensors, for bodies of this radius; `None` where an apex would be too far back.
+    fn new(sensors: &[Sensor; SENSORS], radius: f64) -> Option<Self> {
+        let openings: Option<Vec<_>> = sensors
+            .iter()
+            .map(|sensor| Opening::new(sensor.half_angle(), radius))
+            .collect();
+        let openings: [Opening; SENSORS] = openings?.try_into().ok()?;
+        let furthest = openings.iter().map(|opening| opening.back).fold(0.0, f64::max);
+        Some(Self { openings, furthest })
     }
 }
 
@@ -133,9 +145,6 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
     pub(super) fn new(simd: S, robot: &Robot, angles: &[Vec<f64>]) -> Option<Self> {
         let sensors: &[Sensor; SENSORS] = robot.sensors().try_into().ok()?;
         let radius = robot.radius();
-        let openings = sensors
-            .each_ref()
-            .map(|sensor| Opening::new(sensor.half_angle(), radius));
         let cone = |s: usize| {
             let sensor = &sensors[s];
             let eyes = angles.iter().map(|angles| Eye::new(sensor, angles[s]));
@@ -143,18 +152,13 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             Cone {
                 eye: Eye::new(sensor, 0.0),
                 edges: [edge(0), edge(1)],
-                // Not looked at where there is none.
-                opening: openings[s].unwrap_or(Opening::NONE),
                 range: sensor.range().map(|range| radius * radius - range * range),
             }
         };
-        let back = openings.iter().map(|opening| opening.map(|opening| opening.back));
         Some(Self {
             cones: std::array::from_fn(cone),
             radius,
-            furthest_back: back
-                .collect::<Option<Vec<_>>>()
-                .map(|all| all.into_iter().fold(0.0, f64::max)),
+            moved: Moved::new(sensors, radius),
         })
     }
 
@@ -182,7 +186,8 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         others: &[Aligned<Planar<S>>],
         far: S::f64s,
     ) -> Option<Seen<S, SENSORS>> {
-        let margin = self.margin(simd, far)?;
+        let moved = self.moved.as_ref()?;
+        let margin = self.margin(simd, far, moved.furthest);
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
         let mut backwards = viewer.middles;
@@ -197,8 +202,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             let e = minus(simd, other.0, viewer.at);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
-            for ((cone, middle), deepest) in self.cones.iter().zip(&backwards).zip(&mut deepest) {
-                let beyond = cone.beyond(simd, e, *middle, (outside, size));
+            for (s, deepest) in deepest.iter_mut().enumerate() {
+                let (cone, opening) = (&self.cones[s], &moved.openings[s]);
+                let beyond = cone.beyond(simd, opening, e, backwards[s], (outside, size));
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
@@ -219,14 +225,14 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// A number of [`Cone::beyond`] below this decides nothing, where no coordinate is over `far`; `None` where none does.
+    /// A number of [`Cone::beyond`] below this decides nothing, where no coordinate is over `far` and no apex is moved back
+    /// by more than `back`.
     ///
     /// What rounding and headings put into the distance from an edge of the cone is at most `ROUNDING (rho + far + far^2 / rho)`:
     /// the definition squares it. The number is that distance times the distance from the other edge, which is at most |e'|,
     /// 3 far + k; 4 times that leaves room. The number itself is rounded in squares of far + k.
     #[inline(always)]
-    fn margin(&self, simd: S, far: S::f64s) -> Option<S::f64s> {
-        let back = self.furthest_back?;
+    fn margin(&self, simd: S, far: S::f64s, back: f64) -> S::f64s {
         let constant = simd.splat_f64s(ROUNDING * self.radius);
         let linear = simd.splat_f64s(ROUNDING);
         let square = simd.splat_f64s(ROUNDING / self.radius);
@@ -234,7 +240,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let across = simd.mul_add_e_f64s(far, simd.splat_f64s(12.0), simd.splat_f64s(4.0 * back));
         let reach = simd.add_f64s(far, simd.splat_f64s(back));
         let own = simd.mul_f64s(simd.mul_f64s(reach, reach), linear);
-        Some(simd.mul_add_e_f64s(beside, across, own))
+        simd.mul_add_e_f64s(beside, across, own)
     }
 
     /// The look by the operations that the definition has.
@@ -308,11 +314,11 @@ impl<S: Simd> Cone<S> {
     fn beyond(
         &self,
         simd: S,
+        opening: &Opening,
         e: Planar<S>,
         backwards: Planar<S>,
         (outside, size): (S::f64s, S::f64s),
     ) -> S::f64s {
-        let opening = &self.opening;
         let apex = simd.splat_f64s(-opening.back);
         // -a', so that one operation subtracts its square.
         let behind = simd.mul_add_e_f64s(e[0], backwards[0], simd.mul_add_e_f64s(e[1], backwards[1], apex));
