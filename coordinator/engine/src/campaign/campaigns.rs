@@ -7,7 +7,7 @@ use super::{
     preconditions::check_simulator,
     registry::{AtWork, Deciding, Registry, Snapshot},
     run,
-    run_handle::{Progress, RunHandle},
+    run_handle::{Progress, RunHandle, held_up_by},
 };
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
 use murmuration_dispatch::Trainers;
@@ -306,7 +306,7 @@ impl Campaigns {
             arrived: if active { progress.arrived } else { 0 },
             per_second: if active { progress.per_second } else { 0.0 },
             training: progress.training.filter(|_| active),
-            waiting: progress.waiting.filter(|_| active),
+            waiting: held_up_by(progress.disk, progress.waiting).filter(|_| active),
             workers: *self.context.dispatch.workers().borrow(),
             trainers: *self.context.trainers.connected().borrow(),
             notices,

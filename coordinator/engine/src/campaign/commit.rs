@@ -1,6 +1,6 @@
 //! Writing what a stage has come to, however long the disk takes.
 
-use super::{CampaignError, context::StageContext, run_handle::RunHandle};
+use super::{CampaignError, context::StageContext, run_handle::CommitHandle};
 use crate::blocking::blocking;
 use backon::{BackoffBuilder as _, ExponentialBuilder};
 use murmuration_store::Store;
@@ -16,7 +16,7 @@ impl StageContext {
     /// stop while it waits; then nothing has changed.
     pub(super) async fn commit<T: Send + 'static, E: Into<CampaignError> + Send + 'static>(
         &self,
-        handle: &RunHandle,
+        handle: &CommitHandle,
         change: impl Fn(&Store) -> Result<T, E> + Send + Sync + 'static,
     ) -> Result<Option<T>, CampaignError> {
         let change = Arc::new(change);
@@ -29,14 +29,14 @@ impl StageContext {
             let (store, once) = (self.store.clone(), change.clone());
             let error = match blocking(move || once(&store)).await?.map_err(Into::into) {
                 Ok(made) => {
-                    handle.waiting(None);
+                    handle.refused(None);
                     return Ok(Some(made));
                 }
                 Err(error) if error.may_pass() => error.to_string(),
                 Err(error) => return Err(error),
             };
             tracing::warn!(error, "waits for the disk");
-            handle.waiting(Some(error));
+            handle.refused(Some(error));
             tokio::select! {
                 () = handle.stopped() => return Ok(None),
                 () = tokio::time::sleep(pauses.next().unwrap_or(LAST_PAUSE)) => {}

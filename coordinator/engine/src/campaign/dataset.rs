@@ -53,10 +53,10 @@ pub(super) async fn collect(
         let count = pictures.len() as u64;
         let (id, place) = (id.clone(), chunk.start * starts);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if context.commit(handle, add).await?.is_none() {
+        if context.commit(&handle.commit_handle(), add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
-        handle.committed(count);
+        handle.done(count);
         next = chunk.end;
     }
     Ok(Outcome::Done)

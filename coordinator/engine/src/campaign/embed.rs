@@ -74,16 +74,16 @@ pub(super) async fn embed(
         let count = embeddings.len() as u64;
         let of = id.clone();
         let add = move |store: &Store| store.add_embeddings(&of, embedded, &embeddings, &provenance);
-        if context.commit(handle, add).await?.is_none() {
+        if context.commit(&handle.commit_handle(), add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
         embedded += count;
-        handle.committed(count);
+        handle.done(count);
     }
     let (store, of, interrupt) = (context.store.clone(), id.clone(), handle.interrupt().clone());
     let measured = blocking(move || measure(&store, &of, &spec, embedder.dimensions, &interrupt)).await??;
     let switched = context
-        .commit(handle, move |store| store.switch(&id, &measured))
+        .commit(&handle.commit_handle(), move |store| store.switch(&id, &measured))
         .await?;
     Ok(Outcome::of(switched))
 }

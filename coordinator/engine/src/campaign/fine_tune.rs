@@ -45,7 +45,9 @@ pub(super) async fn fine_tune(
         return Ok(Outcome::Stopped);
     };
     let finish = move |store: &Store| store.finish_round(&record.id, checkpoint);
-    Ok(Outcome::of(context.commit(handle, finish).await?))
+    Ok(Outcome::of(
+        context.commit(&handle.commit_handle(), finish).await?,
+    ))
 }
 
 async fn read(
@@ -90,7 +92,7 @@ async fn further_starts(
         });
         let (id, count) = (record.id.clone(), pictures.len() as u64);
         let add = move |store: &Store| store.add_pictures(&id, place, &pictures, &provenance);
-        if context.commit(handle, add).await?.is_none() {
+        if context.commit(&handle.commit_handle(), add).await?.is_none() {
             return Ok(Outcome::Stopped);
         }
         place += count;

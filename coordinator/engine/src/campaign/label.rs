@@ -32,7 +32,7 @@ pub(super) async fn label(
     let request = RequestId::of_round(record.rounds.done + 1);
     let id = record.id.clone();
     let answer = move |store: &Store| store.answer_round(&id, &request, answers.clone());
-    if context.commit(handle, answer).await?.is_none() {
+    if context.commit(&handle.commit_handle(), answer).await?.is_none() {
         return Ok(Outcome::Stopped);
     }
     let store = context.store.clone();

@@ -24,5 +24,5 @@ pub(super) async fn pretrain(
         return Ok(Outcome::Stopped);
     };
     let begin = move |store: &Store| store.move_to(&record.id, checkpoint);
-    Ok(Outcome::of(context.commit(handle, begin).await?))
+    Ok(Outcome::of(context.commit(&handle.commit_handle(), begin).await?))
 }

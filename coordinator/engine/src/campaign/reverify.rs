@@ -63,13 +63,15 @@ pub(super) async fn reverify(
         let results = counted(suspects.len() as u64, "result");
         let said = format!("{begins}: none of {results} was wrong");
         let confirm = move |store: &Store| store.confirm(&id, &suspects.machines, &said);
-        return Ok(Outcome::of(context.commit(handle, confirm).await?));
+        return Ok(Outcome::of(
+            context.commit(&handle.commit_handle(), confirm).await?,
+        ));
     };
     let rollback = rollback(context, record, wrong, names.join(", ")).await?;
     let said = format!("{begins}: {}", rollback.because_of(wrong));
     tracing::warn!(campaign = %record.id, "{said}");
     let apply = move |store: &Store| rollback.apply(store, &id, &said);
-    Ok(Outcome::of(context.commit(handle, apply).await?))
+    Ok(Outcome::of(context.commit(&handle.commit_handle(), apply).await?))
 }
 
 /// The first result that others find to be different; `None` outside if the campaign is to stop.

@@ -96,7 +96,7 @@ async fn suspects(
         return Ok(Some((Suspects::default(), seen)));
     }
     let remember = move |store: &Store| store.quarantine(&quarantined);
-    if context.commit(handle, remember).await?.is_none() {
+    if context.commit(&handle.commit_handle(), remember).await?.is_none() {
         return Ok(None);
     }
     let (store, id) = (context.store.clone(), id.clone());

@@ -58,7 +58,7 @@ impl Hands {
     }
 }
 
-/// What a job waits for: workers or trainers that are missing, and what there was before they were.
+/// What a job waits for: workers, trainers or a disk, and what else there is to say.
 pub(super) fn held_up_by(missing: Option<String>, trouble: Option<String>) -> Option<String> {
     match (missing, trouble) {
         (Some(missing), Some(trouble)) => Some(format!("{missing} ({trouble})")),
@@ -73,10 +73,36 @@ pub(super) struct Progress {
     pub(super) arrived: u32,
     pub(super) per_second: f64,
     pub(super) training: Option<v1::TrainingProgress>,
-    /// What it waits for before it goes on by itself.
+    /// What it waits for before it goes on by itself, but for the disk.
     pub(super) waiting: Option<String>,
+    /// Why the disk refused what is to be written, if it did; that is tried again.
+    pub(super) disk: Option<String>,
     /// Why it failed, also where the store could not record that.
     pub(super) failed: Option<String>,
+}
+
+/// What a commit needs of a [`RunHandle`]; commits may run beside what the campaign does next.
+#[derive(Debug, Clone)]
+pub(super) struct CommitHandle {
+    progress: watch::Sender<Progress>,
+    stopped: watch::Receiver<bool>,
+}
+
+impl CommitHandle {
+    /// Whether the disk refuses what is to be written, and why.
+    pub(super) fn refused(&self, why: Option<String>) {
+        self.progress.send_if_modified(|progress| {
+            let changes = progress.disk != why;
+            progress.disk = why;
+            changes
+        });
+    }
+
+    /// Resolves when the campaign is to stop.
+    pub(super) async fn stopped(&self) {
+        // Whoever could have said stop is gone: stop.
+        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
+    }
 }
 
 /// A campaign's end of the line.
@@ -88,8 +114,8 @@ pub(super) struct RunHandle {
     workers: Hands,
     /// Ends what the campaign computes, when it is to stop.
     interrupt: Interrupt,
-    /// What of this stage is on disk, as far as it was done by this process.
-    committed: u64,
+    /// What of this stage this process has done, without the job at hand.
+    done: u64,
     /// What of this stage was done by when, over the last [`RATE_SPAN`].
     history: VecDeque<(Instant, u64)>,
 }
@@ -106,14 +132,14 @@ impl RunHandle {
             stopped,
             workers: Hands::workers(workers),
             interrupt,
-            committed: 0,
+            done: 0,
             history: VecDeque::new(),
         }
     }
 
     /// Another stage begins.
     pub(super) fn begin(&mut self) {
-        self.committed = 0;
+        self.done = 0;
         self.history.clear();
         self.progress.send_modify(|progress| {
             *progress = Progress {
@@ -123,9 +149,9 @@ impl RunHandle {
         });
     }
 
-    /// A further `count` of what this stage does are on disk.
-    pub(super) fn committed(&mut self, count: u64) {
-        self.committed += count;
+    /// A further `count` of what this stage does are done.
+    pub(super) fn done(&mut self, count: u64) {
+        self.done += count;
         self.progress.send_modify(|progress| progress.arrived = 0);
     }
 
@@ -154,10 +180,12 @@ impl RunHandle {
         &self.interrupt
     }
 
-    /// Resolves when the campaign is to stop.
-    pub(super) async fn stopped(&self) {
-        // Whoever could have said stop is gone: stop.
-        let _ = self.stopped.clone().wait_for(|&stopped| stopped).await;
+    /// What a commit needs of it.
+    pub(super) fn commit_handle(&self) -> CommitHandle {
+        CommitHandle {
+            progress: self.progress.clone(),
+            stopped: self.stopped.clone(),
+        }
     }
 
     /// Awaits what `begin` starts, telling meanwhile how far it is and what holds it up. `None` if the campaign is to stop; only
@@ -190,7 +218,7 @@ impl RunHandle {
     }
 
     fn count(&mut self, arrived: u32, now: Instant) {
-        let total = self.committed + u64::from(arrived);
+        let total = self.done + u64::from(arrived);
         // Results of a worker that was found wrong count no more: the rate is measured anew from what is left.
         self.history.retain(|&(_, before)| before <= total);
         self.history.push_back((now, total));

@@ -4,12 +4,11 @@ use super::{
     CampaignError,
     context::{Outcome, StageContext},
     evaluate::{Done, Placed, evaluate},
-    metrics::CampaignMetrics,
-    run_handle::RunHandle,
+    run_handle::{CommitHandle, RunHandle},
 };
 use crate::{blocking::blocking, taxonomy};
 use murmuration_dispatch::EvaluationJob;
-use murmuration_model::{CampaignRecord, EmbedderRef};
+use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
 use murmuration_proto::{Evaluation, Method, Purpose, RandomStream, Starts};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
@@ -35,7 +34,6 @@ struct Generation {
 /// A campaign's search between two generations: a function of its specification, its embedder and its archive.
 struct Search {
     store: Store,
-    metrics: CampaignMetrics,
     /// Ends what it computes.
     interrupt: Interrupt,
     campaign: Arc<CampaignRecord>,
@@ -49,7 +47,7 @@ struct Search {
 }
 
 /// Searches from where the archive ends to the last generation, or until further workers than the first `seen` are found
-/// wrong.
+/// wrong. A generation is committed while the next is evaluated, and none before the one before it.
 pub(super) async fn evolve(
     context: &StageContext,
     record: CampaignRecord,
@@ -59,13 +57,13 @@ pub(super) async fn evolve(
     let generations = record.generations();
     let mut search = restore(context, record, handle).await?;
     let quarantined = context.dispatch.quarantined();
+    let mut uncommitted = None;
     loop {
+        let id = search.campaign.id.clone();
+        let committed = commit(context.clone(), handle.commit_handle(), id, uncommitted.take());
         // What they did may be in this archive: that is looked at between stages.
-        if quarantined.borrow().len() != seen {
-            return Ok(Outcome::Done);
-        }
-        if search.next_generation >= generations {
-            return Ok(Outcome::Done);
+        if quarantined.borrow().len() != seen || search.next_generation >= generations {
+            return Ok(Outcome::of(committed.await?));
         }
         let (unchanged, proposal) = blocking(move || {
             let proposal = search.propose();
@@ -79,29 +77,40 @@ pub(super) async fn evolve(
         let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {
             search.substitute(place, attempt)
         });
-        let Some(done) = evaluated.await? else {
+        let (committed, evaluated) = tokio::join!(committed, evaluated);
+        let (Some(()), Some(done)) = (committed?, evaluated?) else {
             return Ok(Outcome::Stopped);
         };
-        let count = done.evaluations.len() as u64;
+        handle.done(done.evaluations.len() as u64);
         let (absorbed, generation) = blocking(move || search.absorb(proposal.filtered, done)).await??;
         search = absorbed;
-        let (id, metrics) = (search.campaign.id.clone(), search.metrics.clone());
-        let commit = move |store: &Store| {
-            let begun = Instant::now();
-            let Generation {
-                record,
-                individuals,
-                provenance,
-            } = &generation;
-            store.commit_generation(&id, record, individuals, provenance)?;
-            metrics.generation_committed(begun.elapsed());
-            Ok::<_, StoreError>(())
-        };
-        if context.commit(handle, commit).await?.is_none() {
-            return Ok(Outcome::Stopped);
-        }
-        handle.committed(count);
+        uncommitted = Some(generation);
     }
+}
+
+/// Commits a generation, if there is one. `None` if the campaign is to stop before the disk takes it.
+async fn commit(
+    context: StageContext,
+    handle: CommitHandle,
+    campaign: CampaignId,
+    generation: Option<Generation>,
+) -> Result<Option<()>, CampaignError> {
+    let Some(generation) = generation else {
+        return Ok(Some(()));
+    };
+    let metrics = context.metrics.clone();
+    let commit = move |store: &Store| {
+        let begun = Instant::now();
+        let Generation {
+            record,
+            individuals,
+            provenance,
+        } = &generation;
+        store.commit_generation(&campaign, record, individuals, provenance)?;
+        metrics.generation_committed(begun.elapsed());
+        Ok::<_, StoreError>(())
+    };
+    context.commit(&handle, commit).await
 }
 
 /// Clusters the archive and completes the campaign; whether that is so, see [`Store::complete`]. `None` if the campaign is
@@ -120,7 +129,7 @@ pub(super) async fn complete(
     };
     let (taxonomy, measures, robust_trials) = blocking(clustered).await??;
     let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures, &robust_trials);
-    context.commit(handle, complete).await
+    context.commit(&handle.commit_handle(), complete).await
 }
 
 /// A trial, as it is stored.
@@ -155,7 +164,6 @@ async fn restore(
         parents: Vec::new(),
         next_generation: record.generations_done,
         store: context.store.clone(),
-        metrics: context.metrics.clone(),
         interrupt: handle.interrupt().clone(),
         campaign: Arc::new(record),
         embedder,
@@ -280,7 +288,7 @@ impl Search {
         Ok((self, generation))
     }
 
-    /// For each individual, the number of its trials that are nearer to its own medoid than to any other; nothing where
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; nothing where
     /// individuals have one trial.
     fn robust_trials(&self, taxonomy: &Clustering) -> Result<Vec<u8>, CampaignError> {
         let (spec, len) = (&self.campaign.spec, self.campaign.individuals());

@@ -38,12 +38,13 @@ pub(super) async fn train(
         let job_progress = Arc::<JobProgress>::default();
         let training = context.trainers.train(job, job_progress.clone());
         tokio::pin!(training);
+        let stopped = handle.commit_handle();
         let mut trainers = Hands::trainers(context.trainers.connected());
         let mut tick = tokio::time::interval(COUNTING_INTERVAL);
         loop {
             tokio::select! {
                 biased;
-                () = handle.stopped() => break None,
+                () = stopped.stopped() => break None,
                 checkpoint = &mut training => break Some(checkpoint),
                 Ok(()) = reports.changed() => {
                     let told = *reports.borrow_and_update();

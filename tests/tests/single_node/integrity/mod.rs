@@ -164,7 +164,9 @@ async fn generations_that_a_worker_found_wrong_had_a_part_in_are_done_again() {
     tell_lies(&mut liar, 20).await;
     // Nobody has noticed: the next generation is bred from lies.
     let (lease, batch) = liar.lease(20).await;
-    assert_eq!(cluster.status(&campaign).await.generations_done, 1);
+    cluster
+        .watch_until(&campaign, |status| status.generations_done == 1)
+        .await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);
     let said =
@@ -196,8 +198,9 @@ async fn a_completed_campaign_is_made_anew_when_one_of_its_workers_is_found_wron
     let campaign = cluster.create(&spec).await;
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     tell_lies(&mut liar, 20).await;
-    // A further lease shows that the lies are in the archive.
-    liar.lease(20).await;
+    cluster
+        .watch_until(&campaign, |status| status.generations_done == 1)
+        .await;
     drop(liar);
     let worker = Honest::join(&cluster, folder.path(), 3);
     cluster.finish(&campaign).await;
