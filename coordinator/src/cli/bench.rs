@@ -4,6 +4,7 @@ mod all;
 mod cluster;
 mod cpu_time;
 mod labels;
+mod pipeline;
 
 use super::{
     CliError, Global, json,
@@ -36,6 +37,8 @@ pub(super) enum Bench {
     },
     /// Measure a campaign with its coordinator against its evaluations alone, and the coordinator alone
     Cluster(cluster::ClusterBench),
+    /// Measure where the time of a latent campaign goes, from its dataset to its taxonomy
+    Pipeline(pipeline::PipelineBench),
     /// Measure the time of a training step and epoch on all cores, and peak memory
     Train {
         /// Number of behaviours to train on; a campaign trains on 10,000
@@ -53,6 +56,7 @@ impl Bench {
             Self::All(all) => all.execute(as_json).await,
             Self::Simulate { seconds } => simulations(seconds, as_json),
             Self::Cluster(cluster) => cluster.execute(global).await,
+            Self::Pipeline(pipeline) => pipeline.execute(global).await,
             Self::Train { behaviours } => trainings(behaviours, as_json),
             Self::Labels(labels) => labels.execute(as_json),
         }

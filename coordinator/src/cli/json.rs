@@ -19,8 +19,8 @@ pub(super) use machines::{
     Certificate, Certificates, LiftedQuarantine, Quarantine, QuarantinedMachine, Token,
 };
 pub(super) use measures::{
-    Accuracy, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain, FilterScore, Judge, Machine,
-    PatternCounts, Set, UntrainedAccuracy,
+    Accuracy, BenchAll, BenchCluster, BenchLabels, BenchPipeline, BenchSimulate, BenchTrain, FilterScore,
+    Judge, Machine, PatternCounts, Set, UntrainedAccuracy,
 };
 pub(super) use recognised::{Behaviour, Neighbour, Recognised};
 pub(super) use robots::{ExportedController, Robots};

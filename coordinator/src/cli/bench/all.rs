@@ -2,6 +2,7 @@
 
 mod evaluations;
 mod machine;
+mod medoids;
 mod novelty;
 mod peer;
 mod training;
@@ -12,6 +13,7 @@ use super::{
         table::{Table, left, right},
     },
     cluster::ClusterBench,
+    pipeline::PipelineBench,
     span,
 };
 use json::Machine;
@@ -26,8 +28,8 @@ A short form of what the other benchmarks measure, a row an item, with its peer 
 divided by the peer's; figures of one thread are CPU time, and each is the best of its rounds.
 
 The peers of simulation and training are a loop in numba and a step in PyTorch, which Python runs (option --python). Where \
-Python lacks them the row has \"-\". A campaign's peer is the same evaluations in a plain loop, and that of novelty is brute \
-force. Null evaluations have peers in benches/null_tasks_beside_dask_and_ray.py, novelty has a further one in \
+Python lacks them the row has \"-\". A campaign's peer is the same evaluations in a plain loop; that of a latent campaign has nothing \
+to train. The peer of novelty is brute force, and that of k-medoids FasterPAM on the whole archive. Null evaluations have peers in benches/null_tasks_beside_dask_and_ray.py, novelty has a further one in \
 benches/novelty_against_scikit_learn.py.
 
 The floor is what one result takes at least, counted by hand: docs/performance.md says how.
@@ -35,7 +37,8 @@ The floor is what one result takes at least, counted by hand: docs/performance.m
 Example:
   murmuration bench all --seconds 0.1")]
 pub(in crate::cli) struct AllBench {
-    /// Seconds that each measurement takes; the campaigns have 10 generations for each second, and at most 100
+    /// Seconds that each measurement takes; campaigns have 10 generations for each second, and at most 100, and the dataset of the
+    /// latent one 200 controllers
     #[arg(long, default_value_t = 5.0)]
     seconds: f64,
     /// Python that has the peers numba and torch
@@ -46,7 +49,7 @@ pub(in crate::cli) struct AllBench {
 /// What was measured, in results a second.
 #[derive(Debug)]
 struct Row {
-    item: &'static str,
+    item: String,
     unit: &'static str,
     ours: f64,
     peer: Option<f64>,
@@ -68,7 +71,7 @@ impl Row {
 
     fn document(&self, machine: &Machine) -> json::BenchAll {
         json::BenchAll {
-            item: self.item,
+            item: self.item.clone(),
             unit: self.unit,
             ours: self.ours,
             peer: self.peer,
@@ -83,7 +86,7 @@ impl Row {
     fn cells(&self) -> [String; 7] {
         let or_none = |cell: Option<String>| cell.unwrap_or_else(|| "-".to_owned());
         [
-            self.item.to_owned(),
+            self.item.clone(),
             self.unit.to_owned(),
             rate(self.ours),
             or_none(self.peer.map(rate)),
@@ -119,8 +122,10 @@ impl AllBench {
         for row in self.cluster().await? {
             printed.tell(&row)?;
         }
+        printed.tell(&self.pipeline().await?)?;
         printed.tell(&training::row(span, &self.python)?)?;
         printed.tell(&novelty::row(span)?)?;
+        printed.tell(&medoids::row(span)?)?;
         printed.end()?;
         if printed.misses_a_peer {
             errln!(
@@ -132,13 +137,28 @@ impl AllBench {
         Ok(())
     }
 
+    async fn pipeline(&self) -> Result<Row, CliError> {
+        let controllers = (200.0 * self.seconds).clamp(100.0, 10_000.0) as u32;
+        let generations = (controllers / 100).max(1);
+        let measured = PipelineBench::short(controllers, generations).measure().await?;
+        let [pipeline, plain] = measured.rates();
+        Ok(Row {
+            item: "latent campaign from nothing".to_owned(),
+            unit: "simulations/s",
+            ours: pipeline,
+            peer: Some(plain),
+            peer_name: Some("plain loop"),
+            floor: None,
+        })
+    }
+
     async fn cluster(&self) -> Result<[Row; 2], CliError> {
         let generations = (10.0 * self.seconds).clamp(1.0, 100.0) as u32;
         let cluster = ClusterBench::short(generations, generations);
         let [campaign, plain] = cluster.campaign_and_loop().await?;
         let null = cluster.null_results().await?;
         let campaign = Row {
-            item: "campaign, two workers",
+            item: "campaign, two workers".to_owned(),
             unit: "evaluations/s",
             ours: campaign,
             peer: Some(plain),
@@ -146,7 +166,7 @@ impl AllBench {
             floor: None,
         };
         let null = Row {
-            item: "coordinator, null evaluations",
+            item: "coordinator, null evaluations".to_owned(),
             unit: "results/s of CPU",
             ours: null,
             peer: None,

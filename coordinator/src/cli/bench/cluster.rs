@@ -14,11 +14,11 @@ use super::{
     cpu_time::CpuTime,
 };
 use crate::{cli::Global, local::InProcess};
-use campaign::{BenchCampaign, Finished};
+pub(super) use campaign::{BenchCampaign, Finished};
 use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
-use plain_loop::PlainLoop;
+pub(super) use plain_loop::PlainLoop;
 use std::{path::PathBuf, time::Duration};
 
 /// Arguments of `bench cluster`.
@@ -53,11 +53,11 @@ pub(in crate::cli) struct ClusterBench {
     checkpoint: Option<PathBuf>,
 }
 
-/// How long some evaluations took.
-#[derive(Debug, Clone, Copy)]
+/// How long something took.
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Took {
-    wall: Duration,
-    cpu: CpuTime,
+    pub(super) wall: Duration,
+    pub(super) cpu: CpuTime,
 }
 
 /// The best of several rounds, and how many evaluations each had.

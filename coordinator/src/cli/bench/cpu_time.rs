@@ -31,6 +31,11 @@ impl CpuTime {
         Self(self.0.saturating_sub(other.0))
     }
 
+    /// The sum of both.
+    pub(super) const fn with(self, other: Self) -> Self {
+        Self(self.0.saturating_add(other.0))
+    }
+
     pub(super) fn as_secs_f64(self) -> f64 {
         self.0.as_secs_f64()
     }

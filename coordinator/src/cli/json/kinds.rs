@@ -1,10 +1,10 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain,
-    Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController, FilterScore, Individual,
-    Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run, Token, UntrainedAccuracy,
-    schema_of,
+    Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
+    BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController,
+    FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run,
+    Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -64,6 +64,8 @@ pub(in crate::cli) enum Kind {
     BenchSimulate,
     /// A speed of a cluster: bench cluster
     BenchCluster,
+    /// The time of a stage of a latent campaign: bench pipeline
+    BenchPipeline,
     /// A speed of training: bench train
     BenchTrain,
     /// An accuracy after labels: bench labels
@@ -100,6 +102,7 @@ impl Kind {
             Self::BenchAll => schema_of::<BenchAll>(),
             Self::BenchSimulate => schema_of::<BenchSimulate>(),
             Self::BenchCluster => schema_of::<BenchCluster>(),
+            Self::BenchPipeline => schema_of::<BenchPipeline>(),
             Self::BenchTrain => schema_of::<BenchTrain>(),
             Self::BenchLabels => schema_of::<BenchLabels>(),
         }

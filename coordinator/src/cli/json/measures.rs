@@ -119,7 +119,7 @@ pub(in crate::cli) struct FilterScore {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct BenchAll {
     /// What was measured.
-    pub(in crate::cli) item: &'static str,
+    pub(in crate::cli) item: String,
     /// The unit of `ours` and `peer`.
     pub(in crate::cli) unit: &'static str,
     /// The speed of Murmuration.
@@ -183,6 +183,23 @@ pub(in crate::cli) struct BenchCluster {
     pub(in crate::cli) loop_cpu_seconds_per_result: Option<f64>,
     /// The speed divided by that of the plain loop; null for null evaluations.
     pub(in crate::cli) ratio_to_loop: Option<f64>,
+}
+
+/// The time that a stage of a latent campaign takes.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct BenchPipeline {
+    /// The stage: `dataset`, `pretrain`, `evolve` or `taxonomy`.
+    pub(in crate::cli) stage: &'static str,
+    /// How long it lasted.
+    pub(in crate::cli) seconds: f64,
+    /// CPU time of coordinator, workers and trainer meanwhile.
+    pub(in crate::cli) cpu_seconds: f64,
+    /// Its share of the campaign's time, 0 to 1.
+    pub(in crate::cli) share: f64,
+    /// Simulations of dataset and archive.
+    pub(in crate::cli) simulations: u64,
+    /// How long that many simulations take in a plain loop.
+    pub(in crate::cli) loop_seconds: f64,
 }
 
 /// A speed of training.

@@ -148,7 +148,7 @@ fn every_speed_is_measured_beside_its_peer() {
     let as_json = desk.murmuration.run(&[&arguments[..], &["--json"]].concat());
     Schemas::new(&desk).check("bench-all", &as_json.stdout);
     let rows = as_json.lines();
-    assert_eq!(rows.len(), 8);
+    assert_eq!(rows.len(), 10);
     for row in &rows {
         let figure = |name: &str| row[name].as_f64();
         assert!(figure("ours").unwrap() > 0.0, "{row}");
@@ -158,12 +158,13 @@ fn every_speed_is_measured_beside_its_peer() {
     }
     let beside: Vec<_> = rows.iter().filter(|row| row["ratio"].is_number()).collect();
     let peers: Vec<_> = beside.iter().map(|row| row["peer_name"].as_str()).collect();
-    assert_eq!(peers, [Some("plain loop"), Some("brute force")]);
+    let plain = Some("plain loop");
+    assert_eq!(peers, [plain, plain, Some("brute force"), Some("FasterPAM")]);
     assert!(as_json.stderr.contains("pip install"), "{}", as_json.stderr);
     let table = desk.murmuration.run(&arguments);
     let lines: Vec<&str> = table.stdout.lines().collect();
-    assert_eq!(lines.len(), 10, "{}", table.stdout);
-    assert!(lines[0].starts_with("ITEM ") && lines[9].starts_with("machine: "));
+    assert_eq!(lines.len(), 12, "{}", table.stdout);
+    assert!(lines[0].starts_with("ITEM ") && lines[11].starts_with("machine: "));
     desk.check(&["bench", "all", "--seconds=-1"], 2, "--seconds");
 }
 

@@ -81,7 +81,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 59] = [
+pub const OUTPUTS: [Transcript; 61] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -240,6 +240,25 @@ pub const OUTPUTS: [Transcript; 59] = [
         "bench-simulate-json",
         "bench-simulate",
         &["bench", "simulate", "--seconds", "0.02", "--json"],
+    )
+    .with_figures(),
+    done(
+        "bench-pipeline",
+        &["bench", "pipeline", "--controllers", "100", "--generations", "1"],
+    )
+    .with_figures(),
+    json(
+        "bench-pipeline-json",
+        "bench-pipeline",
+        &[
+            "bench",
+            "pipeline",
+            "--controllers",
+            "100",
+            "--generations",
+            "1",
+            "--json",
+        ],
     )
     .with_figures(),
     done("bench-cluster", &BENCH_CLUSTER).with_figures(),

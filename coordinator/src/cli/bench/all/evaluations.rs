@@ -37,7 +37,7 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
         count: PAIRS * operations_a_pair,
         of: "operations",
     };
-    let mut row = |item, format: &ImageFormat| {
+    let mut row = |item: &str, format: &ImageFormat| {
         let mut evaluator = Evaluator::new(&world, format)?;
         let (ours, peer) = in_turns(span, || {
             let took = evaluated(&mut evaluator, &tasks)?;
@@ -45,7 +45,7 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
         })?;
         let rate = |seconds: f64| CONTROLLERS as f64 / seconds;
         Ok::<_, CliError>(Row {
-            item,
+            item: item.to_owned(),
             unit: "evaluations/s",
             ours: rate(ours),
             peer: peer.map(rate),

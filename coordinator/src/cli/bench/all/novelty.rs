@@ -20,7 +20,7 @@ pub(super) fn row(span: Duration) -> Result<Row, CliError> {
     let (ours, brute_force) = pool.install(|| measured(span))?;
     let rate = |seconds: f64| GENERATION as f64 / seconds;
     Ok(Row {
-        item: "novelty in an archive of 100,000",
+        item: "novelty in an archive of 100,000".to_owned(),
         unit: "individuals/s",
         ours: rate(ours),
         peer: brute_force.map(rate),
@@ -33,7 +33,7 @@ pub(super) fn row(span: Duration) -> Result<Row, CliError> {
 }
 
 fn measured(span: Duration) -> Result<(f64, Option<f64>), CliError> {
-    let behaviours = archive()?;
+    let behaviours = archive(ARCHIVE)?;
     let newest = ARCHIVE - GENERATION..ARCHIVE;
     let mut before = Index::new();
     before.extend(&behaviours.among(&(0..newest.start).collect::<Vec<_>>()));
@@ -47,11 +47,11 @@ fn measured(span: Duration) -> Result<(f64, Option<f64>), CliError> {
     })
 }
 
-/// Clumps of differing width, as an archive has them, of five values each.
-fn archive() -> Result<Behaviours, CliError> {
-    let mut stream = RandomStream::derive(1, Purpose::Start, ARCHIVE as u64);
+/// So many behaviours in clumps of differing width, as an archive has them, of five values each.
+pub(super) fn archive(len: usize) -> Result<Behaviours, CliError> {
+    let mut stream = RandomStream::derive(1, Purpose::Start, len as u64);
     let mut behaviours = Behaviours::new(5);
-    for i in 0..ARCHIVE {
+    for i in 0..len {
         let clump = (i % 12) as f64;
         let behaviour: [f64; 5] = std::array::from_fn(|value| {
             let centre = (clump * (value + 1) as f64 * 0.37) % 1.0;

@@ -17,7 +17,7 @@ fn a_peer_that_is_missing_has_no_figure_and_no_ratio() {
     let least = in_turns(Duration::ZERO, || Ok((0.5, None))).unwrap();
     assert_eq!(least, (0.5, None));
     let row = Row {
-        item: "item",
+        item: "item".to_owned(),
         unit: "steps/s",
         ours: 1234.5,
         peer: least.1,

@@ -24,7 +24,7 @@ pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
         Ok((took, pytorch.as_mut().map(best).transpose()?))
     })?;
     Ok(Row {
-        item: "training step",
+        item: "training step".to_owned(),
         unit: "steps/s",
         ours: ours.recip(),
         peer: peer.map(f64::recip),

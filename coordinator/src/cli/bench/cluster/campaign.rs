@@ -24,22 +24,25 @@ use tempfile::TempDir;
 const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_millis(200));
 
 /// A cluster without campaigns.
-pub(super) struct BenchCampaign {
+pub(in crate::cli::bench) struct BenchCampaign {
     folder: TempDir,
     cluster: LocalCluster,
 }
 
-/// A campaign whose last generation is on disk.
-pub(super) struct Finished {
-    /// From the request to create it to the commit of its last generation.
-    pub(super) took: Took,
+/// A campaign that has come to its end.
+pub(in crate::cli::bench) struct Finished {
+    /// From the request to create it to its end.
+    pub(in crate::cli::bench) took: Took,
     /// What was evaluated, in the order of the archive.
-    pub(super) tasks: Vec<(Controller, Start)>,
+    pub(in crate::cli::bench) tasks: Vec<(Controller, Start)>,
 }
 
 impl BenchCampaign {
     /// Starts a cluster with this crew, which has the checkpoint `model` if there is one.
-    pub(super) async fn start(crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
+    pub(in crate::cli::bench) async fn start(
+        crew: InProcess,
+        model: Option<Vec<u8>>,
+    ) -> Result<Self, CliError> {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
         let options = Options {
@@ -68,23 +71,51 @@ impl BenchCampaign {
 
     /// Runs a campaign up to its last generation, and ends the cluster.
     pub(super) async fn run(self, spec: &CampaignSpec) -> Result<Finished, CliError> {
+        let generations = spec.search().generations();
+        let begun = Instant::now();
+        self.follow(spec, |campaign| {
+            let done = campaign.generations_done;
+            (done < generations).then(|| pause(begun.elapsed(), done, generations))
+        })
+        .await
+    }
+
+    /// Runs a campaign to its taxonomy, and ends the cluster. `saw` hears its stage after each pause.
+    pub(in crate::cli::bench) async fn complete(
+        self,
+        spec: &CampaignSpec,
+        pause: Duration,
+        mut saw: impl FnMut(v1::CampaignStage),
+    ) -> Result<Finished, CliError> {
+        self.follow(spec, |campaign| {
+            saw(campaign.stage());
+            (campaign.state() != v1::CampaignState::Completed).then_some(pause)
+        })
+        .await
+    }
+
+    /// Runs a campaign for as long as `pause` says how long to wait before the next look at its status.
+    async fn follow(
+        self,
+        spec: &CampaignSpec,
+        mut pause: impl FnMut(&v1::Campaign) -> Option<Duration>,
+    ) -> Result<Finished, CliError> {
         let channel = connection::connect(&self.way().url, &self.way().credentials).await?;
         let mut client = CampaignServiceClient::new(channel);
-        let generations = spec.search().generations();
         let (begun, cpu) = (Instant::now(), CpuTime::of_process());
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
             weight: None,
         };
         let mut campaign = client.create_campaign(request).await?.into_inner();
-        while campaign.generations_done < generations {
+        while let Some(pause) = pause(&campaign) {
             if !campaign.active {
                 return Err(CliError::Failed(format!(
                     "the campaign ended early: {}",
                     campaign.error
                 )));
             }
-            tokio::time::sleep(pause(begun.elapsed(), campaign.generations_done, generations)).await;
+            tokio::time::sleep(pause).await;
             let request = v1::GetCampaignRequest {
                 campaign: campaign.id.clone(),
             };

@@ -15,12 +15,16 @@ use std::{
 const AT_ONCE: usize = 64;
 
 /// One evaluator a thread, and one embedder a thread where pictures are embedded.
-pub(super) struct PlainLoop {
+pub(in crate::cli::bench) struct PlainLoop {
     threads: Vec<(Evaluator, Option<Embedder>)>,
 }
 
 impl PlainLoop {
-    pub(super) fn new(spec: &CampaignSpec, model: Option<&[u8]>, threads: usize) -> Result<Self, CliError> {
+    pub(in crate::cli::bench) fn new(
+        spec: &CampaignSpec,
+        model: Option<&[u8]>,
+        threads: usize,
+    ) -> Result<Self, CliError> {
         let thread = |_| {
             let evaluator = Evaluator::new(spec.world(), spec.image())?;
             Ok((evaluator, model.map(embedder).transpose()?))
@@ -30,7 +34,7 @@ impl PlainLoop {
     }
 
     /// Evaluates all tasks.
-    pub(super) fn run(self, tasks: &[(Controller, Start)]) -> Result<Took, CliError> {
+    pub(in crate::cli::bench) fn run(self, tasks: &[(Controller, Start)]) -> Result<Took, CliError> {
         let next = AtomicUsize::new(0);
         let (begun, cpu) = (Instant::now(), CpuTime::of_process());
         thread::scope(|scope| {
