@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/checkpoint.proto",
             "murmuration/v1/trainer.proto",
             "murmuration/v1/label.proto",
+            "murmuration/v1/evaluation.proto",
         ],
         ["."],
     )?;

@@ -24,12 +24,14 @@ use murmuration_proto::{
     FILE_DESCRIPTORS,
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
-        label_service_server::LabelServiceServer, trainer_service_server::TrainerServiceServer,
-        worker_service_server::WorkerServiceServer,
+        evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
+        trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
     },
 };
 use murmuration_search::interrupt::Interrupt;
-use murmuration_service::{CampaignApi, CheckpointApi, LabelApi, Permits, TrainerApi, WorkerApi};
+use murmuration_service::{
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Permits, TrainerApi, WorkerApi,
+};
 use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
@@ -152,12 +154,13 @@ impl Coordinator {
             .register_encoded_file_descriptor_set(FILE_DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
             .build_v1()?;
+        let permits = Permits::default();
         let campaign_api = CampaignApi {
             campaigns: campaigns.clone(),
             store: store.clone(),
             dispatch: dispatch.clone(),
             queries: queries.clone(),
-            permits: Permits::default(),
+            permits: permits.clone(),
         };
         // One for gRPC and pages: no two windows are asked the same, whichever they are of.
         let label_api = LabelApi {
@@ -179,6 +182,7 @@ impl Coordinator {
             WorkerServiceServer::<WorkerApi>::NAME,
             TrainerServiceServer::<TrainerApi>::NAME,
             CheckpointServiceServer::<CheckpointApi>::NAME,
+            EvaluationServiceServer::<EvaluationApi>::NAME,
             LabelServiceServer::<LabelApi>::NAME,
         ];
         let health = readiness.service(&names).await;
@@ -190,6 +194,11 @@ impl Coordinator {
         };
         let services = Services {
             campaigns: campaign_api,
+            evaluations: EvaluationApi {
+                dispatch: dispatch.clone(),
+                checkpoints: checkpoints.clone(),
+                permits,
+            },
             checkpoints: CheckpointApi { checkpoints },
             labels: label_api,
             workers: WorkerApi {

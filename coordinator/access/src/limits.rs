@@ -50,5 +50,7 @@ pub(crate) const MAX_SESSIONS_PER_TOKEN: usize = 32;
 pub const MAX_WATCHES: usize = 1024;
 /// Replays that are simulated or wait to be, at once.
 pub const MAX_REPLAYS: usize = 256;
+/// Searches elsewhere that have controllers evaluated, at once.
+pub const MAX_EVALUATION_STREAMS: usize = 64;
 /// Swarms that the coordinator itself simulates at once, for people who play. Each for two seconds at most.
 pub const MAX_PLAYED: usize = 4;

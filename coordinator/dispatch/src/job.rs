@@ -13,9 +13,9 @@ use tokio::sync::watch;
 /// Controllers to evaluate that share everything but genome and seed.
 #[derive(Debug, Clone)]
 pub struct EvaluationJob {
-    /// Whose they are.
-    pub campaign: CampaignId,
-    /// The campaign's share of the workers.
+    /// Whose they are; `None` if they are of no campaign.
+    pub campaign: Option<CampaignId>,
+    /// Their share of the workers.
     pub weight: Weight,
     /// The capability model of every controller.
     pub model: CapabilityModel,
@@ -35,7 +35,7 @@ impl EvaluationJob {
     /// Controllers, with the seeds of their starts, to simulate once each, in the world and format of this campaign.
     pub fn of(record: &CampaignRecord, embedder: Option<EmbedderRef>, tasks: Vec<(Controller, u64)>) -> Self {
         Self {
-            campaign: record.id.clone(),
+            campaign: Some(record.id.clone()),
             weight: record.weight,
             model: record.spec.model().clone(),
             world: record.spec.world().clone(),

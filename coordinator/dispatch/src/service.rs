@@ -347,7 +347,9 @@ impl Service {
             let Some(content) = self.jobs.get(&job) else {
                 continue;
             };
-            let (id, campaign) = (self.lease_id(lease), content.submitted.campaign().to_string());
+            let id = self.lease_id(lease);
+            let campaign = content.submitted.campaign().map(ToString::to_string);
+            let campaign = campaign.unwrap_or_default();
             let is_training = content.training().is_some();
             if let Some(holder) = self.workers.get_mut(&worker).filter(|_| is_training) {
                 holder.trainings.insert(lease);

@@ -49,7 +49,7 @@ pub(super) struct Closing<'a> {
 /// A job, whatever its work.
 pub(super) trait AnyJob: fmt::Debug + Send {
     fn kind(&self) -> WorkKind;
-    fn campaign(&self) -> &CampaignId;
+    fn campaign(&self) -> Option<&CampaignId>;
     /// How it is to be leased: `audited` says of which tasks a second machine is asked, where any is to be audited.
     fn params(&self, audited: &mut dyn FnMut() -> bool) -> JobParams;
     fn embeds(&self) -> bool;
@@ -108,7 +108,7 @@ impl<W: Work> AnyJob for Submitted<W> {
         W::KIND
     }
 
-    fn campaign(&self) -> &CampaignId {
+    fn campaign(&self) -> Option<&CampaignId> {
         self.work.campaign()
     }
 

@@ -23,8 +23,8 @@ pub(super) trait Work: Debug + Send + 'static {
 
     const KIND: WorkKind;
 
-    /// The campaign that it is for.
-    fn campaign(&self) -> &CampaignId;
+    /// The campaign that it is for, if it is for one.
+    fn campaign(&self) -> Option<&CampaignId>;
 
     /// The campaign's share of the workers.
     fn weight(&self) -> Weight;
@@ -116,8 +116,8 @@ impl Work for EvaluationJob {
 
     const KIND: WorkKind = WorkKind::Evaluation;
 
-    fn campaign(&self) -> &CampaignId {
-        &self.campaign
+    fn campaign(&self) -> Option<&CampaignId> {
+        self.campaign.as_ref()
     }
 
     fn tasks(&self) -> usize {
@@ -193,8 +193,8 @@ impl Work for EmbeddingJob {
 
     const KIND: WorkKind = WorkKind::Embedding;
 
-    fn campaign(&self) -> &CampaignId {
-        &self.campaign
+    fn campaign(&self) -> Option<&CampaignId> {
+        Some(&self.campaign)
     }
 
     fn tasks(&self) -> usize {
@@ -254,8 +254,8 @@ impl Work for ReplayJob {
 
     const KIND: WorkKind = WorkKind::Replay;
 
-    fn campaign(&self) -> &CampaignId {
-        &self.campaign
+    fn campaign(&self) -> Option<&CampaignId> {
+        Some(&self.campaign)
     }
 
     /// Somebody waits for it, whatever the campaign's share.
@@ -315,8 +315,8 @@ impl Work for TrainingJob {
 
     const KIND: WorkKind = WorkKind::Training;
 
-    fn campaign(&self) -> &CampaignId {
-        &self.campaign
+    fn campaign(&self) -> Option<&CampaignId> {
+        Some(&self.campaign)
     }
 
     fn weight(&self) -> Weight {

@@ -2,6 +2,7 @@
 
 mod campaigns;
 mod checkpoints;
+mod evaluations;
 mod labels;
 mod lease_id;
 mod nearest;
@@ -15,6 +16,7 @@ mod work;
 
 pub use campaigns::CampaignApi;
 pub use checkpoints::CheckpointApi;
+pub use evaluations::EvaluationApi;
 pub use labels::LabelApi;
 pub use nearest::OtherBehaviour;
 pub use permits::{Permit, Permits};

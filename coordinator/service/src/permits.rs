@@ -1,15 +1,16 @@
 //! How many may do at once what goes on for long.
 
-use murmuration_access::limits::{MAX_REPLAYS, MAX_WATCHES};
+use murmuration_access::limits::{MAX_EVALUATION_STREAMS, MAX_REPLAYS, MAX_WATCHES};
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-/// Room for those who watch, and for replays; shared by gRPC and pages, cheap to clone.
+/// Room for those who watch, for replays, and for searches elsewhere; shared by gRPC and pages, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Permits {
     watches: Arc<Semaphore>,
     replays: Arc<Semaphore>,
+    evaluations: Arc<Semaphore>,
 }
 
 /// One seat, until it is dropped.
@@ -17,15 +18,16 @@ pub type Permit = OwnedSemaphorePermit;
 
 impl Default for Permits {
     fn default() -> Self {
-        Self::new(MAX_WATCHES, MAX_REPLAYS)
+        Self::new(MAX_WATCHES, MAX_REPLAYS, MAX_EVALUATION_STREAMS)
     }
 }
 
 impl Permits {
-    fn new(watches: usize, replays: usize) -> Self {
+    fn new(watches: usize, replays: usize, evaluations: usize) -> Self {
         Self {
             watches: Arc::new(Semaphore::new(watches)),
             replays: Arc::new(Semaphore::new(replays)),
+            evaluations: Arc::new(Semaphore::new(evaluations)),
         }
     }
 
@@ -44,6 +46,14 @@ impl Permits {
             "too many replays are waiting for workers: try again later",
         )
     }
+
+    /// For a search that runs elsewhere.
+    pub fn evaluations(&self) -> Result<Permit, Status> {
+        take(
+            &self.evaluations,
+            "too many searches evaluate on this coordinator: try again later",
+        )
+    }
 }
 
 fn take(permits: &Arc<Semaphore>, full: &str) -> Result<Permit, Status> {
@@ -60,7 +70,7 @@ mod tests {
 
     #[test]
     fn one_too_many_is_refused_until_another_leaves() {
-        let permits = Permits::new(2, 1);
+        let permits = Permits::new(2, 1, 1);
         let first = permits.watch().unwrap();
         let _second = permits.clone().watch().unwrap();
         assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);
@@ -70,5 +80,9 @@ mod tests {
         assert_eq!(permits.replay().unwrap_err().code(), Code::ResourceExhausted);
         drop(replay);
         assert!(permits.replay().is_ok());
+        let search = permits.evaluations().unwrap();
+        assert_eq!(permits.evaluations().unwrap_err().code(), Code::ResourceExhausted);
+        drop(search);
+        assert!(permits.evaluations().is_ok());
     }
 }

@@ -13,7 +13,7 @@ use murmuration_dispatch as dispatch;
 use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
-    label_service_client::LabelServiceClient,
+    evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
 };
 use murmuration_store::{DataDirectory, StoreError};
 use std::time::Duration;
@@ -21,12 +21,14 @@ use tonic::service::interceptor::InterceptedService;
 
 pub(super) type Client = CampaignServiceClient<Coordinator>;
 pub(super) type CheckpointClient = CheckpointServiceClient<Coordinator>;
+pub(super) type EvaluationClient = EvaluationServiceClient<Coordinator>;
 pub(super) type LabelClient = LabelServiceClient<Coordinator>;
 
 /// A coordinator that answers, for as long as this value lives.
 pub(super) struct Connection {
     pub(super) client: Client,
     pub(super) checkpoints: CheckpointClient,
+    pub(super) evaluations: EvaluationClient,
     pub(super) labels: LabelClient,
     /// Present if this process had to start one.
     own: Option<LocalCluster>,
@@ -77,6 +79,7 @@ impl Connection {
         Ok(Self {
             client: Client::new(channel.clone()),
             checkpoints: CheckpointClient::new(channel.clone()),
+            evaluations: EvaluationClient::new(channel.clone()),
             labels: LabelClient::new(channel),
             own: None,
         })

@@ -3,6 +3,7 @@
 mod campaign;
 mod checkpoints;
 mod data_directory;
+mod evaluated;
 mod kinds;
 mod labels;
 mod machines;
@@ -13,6 +14,7 @@ mod robots;
 pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
 pub(super) use data_directory::{Backup, Doctor};
+pub(super) use evaluated::Evaluated;
 pub(super) use kinds::Kind;
 pub(super) use labels::{AddedLabels, Agreement, Class, Label};
 pub(super) use machines::{

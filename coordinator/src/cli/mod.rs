@@ -11,6 +11,7 @@ mod checkpoints;
 mod connection;
 mod controller;
 mod error;
+mod evaluate;
 mod export;
 mod files;
 mod filter;
@@ -162,6 +163,8 @@ enum Command {
     Report(report::ReportCommand),
     /// Simulate one controller, or a reference case
     Simulate(simulate::Simulate),
+    /// Evaluate controllers of a search of your own on all workers
+    Evaluate(evaluate::Evaluate),
     /// Find what in a campaign is like a swarm that a camera tracked
     Recognise(recognise::Recognise),
     /// Show the robots that a file describes: their sensors, drives and genes
@@ -269,6 +272,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
+        Command::Evaluate(evaluate) => Box::pin(evaluate.execute(global)),
         Command::Recognise(recognise) => Box::pin(recognise.execute(global)),
         Command::Robot(robot) => Box::pin(ready(robot.execute(global.json))),
         Command::Controller(controller) => Box::pin(controller.execute(global)),

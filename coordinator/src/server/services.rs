@@ -9,10 +9,10 @@ use murmuration_access::{
 };
 use murmuration_proto::v1::{
     campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
-    label_service_server::LabelServiceServer, trainer_service_server::TrainerServiceServer,
-    worker_service_server::WorkerServiceServer,
+    evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
+    trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
 };
-use murmuration_service::{CampaignApi, CheckpointApi, LabelApi, TrainerApi, WorkerApi};
+use murmuration_service::{CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, WorkerApi};
 
 const VIEWER: Requirement = Requirement::VIEWER;
 const ANNOTATOR: Requirement = Requirement::ANNOTATOR;
@@ -44,6 +44,8 @@ const CHECKPOINTS: MethodRequirements = &[
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator)),
 ];
 
+const EVALUATIONS: MethodRequirements = &[("Evaluate", OPERATOR)];
+
 const LABELS: MethodRequirements = &[
     ("AppendLabels", ANNOTATOR),
     ("AppendSyntheticLabels", ANNOTATOR),
@@ -68,6 +70,7 @@ pub(super) const REFLECTION: MethodRequirements = &[("ServerReflectionInfo", VIE
 pub(super) struct Services {
     pub(super) campaigns: CampaignApi,
     pub(super) checkpoints: CheckpointApi,
+    pub(super) evaluations: EvaluationApi,
     pub(super) labels: LabelApi,
     pub(super) workers: WorkerApi,
     pub(super) trainers: TrainerApi,
@@ -80,6 +83,8 @@ impl Services {
             CampaignServiceServer::new(self.campaigns).max_decoding_message_size(limits::MAX_MESSAGE);
         let checkpoints =
             CheckpointServiceServer::new(self.checkpoints).max_decoding_message_size(limits::MAX_MESSAGE);
+        let evaluations =
+            EvaluationServiceServer::new(self.evaluations).max_decoding_message_size(limits::MAX_MESSAGE);
         let labels =
             LabelServiceServer::new(self.labels).max_decoding_message_size(limits::MAX_LABEL_MESSAGE);
         let workers =
@@ -89,6 +94,7 @@ impl Services {
         GuardedRouter::default()
             .service(campaigns, CAMPAIGNS)
             .service(checkpoints, CHECKPOINTS)
+            .service(evaluations, EVALUATIONS)
             .service(labels, LABELS)
             .service(workers, WORKERS)
             .service(trainers, TRAINERS)

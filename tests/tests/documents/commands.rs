@@ -51,6 +51,10 @@ pub fn of_the_page_on_commands() {
             ),
         )
         .rule(
+            "murmuration evaluate",
+            Before("printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv"),
+        )
+        .rule(
             "murmuration label latest --csv",
             Before("printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
         )

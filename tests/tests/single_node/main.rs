@@ -4,6 +4,7 @@
 mod accuracy;
 mod channels;
 mod command_line;
+mod evaluations;
 mod feedback;
 mod fuzz_targets;
 mod golden;

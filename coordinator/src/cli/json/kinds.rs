@@ -2,9 +2,9 @@
 
 use super::{
     Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
-    BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController,
-    FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run,
-    Token, UntrainedAccuracy, schema_of,
+    BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, Evaluated,
+    ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine, Recognised,
+    Report, Robots, Run, Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -42,6 +42,8 @@ pub(in crate::cli) enum Kind {
     FilterScore,
     /// A swarm that a camera tracked: recognise
     Recognised,
+    /// What an evaluation of a controller came to: evaluate
+    Evaluated,
     /// The robots of a swarm: robot
     Robots,
     /// A controller for other programs: controller export
@@ -91,6 +93,7 @@ impl Kind {
             Self::Judge => schema_of::<Judge>(),
             Self::FilterScore => schema_of::<FilterScore>(),
             Self::Recognised => schema_of::<Recognised>(),
+            Self::Evaluated => schema_of::<Evaluated>(),
             Self::Robots => schema_of::<Robots>(),
             Self::ExportedController => schema_of::<ExportedController>(),
             Self::Backup => schema_of::<Backup>(),

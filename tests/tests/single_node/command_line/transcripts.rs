@@ -57,6 +57,8 @@ impl Transcript {
     }
 }
 
+const GENES: &str = "left_0,right_0,left_1,right_1,seed\n-0.7,0.3,1,1,7\n1,1,1,1,8\n";
+
 const LABELS: &str = "id,class,annotator,time\n\
     0,ring,ana,2026-11-21T12:00:00Z\n1,ring,ana,2026-11-21T12:00:01Z\n\
     2,clump,ana,2026-11-21T12:00:02Z\n3,clump,ana,2026-11-21T12:00:03Z\n\
@@ -81,7 +83,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 61] = [
+pub const OUTPUTS: [Transcript; 63] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -167,6 +169,13 @@ pub const OUTPUTS: [Transcript; 61] = [
         "simulate-json",
         "individual",
         &["simulate", "--controller", "-0.7,0.3,1,1", "--json"],
+    ),
+    done("evaluate", &["evaluate", "FOLDER/small.toml", "FOLDER/genes.csv"])
+        .with_files(&[("genes.csv", GENES)]),
+    json(
+        "evaluate-json",
+        "evaluated",
+        &["evaluate", "FOLDER/small.toml", "FOLDER/genes.csv", "--json"],
     ),
     done(
         "simulate-tracks",
@@ -281,11 +290,17 @@ pub const OUTPUTS: [Transcript; 61] = [
 ];
 
 /// What people meet most when something is wrong, first without a data directory, then about a campaign.
-pub const ERRORS: [Transcript; 43] = [
+pub const ERRORS: [Transcript; 44] = [
     fails("robot-sensors", 2, &["robot", "FOLDER/seven.toml"])
         .with_files(&[("seven.toml", "robot.sensors = [{}, {}, {}, {}, {}, {}, {}]")]),
     fails("robot-cone", 2, &["robot", "FOLDER/cone.toml"])
         .with_files(&[("cone.toml", "robot.sensors = [{ half_angle = 3.2 }]")]),
+    fails(
+        "error-evaluate",
+        2,
+        &["evaluate", "FOLDER/small.toml", "FOLDER/genes.csv"],
+    )
+    .with_files(&[("genes.csv", "left_1,right_1\n0.1,0.2\n")]),
     fails("error-no-data-directory", 2, &["list"]),
     fails("error-unknown-command", 2, &["nonsense"]),
     fails("error-mistyped-command", 2, &["rn", "small.toml"]),

@@ -1,0 +1,186 @@
+//! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
+
+use super::{Permit, Permits, Streamed};
+use crate::status::OrStatus as _;
+use futures_util::StreamExt as _;
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob};
+use murmuration_model::{EmbedderRef, Weight};
+use murmuration_proto::{
+    CampaignSpec, Controller, EmbedderSource, Invalid,
+    parts::parts,
+    v1::{self, evaluate_request::Part, evaluation_description::Campaign},
+};
+use murmuration_store::checkpoints::Checkpoints;
+use std::{sync::Arc, time::Duration};
+use tonic::{Request, Response, Status, Streaming};
+
+/// Most controllers of a request.
+const MAX_CONTROLLERS: usize = 1024;
+/// Most bytes of pictures that the results of a request have.
+const MAX_PICTURE_BYTES: usize = 64 << 20;
+/// Requests of a stream that are worked on at once: while the results of one are read, the workers have others.
+const AT_ONCE: usize = 4;
+/// Time that a new stream has to say how it evaluates.
+const DESCRIPTION_LIMIT: Duration = Duration::from_secs(10);
+
+/// Implements `murmuration.v1.EvaluationService`.
+#[derive(Debug, Clone)]
+pub struct EvaluationApi {
+    /// Who leases evaluations to workers.
+    pub dispatch: Dispatch,
+    /// Where embedders are.
+    pub checkpoints: Checkpoints,
+    /// How many streams there may be at once.
+    pub permits: Permits,
+}
+
+/// How the controllers of a stream are evaluated.
+struct Described {
+    spec: CampaignSpec,
+    embedder: Option<EmbedderRef>,
+    /// Whether results have pictures.
+    pictures: bool,
+}
+
+#[tonic::async_trait]
+impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
+    type EvaluateStream = Streamed<v1::EvaluateResponse>;
+
+    async fn evaluate(
+        &self,
+        request: Request<Streaming<v1::EvaluateRequest>>,
+    ) -> Result<Response<Self::EvaluateStream>, Status> {
+        let permit = self.permits.evaluations()?;
+        let mut requests = request.into_inner();
+        let first = tokio::time::timeout(DESCRIPTION_LIMIT, requests.message())
+            .await
+            .map_err(|_| Status::deadline_exceeded("no description within 10 seconds"))??;
+        let described = Arc::new(self.described(first).await?);
+        let dispatch = self.dispatch.clone();
+        let results = requests
+            .map(move |request| evaluated(dispatch.clone(), described.clone(), request))
+            .buffered(AT_ONCE)
+            .flat_map(|results| tokio_stream::iter(responses(results)));
+        Ok(Response::new(Box::pin(while_permitted(permit, results))))
+    }
+}
+
+impl EvaluationApi {
+    async fn described(&self, first: Option<v1::EvaluateRequest>) -> Result<Described, Status> {
+        let Some(Part::Description(description)) = first.and_then(|first| first.part) else {
+            let allowed = "a description in the first request";
+            return Err(Invalid::new("part", "something else", allowed).into());
+        };
+        let spec = match description.campaign {
+            Some(Campaign::Spec(spec)) => CampaignSpec::try_from(spec)?,
+            Some(Campaign::Toml(text)) => {
+                CampaignSpec::from_toml(&text).map_err(|error| Status::invalid_argument(error.to_string()))?
+            }
+            None => return Err(Invalid::new("campaign", "nothing", "a campaign").into()),
+        };
+        let embedder = match spec.embedder() {
+            Some(EmbedderSource::Published(checkpoint)) => Some(
+                self.checkpoints
+                    .embedder(*checkpoint, spec.image())
+                    .await
+                    .or_status()?,
+            ),
+            Some(EmbedderSource::Trained { .. }) => {
+                let allowed = "the digest of a checkpoint: nothing is trained here";
+                return Err(Invalid::new("training.checkpoint", "nothing", allowed).into());
+            }
+            None => None,
+        };
+        Ok(Described {
+            spec,
+            embedder,
+            pictures: description.pictures,
+        })
+    }
+}
+
+/// The results of a request's controllers, in their order.
+async fn evaluated(
+    dispatch: Dispatch,
+    described: Arc<Described>,
+    request: Result<v1::EvaluateRequest, Status>,
+) -> Result<Vec<v1::EvaluateResult>, Status> {
+    let job = described.job(request?)?;
+    let evaluated = dispatch
+        .while_staffed(dispatch.evaluate(job, Arc::default()))
+        .await
+        .or_status()?
+        .or_status()?;
+    let result = |evaluated| described.result(evaluated);
+    Ok(evaluated.into_iter().map(result).collect())
+}
+
+impl Described {
+    fn job(&self, request: v1::EvaluateRequest) -> Result<EvaluationJob, Status> {
+        let Some(Part::Controllers(v1::ControllersToEvaluate { tasks })) = request.part else {
+            let allowed = "controllers in every request but the first";
+            return Err(Invalid::new("part", "something else", allowed).into());
+        };
+        let most = (MAX_PICTURE_BYTES / self.spec.individual_bytes()).clamp(1, MAX_CONTROLLERS);
+        if !(1..=most).contains(&tasks.len()) {
+            let allowed = format!("1 to {most} in a request, with pictures of this size");
+            return Err(Invalid::new("controllers.tasks", tasks.len(), allowed).into());
+        }
+        let model = self.spec.model();
+        let tasks = tasks.into_iter().enumerate().map(|(place, task)| {
+            let controller = Controller::new(model.clone(), &task.controller);
+            let controller =
+                controller.map_err(|error| error.within(&format!("controllers.tasks[{place}]")))?;
+            Ok((controller, task.seed))
+        });
+        Ok(EvaluationJob {
+            campaign: None,
+            weight: Weight::default(),
+            model: model.clone(),
+            world: self.spec.world().clone(),
+            image: *self.spec.image(),
+            embedder: self.embedder,
+            starts: self.spec.starts(),
+            tasks: tasks.collect::<Result<_, Invalid>>()?,
+        })
+    }
+
+    fn result(&self, evaluated: Evaluated) -> v1::EvaluateResult {
+        match evaluated {
+            Evaluated::Done { trials, .. } => v1::EvaluateResult {
+                trials: trials
+                    .into_iter()
+                    .map(|trial| {
+                        let trial = v1::Evaluation::from(trial);
+                        let image = if self.pictures { trial.image } else { Vec::new() };
+                        v1::Evaluation { image, ..trial }
+                    })
+                    .collect(),
+                failure: String::new(),
+            },
+            Evaluated::Poisoned(task) => v1::EvaluateResult {
+                trials: Vec::new(),
+                failure: task.to_string(),
+            },
+        }
+    }
+}
+
+/// Results as messages of a bounded size; after an error nothing more.
+fn responses(results: Result<Vec<v1::EvaluateResult>, Status>) -> Vec<Result<v1::EvaluateResponse, Status>> {
+    match results {
+        Ok(results) => parts(results, |results| Ok(v1::EvaluateResponse { results })).collect(),
+        Err(status) => vec![Err(status)],
+    }
+}
+
+/// A stream that holds a permit for as long as it lasts.
+fn while_permitted<T>(
+    permit: Permit,
+    stream: impl futures_util::Stream<Item = T>,
+) -> impl futures_util::Stream<Item = T> {
+    stream.map(move |item| {
+        let _held = &permit;
+        item
+    })
+}

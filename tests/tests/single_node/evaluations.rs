@@ -1,0 +1,155 @@
+//! Controllers of searches that run elsewhere: evaluated as those of a campaign, and stored nowhere.
+
+use murmuration_proto::v1::{
+    self, evaluate_request::Part, evaluation_description::Campaign,
+    evaluation_service_client::EvaluationServiceClient,
+};
+use murmuration_tests::{Cluster, small_latent_spec, small_spec};
+use tonic::{Code, Status};
+
+fn described(campaign: Option<Campaign>) -> Part {
+    Part::Description(v1::EvaluationDescription {
+        campaign,
+        pictures: true,
+    })
+}
+
+fn controllers(tasks: Vec<v1::EvaluationTask>) -> Part {
+    Part::Controllers(v1::ControllersToEvaluate { tasks })
+}
+
+/// The results of a stream of these requests.
+async fn evaluate(cluster: &Cluster, parts: Vec<Part>) -> Result<Vec<v1::EvaluateResult>, Status> {
+    let requests = parts.into_iter();
+    let requests = requests.map(|part| v1::EvaluateRequest { part: Some(part) });
+    let mut client = EvaluationServiceClient::new(cluster.channel().await);
+    let requests: Vec<_> = requests.collect();
+    let mut responses = client.evaluate(tokio_stream::iter(requests)).await?.into_inner();
+    let mut results = Vec::new();
+    while let Some(response) = responses.message().await? {
+        results.extend(response.results);
+    }
+    Ok(results)
+}
+
+fn task(individual: &v1::Individual) -> v1::EvaluationTask {
+    v1::EvaluationTask {
+        controller: individual.controller.clone(),
+        seed: individual.seed,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_controllers_of_an_archive_have_the_same_features_and_pictures_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 2).await;
+    let spec = small_spec("");
+    let campaign = cluster.create(&spec).await;
+    cluster.finish(&campaign).await;
+    let archive = cluster.archive(&campaign).await;
+    // Requests of all lengths, more of them than are worked on at once.
+    let tasks: Vec<_> = archive.iter().map(task).collect();
+    let mut parts = vec![described(Some(Campaign::Spec((&spec).into())))];
+    let (mut rest, mut length) = (&tasks[..], 1);
+    while !rest.is_empty() {
+        let (now, later) = rest.split_at(length.min(rest.len()));
+        parts.push(controllers(now.to_vec()));
+        (rest, length) = (later, length + 1);
+    }
+    assert!(parts.len() > 6);
+    let results = evaluate(&cluster, parts).await.unwrap();
+    assert_eq!(results.len(), archive.len());
+    for (result, individual) in results.iter().zip(&archive) {
+        let [trial] = &result.trials[..] else {
+            panic!("{} trials", result.trials.len())
+        };
+        assert_eq!(trial.features, individual.features);
+        assert_eq!(Some(&trial.image), individual.image.as_ref());
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn embeddings_are_those_of_the_checkpoint_that_is_named_and_of_every_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let campaign = cluster.create(&small_latent_spec("")).await;
+    cluster.finish(&campaign).await;
+    let archive = cluster.archive(&campaign).await;
+    let checkpoint = cluster.status(&campaign).await.checkpoint;
+    let mut table: toml::Table = small_latent_spec("").to_toml().parse().unwrap();
+    table.remove("dataset");
+    let given = format!("training.checkpoint = \"{checkpoint}\"\nevaluation.starts = 2");
+    table.extend(given.parse::<toml::Table>().unwrap());
+    let text = toml::to_string(&table).unwrap();
+    let parts = vec![
+        described(Some(Campaign::Toml(text))),
+        controllers(archive[..3].iter().map(task).collect()),
+    ];
+    let results = evaluate(&cluster, parts).await.unwrap();
+    for (result, individual) in results.iter().zip(&archive) {
+        assert_eq!(result.trials.len(), 2);
+        assert_eq!(result.trials[0].embedding, individual.embedding);
+        assert_ne!(result.trials[1].embedding, individual.embedding);
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_cannot_be_evaluated_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let spec = || described(Some(Campaign::Spec((&small_spec("")).into())));
+    let toml = |text: &str| described(Some(Campaign::Toml(text.to_owned())));
+    let one = |controller: &[f64]| v1::EvaluationTask {
+        controller: controller.to_vec(),
+        seed: 1,
+    };
+    let good = one(&[0.1, 0.2, 0.3, 0.4]);
+    let cases = [
+        (vec![], "description"),
+        (vec![controllers(vec![good.clone()])], "description"),
+        (vec![described(None)], "campaign"),
+        (vec![toml("name = 1")], "line 1"),
+        (
+            vec![toml(
+                "name = \"x\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n",
+            )],
+            "training.checkpoint",
+        ),
+        (vec![spec(), spec()], "every request but the first"),
+        (vec![spec(), controllers(vec![])], "1 to 1024"),
+        (vec![spec(), controllers(vec![good.clone(); 1025])], "1 to 1024"),
+        (
+            vec![spec(), controllers(vec![good.clone(), one(&[0.1, 0.2])])],
+            "controllers.tasks[1]",
+        ),
+        (
+            vec![spec(), controllers(vec![one(&[0.1, 0.2, 0.3, f64::NAN])])],
+            "controllers.tasks[0]",
+        ),
+    ];
+    for (parts, said) in cases {
+        let refused = evaluate(&cluster, parts).await.unwrap_err();
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+        assert!(refused.message().contains(said), "{said}: {refused}");
+    }
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nobody_waits_for_workers_that_are_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start_without_trainer(folder.path(), 0).await;
+    let tasks = vec![v1::EvaluationTask {
+        controller: vec![0.0; 4],
+        seed: 1,
+    }];
+    let parts = vec![
+        described(Some(Campaign::Spec((&small_spec("")).into()))),
+        controllers(tasks),
+    ];
+    let refused = evaluate(&cluster, parts).await.unwrap_err();
+    assert_eq!(refused.code(), Code::Unavailable, "{refused}");
+    cluster.stop().await;
+}
