@@ -78,8 +78,10 @@ async fn embeddings_are_those_of_the_checkpoint_that_is_named_and_of_every_start
     let archive = cluster.archive(&campaign).await;
     let checkpoint = cluster.status(&campaign).await.checkpoint;
     let mut table: toml::Table = small_latent_spec("").to_toml().parse().unwrap();
-    table.remove("dataset");
-    let given = format!("training.checkpoint = \"{checkpoint}\"\nevaluation.starts = 2");
+    for trained in ["dataset", "training"] {
+        table.remove(trained);
+    }
+    let given = format!("checkpoint = \"{checkpoint}\"\nevaluation.starts = 2");
     table.extend(given.parse::<toml::Table>().unwrap());
     let text = toml::to_string(&table).unwrap();
     let parts = vec![
@@ -115,7 +117,7 @@ async fn what_cannot_be_evaluated_is_refused() {
             vec![toml(
                 "name = \"x\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n",
             )],
-            "training.checkpoint",
+            "checkpoint",
         ),
         (vec![spec(), spec()], "every request but the first"),
         (vec![spec(), controllers(vec![])], "1 to 1024"),

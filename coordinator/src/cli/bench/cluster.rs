@@ -204,7 +204,7 @@ impl ClusterBench {
 
     fn latent(&self, checkpoint: CheckpointDigest) -> Result<CampaignSpec, CliError> {
         spec(&format!(
-            "method = \"latent\"\n[search]\npopulation = 100\ngenerations = {}\n[training]\ncheckpoint = \"{checkpoint}\"\n",
+            "method = \"latent\"\ncheckpoint = \"{checkpoint}\"\n[search]\npopulation = 100\ngenerations = {}\n",
             self.generations
         ))
     }
