@@ -9,9 +9,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import tomli_w
-from conftest import SPEC
 
 import murmuration as mm
+from conftest import SPEC
+from murmuration._progress import step_of
+from murmuration.v1 import campaign_pb2 as v1
 
 
 def test_a_file_and_a_dict_and_the_specification_filled_in_are_the_same_campaign(
@@ -180,6 +182,30 @@ def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.Captu
     # Not where stderr is a file.
     campaign.wait()
     assert not capfd.readouterr().err
+
+
+def test_each_stage_counts_something(client: mm.Client) -> None:
+    campaign = client.campaign("example-1").status()
+    counted = {}
+    for stage, _ in v1.CampaignStage.items():
+        campaign.MergeFrom(v1.Campaign(stage=stage))
+        campaign.dataset_done, campaign.embedded, campaign.labelled = 3, 1_000, 2
+        campaign.spec.dataset.controllers, campaign.spec.dataset.starts, campaign.spec.feedback.labels = 4, 2, 10
+        campaign.training.epoch, campaign.training.epochs = 5, 6
+        step = step_of(campaign)
+        assert step is not None
+        counted[step.stage] = (step.done, step.total, step.unit)
+    assert counted == {
+        "dataset": (3, 8, "pictures"),
+        "pretrain": (5, 6, "epochs"),
+        # Never more than there are.
+        "embed": (100, 100, "pictures"),
+        "evolve": (100, 100, "evaluations"),
+        "label": (2, 10, "individuals"),
+        "fine-tune": (5, 6, "epochs"),
+    }
+    campaign.stage, campaign.state = v1.CAMPAIGN_STAGE_UNSPECIFIED, v1.CAMPAIGN_STATE_PAUSED
+    assert step_of(campaign) is None
 
 
 def test_pages_of_the_coordinator_are_at_its_url(client: mm.Client) -> None:

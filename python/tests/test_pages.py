@@ -5,16 +5,22 @@ import sys
 from pathlib import Path
 
 import pytest
+import tomli_w
+
+from conftest import SPEC
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["docs/python.md", "python/README.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "python/README.md"])
 def test_the_blocks_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = BLOCK.findall((ROOT / page).read_text())
     assert blocks
     monkeypatch.chdir(tmp_path)
+    # A smaller one, in the place of the example of the README.
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples/quick.toml").write_text(tomli_w.dumps(SPEC))
     names: dict[str, object] = {}
     for block in blocks:
         exec(compile(block, page, "exec"), names)  # noqa: S102

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import uuid
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from ._client import Client
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Replay:
     """The motion of one swarm.
 
@@ -43,8 +44,12 @@ class Replay:
     steps: npt.NDArray[np.uint32]
     poses: npt.NDArray[np.float32]
 
+    def __repr__(self) -> str:
+        frames, robots, _ = self.poses.shape
+        return f"Replay({frames} frames of {robots} robots)"
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Taxonomy:
     """The behaviours that a campaign found. A notebook shows it as a row of pictures.
 
@@ -63,6 +68,9 @@ class Taxonomy:
     clusters: npt.NDArray[np.uint32]
     loss: float
     robustness: npt.NDArray[np.float64] | None
+
+    def __repr__(self) -> str:
+        return f"Taxonomy({len(self.medoids)} medoids of {len(self.clusters)} individuals)"
 
     def _repr_html_(self) -> str:
         return taxonomy_page(self.pictures, self.medoids.to_pylist())
@@ -117,6 +125,20 @@ class Campaign:
         """
         shown = self._client.command("show", self.id)
         return tomllib.loads(shown["spec"])
+
+    @property
+    def gene_names(self) -> list[str]:
+        """The names of a controller's genes, in the order of the column `genes` of the archive.
+
+        Example:
+            >>> campaign.gene_names
+            ['left_0', 'right_0', 'left_1', 'right_1']
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "spec.toml")
+            file.write_text(self._client.command("show", self.id)["spec"])
+            names: list[str] = self._client.command("robot", os.fspath(file))["genes"]
+        return names
 
     def wait(self, *, progress: bool | None = None) -> Campaign:
         """Waits until the campaign is completed, and shows its progress.
@@ -201,6 +223,8 @@ class Campaign:
 
         Example:
             >>> taxonomy = campaign.taxonomy()
+            >>> taxonomy
+            Taxonomy(4 medoids of 100 individuals)
             >>> taxonomy.medoids.num_rows, taxonomy.clusters.shape, taxonomy.pictures.shape
             (4, (100,), (4, 50, 50))
         """
@@ -254,8 +278,8 @@ class Campaign:
             NotFoundError: If the index is not in the archive.
 
         Example:
-            >>> campaign.replay(3, stride=10).poses.shape
-            (21, 24, 3)
+            >>> campaign.replay(3, stride=10)
+            Replay(21 frames of 24 robots)
         """
         request = v1.GetReplayRequest(campaign=self.id, index=index, stride=stride)
         replay = self._client.rpc.whole("CampaignService/GetReplay", request, v1.Replay)
