@@ -48,13 +48,15 @@ class Cluster:
             self._end = weakref.finalize(self, _end, self._guard, os.getpid(), own)
             self.url, self.token = self._wait_for_address(data)
         except BaseException:
-            self.close()
+            if hasattr(self, "_end"):
+                self._end()
+            elif own:
+                shutil.rmtree(own, ignore_errors=True)
             raise
 
     def close(self) -> None:
         """Ends the cluster, and returns when its processes have ended."""
-        if hasattr(self, "_end"):
-            self._end()
+        self._end()
 
     def why(self) -> str:
         """Why it does not answer: the last lines of its log, if it has ended; otherwise nothing."""
