@@ -33,3 +33,7 @@ def test_the_page_names_every_column_and_every_exception() -> None:
     assert len(errors) == 7
     for name in errors:
         assert f"`{name}`" in text or f"`mm.{name}`" in text
+
+
+def test_the_licence_of_the_package_is_that_of_the_repository() -> None:
+    assert (ROOT / "python/LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
