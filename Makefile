@@ -35,7 +35,7 @@ test-containers: toolchain runtime
 		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --workspace --test containers
 
 # The Python library against the programs: formatting, types, tests, examples and notebooks.
-test-python: toolchain runtime
+test-python: toolchain
 	$(CARGO) build --workspace --bins
 	scripts/test-python
 

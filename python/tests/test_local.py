@@ -23,6 +23,10 @@ print(client._cluster._guard.pid, flush=True)
 {then}
 """
 WAITS = "time.sleep(600)"
+RUNS = """
+with client:
+    client.run({"model": "single-sensor", "method": "random", "search": {"generations": 5_000}})
+"""
 SECONDS_TO_END = 30
 
 
@@ -65,10 +69,13 @@ def cluster_of_another_process(then: str) -> Iterator[tuple["subprocess.Popen[st
             python.kill()
 
 
+@pytest.mark.parametrize("then", [WAITS, RUNS])
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_a_signal_that_ends_python_ends_its_cluster(how: signal.Signals, temporary: Path) -> None:
-    with cluster_of_another_process(WAITS) as (python, session):
+def test_a_signal_that_ends_python_ends_its_cluster(how: signal.Signals, then: str, temporary: Path) -> None:
+    with cluster_of_another_process(then) as (python, session):
         assert len(processes_of(session)) == 2
+        # So that it is in the middle of what it does.
+        time.sleep(0.5)
         assert list(temporary.iterdir())
         python.send_signal(how)
         assert python.wait(SECONDS_TO_END) != 0
@@ -87,6 +94,7 @@ def test_python_ends_its_cluster_however_it_ends(then: str, temporary: Path) -> 
 def test_a_fork_neither_ends_the_cluster_nor_keeps_it_alive(temporary: Path) -> None:
     fork = """
 if (child := os.fork()) == 0:
+    os.close(1)
     time.sleep(600)
 print(child, flush=True)
 if os.fork() == 0:
