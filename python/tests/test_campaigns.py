@@ -64,6 +64,11 @@ def test_pictures_are_as_a_replay_draws_them(campaign: mm.Campaign) -> None:
     assert (pictures[0][rows, columns] > 0).mean() > 0.9
     assert (pictures[0] > 0).mean() < 0.5
     assert campaign.pictures([]).shape[0] == 0
+    # Many are not asked for one by one.
+    many = np.arange(99, 49, -1)
+    assert (campaign.pictures(many) == campaign.pictures()[many]).all()
+    with pytest.raises(mm.NotFoundError):
+        campaign.pictures([*many, 100])
 
 
 def test_a_stride_keeps_the_last_step(campaign: mm.Campaign) -> None:

@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,9 @@ else:
 
 if TYPE_CHECKING:
     from ._client import Client
+
+# How many pictures of the whole archive arrive in the time of one call for one picture.
+_PICTURES_FOR_ONE_CALL = 20
 
 
 @dataclass(frozen=True, repr=False)
@@ -207,13 +210,17 @@ class Campaign:
             >>> campaign.pictures([3, 5]).shape
             (2, 50, 50)
         """
+        status = self.status()
         if indices is None:
-            request = v1.GetArchiveRequest(campaign=self.id, images=True)
-            chunks = self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk)
-            images = [one.image for chunk in chunks for one in chunk.individuals]
+            images = [one.image for one in self._with_images()]
         else:
-            images = [self._individual(int(index)).image for index in indices]
-        return tables.pictures(images, self.status().spec.image.resolution)
+            asked = [int(index) for index in indices]
+            found: dict[int, bytes] = {}
+            if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
+                wanted = set(asked)
+                found = {one.index: one.image for one in self._with_images() if one.index in wanted}
+            images = [found.get(index) or self._individual(index).image for index in asked]
+        return tables.pictures(images, status.spec.image.resolution)
 
     def taxonomy(self) -> Taxonomy:
         """The behaviours that the campaign found.
@@ -372,6 +379,11 @@ class Campaign:
             RefusedError: If the campaign has no embedder, or its labels name fewer than two classes.
         """
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
+
+    def _with_images(self) -> Iterator[v1.Individual]:
+        request = v1.GetArchiveRequest(campaign=self.id, images=True)
+        for chunk in self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk):
+            yield from chunk.individuals
 
     def _individual(self, index: int) -> v1.Individual:
         request = v1.GetIndividualRequest(campaign=self.id, index=index)
