@@ -42,6 +42,8 @@ def test_an_archive_is_what_the_program_says_of_each_individual(client: mm.Clien
     assert archive.schema.field("genes").type == pa.list_(pa.float64(), 4)
     assert archive.schema.field("features").metadata[b"names"].decode().split(", ") == list(mm.FEATURES)
     assert archive["embedding"].null_count == 100
+    with pytest.raises(mm.InvalidError, match="nulls"):
+        mm.matrix(archive["embedding"])
     for row in (0, 42, 99):
         individual = archive.slice(row, 1).to_pylist()[0]
         shown = client.command("show", campaign.id, "--index", str(row))
@@ -91,6 +93,13 @@ def test_a_taxonomy_divides_the_archive(campaign: mm.Campaign) -> None:
     assert taxonomy.loss == pytest.approx(distances.sum())
     assert taxonomy.robustness is None
     assert taxonomy._repr_html_().count("data:image/png;base64,") == 4
+
+
+def test_an_archive_may_be_empty() -> None:
+    with mm.local(workers=0, trainers=0) as client:
+        archive = client.submit(SPEC).archive()
+    assert archive.num_rows == 0 and archive.column_names[:3] == ["index", "generation", "genes"]
+    assert mm.matrix(archive["features"]).shape[0] == mm.matrix(archive["genes"]).shape[0] == 0
 
 
 def test_trials_and_species_have_columns_and_channels(client: mm.Client) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from ._errors import InvalidError
 from .v1 import campaign_pb2 as v1
 from .v1 import label_pb2 as labels
 
@@ -29,13 +29,18 @@ def matrix(column: pa.ChunkedArray | pa.Array) -> npt.NDArray[Any]:
     Returns:
         An array with the shape (rows, length of a list) and the column's kind of numbers.
 
+    Raises:
+        InvalidError: If the column has nulls.
+
     Example:
         >>> mm.matrix(campaign.archive()["features"]).shape
         (100, 5)
     """
     array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    if array.null_count:
+        raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
     numbers: npt.NDArray[Any] = array.flatten().to_numpy(zero_copy_only=False)
-    return numbers.reshape(len(array), -1) if len(array) else numbers.reshape(0, array.type.list_size)
+    return numbers.reshape(len(array), len(numbers) // max(len(array), 1))
 
 
 def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) -> pa.Table:
@@ -171,8 +176,8 @@ def _lists(
     if length == 0:
         column = pa.nulls(len(lists), pa.list_(kind))
     else:
-        numbers = np.array(lists, kind.to_pandas_dtype()).reshape(math.prod((len(lists), length)))
-        column = pa.FixedSizeListArray.from_arrays(pa.array(numbers, kind), length)
+        numbers = np.array(lists, kind.to_pandas_dtype())
+        column = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel(), kind), length)
     return pa.field(name, column.type, metadata=about or None), column
 
 
