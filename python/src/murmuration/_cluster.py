@@ -75,9 +75,10 @@ class Cluster:
         raise ProgramError(f"the local cluster did not start:\n{self._tail()}")
 
     def _tail(self) -> str:
-        size = self._log.seek(0, os.SEEK_END)
-        self._log.seek(max(0, size - _QUOTED_BYTES))
-        return self._log.read().decode(errors="replace").strip()
+        # Seeking would move the place at which the cluster writes.
+        log = self._log.fileno()
+        begin = max(0, os.fstat(log).st_size - _QUOTED_BYTES)
+        return os.pread(log, _QUOTED_BYTES, begin).decode(errors="replace").strip()
 
 
 def _start_guard(command: list[str], own: str, log: IO[bytes]) -> subprocess.Popen[str]:
