@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
+.PHONY: demo test test-python test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
@@ -33,6 +33,11 @@ faults: build runtime
 test-containers: toolchain runtime
 	bases="$$(tests/containers/base-images)" && \
 		MURMURATION_TEST_BASES="$$bases" $(CARGO) test --workspace --test containers
+
+# The Python library against the programs: formatting, types, tests, examples and notebooks.
+test-python: toolchain
+	$(CARGO) build --workspace --bins
+	scripts/test-python
 
 lint: toolchain
 	$(CARGO) fmt --all --check

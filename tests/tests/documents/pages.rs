@@ -69,7 +69,7 @@ pub fn prose(text: &str) -> String {
 pub fn every_block_says_what_it_is() {
     for (name, text) in pages() {
         for (language, lines) in blocks(&text) {
-            let known = ["sh", "toml", "ini", "csv", "text"].contains(&language.as_str());
+            let known = ["sh", "toml", "ini", "csv", "text", "python"].contains(&language.as_str());
             assert!(known, "{name}: a block of {language:?}:\n{}", lines.join("\n"));
         }
         let mut above = "";

@@ -1,0 +1,47 @@
+"""Murmuration: search for the collective behaviours that a swarm of robots can show.
+
+A cluster runs on this machine for as long as it is needed, and returns tables and arrays:
+
+    >>> with mm.local(workers=2) as client:
+    ...     campaign = client.run(spec)
+    ...     archive = campaign.archive()
+    >>> archive.num_rows
+    100
+
+Everything that the library returns comes from a coordinator, over the same contract that the programs use. Its messages
+are in `murmuration.v1`.
+"""
+
+from ._campaign import Campaign, Replay, Taxonomy
+from ._client import Client, connect, local
+from ._errors import (
+    CampaignError,
+    InvalidError,
+    MurmurationError,
+    NotFoundError,
+    ProgramError,
+    RefusedError,
+    UnavailableError,
+)
+from ._tables import FEATURES, matrix
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "FEATURES",
+    "Campaign",
+    "CampaignError",
+    "Client",
+    "InvalidError",
+    "MurmurationError",
+    "NotFoundError",
+    "ProgramError",
+    "RefusedError",
+    "Replay",
+    "Taxonomy",
+    "UnavailableError",
+    "__version__",
+    "connect",
+    "local",
+    "matrix",
+]

@@ -1,0 +1,402 @@
+"""One campaign of a coordinator."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from . import _tables as tables
+from ._errors import CampaignError
+from ._html import taxonomy_page
+from ._progress import Bar
+from .v1 import campaign_pb2 as v1
+from .v1 import label_pb2 as label_v1
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+if TYPE_CHECKING:
+    from ._client import Client
+
+# How many pictures of the whole archive arrive in the time of one call for one picture.
+_PICTURES_FOR_ONE_CALL = 20
+
+
+@dataclass(frozen=True, repr=False)
+class Replay:
+    """The motion of one swarm.
+
+    Attributes:
+        steps: Number of steps done at each frame, ascending from 0; uint32 (frames,).
+        poses: x and y (world units, y points down the screen) and heading (radians) of each robot; float32
+            (frames, robots, 3).
+    """
+
+    steps: npt.NDArray[np.uint32]
+    poses: npt.NDArray[np.float32]
+
+    def __repr__(self) -> str:
+        frames, robots, _ = self.poses.shape
+        return f"Replay({frames} frames of {robots} robots)"
+
+
+@dataclass(frozen=True, repr=False)
+class Taxonomy:
+    """The behaviours that a campaign found. A notebook shows it as a row of pictures.
+
+    Attributes:
+        medoids: The individuals at the centres of the clusters, largest cluster first: `index`, `cluster_size`,
+            `mean_distance`, `novelty`, `class`, `genes`, `seed`.
+        pictures: Their pictures, as from `Campaign.pictures`.
+        clusters: The row of `medoids` that each individual of the archive belongs to; uint32 (individuals,).
+        loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
+        robustness: The share of each individual's trials that are nearer to its own medoid than to any other, 0 to 1;
+            float64 (individuals,). None if individuals have one trial.
+    """
+
+    medoids: pa.Table
+    pictures: npt.NDArray[np.uint8]
+    clusters: npt.NDArray[np.uint32]
+    loss: float
+    robustness: npt.NDArray[np.float64] | None
+
+    def __repr__(self) -> str:
+        return f"Taxonomy({len(self.medoids)} medoids of {len(self.clusters)} individuals)"
+
+    def _repr_html_(self) -> str:
+        return taxonomy_page(self.pictures, self.medoids.to_pylist())
+
+
+class Campaign:
+    """A campaign: one search with all that belongs to it.
+
+    Get one from `Client.run`, `Client.submit` or `Client.campaign`. In the examples, `campaign` is a completed campaign
+    of 5 generations of 20 individuals.
+
+    Attributes:
+        id: Its id, `NAME-N`, unique in a coordinator's store.
+    """
+
+    def __init__(self, client: Client, identifier: str) -> None:
+        """Made by a `Client`, which knows that the campaign exists."""
+        self._client = client
+        self.id = identifier
+
+    def __repr__(self) -> str:
+        return f"Campaign({self.id!r})"
+
+    def status(self) -> v1.Campaign:
+        """The state of the campaign now, as the contract's message `Campaign`.
+
+        Example:
+            >>> campaign.status().generations_done
+            5
+        """
+        return self._client.rpc.call(
+            "CampaignService/GetCampaign", v1.GetCampaignRequest(campaign=self.id), v1.Campaign
+        )
+
+    @property
+    def state(self) -> str:
+        """`running`, `paused`, `completed`, `failed` or `cancelled`.
+
+        Example:
+            >>> campaign.state
+            'completed'
+        """
+        return state_of(self.status())
+
+    @property
+    def spec(self) -> dict[str, Any]:
+        """Its specification: the campaign file with every default filled in. `Client.run` takes it too.
+
+        Example:
+            >>> campaign.spec["search"]["population"]
+            20
+        """
+        shown = self._client.command("show", self.id)
+        return tomllib.loads(shown["spec"])
+
+    @property
+    def gene_names(self) -> list[str]:
+        """The names of a controller's genes, in the order of the column `genes` of the archive.
+
+        Example:
+            >>> campaign.gene_names
+            ['left_0', 'right_0', 'left_1', 'right_1']
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "spec.toml")
+            file.write_text(self._client.command("show", self.id)["spec"])
+            names: list[str] = self._client.command("robot", os.fspath(file))["genes"]
+        return names
+
+    def wait(self, *, progress: bool | None = None) -> Campaign:
+        """Waits until the campaign is completed, and shows its progress.
+
+        Args:
+            progress: Whether to show a bar; by default in notebooks and terminals.
+
+        Returns:
+            The campaign itself.
+
+        Raises:
+            CampaignError: If it fails, or a person pauses or cancels it.
+
+        Example:
+            >>> campaign.wait()
+            Campaign('example-1')
+        """
+        bar = Bar(progress)
+        last = v1.Campaign()
+        try:
+            request = v1.WatchCampaignRequest(campaign=self.id)
+            for last in self._client.rpc.stream("CampaignService/WatchCampaign", request, v1.Campaign):
+                bar.show(last)
+        finally:
+            bar.close()
+        if last.state != v1.CAMPAIGN_STATE_COMPLETED:
+            state = state_of(last)
+            why = f": {last.error}" if last.error else ""
+            raise CampaignError(f"campaign {self.id} is {state}{why}", state)
+        return self
+
+    def archive(self) -> pa.Table:
+        """All individuals evaluated so far, in order.
+
+        Returns:
+            A table with these columns, and with units in the metadata of its schema: `index`; `generation`; `genes`,
+            lists of float64; `features`, lists of 5 float64 (`murmuration.FEATURES` names them); `embedding`, lists of
+            float32, null in a campaign without embedder; `novelty` when evaluated, in units of the behaviour space;
+            `class`, the last one given if annotators differ, null if there is none; `seed` of the start. `trials`
+            (seed, features and embedding of each) is there if individuals have several.
+
+        Example:
+            >>> archive = campaign.archive()
+            >>> archive.num_rows, archive.schema.field("novelty").metadata[b"unit"]
+            (100, b'behaviour space')
+        """
+        request = v1.GetArchiveRequest(campaign=self.id)
+        chunks = self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk)
+        individuals = [one for chunk in chunks for one in chunk.individuals]
+        return tables.archive(individuals, self._classes())
+
+    def pictures(self, indices: Iterable[int] | None = None) -> npt.NDArray[np.uint8]:
+        """Pictures of individuals: the paths of their robots during the last steps.
+
+        Args:
+            indices: The individuals' places in the archive; all by default.
+
+        Returns:
+            Grey values, uint8 (n, side, side), rows from the top down; with a channel for each species
+            (n, channels, side, side). An embedder reads pictures column by column: `pictures.swapaxes(-1, -2)`.
+
+        Raises:
+            NotFoundError: If an index is not in the archive.
+
+        Example:
+            >>> campaign.pictures([3, 5]).shape
+            (2, 50, 50)
+        """
+        status = self.status()
+        if indices is None:
+            images = [one.image for one in self._with_images()]
+        else:
+            asked = [int(index) for index in indices]
+            found: dict[int, bytes] = {}
+            if len(asked) * _PICTURES_FOR_ONE_CALL > status.generations_done * status.spec.search.population:
+                wanted = set(asked)
+                found = {one.index: one.image for one in self._with_images() if one.index in wanted}
+            images = [found.get(index) or self._individual(index).image for index in asked]
+        return tables.pictures(images, status.spec.image.resolution)
+
+    def taxonomy(self) -> Taxonomy:
+        """The behaviours that the campaign found.
+
+        Raises:
+            RefusedError: If it is not completed.
+
+        Example:
+            >>> taxonomy = campaign.taxonomy()
+            >>> taxonomy
+            Taxonomy(4 medoids of 100 individuals)
+            >>> taxonomy.medoids.num_rows, taxonomy.clusters.shape, taxonomy.pictures.shape
+            (4, (100,), (4, 50, 50))
+        """
+        request = v1.GetTaxonomyRequest(campaign=self.id)
+        found = self._client.rpc.whole("CampaignService/GetTaxonomy", request, v1.Taxonomy)
+        spec = self.status().spec
+        images = [medoid.individual.image for medoid in found.medoids]
+        robust = np.array(found.robust_trials, np.float64)
+        return Taxonomy(
+            medoids=tables.medoids(found, self._classes()),
+            pictures=tables.pictures(images, spec.image.resolution),
+            clusters=np.array(found.clusters, np.uint32),
+            loss=found.loss,
+            robustness=robust / spec.evaluation.starts if found.robust_trials else None,
+        )
+
+    def generations(self) -> pa.Table:
+        """The complete generations.
+
+        Returns:
+            A table: `generation`; `best_novelty` and `mean_novelty` of its individuals when it was evaluated, in units
+            of the behaviour space; `filtered`, the number of proposals that the heuristic filter rejected.
+
+        Example:
+            >>> campaign.generations().num_rows
+            5
+        """
+        request = v1.ListGenerationsRequest(campaign=self.id)
+        whole = self._client.rpc.whole("CampaignService/ListGenerations", request, v1.ListGenerationsResponse)
+        return tables.generations(whole.generations)
+
+    def digest(self) -> str:
+        """The BLAKE3 digest of the archive, 64 hexadecimal digits. One specification has one digest, on any machine.
+
+        Example:
+            >>> len(campaign.digest())
+            64
+        """
+        request = v1.GetDigestRequest(campaign=self.id)
+        return self._client.rpc.call("CampaignService/GetDigest", request, v1.GetDigestResponse).digest
+
+    def replay(self, index: int, *, stride: int = 1) -> Replay:
+        """The motion of an individual, which a worker simulates again.
+
+        Args:
+            index: Its place in the archive.
+            stride: Steps from one frame to the next, 1 or more; the last step always has a frame.
+
+        Raises:
+            InvalidError: If the frames have more than 4,000,000 poses.
+            NotFoundError: If the index is not in the archive.
+
+        Example:
+            >>> campaign.replay(3, stride=10)
+            Replay(21 frames of 24 robots)
+        """
+        request = v1.GetReplayRequest(campaign=self.id, index=index, stride=stride)
+        replay = self._client.rpc.whole("CampaignService/GetReplay", request, v1.Replay)
+        return Replay(steps=np.array(replay.steps, np.uint32), poses=tables.poses(replay))
+
+    def labels(self) -> pa.Table:
+        """The standing answers of all annotators, by individual, then annotator.
+
+        Returns:
+            A table: `index` of the individual; `answer`, a class, `not sure` or `skip`; `annotator`; `time`; `entry`,
+            its place in the label log.
+
+        Example:
+            >>> campaign.labels().column_names
+            ['index', 'answer', 'annotator', 'time', 'entry']
+        """
+        return tables.answers(self._standing())
+
+    def label(self, answers: Mapping[int, str], *, annotator: str) -> None:
+        """Adds answers about individuals: all of them, or none if one is refused.
+
+        Args:
+            answers: A class, `not sure` or `skip` for each index; 1 to 50,000.
+            annotator: Who gives them.
+
+        Raises:
+            InvalidError: If a class or the annotator's name is not allowed.
+            NotFoundError: If an index is not in the archive.
+
+        Example:
+            >>> campaign.label({3: "milling", 5: "random"}, annotator="ana")
+            >>> campaign.labels()["answer"].to_pylist()
+            ['milling', 'random']
+        """
+        request = label_v1.AppendLabelsRequest(
+            campaign=self.id,
+            request_id=str(uuid.uuid4()),
+            answers=[
+                label_v1.Answer(index=int(index), answer=answer, annotator=annotator)
+                for index, answer in answers.items()
+            ],
+        )
+        self._client.rpc.whole("LabelService/AppendLabels", request, label_v1.AppendLabelsResponse)
+
+    def report(self, folder: str | os.PathLike[str]) -> Path:
+        """Writes the report of a completed campaign, and returns the path of its page.
+
+        Args:
+            folder: Where to write it. It is created if it does not exist.
+
+        Raises:
+            ProgramError: If the campaign is not completed, or the folder cannot be written.
+
+        Example:
+            >>> campaign.report("out").name
+            'report.html'
+        """
+        return Path(self._client.command("report", self.id, "--out", os.fspath(folder))["report"])
+
+    def pause(self) -> None:
+        """Stops the campaign at its last complete generation.
+
+        Raises:
+            RefusedError: If it is not running.
+        """
+        self._client.rpc.call("CampaignService/PauseCampaign", v1.PauseCampaignRequest(campaign=self.id), v1.Campaign)
+
+    def resume(self) -> None:
+        """Continues the campaign where it was paused or interrupted, or where it failed.
+
+        Raises:
+            RefusedError: If it is completed or cancelled.
+        """
+        self._client.rpc.call("CampaignService/ResumeCampaign", v1.ResumeCampaignRequest(campaign=self.id), v1.Campaign)
+
+    def cancel(self) -> None:
+        """Ends the campaign for good. Its archive stays.
+
+        Raises:
+            RefusedError: If it has already ended.
+        """
+        self._client.rpc.call("CampaignService/CancelCampaign", v1.CancelCampaignRequest(campaign=self.id), v1.Campaign)
+
+    def refine(self) -> None:
+        """Begins a round: the embedder is fine-tuned on the current labels, and the search continues in its space.
+
+        Follow it with `wait`.
+
+        Raises:
+            RefusedError: If the campaign has no embedder, or its labels name fewer than two classes.
+        """
+        self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
+
+    def _with_images(self) -> Iterator[v1.Individual]:
+        request = v1.GetArchiveRequest(campaign=self.id, images=True)
+        for chunk in self._client.rpc.stream("CampaignService/GetArchive", request, v1.ArchiveChunk):
+            yield from chunk.individuals
+
+    def _individual(self, index: int) -> v1.Individual:
+        request = v1.GetIndividualRequest(campaign=self.id, index=index)
+        return self._client.rpc.call("CampaignService/GetIndividual", request, v1.Individual)
+
+    def _standing(self) -> list[label_v1.Label]:
+        request = label_v1.ListLabelsRequest(campaign=self.id)
+        return list(self._client.rpc.whole("LabelService/ListLabels", request, label_v1.ListLabelsResponse).labels)
+
+    def _classes(self) -> dict[int, str]:
+        return tables.classes_of(self._standing())
+
+
+def state_of(campaign: v1.Campaign) -> str:
+    """The state of a campaign in a word."""
+    return v1.CampaignState.Name(campaign.state).removeprefix("CAMPAIGN_STATE_").lower()

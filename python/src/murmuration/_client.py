@@ -1,0 +1,244 @@
+"""A coordinator, as a client sees it."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from . import _programs as programs_
+from ._campaign import Campaign
+from ._cluster import Cluster
+from ._errors import InvalidError, NotFoundError
+from ._rpc import Connection
+from .v1 import campaign_pb2 as v1
+
+
+class Client:
+    """A connection to a coordinator. Get one from `local` or `connect`.
+
+    It may be used in a `with` statement, at the end of which it is closed. In the examples, `client` is one.
+
+    Attributes:
+        url: The URL of the coordinator: its pages in a browser, and `--coordinator` of commands.
+        rpc: Calls of the contract's methods, for what the library does not offer.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        ca: Path | None = None,
+        token: str | None = None,
+        programs: str | os.PathLike[str] | None = None,
+        cluster: Cluster | None = None,
+    ) -> None:
+        """Made by `local` and `connect`."""
+        self.url = url
+        self._ca, self._token, self._programs, self._cluster = ca, token, programs, cluster
+        trusted = ca.read_bytes() if ca else None
+        self.rpc = Connection(url, trusted, token, cluster.why if cluster else str)
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"Client({self.url!r})"
+
+    def close(self) -> None:
+        """Closes the connection, and ends the cluster if `local` started it. Its running campaigns are interrupted."""
+        self.rpc.close()
+        if self._cluster is not None:
+            self._cluster.close()
+
+    def run(
+        self,
+        spec: str | os.PathLike[str] | Mapping[str, Any],
+        *,
+        seed: int | None = None,
+        weight: int | None = None,
+        progress: bool | None = None,
+    ) -> Campaign:
+        """Runs a campaign until it is completed, and shows its progress.
+
+        If the wait is interrupted, the campaign goes on for as long as its coordinator runs: `client.campaign().wait()`
+        waits for it again.
+
+        Args:
+            spec: The path of a campaign file, or its content as a dict, with a dict for each table.
+            seed: Seed of the search and the training, instead of the file's.
+            weight: Share of the workers relative to other running campaigns, 1 to 10,000; 100 by default.
+            progress: Whether to show a bar; by default in notebooks and terminals.
+
+        Raises:
+            InvalidError: If the specification is not valid.
+            CampaignError: If the campaign fails, or a person pauses or cancels it.
+
+        Example:
+            >>> spec = {"model": "single-sensor", "method": "random", "world": {"horizon": 160}}
+            >>> spec |= {"search": {"population": 10, "generations": 2}, "taxonomy": {"medoids": 2}}
+            >>> client.run(spec).archive().num_rows
+            20
+        """
+        return self.submit(spec, seed=seed, weight=weight).wait(progress=progress)
+
+    def submit(
+        self,
+        spec: str | os.PathLike[str] | Mapping[str, Any],
+        *,
+        seed: int | None = None,
+        weight: int | None = None,
+    ) -> Campaign:
+        """Starts a campaign, and returns without waiting for it. Arguments and errors are those of `run`."""
+        options = [f"--{name}={value}" for name, value in (("seed", seed), ("weight", weight)) if value is not None]
+        if not isinstance(spec, Mapping):
+            return Campaign(self, self.command("submit", os.fspath(spec), *options)["campaign"])
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "spec.toml")
+            file.write_text(tomli_w.dumps(_document(spec)))
+            try:
+                submitted = self.command("submit", os.fspath(file), *options)
+            except InvalidError as error:
+                # The file is not the caller's.
+                raise InvalidError(str(error).removeprefix(f"{file}: ")) from None
+        return Campaign(self, submitted["campaign"])
+
+    def campaign(self, identifier: str = "latest") -> Campaign:
+        """A campaign by its id; the newest by default.
+
+        Raises:
+            NotFoundError: If there is none.
+
+        Example:
+            >>> client.campaign("example-1")
+            Campaign('example-1')
+        """
+        request = v1.GetCampaignRequest(campaign=identifier)
+        return Campaign(self, self.rpc.call("CampaignService/GetCampaign", request, v1.Campaign).id)
+
+    def campaigns(self) -> list[Campaign]:
+        """All campaigns of the coordinator's store, oldest first.
+
+        Example:
+            >>> client.campaigns()[0]
+            Campaign('example-1')
+        """
+        request = v1.ListCampaignsRequest()
+        listed = self.rpc.whole("CampaignService/ListCampaigns", request, v1.ListCampaignsResponse)
+        return [Campaign(self, one.id) for one in listed.campaigns]
+
+    def command(self, *words: str) -> dict[str, Any]:
+        """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
+
+        Only commands that print one document can be run. `murmuration schema` describes the documents.
+
+        Raises:
+            InvalidError: If the command refuses its input.
+            NotFoundError: If what the command is asked about does not exist.
+            ProgramError: If the program cannot be found, or fails.
+
+        Example:
+            >>> client.command("digest", "example-1")["evaluations"]
+            100
+        """
+        trust = ["--ca", os.fspath(self._ca)] if self._ca else []
+        variables = {"MURMURATION_TOKEN": self._token} if self._token else {}
+        program = programs_.find(self._programs)
+        return programs_.run(program, [*words, "--coordinator", self.url, *trust], variables)
+
+
+def local(
+    data: str | os.PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    trainers: int | None = None,
+    programs: str | os.PathLike[str] | None = None,
+) -> Client:
+    """Starts a cluster on this machine, and connects to it.
+
+    The cluster is one process (`murmuration serve`), which listens to this machine only. It ends when the client is
+    closed, and when this process ends in whatever way, also when it is killed.
+
+    Args:
+        data: The data directory, which is made if it does not exist; by default a temporary one, which is removed at
+            the end. The running campaigns of a data directory continue.
+        workers: Number of workers, 0 to 4096; by default one for each core.
+        trainers: Number of trainers, 0 to 4096; by default one.
+        programs: The folder of the programs; by default the one where pip puts programs, or else the PATH.
+
+    Raises:
+        ProgramError: If the cluster cannot start: there is no program, or another process uses the data directory.
+
+    Example:
+        >>> with mm.local(workers=1) as client:
+        ...     client.campaigns()
+        []
+    """
+    program = programs_.find(programs)
+    cluster = Cluster(program, Path(data).absolute() if data is not None else None, workers, trainers)
+    return Client(cluster.url, token=cluster.token, programs=program.parent, cluster=cluster)
+
+
+def connect(
+    url: str,
+    *,
+    ca: str | os.PathLike[str] | None = None,
+    token: str | None = None,
+    programs: str | os.PathLike[str] | None = None,
+) -> Client:
+    """Connects to a coordinator.
+
+    Args:
+        url: `http://HOST:PORT` or `https://HOST:PORT`.
+        ca: File with the certificate of the authority that signed the coordinator's (PEM). Required for https.
+        token: Your token, if the coordinator asks for one.
+        programs: The folder of the program `murmuration`, which reads campaign files and writes reports; by default the
+            one where pip puts programs, or else the PATH.
+
+    Raises:
+        InvalidError: If the URL is not one.
+        UnavailableError: If no coordinator answers.
+        RefusedError: If it does not accept the token.
+
+    Example:
+        >>> with mm.connect(client.url) as another:
+        ...     another.campaign("example-1").state
+        'completed'
+    """
+    if url.startswith("https://") and ca is None:
+        raise InvalidError("ca = nothing: must be the file of a certificate, where the URL begins with https://")
+    client = Client(url, ca=Path(ca).absolute() if ca is not None else None, token=token, programs=programs)
+    try:
+        client.campaign()
+    except NotFoundError:
+        # It answers, and has no campaigns.
+        pass
+    except BaseException:
+        client.close()
+        raise
+    return client
+
+
+def _document(spec: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _plain(value) for name, value in spec.items()}
+
+
+def _plain(value: object) -> object:
+    """A value of a specification without the types of numpy, which TOML's writer does not know."""
+    if isinstance(value, Mapping):
+        return _document(value)
+    if isinstance(value, (list, tuple)):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    if value is None:
+        raise InvalidError("a value of the specification is None: leave its field out")
+    return value

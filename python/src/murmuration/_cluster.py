@@ -1,0 +1,133 @@
+"""A cluster on this machine that ends with this process."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import weakref
+from pathlib import Path
+from typing import IO
+
+from . import _guard
+from ._errors import ProgramError
+from ._programs import environment
+
+# A coordinator checks its database before it listens.
+_SECONDS_TO_START = 120
+_SECONDS_TO_LOOK_AGAIN = 0.01
+# Of a log, what a message quotes.
+_QUOTED_BYTES = 2_000
+
+
+class Cluster:
+    """A coordinator with workers and trainers in its process.
+
+    Attributes:
+        url: The URL of the coordinator.
+        token: The token of this machine's commands; None where none is asked for.
+    """
+
+    def __init__(self, program: Path, data: Path | None, workers: int | None, trainers: int | None) -> None:
+        """Starts the cluster, and waits until it answers. Without `data`, its data directory is removed at its end."""
+        # The file has no name, so that nothing is left of it.
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115
+        own = "" if data else tempfile.mkdtemp(prefix="murmuration-")
+        data = data or Path(own, "data")
+        command = [os.fspath(program), "serve", "--data", os.fspath(data), "--listen", "127.0.0.1:0"]
+        for option, count in (("--workers", workers), ("--trainers", trainers)):
+            if count is not None:
+                command += [option, str(count)]
+        try:
+            self._guard = _start_guard(command, own, self._log)
+            # Also at the end of an interpreter whose programmer did not close it.
+            self._end = weakref.finalize(self, _end, self._guard, os.getpid(), own)
+            self.url, self.token = self._wait_for_address(data)
+        except BaseException:
+            if hasattr(self, "_end"):
+                self._end()
+            elif own:
+                shutil.rmtree(own, ignore_errors=True)
+            raise
+
+    def close(self) -> None:
+        """Ends the cluster, and returns when its processes have ended."""
+        self._end()
+
+    def why(self) -> str:
+        """Why it does not answer: the last lines of its log, if it has ended; otherwise nothing."""
+        return "" if self._guard.poll() is None else f"the local cluster has ended:\n{self._tail()}"
+
+    def _wait_for_address(self, data: Path) -> tuple[str, str | None]:
+        """Where its coordinator listens, as its data directory says."""
+        assert self._guard.stdout is not None  # noqa: S101
+        process = self._guard.stdout.readline().strip()
+        last = time.monotonic() + _SECONDS_TO_START
+        while self._guard.poll() is None and time.monotonic() < last:
+            holder = _holder(data)
+            if str(holder.get("process")) == process and holder.get("address"):
+                return str(holder["address"]), _token(data)
+            time.sleep(_SECONDS_TO_LOOK_AGAIN)
+        raise ProgramError(f"the local cluster did not start:\n{self._tail()}")
+
+    def _tail(self) -> str:
+        # Seeking would move the place at which the cluster writes.
+        log = self._log.fileno()
+        begin = max(0, os.fstat(log).st_size - _QUOTED_BYTES)
+        return os.pread(log, _QUOTED_BYTES, begin).decode(errors="replace").strip()
+
+
+def _start_guard(command: list[str], own: str, log: IO[bytes]) -> subprocess.Popen[str]:
+    if not sys.executable:
+        raise ProgramError(
+            "this Python does not say where its program is (`sys.executable`), so it cannot start a cluster"
+        )
+    guard = [sys.executable, "-I", "-S", _guard.__file__, str(os.getpid()), own]
+    return subprocess.Popen(
+        [*guard, *command],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=log,
+        text=True,
+        env=environment(),
+        # Ctrl-C in a terminal is for Python alone, which then ends the cluster.
+        start_new_session=True,
+    )
+
+
+def _end(guard: subprocess.Popen[str], process: int, own: str) -> None:
+    if os.getpid() != process:
+        # A fork of the process that started the cluster has a copy of everything.
+        return
+    assert guard.stdin is not None and guard.stdout is not None  # noqa: S101
+    try:
+        # Closing it is not enough: a fork may hold it too.
+        guard.stdin.write("end\n")
+        guard.stdin.close()
+    except BrokenPipeError:
+        pass
+    guard.wait()
+    guard.stdout.close()
+    if own:
+        # The guard has done so, unless it was killed.
+        shutil.rmtree(own, ignore_errors=True)
+
+
+def _holder(data: Path) -> dict[str, object]:
+    """The process that uses a data directory; nothing while that is being written."""
+    try:
+        holder = json.loads((data / "lock.json").read_text())
+    except (OSError, ValueError):
+        return {}
+    return holder if isinstance(holder, dict) else {}
+
+
+def _token(data: Path) -> str | None:
+    try:
+        return (data / "local-token").read_text().strip()
+    except FileNotFoundError:
+        return None

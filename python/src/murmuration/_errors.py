@@ -1,0 +1,94 @@
+"""Errors, as the coordinator and the programs say them."""
+
+from __future__ import annotations
+
+import re
+
+import grpc
+
+_VALUE = re.compile(r"(?P<field>[\w.\[\]-]+) = (?P<value>.*): must be (?P<limit>.*)", re.DOTALL)
+_TYPE = re.compile(r"(?P<field>[\w.\[\]-]+) must be (?P<limit>.*), not (?P<value>.*)", re.DOTALL)
+_UNKNOWN = re.compile(r"unknown field `(?P<name>[^`]*)`(?: in \[(?P<section>[^]]*)\])?(?P<limit>.*)", re.DOTALL)
+
+
+class MurmurationError(Exception):
+    """An error of this library. Its text is a sentence for people."""
+
+
+class InvalidError(MurmurationError, ValueError):
+    """A value that is not allowed.
+
+    Attributes:
+        field: The field, as in a campaign file (`search.population`); None where the coordinator does not name one.
+        value: The value, as text; None where the coordinator does not repeat it.
+        limit: What is allowed, such as `a whole number from 1 to 100000`; None where the coordinator does not say it.
+
+    Example:
+        >>> try:
+        ...     client.submit({"model": "single-sensor", "method": "random", "search": {"population": 0}})
+        ... except mm.InvalidError as error:
+        ...     print(error.field, "must be", error.limit)
+        search.population must be a whole number from 1 to 100000
+    """
+
+    def __init__(self, said: str) -> None:
+        super().__init__(said)
+        self.field: str | None = None
+        self.value: str | None = None
+        self.limit: str | None = None
+        # A position in a file comes before the last line.
+        sentence = said.rsplit("\n", 1)[-1]
+        if found := _VALUE.search(sentence) or _TYPE.search(sentence):
+            self.field, self.value, self.limit = found["field"], found["value"], found["limit"]
+        elif found := _UNKNOWN.search(sentence):
+            section = found["section"]
+            self.field = f"{section}.{found['name']}" if section else found["name"]
+            self.limit = found["limit"].lstrip(":. ") or None
+
+
+class NotFoundError(MurmurationError, LookupError):
+    """A campaign, an individual or a checkpoint that does not exist."""
+
+
+class RefusedError(MurmurationError):
+    """A request that the coordinator does not carry out now, or not for this person."""
+
+
+class UnavailableError(MurmurationError, ConnectionError):
+    """A coordinator that does not answer."""
+
+
+class CampaignError(MurmurationError):
+    """A campaign that stopped before it was completed.
+
+    Attributes:
+        state: Its state: `failed`, `paused` or `cancelled`.
+    """
+
+    def __init__(self, said: str, state: str) -> None:
+        super().__init__(said)
+        self.state = state
+
+
+class ProgramError(MurmurationError):
+    """A program of Murmuration that cannot be found, or that failed."""
+
+
+_BY_CODE: dict[grpc.StatusCode, type[MurmurationError]] = {
+    grpc.StatusCode.INVALID_ARGUMENT: InvalidError,
+    grpc.StatusCode.NOT_FOUND: NotFoundError,
+    grpc.StatusCode.FAILED_PRECONDITION: RefusedError,
+    grpc.StatusCode.ALREADY_EXISTS: RefusedError,
+    grpc.StatusCode.PERMISSION_DENIED: RefusedError,
+    grpc.StatusCode.UNAUTHENTICATED: RefusedError,
+    grpc.StatusCode.UNAVAILABLE: UnavailableError,
+}
+
+
+def of_status(error: grpc.RpcError) -> MurmurationError:
+    """The error of a gRPC status."""
+    # What grpc raises for a call is also the call, which has the status.
+    if not isinstance(error, grpc.Call):
+        return MurmurationError(str(error))
+    said = error.details() or error.code().name
+    return _BY_CODE.get(error.code(), MurmurationError)(said)

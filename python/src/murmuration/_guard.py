@@ -1,0 +1,89 @@
+"""Runs a coordinator for as long as a Python process lives. A program of its own: it imports nothing of the library.
+
+The Python process starts the guard, and the guard starts the coordinator. The guard ends the coordinator when the
+Python process asks for it, or ends in any way, SIGKILL included: the guard holds a descriptor of that process (where
+the system has such) and the end of a pipe. If the guard itself is killed, the system kills the coordinator
+(PR_SET_PDEATHSIG). The system sends that signal when the thread ends that started a process. So the guard, which has
+one thread, starts it.
+
+Arguments: the process id of the Python process; a folder to remove at the end, or an empty text; the command.
+"""
+
+import ctypes
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+
+PR_SET_PDEATHSIG = 1
+# A coordinator finishes evaluations that have begun before it ends. If it is killed, it loses nothing acknowledged.
+SECONDS_TO_END = 10
+
+
+def dies_with_guard() -> Callable[[], None]:
+    """What the coordinator's process does before it is the coordinator: it asks to be killed when the guard ends."""
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    guard = os.getpid()
+
+    def ask() -> None:
+        if prctl is not None:
+            prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+            if os.getppid() != guard:
+                os._exit(1)
+
+    return ask
+
+
+def parent_lives(parent: int) -> int | None:
+    """A descriptor that can be read once the Python process has ended; None where the system has none."""
+    try:
+        return os.pidfd_open(parent)
+    except (AttributeError, OSError):
+        return None
+
+
+def main(parent: int, folder: str, command: list[str]) -> int:
+    """Runs the command until it ends or must end, and returns its exit code."""
+    told, tell = os.pipe()
+    signal.signal(signal.SIGTERM, lambda *_: os.write(tell, b"."))
+    for ignored in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(ignored, signal.SIG_IGN)
+    watched = select.poll()
+    lives = parent_lives(parent)
+    for descriptor in (sys.stdin.fileno(), told, lives):
+        if descriptor is not None:
+            watched.register(descriptor, select.POLLIN)
+    # The coordinator's end of this pipe is closed when it ends.
+    ended, held = os.pipe()
+    watched.register(ended, select.POLLIN)
+    coordinator = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        pass_fds=[held],
+        preexec_fn=dies_with_guard(),
+    )
+    os.close(held)
+    try:
+        print(coordinator.pid, flush=True)
+        # The Python process may have ended before its descriptor was opened.
+        if os.getppid() == parent:
+            watched.poll()
+    except BrokenPipeError:
+        pass
+    coordinator.terminate()
+    try:
+        coordinator.wait(SECONDS_TO_END)
+    except subprocess.TimeoutExpired:
+        coordinator.kill()
+        coordinator.wait()
+    if folder:
+        shutil.rmtree(folder, ignore_errors=True)
+    return coordinator.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(abs(main(int(sys.argv[1]), sys.argv[2], sys.argv[3:])))

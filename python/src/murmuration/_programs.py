@@ -1,0 +1,84 @@
+"""The programs of Murmuration: where they are, and how they are run."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sysconfig
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from ._errors import InvalidError, NotFoundError, ProgramError
+
+_NAME = "murmuration"
+# Exit code of programs for wrong usage or input.
+_WRONG_INPUT = 2
+
+
+def find(folder: str | os.PathLike[str] | None) -> Path:
+    """The program `murmuration`: in `folder`, or else beside this Python's scripts, or else in the PATH.
+
+    Raises:
+        ProgramError: If there is none.
+    """
+    if folder is not None:
+        places = [os.fspath(folder)]
+    else:
+        # A wheel puts programs there, which have the version of this library.
+        scripts = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
+        places = [*scripts, *os.environ.get("PATH", os.defpath).split(os.pathsep)]
+    if found := shutil.which(_NAME, path=os.pathsep.join(places)):
+        return Path(found)
+    looked = "in the PATH" if folder is None else f"in {os.fspath(folder)}"
+    raise ProgramError(
+        f"there is no program `{_NAME}` {looked}: install it, or name the folder that it is in (`programs`)"
+    )
+
+
+def environment() -> dict[str, str]:
+    """The environment of programs: this process's, without what only a shell's commands are to be told.
+
+    Embedders run on ONNX Runtime. If ORT_DYLIB_PATH does not name a library, it is set to the one in the Python package
+    `onnxruntime`, if that is installed. From its version 1.29 on, ONNX Runtime tells its makers about the machine as
+    soon as it is loaded, unless ORT_DISABLE_TELEMETRY is 1. It is set to that unless it is set to something else.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("MURMURATION_")}
+    if not kept.get("ORT_DYLIB_PATH") and (library := _onnxruntime()):
+        kept["ORT_DYLIB_PATH"] = str(library)
+    kept.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    return kept
+
+
+def _onnxruntime() -> Path | None:
+    """The library in the package `onnxruntime`, which is not imported."""
+    package = importlib.util.find_spec("onnxruntime")
+    places = package.submodule_search_locations if package else None
+    for place in places or ():
+        for library in sorted(Path(place, "capi").glob("libonnxruntime.so*")):
+            return library
+    return None
+
+
+def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> dict[str, Any]:
+    """Runs a command of `murmuration` that prints one JSON document, and returns the document.
+
+    Raises:
+        InvalidError: If the command refuses its input.
+        NotFoundError: If what it is asked about does not exist.
+        ProgramError: If it fails.
+    """
+    command = [os.fspath(program), *words, "--json"]
+    done = subprocess.run(
+        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, env=environment() | variables, check=False
+    )
+    if done.returncode != 0:
+        said = done.stderr.strip().rpartition("error: ")[2] or f"{words[0]} failed with exit code {done.returncode}"
+        if done.returncode == _WRONG_INPUT:
+            raise NotFoundError(said) if said.startswith("there is no ") else InvalidError(said)
+        raise ProgramError(said)
+    document: dict[str, Any] = json.loads(done.stdout)
+    return document

@@ -1,0 +1,90 @@
+"""The progress of a campaign, as a bar in a terminal or a notebook."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from typing import NamedTuple, NoReturn
+
+import tqdm as terminal
+
+from .v1 import campaign_pb2 as v1
+
+with warnings.catch_warnings():
+    # In a notebook without widgets the bar is text, without a word about it.
+    warnings.simplefilter("ignore", terminal.TqdmWarning)
+    from tqdm.auto import tqdm
+
+
+class Step(NamedTuple):
+    """How far a stage has come."""
+
+    stage: str
+    done: int
+    total: int
+    unit: str
+
+
+class Bar:
+    """One bar for each stage.
+
+    Without `shown`, bars are shown in notebooks and in terminals, but not where stderr is a file.
+    """
+
+    def __init__(self, shown: bool | None) -> None:
+        in_notebook = "ipykernel" in sys.modules
+        # With None, tqdm finds out by itself whether stderr is a terminal.
+        self._disable = not shown if shown is not None else (False if in_notebook else None)
+        self._stage = ""
+        self._bar: tqdm[NoReturn] | None = None
+
+    def show(self, campaign: v1.Campaign) -> None:
+        """Shows where the campaign is."""
+        step = step_of(campaign)
+        if step is None:
+            return
+        bar = self._bar_of(step)
+        bar.total = step.total
+        bar.update(step.done - bar.n)
+        if campaign.waiting:
+            bar.set_postfix_str(f"waiting: {campaign.waiting}")
+        elif step.stage == "evolve" and campaign.HasField("mean_novelty"):
+            bar.set_postfix_str(f"novelty {campaign.mean_novelty:.3g}")
+
+    def _bar_of(self, step: Step) -> tqdm[NoReturn]:
+        if self._bar is None or step.stage != self._stage:
+            self.close()
+            self._stage = step.stage
+            self._bar = tqdm(total=step.total, desc=step.stage, unit=f" {step.unit}", disable=self._disable)
+        return self._bar
+
+    def close(self) -> None:
+        """Leaves the bar as it is."""
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+def step_of(campaign: v1.Campaign) -> Step | None:
+    """How far the stage of a campaign has come; None where nothing is counted."""
+    spec, training = campaign.spec, campaign.training
+    population = spec.search.population
+    evaluations = campaign.generations * population
+    evaluated = campaign.generations_done * population + campaign.evaluated_in_generation
+    archive = campaign.generations_done * population
+    steps = {
+        v1.CAMPAIGN_STAGE_DATASET: Step(
+            "dataset", campaign.dataset_done, spec.dataset.controllers * spec.dataset.starts, "pictures"
+        ),
+        v1.CAMPAIGN_STAGE_PRETRAIN: Step("pretrain", training.epoch, training.epochs, "epochs"),
+        v1.CAMPAIGN_STAGE_EMBED: Step("embed", campaign.embedded, archive, "pictures"),
+        v1.CAMPAIGN_STAGE_EVOLVE: Step("evolve", evaluated, evaluations, "evaluations"),
+        v1.CAMPAIGN_STAGE_LABEL: Step("label", campaign.labelled, spec.feedback.labels, "individuals"),
+        v1.CAMPAIGN_STAGE_FINE_TUNE: Step("fine-tune", training.epoch, training.epochs, "epochs"),
+        # While the archive is clustered, all evaluations are done.
+        v1.CAMPAIGN_STAGE_TAXONOMY: Step("evolve", evaluations, evaluations, "evaluations"),
+    }
+    step = steps.get(campaign.stage)
+    if step is None and campaign.state == v1.CAMPAIGN_STATE_COMPLETED:
+        return Step("evolve", evaluations, evaluations, "evaluations")
+    return step._replace(done=min(step.done, step.total)) if step else None

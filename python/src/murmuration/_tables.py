@@ -1,0 +1,186 @@
+"""What the coordinator sends, as tables and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from ._errors import InvalidError
+from .v1 import campaign_pb2 as v1
+from .v1 import label_pb2 as labels
+
+FEATURES = ("average_speed", "angular_momentum", "radial_variance", "scatter", "group_rotation")
+"""The hand-crafted features of Brown et al., in the order of the column `features`."""
+
+# Answers that name no class.
+_NO_CLASS = ("not sure", "skip")
+
+
+def matrix(column: pa.ChunkedArray | pa.Array) -> npt.NDArray[Any]:
+    """A column of lists of one length, such as genes, features or embeddings, as an array.
+
+    Args:
+        column: A column of a table, without nulls.
+
+    Returns:
+        An array with the shape (rows, length of a list) and the column's kind of numbers.
+
+    Raises:
+        InvalidError: If the column has nulls.
+
+    Example:
+        >>> mm.matrix(campaign.archive()["features"]).shape
+        (100, 5)
+    """
+    array = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    if array.null_count:
+        raise InvalidError("the column has nulls, as that of embeddings in a campaign without embedder")
+    numbers: npt.NDArray[Any] = array.flatten().to_numpy(zero_copy_only=False)
+    return numbers.reshape(len(array), len(numbers) // max(len(array), 1))
+
+
+def archive(individuals: Sequence[v1.Individual], classes: Mapping[int, str]) -> pa.Table:
+    """The table of an archive, by index; `classes` are those of individuals that have one."""
+    first = individuals[0] if individuals else v1.Individual()
+    columns = [
+        _column("index", pa.uint64(), (one.index for one in individuals), about="place in the archive, from 0"),
+        _column("generation", pa.uint32(), (one.generation for one in individuals), about="from 0"),
+        _lists("genes", pa.float64(), [one.controller for one in individuals], len(first.controller)),
+        _lists(
+            "features",
+            pa.float64(),
+            [one.features for one in individuals],
+            len(FEATURES),
+            names=", ".join(FEATURES),
+        ),
+        _lists("embedding", pa.float32(), [one.embedding for one in individuals], len(first.embedding)),
+        _column(
+            "novelty",
+            pa.float64(),
+            (one.novelty for one in individuals),
+            about="when evaluated, in the archive as it was after the individual's generation",
+            unit="behaviour space",
+        ),
+        _column(
+            "class", pa.string(), (classes.get(one.index) for one in individuals), about="null where there is none"
+        ),
+        _column("seed", pa.uint64(), (one.seed for one in individuals), about="of the first start"),
+    ]
+    if any(one.trials for one in individuals):
+        columns.append(_trials(individuals, len(first.embedding)))
+    return _table(columns)
+
+
+def medoids(taxonomy: v1.Taxonomy, classes: Mapping[int, str]) -> pa.Table:
+    """The table of the medoids of a taxonomy, largest cluster first."""
+    ours = taxonomy.medoids
+    individuals = [medoid.individual for medoid in ours]
+    columns = [
+        _column("index", pa.uint64(), (one.index for one in individuals), about="place in the archive, from 0"),
+        _column("cluster_size", pa.uint64(), (medoid.cluster_size for medoid in ours), unit="individuals"),
+        _column("mean_distance", pa.float64(), (medoid.mean_distance for medoid in ours), unit="behaviour space"),
+        _column(
+            "novelty",
+            pa.float64(),
+            (medoid.novelty for medoid in ours),
+            about="in the whole archive",
+            unit="behaviour space",
+        ),
+        _column(
+            "class", pa.string(), (classes.get(one.index) for one in individuals), about="null where there is none"
+        ),
+        _lists("genes", pa.float64(), [one.controller for one in individuals], len(individuals[0].controller)),
+        _column("seed", pa.uint64(), (one.seed for one in individuals), about="of the first start"),
+    ]
+    return _table(columns)
+
+
+def answers(standing: Sequence[labels.Label]) -> pa.Table:
+    """The table of standing answers, by individual, then annotator."""
+    times = (label.answer.time_ms for label in standing)
+    return _table(
+        [
+            _column("index", pa.uint64(), (label.answer.index for label in standing), about="place in the archive"),
+            _column(
+                "answer",
+                pa.string(),
+                (label.answer.answer for label in standing),
+                about="a class, `not sure` or `skip`",
+            ),
+            _column("annotator", pa.string(), (label.answer.annotator for label in standing)),
+            _column("time", pa.timestamp("ms", tz="UTC"), times),
+            _column("entry", pa.uint64(), (label.entry for label in standing), about="place in the label log, from 0"),
+        ]
+    )
+
+
+def generations(summaries: Sequence[v1.GenerationSummary]) -> pa.Table:
+    """The table of generations."""
+    return _table(
+        [
+            _column("generation", pa.uint32(), (one.generation for one in summaries), about="from 0"),
+            _column("best_novelty", pa.float64(), (one.best_novelty for one in summaries), unit="behaviour space"),
+            _column("mean_novelty", pa.float64(), (one.mean_novelty for one in summaries), unit="behaviour space"),
+            _column(
+                "filtered", pa.uint64(), (one.filtered for one in summaries), about="proposals that the filter rejected"
+            ),
+        ]
+    )
+
+
+def classes_of(standing: Iterable[labels.Label]) -> dict[int, str]:
+    """The class of each individual that has one: where annotators differ, the one that was given last."""
+    given = (label for label in standing if label.answer.answer not in _NO_CLASS)
+    return {label.answer.index: label.answer.answer for label in sorted(given, key=lambda label: label.entry)}
+
+
+def pictures(images: Sequence[bytes], side: int) -> npt.NDArray[np.uint8]:
+    """Pictures as programs show them: rows from the top down, columns from left to right."""
+    channels = len(images[0]) // (side * side) if images else 1
+    # The coordinator's pictures are column by column.
+    columns = np.frombuffer(b"".join(images), np.uint8).reshape(len(images), channels, side, side)
+    rows = np.ascontiguousarray(columns.swapaxes(2, 3))
+    return rows[:, 0] if channels == 1 else rows
+
+
+def poses(replay: v1.Replay) -> npt.NDArray[np.float32]:
+    """The poses of a replay: frames, agents, (x, y, heading)."""
+    return np.array(replay.poses, np.float32).reshape(len(replay.steps), replay.agents, 3)
+
+
+def _trials(individuals: Sequence[v1.Individual], dimensions: int) -> tuple[pa.Field, pa.Array]:
+    space = pa.list_(pa.float32(), dimensions) if dimensions else pa.list_(pa.float32())
+    kind = pa.struct([("seed", pa.uint64()), ("features", pa.list_(pa.float64(), len(FEATURES))), ("embedding", space)])
+    trials = [
+        [
+            {"seed": trial.seed, "features": list(trial.features), "embedding": list(trial.embedding) or None}
+            for trial in one.trials
+        ]
+        for one in individuals
+    ]
+    return _column("trials", pa.list_(kind), trials, about="the simulations of an individual, the first first")
+
+
+def _column(name: str, kind: pa.DataType, values: Iterable[Any], **about: str) -> tuple[pa.Field, pa.Array]:
+    return pa.field(name, kind, metadata=about or None), pa.array(list(values), kind)
+
+
+def _lists(
+    name: str, kind: pa.DataType, lists: Sequence[Sequence[float]], length: int, **about: str
+) -> tuple[pa.Field, pa.Array]:
+    """A column of lists of one length; of nulls, if the length is 0."""
+    if length == 0:
+        column = pa.nulls(len(lists), pa.list_(kind))
+    else:
+        numbers = np.array(lists, kind.to_pandas_dtype())
+        column = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel(), kind), length)
+    return pa.field(name, column.type, metadata=about or None), column
+
+
+def _table(columns: Sequence[tuple[pa.Field, pa.Array]]) -> pa.Table:
+    schema = pa.schema([field for field, _ in columns])
+    return pa.Table.from_arrays([column for _, column in columns], schema=schema)

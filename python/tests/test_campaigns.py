@@ -1,0 +1,230 @@
+"""Campaigns: from a specification to tables and arrays."""
+
+import json
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import tomli_w
+
+import murmuration as mm
+from conftest import SPEC
+from murmuration._progress import step_of
+from murmuration.v1 import campaign_pb2 as v1
+
+
+def test_a_file_and_a_dict_and_the_specification_filled_in_are_the_same_campaign(
+    client: mm.Client, campaign: mm.Campaign, tmp_path: Path
+) -> None:
+    file = tmp_path / "a campaign.toml"
+    file.write_text(tomli_w.dumps(SPEC))
+    again = client.run(file)
+    filled = client.run(campaign.spec)
+    assert again.digest() == filled.digest() == campaign.digest()
+    assert client.run(SPEC, seed=7).digest() != campaign.digest()
+
+
+def test_a_specification_may_have_numbers_of_numpy(client: mm.Client) -> None:
+    spec = SPEC | {"search": {"population": np.int64(4), "generations": 1, "mutation": np.float32(0.5)}}
+    spec |= {"controllers": {"initial": np.array([[1.0, 0.5, -0.5, 1.0]])}}
+    campaign = client.run(spec)
+    assert campaign.spec["search"]["mutation"] == 0.5
+    assert mm.matrix(campaign.archive()["genes"])[0].tolist() == [1.0, 0.5, -0.5, 1.0]
+
+
+def test_an_archive_is_what_the_program_says_of_each_individual(client: mm.Client, campaign: mm.Campaign) -> None:
+    archive = campaign.archive()
+    assert archive["index"].to_pylist() == list(range(100))
+    assert archive["generation"].to_pylist() == [index // 20 for index in range(100)]
+    assert archive.schema.field("genes").type == pa.list_(pa.float64(), 4)
+    assert archive.schema.field("features").metadata[b"names"].decode().split(", ") == list(mm.FEATURES)
+    assert archive["embedding"].null_count == 100
+    with pytest.raises(mm.InvalidError, match="nulls"):
+        mm.matrix(archive["embedding"])
+    for row in (0, 42, 99):
+        individual = archive.slice(row, 1).to_pylist()[0]
+        shown = client.command("show", campaign.id, "--index", str(row))
+        assert shown["seed"] == individual["seed"]
+        assert shown["controller"] == individual["genes"]
+        features = shown["features"]
+        assert (list(features.values()) if isinstance(features, dict) else features) == individual["features"]
+
+
+def test_pictures_are_as_a_replay_draws_them(campaign: mm.Campaign) -> None:
+    pictures = campaign.pictures([3, 5, 3])
+    assert pictures.dtype == np.uint8
+    assert (pictures[0] == pictures[2]).all() and (pictures[0] != pictures[1]).any()
+    assert (campaign.pictures()[[3, 5]] == pictures[:2]).all()
+    # The world is 500 wide and high, and a picture shows the last 160 steps.
+    replay = campaign.replay(3)
+    assert replay.steps.tolist() == list(range(201))
+    last = replay.poses[-1, :, :2]
+    columns, rows = (last / 10).astype(int).clip(0, 49).T
+    assert (pictures[0][rows, columns] > 0).mean() > 0.9
+    assert (pictures[0] > 0).mean() < 0.5
+    assert campaign.pictures([]).shape[0] == 0
+    # Many are not asked for one by one.
+    many = np.arange(99, 49, -1)
+    assert (campaign.pictures(many) == campaign.pictures()[many]).all()
+    with pytest.raises(mm.NotFoundError):
+        campaign.pictures([*many, 100])
+
+
+def test_a_stride_keeps_the_last_step(campaign: mm.Campaign) -> None:
+    replay = campaign.replay(0, stride=150)
+    assert replay.steps.tolist() == [0, 150, 200]
+    assert (replay.poses == campaign.replay(0).poses[[0, 150, 200]]).all()
+
+
+def test_a_taxonomy_divides_the_archive(campaign: mm.Campaign) -> None:
+    taxonomy = campaign.taxonomy()
+    sizes = taxonomy.medoids["cluster_size"].to_numpy()
+    assert sizes.tolist() == np.bincount(taxonomy.clusters, minlength=4).tolist()
+    assert sizes.sum() == 100 and (np.diff(sizes.astype(int)) <= 0).all()
+    medoids = taxonomy.medoids["index"].to_pylist()
+    assert taxonomy.clusters[medoids].tolist() == [0, 1, 2, 3]
+    assert (taxonomy.pictures == campaign.pictures(medoids)).all()
+    # The behaviour space of this campaign is the features.
+    features = mm.matrix(campaign.archive()["features"])
+    distances = np.linalg.norm(features - features[np.array(medoids)[taxonomy.clusters]], axis=1)
+    assert taxonomy.loss == pytest.approx(distances.sum())
+    assert taxonomy.robustness is None
+    assert taxonomy._repr_html_().count("data:image/png;base64,") == 4
+
+
+def test_an_archive_may_be_empty() -> None:
+    with mm.local(workers=0, trainers=0) as client:
+        archive = client.submit(SPEC).archive()
+    assert archive.num_rows == 0 and archive.column_names[:3] == ["index", "generation", "genes"]
+    assert mm.matrix(archive["features"]).shape[0] == mm.matrix(archive["genes"]).shape[0] == 0
+
+
+def test_trials_and_species_have_columns_and_channels(client: mm.Client) -> None:
+    spec = SPEC | {
+        "species": [
+            {"name": "red", "model": "single-sensor", "count": 6},
+            {"name": "blue", "model": "turbopi", "count": 6},
+        ],
+        "image": {"channels": "species", "resolution": 30},
+        "evaluation": {"starts": 3},
+        "search": {"population": 10, "generations": 2},
+    }
+    del spec["model"]
+    campaign = client.run(spec)
+    assert campaign.pictures().shape == (20, 2, 30, 30)
+    archive = campaign.archive()
+    trials = archive["trials"].to_pylist()
+    assert [len(one) for one in trials] == [3] * 20
+    assert [one[0]["seed"] for one in trials] == archive["seed"].to_pylist()
+    means = np.array([[trial["features"] for trial in one] for one in trials]).mean(axis=1)
+    np.testing.assert_allclose(mm.matrix(archive["features"]), means)
+    taxonomy = campaign.taxonomy()
+    assert taxonomy.robustness is not None
+    assert set(np.round(taxonomy.robustness * 3, 6)) <= {0.0, 1.0, 2.0, 3.0}
+    assert "<img" in taxonomy._repr_html_()
+
+
+def test_the_last_class_that_was_given_counts(client: mm.Client) -> None:
+    campaign = client.run(SPEC | {"name": "labelled"})
+    campaign.label({0: "milling", 1: "not sure", 2: "a class with spaces", 3: "milling"}, annotator="ana")
+    campaign.label({0: "aggregation", 3: "skip"}, annotator="ben")
+    classes = campaign.archive()["class"].to_pylist()
+    assert classes[:4] == ["aggregation", None, "a class with spaces", "milling"]
+    assert campaign.labels().num_rows == 6
+    with pytest.raises(mm.NotFoundError):
+        campaign.label({5: "milling", 10_000: "milling"}, annotator="ana")
+    assert campaign.labels().num_rows == 6
+
+
+def test_a_report_is_written(campaign: mm.Campaign, tmp_path: Path) -> None:
+    page = campaign.report(tmp_path / "a report")
+    assert page.parent == tmp_path / "a report" and "<html" in page.read_text()
+
+
+def test_errors_have_field_value_and_limit(client: mm.Client, tmp_path: Path) -> None:
+    def refused(spec: dict[str, object]) -> mm.InvalidError:
+        with pytest.raises(mm.InvalidError) as raised:
+            client.submit({"model": "single-sensor", "method": "random"} | spec)
+        assert "spec.toml" not in str(raised.value)
+        return raised.value
+
+    of_range = refused({"search": {"mutation": 1.5}})
+    assert (of_range.field, of_range.value, of_range.limit) == ("search.mutation", "1.5", "a number from 0 to 1")
+    of_type = refused({"search": {"population": "many"}})
+    assert (of_type.field, of_type.limit) == ("search.population", "a whole number, 0 or more")
+    unknown = refused({"search": {"populaton": 10}})
+    assert unknown.field == "search.populaton" and "did you mean `population`?" in str(unknown)
+    assert "None" in str(refused({"seed": None}))
+    with pytest.raises(mm.InvalidError, match="cannot read"):
+        client.submit(tmp_path / "nothing.toml")
+    # By gRPC.
+    with pytest.raises(mm.InvalidError) as raised:
+        client.campaign("example-1").replay(0, stride=0)
+    assert raised.value.field == "stride" and raised.value.limit is not None
+    with pytest.raises(mm.NotFoundError):
+        client.campaign("nothing-1")
+    with pytest.raises(mm.NotFoundError):
+        client.campaign("example-1").pictures([100])
+    with pytest.raises(mm.RefusedError):
+        client.campaign("example-1").pause()
+    with pytest.raises(mm.MurmurationError):
+        client.command("nothing")
+
+
+def test_a_campaign_that_is_paused_or_cancelled_ends_the_wait(client: mm.Client) -> None:
+    long = SPEC | {"search": {"population": 20, "generations": 5_000}}
+    campaign = client.submit(long)
+    with pytest.raises(mm.RefusedError):
+        campaign.taxonomy()
+    for change, state in ((campaign.pause, "paused"), (campaign.cancel, "cancelled")):
+        threading.Timer(0.5, change).start()
+        with pytest.raises(mm.CampaignError) as raised:
+            campaign.wait(progress=False)
+        assert raised.value.state == state
+        if state == "paused":
+            campaign.resume()
+    while campaign.archive().num_rows == 0:
+        time.sleep(0.05)
+
+
+def test_progress_is_a_bar_for_each_stage(client: mm.Client, capfd: pytest.CaptureFixture[str]) -> None:
+    campaign = client.run(SPEC, progress=True)
+    assert "100/100" in capfd.readouterr().err
+    # Not where stderr is a file.
+    campaign.wait()
+    assert not capfd.readouterr().err
+
+
+def test_each_stage_counts_something(client: mm.Client) -> None:
+    campaign = client.campaign("example-1").status()
+    counted = {}
+    for stage, _ in v1.CampaignStage.items():
+        campaign.MergeFrom(v1.Campaign(stage=stage))
+        campaign.dataset_done, campaign.embedded, campaign.labelled = 3, 1_000, 2
+        campaign.spec.dataset.controllers, campaign.spec.dataset.starts, campaign.spec.feedback.labels = 4, 2, 10
+        campaign.training.epoch, campaign.training.epochs = 5, 6
+        step = step_of(campaign)
+        assert step is not None
+        counted[step.stage] = (step.done, step.total, step.unit)
+    assert counted == {
+        "dataset": (3, 8, "pictures"),
+        "pretrain": (5, 6, "epochs"),
+        # Never more than there are.
+        "embed": (100, 100, "pictures"),
+        "evolve": (100, 100, "evaluations"),
+        "label": (2, 10, "individuals"),
+        "fine-tune": (5, 6, "epochs"),
+    }
+    campaign.stage, campaign.state = v1.CAMPAIGN_STAGE_UNSPECIFIED, v1.CAMPAIGN_STATE_PAUSED
+    assert step_of(campaign) is None
+
+
+def test_pages_of_the_coordinator_are_at_its_url(client: mm.Client) -> None:
+    from urllib.request import urlopen
+
+    with urlopen(f"{client.url}/readyz") as answer:  # noqa: S310
+        assert answer.status == 200
+    assert json.dumps(client.command("digest", "example-1"))

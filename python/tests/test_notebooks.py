@@ -1,0 +1,54 @@
+"""The notebooks run, and say what their kept outputs say.
+
+With MURMURATION_WRITE_NOTEBOOKS=1 in the environment, the outputs of this run are kept instead.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import nbclient
+import nbformat
+import pytest
+from nbformat import NotebookNode
+
+FOLDER = Path(__file__).resolve().parents[2] / "examples/notebooks"
+SECONDS_FOR_A_CELL = 120
+# A picture of a bar in the middle of its way.
+WIDGET = "application/vnd.jupyter.widget-view+json"
+
+
+def execute(notebook: NotebookNode, folder: Path) -> None:
+    """Runs all cells, and leaves out of their outputs what differs from run to run."""
+    nbclient.NotebookClient(
+        notebook, timeout=SECONDS_FOR_A_CELL, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    ).execute()
+    notebook.metadata.pop("widgets", None)
+    for cell in code_cells(notebook):
+        cell.metadata.pop("execution", None)
+        cell.outputs = [output for output in cell.outputs if WIDGET not in output.get("data", {})]
+
+
+def code_cells(notebook: NotebookNode) -> list[NotebookNode]:
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def words(cell: NotebookNode) -> list[str]:
+    """The words and numbers that a cell says. Pictures and lines of tables differ between versions of packages."""
+    texts = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell.outputs]
+    return [word for text in texts for word in re.findall(r"[\w.-]+", text)]
+
+
+@pytest.mark.parametrize("notebook", sorted(FOLDER.glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_runs_and_says_what_it_said(notebook: Path, tmp_path: Path) -> None:
+    kept = nbformat.read(notebook, as_version=4)
+    run = nbformat.read(notebook, as_version=4)
+    execute(run, tmp_path)
+    if os.environ.get("MURMURATION_WRITE_NOTEBOOKS"):
+        nbformat.write(run, notebook)
+        return
+    cells = code_cells(run)
+    assert len(cells) >= 5
+    for kept_cell, cell in zip(code_cells(kept), cells, strict=True):
+        assert words(cell) == words(kept_cell), cell.source
+        assert cell.execution_count == kept_cell.execution_count
