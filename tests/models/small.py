@@ -1,6 +1,6 @@
 """Makes small.onnx, and prints the embeddings of three images by ONNX Runtime's own Python package.
 
-pip install numpy onnx==1.23.2 onnxruntime==1.31.1; python small.py
+pip install numpy onnx==1.23.2 onnxruntime==1.28.0; python small.py
 """
 
 import numpy as np

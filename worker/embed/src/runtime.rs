@@ -7,8 +7,9 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work.
-pub const ONNX_RUNTIME_VERSION: &str = "1.31.1";
+/// The version of ONNX Runtime that `make runtime` fetches. Versions from 1.17 on work. It is the last whose build for Linux
+/// does not contain its vendor's telemetry.
+pub const ONNX_RUNTIME_VERSION: &str = "1.28.0";
 
 /// Names of a system's library: in the development package, then in the library's own package.
 const SYSTEM_NAMES: [&str; 2] = ["libonnxruntime.so", "libonnxruntime.so.1"];

@@ -31,7 +31,7 @@ fn slices(images: &[Vec<u8>]) -> Vec<&[u8]> {
     images.iter().map(Vec::as_slice).collect()
 }
 
-/// The embeddings of the first three by Python's onnxruntime 1.31.1 (printed by `small.py`).
+/// The embeddings of the first three by Python's onnxruntime 1.28.0 (printed by `small.py`).
 const EMBEDDINGS: [[f32; 3]; 3] = [
     [-2.362_514_3, 2.525_938_3, -0.120_045_6],
     [-2.363_031_1, 2.542_569_6, -0.138_085_54],
