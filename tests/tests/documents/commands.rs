@@ -21,6 +21,10 @@ const PAGES: [&str; 7] = [
 const LONG: &str = "it takes half an hour and more";
 const NO_PICTURES: &str = "the pictures of the labelled sets are not in the repository";
 
+/// Writes a table of controllers.
+pub const CONTROLLERS: &str =
+    "printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv";
+
 pub fn of_the_readme() {
     let port = free_port();
     Script::of("README.md")
@@ -52,7 +56,7 @@ pub fn of_the_page_on_commands() {
         )
         .rule(
             "murmuration evaluate",
-            Before("printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv"),
+            Before(CONTROLLERS),
         )
         .rule(
             "murmuration label latest --csv",

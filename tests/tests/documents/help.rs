@@ -1,8 +1,11 @@
 //! The help of every command: its examples are run, and its text is checked.
 
-use crate::script::{
-    Rule::{Before, NotRun, Stays},
-    Script, free_port,
+use crate::{
+    commands::CONTROLLERS,
+    script::{
+        Rule::{Before, NotRun, Stays},
+        Script, free_port,
+    },
 };
 use clap::Command;
 use murmuration_coordinator::cli;
@@ -128,6 +131,7 @@ pub fn every_example_works() {
                  rm -f labels.csv",
             ),
         )
+        .rule("murmuration evaluate", Before(CONTROLLERS))
         .rule(
             "murmuration filter --file",
             Before("printf -- '-0.7,0.3,1,1\\n' >controllers.txt"),
