@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -71,6 +72,45 @@ def test_pictures_are_as_a_replay_draws_them(campaign: mm.Campaign) -> None:
     assert (campaign.pictures(many) == campaign.pictures()[many]).all()
     with pytest.raises(mm.NotFoundError):
         campaign.pictures([*many, 100])
+
+
+def test_controllers_are_evaluated_as_individuals(client: mm.Client, campaign: mm.Campaign) -> None:
+    archive = campaign.archive()
+    genes, seeds = mm.matrix(archive["genes"]), archive["seed"].to_pylist()
+    result = client.evaluate(SPEC, genes, seeds, pictures=True)
+    assert len(result) == 100
+    assert (result.features == mm.matrix(archive["features"])).all()
+    assert result.pictures is not None
+    assert (result.pictures == campaign.pictures()).all()
+    assert result.embeddings is None
+    trials = [client.evaluate(SPEC, genes[:3], seed).features for seed in (1, 2)]
+    assert (trials[0] != trials[1]).any()
+
+
+def test_several_starts_are_averaged(client: mm.Client) -> None:
+    spec: dict[str, Any] = {"model": "single-sensor", "method": "random", "evaluation": {"starts": 3}}
+    spec |= {"world": {"horizon": 200}, "search": {"population": 4, "generations": 1}, "taxonomy": {"medoids": 2}}
+    campaign = client.run(spec)
+    archive = campaign.archive()
+    result = client.evaluate(spec, mm.matrix(archive["genes"]), archive["seed"].to_pylist())
+    assert (result.features == mm.matrix(archive["features"])).all()
+
+
+@pytest.mark.parametrize(
+    ("controllers", "seeds", "said"),
+    [
+        ([[0.1, 0.2, 0.3]], 1, "4 values"),
+        ([[0.1, 0.2, 0.3, 2.0]], 1, "must be"),
+        ([[0.1, 0.2, 0.3, 0.4]], [1, 2], "seeds"),
+        ([0.1, 0.2, 0.3, 0.4], 1, "controllers"),
+        (np.zeros((0, 4)), 1, "controllers"),
+    ],
+)
+def test_controllers_that_cannot_be_evaluated(
+    client: mm.Client, controllers: list[list[float]], seeds: int | list[int], said: str
+) -> None:
+    with pytest.raises(mm.InvalidError, match=said):
+        client.evaluate("single-sensor", controllers, seeds)
 
 
 def test_a_stride_keeps_the_last_step(campaign: mm.Campaign) -> None:

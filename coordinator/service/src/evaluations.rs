@@ -57,10 +57,16 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
             .map_err(|_| Status::deadline_exceeded("no description within 10 seconds"))??;
         let described = Arc::new(self.described(first).await?);
         let dispatch = self.dispatch.clone();
+        let side = described.spec.image().resolution();
+        let mut first = 0;
         let results = requests
-            .map(move |request| evaluated(dispatch.clone(), described.clone(), request))
+            .map(move |request| {
+                let job = request.and_then(|request| described.job(request, first));
+                first += job.as_ref().map_or(0, |job| job.tasks.len());
+                evaluated(dispatch.clone(), described.clone(), job)
+            })
             .buffered(AT_ONCE)
-            .flat_map(|results| tokio_stream::iter(responses(results)));
+            .flat_map(move |results| tokio_stream::iter(responses(results, side)));
         Ok(Response::new(Box::pin(while_permitted(permit, results))))
     }
 }
@@ -99,15 +105,14 @@ impl EvaluationApi {
     }
 }
 
-/// The results of a request's controllers, in their order.
+/// The results of a job, in the order of its controllers.
 async fn evaluated(
     dispatch: Dispatch,
     described: Arc<Described>,
-    request: Result<v1::EvaluateRequest, Status>,
+    job: Result<EvaluationJob, Status>,
 ) -> Result<Vec<v1::EvaluateResult>, Status> {
-    let job = described.job(request?)?;
     let evaluated = dispatch
-        .while_staffed(dispatch.evaluate(job, Arc::default()))
+        .while_staffed(dispatch.evaluate(job?, Arc::default()))
         .await
         .or_status()?
         .or_status()?;
@@ -116,7 +121,8 @@ async fn evaluated(
 }
 
 impl Described {
-    fn job(&self, request: v1::EvaluateRequest) -> Result<EvaluationJob, Status> {
+    /// The job that a request is, whose controllers are numbered from `first` in their stream.
+    fn job(&self, request: v1::EvaluateRequest, first: usize) -> Result<EvaluationJob, Status> {
         let Some(Part::Controllers(v1::ControllersToEvaluate { tasks })) = request.part else {
             let allowed = "controllers in every request but the first";
             return Err(Invalid::new("part", "something else", allowed).into());
@@ -130,7 +136,7 @@ impl Described {
         let tasks = tasks.into_iter().enumerate().map(|(place, task)| {
             let controller = Controller::new(model.clone(), &task.controller);
             let controller =
-                controller.map_err(|error| error.within(&format!("controllers.tasks[{place}]")))?;
+                controller.map_err(|error| error.within(&format!("controllers[{}]", first + place)))?;
             Ok((controller, task.seed))
         });
         Ok(EvaluationJob {
@@ -167,9 +173,12 @@ impl Described {
 }
 
 /// Results as messages of a bounded size; after an error nothing more.
-fn responses(results: Result<Vec<v1::EvaluateResult>, Status>) -> Vec<Result<v1::EvaluateResponse, Status>> {
+fn responses(
+    results: Result<Vec<v1::EvaluateResult>, Status>,
+    side: u32,
+) -> Vec<Result<v1::EvaluateResponse, Status>> {
     match results {
-        Ok(results) => parts(results, |results| Ok(v1::EvaluateResponse { results })).collect(),
+        Ok(results) => parts(results, |results| Ok(v1::EvaluateResponse { results, side })).collect(),
         Err(status) => vec![Err(status)],
     }
 }

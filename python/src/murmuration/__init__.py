@@ -23,6 +23,7 @@ from ._errors import (
     RefusedError,
     UnavailableError,
 )
+from ._evaluations import Evaluations
 from ._tables import FEATURES, matrix
 
 __version__ = "0.1.0"
@@ -32,6 +33,7 @@ __all__ = [
     "Campaign",
     "CampaignError",
     "Client",
+    "Evaluations",
     "InvalidError",
     "MurmurationError",
     "NotFoundError",

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import tomli_w
 
 from . import _programs as programs_
 from ._campaign import Campaign
 from ._cluster import Cluster
 from ._errors import InvalidError, NotFoundError
+from ._evaluations import Evaluations, described, evaluate
 from ._rpc import Connection
 from .v1 import campaign_pb2 as v1
 
@@ -110,6 +112,37 @@ class Client:
                 # The file is not the caller's.
                 raise InvalidError(str(error).removeprefix(f"{file}: ")) from None
         return Campaign(self, submitted["campaign"])
+
+    def evaluate(
+        self,
+        robot: str | os.PathLike[str] | Mapping[str, Any],
+        controllers: npt.ArrayLike,
+        seeds: Sequence[int] | npt.NDArray[Any] | int,
+        *,
+        pictures: bool = False,
+    ) -> Evaluations:
+        """Evaluates controllers on all workers, for a search of your own. Nothing is stored.
+
+        The same controller and seed have the same result on every machine, and as an individual of a campaign.
+
+        Args:
+            robot: The name of a capability model (`"single-sensor"`), or a campaign as a dict or the path of its file
+                (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`.
+            controllers: Genes, (n, genes), within the ranges of their sensors and drives.
+            seeds: The seed of each controller's first start, or one for all.
+            pictures: Whether to return pictures, too.
+
+        Raises:
+            InvalidError: If the campaign or a controller is not valid.
+            UnavailableError: If no worker is connected.
+
+        Example:
+            >>> result = client.evaluate("single-sensor", [[-0.7, 0.3, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]], seeds=7)
+            >>> result.features.shape
+            (2, 5)
+        """
+        campaign = _document(robot) if isinstance(robot, Mapping) else robot
+        return evaluate(self.rpc, described(campaign), controllers, seeds, pictures)
 
     def campaign(self, identifier: str = "latest") -> Campaign:
         """A campaign by its id; the newest by default.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import TypeVar
 
 import grpc
@@ -59,6 +60,22 @@ class Connection:
             response_deserializer=answer.FromString,
         )
         answers = ask(request, metadata=self._metadata)
+        try:
+            yield from answers
+        except grpc.RpcError as error:
+            raise self._explained(error) from None
+        finally:
+            answers.cancel()
+
+    def exchange(self, method: str, requests: Iterator[Message], answer: type[Answer]) -> Iterator[Answer]:
+        """Calls a method that takes a stream of requests, at least one, and answers with a stream."""
+        first = next(requests)
+        ask = self._channel.stream_stream(
+            f"/murmuration.v1.{method}",
+            request_serializer=type(first).SerializeToString,
+            response_deserializer=answer.FromString,
+        )
+        answers = ask(chain([first], requests), metadata=self._metadata)
         try:
             yield from answers
         except grpc.RpcError as error:

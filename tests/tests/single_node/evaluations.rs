@@ -124,11 +124,15 @@ async fn what_cannot_be_evaluated_is_refused() {
         (vec![spec(), controllers(vec![good.clone(); 1025])], "1 to 1024"),
         (
             vec![spec(), controllers(vec![good.clone(), one(&[0.1, 0.2])])],
-            "controllers.tasks[1]",
+            "controllers[1]",
         ),
         (
-            vec![spec(), controllers(vec![one(&[0.1, 0.2, 0.3, f64::NAN])])],
-            "controllers.tasks[0]",
+            vec![
+                spec(),
+                controllers(vec![good.clone(); 2]),
+                controllers(vec![one(&[0.1, 0.2, 0.3, f64::NAN])]),
+            ],
+            "controllers[2]",
         ),
     ];
     for (parts, said) in cases {
