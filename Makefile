@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-python test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
+.PHONY: demo test test-python wheel test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
@@ -38,6 +38,12 @@ test-containers: toolchain runtime
 test-python: toolchain
 	$(CARGO) build --workspace --bins
 	scripts/test-python
+	rm -rf target/wheel
+	scripts/test-wheel "$$(scripts/wheel target/debug target/wheel)"
+
+# A wheel of the Python library with the programs in it, for pip, in the folder dist.
+wheel: build
+	scripts/wheel target/release dist
 
 lint: toolchain
 	$(CARGO) fmt --all --check

@@ -1,10 +1,15 @@
-"""Generates the messages of the contract, `murmuration.v1`, when the package is built."""
+"""Generates the messages of the contract, `murmuration.v1`, and puts the programs into a wheel that is to have them."""
 
+import os
+import platform
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_PROGRAMS = ("murmuration", "murmuration-worker", "murmuration-trainer")
 
 
 class Contract(BuildHookInterface[Any]):
@@ -12,11 +17,12 @@ class Contract(BuildHookInterface[Any]):
 
     Generated files are not committed, so they cannot differ from the contract. A source distribution has the contract
     beside the package.
+
+    If the variable MURMURATION_WHEEL names a folder, a wheel gets the programs in it, which pip puts beside Python's.
     """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
-        """Writes the modules and their type stubs into `src/murmuration/v1`."""
-        del version, build_data
+        """Writes the modules and their type stubs into `src/murmuration/v1`, and adds programs."""
         from grpc_tools import protoc
 
         root = Path(self.root)
@@ -30,3 +36,15 @@ class Contract(BuildHookInterface[Any]):
             sys.exit("protoc cannot generate the messages of the contract")
         docstring = '"""The messages of the gRPC contract, generated from the files of `proto/murmuration/v1`."""\n'
         (folder / "__init__.py").write_text(docstring)
+        given = os.environ.get("MURMURATION_WHEEL")
+        if given and self.target_name == "wheel" and version != "editable":
+            programs = {name: Path(given, name) for name in _PROGRAMS}
+            build_data["shared_scripts"] = {str(path): name for name, path in programs.items()}
+            build_data["pure_python"] = False
+            build_data["tag"] = f"py3-none-{_platform(programs.values())}"
+
+
+def _platform(programs: Any) -> str:
+    """The tag of the systems that programs run on: those whose C library has all the versions of symbols that they need."""
+    minors = [int(minor) for path in programs for minor in re.findall(rb"GLIBC_2\.(\d+)", path.read_bytes())]
+    return f"manylinux_2_{max(minors)}_{platform.machine()}"

@@ -46,8 +46,9 @@ pub enum RuntimeError {
 impl Runtime {
     /// Loads ONNX Runtime, if it is not loaded yet.
     ///
-    /// Takes the library that `ORT_DYLIB_PATH` names; without it, the pinned version beside this program or in the
-    /// [`cache_folder`]; otherwise the system's. Fetches nothing.
+    /// Takes the library that `ORT_DYLIB_PATH` names; without it, the one in the package `onnxruntime` of the Python environment
+    /// whose program this is, if it is one's, then the pinned version beside this program or in the [`cache_folder`]; otherwise
+    /// the system's. Fetches nothing.
     ///
     /// # Errors
     /// If the library is missing ([`RuntimeError::Missing`] says how to get it), or does not load.
@@ -57,7 +58,7 @@ impl Runtime {
         if let Some(runtime) = &*loaded {
             return Ok(runtime.clone());
         }
-        let runtime = find(named_library(), &pinned_libraries())?;
+        let runtime = find(named_library(), &known_libraries())?;
         Ok(loaded.insert(runtime).clone())
     }
 
@@ -106,20 +107,41 @@ fn named_library() -> Option<PathBuf> {
         .map(PathBuf::from)
 }
 
-/// The possible places of the pinned library.
-fn pinned_libraries() -> Vec<PathBuf> {
+/// The possible places of the library: in Python's package, then of the pinned version.
+fn known_libraries() -> Vec<PathBuf> {
     let file = format!("libonnxruntime.so.{ONNX_RUNTIME_VERSION}");
     let program = env::current_exe().ok();
-    let beside = program
-        .as_deref()
-        .and_then(Path::parent)
-        .map(|folder| folder.join(&file));
+    let folder = program.as_deref().and_then(Path::parent);
+    let of_python = folder.into_iter().flat_map(of_python_environment);
+    let beside = folder.map(|folder| folder.join(&file));
     let cached = cache_folder().map(|folder| {
         folder
             .join(format!("onnxruntime-{ONNX_RUNTIME_VERSION}"))
             .join(&file)
     });
-    beside.into_iter().chain(cached).collect()
+    of_python.chain(beside).chain(cached).collect()
+}
+
+/// The libraries in the packages `onnxruntime` of the Python environment that has its programs in this folder: there pip puts the
+/// package that a wheel of Murmuration depends on.
+fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
+    let within = |folder: PathBuf, name: &str| -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(name));
+        let mut paths: Vec<_> = named.map(|entry| entry.path()).collect();
+        paths.sort_unstable();
+        paths
+    };
+    let Some(environment) = programs.parent() else {
+        return Vec::new();
+    };
+    let versions = within(environment.join("lib"), "python3.");
+    let packages = versions
+        .into_iter()
+        .map(|version| version.join("site-packages/onnxruntime/capi"));
+    packages
+        .flat_map(|package| within(package, "libonnxruntime.so."))
+        .collect()
 }
 
 /// Loads the named library, else the library at the first pinned place that has it, else the system's.
@@ -183,6 +205,22 @@ mod tests {
         let pinned = [unmounted.clone(), pinned[1].clone()];
         assert_eq!(certain(None, &pinned), Some(unmounted));
         assert_eq!(certain(None, &[absent]), None);
+    }
+
+    #[test]
+    fn a_program_of_a_python_environment_finds_its_package() {
+        let environment = tempfile::tempdir().unwrap();
+        let programs = environment.path().join("bin");
+        assert_eq!(of_python_environment(&programs), Vec::<PathBuf>::new());
+        let package = environment
+            .path()
+            .join("lib/python3.12/site-packages/onnxruntime/capi");
+        fs::create_dir_all(&package).unwrap();
+        for name in ["libonnxruntime.so.1.28.0", "libonnxruntime_providers_shared.so"] {
+            fs::write(package.join(name), "a library").unwrap();
+        }
+        let found = of_python_environment(&programs);
+        assert_eq!(found, [package.join("libonnxruntime.so.1.28.0")]);
     }
 
     #[test]
