@@ -101,7 +101,7 @@ impl Rasteriser {
     ) {
         for Agents {
             position, heading, ..
-        } in batch.agents()
+        } in batch.agents(simd)
         {
             let rays = batch.sensor_directions(simd, heading);
             // Swarms of a batch have bodies of one size.

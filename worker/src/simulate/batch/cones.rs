@@ -23,7 +23,7 @@ use crate::{
     },
 };
 use murmuration_proto::{Robot, Sensor};
-use pulp::{Simd, WithSimd};
+use pulp::Simd;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Headings are unit vectors up to 10^-12, twice that in their squares: what that and rounding put into a length, relative to
@@ -158,24 +158,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         })
     }
 
-    /// As [`Viewer::look`](super::look::Viewer::look).
+    /// The look by the formulas above, unless rounding may decide. As [`Viewer::glance`](super::look::Viewer::glance).
     #[inline(always)]
-    pub(super) fn look(
-        &self,
-        simd: S,
-        viewer: ConeViewer<S, SENSORS>,
-        others: &[Aligned<Planar<S>>],
-        far: S::f64s,
-    ) -> Seen<S, SENSORS> {
-        match self.glance(simd, viewer, others, far) {
-            Some(seen) => seen,
-            None => self.look_apart(simd, viewer, others),
-        }
-    }
-
-    /// The look by the formulas above, unless rounding may decide.
-    #[inline(always)]
-    fn glance(
+    pub(super) fn glance(
         &self,
         simd: S,
         viewer: ConeViewer<S, SENSORS>,
@@ -237,34 +222,18 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         Some(simd.mul_add_e_f64s(beside, across, own))
     }
 
-    /// The look by the operations that the definition has.
+    /// Whether each sensor hits, by the operations that the definition has.
     #[inline(always)]
-    pub(super) fn look_apart(
+    pub(super) fn by_definition(
         &self,
         simd: S,
         viewer: ConeViewer<S, SENSORS>,
         others: &[Aligned<Planar<S>>],
-    ) -> Seen<S, SENSORS> {
-        simd.vectorize(ByDefinition {
-            cones: self,
-            simd,
-            viewer,
-            others,
-        })
-    }
-
-    #[inline(always)]
-    fn by_definition(
-        &self,
-        simd: S,
-        viewer: ConeViewer<S, SENSORS>,
-        others: &[Aligned<Planar<S>>],
-    ) -> Seen<S, SENSORS> {
+    ) -> [S::m64s; SENSORS] {
         let zero = simd.splat_f64s(0.0);
         let none = simd.less_than_f64s(zero, zero);
         let body = simd.splat_f64s(viewer.reach.body);
-        let touch = simd.splat_f64s(viewer.reach.touch);
-        let (mut touched, mut hits) = (none, [none; SENSORS]);
+        let mut hits = [none; SENSORS];
         for ((cone, &middle), hit) in self.cones.iter().zip(&viewer.middles).zip(&mut hits) {
             let edges = [
                 rotate(simd, viewer.heading, cone.edges[0]),
@@ -274,30 +243,12 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             for other in others {
                 let e = minus(simd, other.0, viewer.at);
                 let squared = dot(simd, e, e);
-                touched = simd.or_m64s(touched, simd.less_than_f64s(squared, touch));
                 let met = vectors.meet(simd, e, simd.sub_f64s(body, squared), cone.eye.shape());
                 let near = vectors.within_range(simd, squared);
                 *hit = simd.or_m64s(*hit, simd.and_m64s(near, met));
             }
         }
-        Seen { touched, hits }
-    }
-}
-
-/// A look by the definition, in a function of its own, which would otherwise be compiled for no instructions in particular.
-struct ByDefinition<'a, S: Simd, const SENSORS: usize> {
-    cones: &'a Cones<S, SENSORS>,
-    simd: S,
-    viewer: ConeViewer<S, SENSORS>,
-    others: &'a [Aligned<Planar<S>>],
-}
-
-impl<S: Simd, const SENSORS: usize> WithSimd for ByDefinition<'_, S, SENSORS> {
-    type Output = Seen<S, SENSORS>;
-
-    #[inline(always)]
-    fn with_simd<T: Simd>(self, _: T) -> Self::Output {
-        self.cones.by_definition(self.simd, self.viewer, self.others)
+        hits
     }
 }
 

@@ -7,20 +7,13 @@
 mod collide;
 mod cones;
 mod look;
+mod settle;
 
-use super::{
-    RENORMALISE_EVERY, Start, Walls,
-    collide::{Collisions, PASSES},
-    drive,
-    gaze::Group,
-    kinds,
-    sight::Reach,
-};
+use super::{RENORMALISE_EVERY, Start, Walls, collide::Collisions, drive, gaze::Group, kinds, sight::Reach};
 use crate::lanes::{
     Aligned, Planar, any, dot, gathered, lanes, lanes_mut, minus, plus, point, rotate, scaled, select, splat,
     words,
 };
-use collide::Touched;
 use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
 use murmuration_proto::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
@@ -47,6 +40,8 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     collisions: Vec<Collisions>,
     /// Where each agent is, and after the last each once more: [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
+    /// Where each agent was when [`Batch::watch`] was called last.
+    watched: Vec<Aligned<Planar<S>>>,
     bodies: Vec<Aligned<Body<S, SENSORS>>>,
     /// No agent's x or y was ever larger in magnitude.
     far: S::f64s,
@@ -57,7 +52,6 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
 #[derive(Debug, Clone, Copy)]
 struct Body<S: Simd, const SENSORS: usize> {
     heading: Planar<S>,
-    displacement: Planar<S>,
     /// Whether each sensor hit.
     sensed: [S::m64s; SENSORS],
     /// Whether it touched another in its last step, in any lane.
@@ -182,6 +176,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
                 .iter()
                 .map(|start| Collisions::new(world, vec![Group::whole(world, radius)], start))
                 .collect(),
+            watched: agents.clone().map(|i| Aligned(position(i))).collect(),
             positions: agents
                 .clone()
                 .chain(agents.clone())
@@ -191,7 +186,6 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
                 .map(|i| {
                     Aligned(Body {
                         heading: heading(i),
-                        displacement: none,
                         sensed: [never; SENSORS],
                         crowded: false,
                     })
@@ -220,15 +214,22 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         self.steps
     }
 
-    /// The agents, in index order.
+    /// Begins the displacements that [`Batch::agents`] tells.
     #[inline(always)]
-    pub(crate) fn agents(&self) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
-        self.bodies.iter().zip(&self.positions).map(
+    pub(crate) fn watch(&mut self) {
+        let agents = self.bodies.len();
+        self.watched.copy_from_slice(&self.positions[..agents]);
+    }
+
+    /// The agents, in index order; displacements are those since [`Batch::watch`].
+    #[inline(always)]
+    pub(crate) fn agents(&self, simd: S) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
+        self.bodies.iter().zip(&self.positions).zip(&self.watched).map(
             #[inline(always)]
-            |(Aligned(body), &Aligned(position))| Agents {
+            move |((Aligned(body), &Aligned(position)), &Aligned(before))| Agents {
                 position,
                 heading: body.heading,
-                displacement: body.displacement,
+                displacement: minus(simd, position, before),
             },
         )
     }
@@ -249,53 +250,30 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
 
     #[inline(always)]
     fn step_agent(&mut self, simd: S, i: usize) {
-        let agents = self.bodies.len();
-        let mut body = self.bodies[i].0;
+        let Aligned(body) = self.bodies[i];
         let gait = self.chosen_gait(simd, body.sensed);
-        let before = self.positions[i].0;
         let ahead = scaled(simd, body.heading, gait.ahead);
-        let at = self.walls.clamp_lanes(simd, plus(simd, before, ahead));
-        body.heading = rotate(simd, body.heading, gait.rotation);
+        let at = self
+            .walls
+            .clamp_lanes(simd, plus(simd, self.positions[i].0, ahead));
+        let heading = rotate(simd, body.heading, gait.rotation);
+        self.bodies[i].0.heading = heading;
+        self.place(i, at);
+        // Who was crowded a step ago is likely to be so now, and the look in vain.
+        if !body.crowded
+            && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
+            && !any(simd, touched)
+        {
+            self.bodies[i].0.sensed = hits;
+        } else {
+            self.settle_apart(simd, i);
+        }
+    }
 
-        let mut viewer = Viewer {
-            at,
-            rays: self.sensor_directions(simd, body.heading),
-            reach: self.reach,
-        };
-        let touch = simd.splat_f64s(self.reach.touch);
-        let mut passes = 0;
-        body.sensed = loop {
-            // Who was crowded a step ago is likely to be so now, and the look in vain.
-            if passes > 0 || !body.crowded {
-                let far = self.farther(simd, viewer.at);
-                let seen = self.look(simd, viewer, body.heading, i, far);
-                if !any(simd, seen.touched) {
-                    break seen.hits;
-                }
-                if passes == PASSES {
-                    let others = self.others(i);
-                    break match &self.cones {
-                        Some(cones) if CONES => {
-                            cones
-                                .look_apart(simd, ConeViewer::of(viewer, body.heading), others)
-                                .hits
-                        }
-                        _ => viewer.look_among(simd, others),
-                    };
-                }
-            }
-            let positions = &self.positions[..agents];
-            let touched = Touched::by(simd, positions, i, viewer.at, touch);
-            body.crowded = any(simd, touched.lanes(simd));
-            if body.crowded {
-                viewer.at = collide::pass(simd, &mut self.collisions, positions, touched, viewer.at);
-                passes += 1;
-            }
-        };
-        body.crowded = passes > 0;
-        let at = viewer.at;
-        body.displacement = minus(simd, at, before);
-        self.bodies[i].0 = body;
+    /// Puts agent `i` somewhere.
+    #[inline(always)]
+    fn place(&mut self, i: usize, at: Planar<S>) {
+        let agents = self.bodies.len();
         self.positions[i].0 = at;
         self.positions[agents + i].0 = at;
     }
@@ -309,27 +287,28 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
+    /// What agent `i` sees and whether another touches it, unless rounding may decide.
     #[inline(always)]
-    fn look(
-        &self,
-        simd: S,
-        viewer: Viewer<S, SENSORS>,
-        heading: Planar<S>,
-        i: usize,
-        far: S::f64s,
-    ) -> Seen<S, SENSORS> {
+    fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
+        let viewer = self.viewer(simd, at, heading);
+        let here = simd.max_f64s(simd.abs_f64s(at[0]), simd.abs_f64s(at[1]));
+        self.far = simd.max_f64s(self.far, here);
         match &self.cones {
-            Some(cones) if CONES => cones.look(simd, ConeViewer::of(viewer, heading), self.others(i), far),
-            _ => viewer.look(simd, self.others(i), far),
+            Some(cones) if CONES => {
+                cones.glance(simd, ConeViewer::of(viewer, heading), self.others(i), self.far)
+            }
+            _ => viewer.glance(simd, self.others(i), self.far),
         }
     }
 
-    /// The largest coordinate so far, `at` included.
+    /// An agent that is at `at` and looks about.
     #[inline(always)]
-    fn farther(&mut self, simd: S, at: Planar<S>) -> S::f64s {
-        let here = simd.max_f64s(simd.abs_f64s(at[0]), simd.abs_f64s(at[1]));
-        self.far = simd.max_f64s(self.far, here);
-        self.far
+    fn viewer(&self, simd: S, at: Planar<S>, heading: Planar<S>) -> Viewer<S, SENSORS> {
+        Viewer {
+            at,
+            rays: self.sensor_directions(simd, heading),
+            reach: self.reach,
+        }
     }
 
     /// The positions of all agents but `i`, as a run of the same length for each: the end of a loop whose length changes
