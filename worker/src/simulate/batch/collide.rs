@@ -6,119 +6,100 @@ use crate::{
 };
 use pulp::Simd;
 
-/// The agents that the agent of each lane touches: a bit for each, the first the lowest.
+/// The agents that the agent of each lane touches.
 #[derive(Clone, Copy)]
-pub(super) struct Touched<S: Simd>(S::u64s);
+pub(super) struct Touched<S: Simd> {
+    /// A bit for each, the first the lowest.
+    agents: S::u64s,
+    /// Where the first is; anywhere in a lane without any.
+    first: Planar<S>,
+}
 
 impl<S: Simd> Touched<S> {
-    /// The agents other than `me` whose centres are nearer to `at` than the root of `touch`.
+    /// The agents whose centres are nearer to `at` than the root of `touch`.
     #[inline(always)]
-    pub(super) fn by(
-        simd: S,
-        positions: &[Aligned<Planar<S>>],
-        me: usize,
-        at: Planar<S>,
-        touch: S::f64s,
-    ) -> Self {
-        let mut touched = simd.splat_u64s(0);
-        let mut bit = simd.splat_u64s(1);
-        for other in positions {
-            let e = minus(simd, other.0, at);
+    pub(super) fn by(simd: S, positions: &[Aligned<Planar<S>>], at: Planar<S>, touch: S::f64s) -> Self {
+        let one = simd.splat_u64s(1);
+        let mut agents = simd.splat_u64s(0);
+        let mut first = at;
+        // From the last on, so that the first is what stays.
+        for &Aligned(other) in positions.iter().rev() {
+            let e = minus(simd, at, other);
             let near = simd.less_than_f64s(dot(simd, e, e), touch);
-            touched = simd.or_u64s(touched, simd.select_u64s(near, bit, simd.splat_u64s(0)));
-            bit = simd.add_u64s(bit, bit);
+            agents = simd.add_u64s(agents, agents);
+            agents = simd.select_u64s(near, simd.or_u64s(agents, one), agents);
+            first = select(simd, near, other, first);
         }
-        Self(simd.and_u64s(touched, simd.splat_u64s(!(1 << me))))
+        Self { agents, first }
     }
 
     /// The lanes whose agent touches another.
     #[inline(always)]
     pub(super) fn lanes(self, simd: S) -> S::m64s {
-        simd.greater_than_u64s(self.0, simd.splat_u64s(0))
+        simd.greater_than_u64s(self.agents, simd.splat_u64s(0))
     }
 
-    /// Takes the first agent out of each lane: where it is. In a lane without any, the place of some agent.
+    /// Those after the first of each lane, if any lane has them.
     #[inline(always)]
-    fn next(&mut self, simd: S, positions: &[Aligned<Planar<S>>]) -> Planar<S> {
-        let mut place = positions[0].0;
-        let [xs, ys] = &mut place;
+    fn rest(mut self, simd: S, positions: &[Aligned<Planar<S>>]) -> Option<Self> {
+        self.agents = simd.and_u64s(self.agents, simd.sub_u64s(self.agents, simd.splat_u64s(1)));
+        if !any(simd, self.lanes(simd)) {
+            return None;
+        }
+        let [xs, ys] = &mut self.first;
         let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
-        for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&self.0)).enumerate() {
+        for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&self.agents)).enumerate() {
             let first = (bits.trailing_zeros() as usize).min(positions.len() - 1);
             [*x, *y] = point::<S>(&positions[first].0, lane);
         }
-        self.0 = simd.and_u64s(self.0, simd.sub_u64s(self.0, simd.splat_u64s(1)));
-        place
+        Some(self)
     }
 }
 
-/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there.
+/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the very
+/// place of one of them, which is rare and for [`pass_by_lane`].
+///
+/// It is [`Collisions::pushed`] in all lanes at once, without jitter.
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
-    rules: &mut [Collisions],
+    diameter: f64,
     positions: &[Aligned<Planar<S>>],
     mut touched: Touched<S>,
     mut at: Planar<S>,
-) -> Planar<S> {
-    if rules.iter().any(Collisions::jitters) {
-        return pass_by_lane(simd, rules, positions, touched, at);
-    }
+) -> Option<Planar<S>> {
+    let zero = simd.splat_f64s(0.0);
+    let (reach, gap) = (simd.splat_f64s(diameter), simd.splat_f64s(diameter + GAP));
     loop {
-        let pushing = touched.lanes(simd);
-        if !any(simd, pushing) {
-            return at;
+        let away = minus(simd, at, touched.first);
+        let distance = simd.sqrt_f64s(dot(simd, away, away));
+        let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
+        let out = plus(simd, at, scaled(simd, direction, simd.sub_f64s(gap, distance)));
+        let touching = touched.lanes(simd);
+        let within = simd.and_m64s(touching, simd.less_than_or_equal_f64s(distance, reach));
+        if any(
+            simd,
+            simd.and_m64s(touching, simd.less_than_or_equal_f64s(distance, zero)),
+        ) {
+            return None;
         }
-        let other = touched.next(simd, positions);
-        at = pushed(simd, rules, pushing, at, other);
+        at = select(simd, within, out, at);
+        match touched.rest(simd, positions) {
+            Some(rest) => touched = rest,
+            None => return Some(at),
+        }
     }
 }
 
-/// [`Collisions::pushed`] in the lanes that are `pushing`, without jitter.
-#[inline(always)]
-fn pushed<S: Simd>(
-    simd: S,
-    rules: &mut [Collisions],
-    pushing: S::m64s,
-    at: Planar<S>,
-    other: Planar<S>,
-) -> Planar<S> {
-    let Some(diameter) = rules.first().map(Collisions::diameter) else {
-        return at;
-    };
-    let away = minus(simd, at, other);
-    let distance = simd.sqrt_f64s(dot(simd, away, away));
-    let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
-    let push = simd.sub_f64s(simd.splat_f64s(diameter + GAP), distance);
-    let mut out = plus(simd, at, scaled(simd, direction, push));
-    // At the very same place: rare, and one lane's matter.
-    let apart = simd.greater_than_f64s(distance, simd.splat_f64s(0.0));
-    if any(simd, simd.and_m64s(pushing, simd.not_m64s(apart))) {
-        out = pushed_by_lane(simd, rules, at, other);
-    }
-    let within = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(diameter));
-    select(simd, simd.and_m64s(pushing, within), out, at)
-}
-
-#[inline(never)]
-fn pushed_by_lane<S: Simd>(simd: S, rules: &mut [Collisions], at: Planar<S>, other: Planar<S>) -> Planar<S> {
-    let lanes = rules.iter_mut().enumerate();
-    gathered(
-        simd,
-        lanes.map(|(lane, rule)| rule.pushed(point::<S>(&at, lane), point::<S>(&other, lane))),
-    )
-}
-
-/// As [`pass`], where each lane has its own jitter to draw.
-#[inline(never)]
-fn pass_by_lane<S: Simd>(
+/// As [`pass`], lane by lane: each has its own jitter to draw.
+pub(super) fn pass_by_lane<S: Simd>(
     simd: S,
     rules: &mut [Collisions],
     positions: &[Aligned<Planar<S>>],
     touched: Touched<S>,
     at: Planar<S>,
 ) -> Planar<S> {
-    let lanes = words::<S>(&touched.0).iter().zip(rules).enumerate();
+    let lanes = words::<S>(&touched.agents).iter().zip(rules).enumerate();
     gathered(
         simd,
         lanes.map(|(lane, (&touched, rule))| {

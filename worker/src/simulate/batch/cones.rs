@@ -170,19 +170,16 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let margin = self.margin(simd, far)?;
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
-        let mut backwards = viewer.middles;
-        for middle in &mut backwards {
-            *middle = [simd.neg_f64s(middle[0]), simd.neg_f64s(middle[1])];
-        }
         // All bits but the sign.
         let size = simd.not_f64s(simd.splat_f64s(-0.0));
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            let e = minus(simd, other.0, viewer.at);
+            // The way back, which is as long.
+            let e = minus(simd, viewer.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
-            for ((cone, middle), deepest) in self.cones.iter().zip(&backwards).zip(&mut deepest) {
+            for ((cone, middle), deepest) in self.cones.iter().zip(&viewer.middles).zip(&mut deepest) {
                 let beyond = cone.beyond(simd, e, *middle, (outside, size));
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
@@ -253,20 +250,20 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
 }
 
 impl<S: Simd> Cone<S> {
-    /// Negative where another whose centre is at `e` from here, and which does not touch, is seen; positive where it is not.
-    /// `backwards` points against the middle; `outside` is e.e - rho^2; `size` has all bits but the sign.
+    /// Negative where another that does not touch is seen; positive where it is not. `e` is the way from its centre to here;
+    /// `outside` is e.e - rho^2; `size` has all bits but the sign.
     #[inline(always)]
     fn beyond(
         &self,
         simd: S,
         e: Planar<S>,
-        backwards: Planar<S>,
+        middle: Planar<S>,
         (outside, size): (S::f64s, S::f64s),
     ) -> S::f64s {
         let opening = &self.opening;
         let apex = simd.splat_f64s(-opening.back);
         // -a', so that one operation subtracts its square.
-        let behind = simd.mul_add_e_f64s(e[0], backwards[0], simd.mul_add_e_f64s(e[1], backwards[1], apex));
+        let behind = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_add_e_f64s(e[1], middle[1], apex));
         let by_outside = simd.mul_add_e_f64s(
             outside,
             simd.splat_f64s(opening.outside),

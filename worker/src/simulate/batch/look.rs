@@ -48,17 +48,14 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
     ) -> Option<Seen<S, SENSORS>> {
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-self.reach.body);
-        let mut backwards = self.rays;
-        for ray in &mut backwards {
-            *ray = [simd.neg_f64s(ray[0]), simd.neg_f64s(ray[1])];
-        }
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            let e = minus(simd, other.0, self.at);
+            // The way back, which is as long: the subtraction may take the position from memory.
+            let e = minus(simd, self.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
-            for (ray, deepest) in backwards.iter().zip(&mut deepest) {
+            for (ray, deepest) in self.rays.iter().zip(&mut deepest) {
                 let along = simd.mul_add_e_f64s(e[0], ray[0], simd.mul_f64s(e[1], ray[1]));
                 let depth = simd.mul_add_e_f64s(along, simd.abs_f64s(along), outside);
                 *deepest = simd.min_f64s(*deepest, depth);

@@ -37,7 +37,11 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     first_is_ahead: bool,
     /// The sensors, if they are `CONES`.
     cones: Option<Cones<S, SENSORS>>,
+    /// Two radii.
+    diameter: f64,
     collisions: Vec<Collisions>,
+    /// Whether a push may draw random numbers.
+    jitters: bool,
     /// Where each agent is, and after the last each once more: [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
     /// Where each agent was when [`Batch::watch`] was called last.
@@ -159,11 +163,14 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             ahead: gathered(simd, brains.iter().map(|brain| [brain.gaits[state].ahead, 0.0]))[0],
             rotation: gathered(simd, brains.iter().map(|brain| brain.gaits[state].rotation)),
         };
+        let rule = |start: &&Start| Collisions::new(world, vec![Group::whole(world, radius)], start);
+        let collisions: Vec<_> = starts.iter().map(rule).collect();
         let direction = |s: usize| gathered(simd, brains.iter().map(|brain| brain.directions[s]));
         Ok(Self {
             walls,
             far,
             reach: Reach::of(radius),
+            diameter: 2.0 * radius,
             few_gaits: std::array::from_fn(|state| gait(state % (1 << SENSORS))),
             many_gaits: match SENSORS {
                 1 | 2 => Vec::new(),
@@ -172,10 +179,8 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             directions: std::array::from_fn(direction),
             first_is_ahead: brains.iter().all(|brain| brain.directions[0] == [1.0, 0.0]),
             cones,
-            collisions: starts
-                .iter()
-                .map(|start| Collisions::new(world, vec![Group::whole(world, radius)], start))
-                .collect(),
+            jitters: collisions.iter().any(Collisions::jitters),
+            collisions,
             watched: agents.clone().map(|i| Aligned(position(i))).collect(),
             positions: agents
                 .clone()

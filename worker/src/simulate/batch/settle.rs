@@ -7,7 +7,7 @@ use super::{
     look::Seen,
 };
 use crate::{
-    lanes::{Planar, any},
+    lanes::{Planar, any, splat},
     simulate::collide::PASSES,
 };
 use pulp::{Simd, WithSimd};
@@ -18,14 +18,23 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     /// It is a function of its own: what it needs registers for would otherwise leave none to agents that touch nobody.
     #[inline(never)]
     pub(super) fn settle_apart(&mut self, simd: S, i: usize) {
-        simd.vectorize(Settling { batch: self, simd, i });
+        simd.vectorize(Settling::<_, SENSORS, CONES, false> { batch: self, simd, i });
     }
 
+    #[inline(never)]
+    fn settle_by_lane(&mut self, simd: S, i: usize) {
+        simd.vectorize(Settling::<_, SENSORS, CONES, true> { batch: self, simd, i });
+    }
+
+    /// Pushes lane by lane where `BY_LANE`. Otherwise it pushes all lanes at once; it returns `false`, and the agent is where it
+    /// was, where that cannot be done.
     #[inline(always)]
-    fn settle(&mut self, simd: S, i: usize) {
+    fn settle<const BY_LANE: bool>(&mut self, simd: S, i: usize) -> bool {
         let agents = self.bodies.len();
         let heading = self.bodies[i].0.heading;
-        let mut at = self.positions[i].0;
+        let mut at = self.positions[agents + i].0;
+        // So that it does not touch itself.
+        self.positions[i].0 = splat(simd, [f64::INFINITY; 2]);
         let touch = simd.splat_f64s(self.reach.touch);
         let mut passes = 0;
         let sensed = loop {
@@ -36,17 +45,26 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             {
                 break hits;
             }
-            let touched = Touched::by(simd, &self.positions[..agents], i, at, touch);
+            let positions = &self.positions[..agents];
+            let touched = Touched::by(simd, positions, at, touch);
             let crowded = any(simd, touched.lanes(simd));
             if !crowded || passes == PASSES {
                 break self.look(simd, i, at, heading, crowded);
             }
-            at = collide::pass(simd, &mut self.collisions, &self.positions[..agents], touched, at);
+            if BY_LANE {
+                at = collide::pass_by_lane(simd, &mut self.collisions, positions, touched, at);
+            } else {
+                match collide::pass(simd, self.diameter, positions, touched, at) {
+                    Some(pushed) => at = pushed,
+                    None => return false,
+                }
+            }
             passes += 1;
         };
         self.bodies[i].0.sensed = sensed;
         self.bodies[i].0.crowded = passes > 0;
         self.place(i, at);
+        true
     }
 
     /// What agent `i` sees; `crowded` says whether another touches it in any lane.
@@ -73,17 +91,23 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
 }
 
 /// [`Batch::settle`], as something that is compiled for the instructions at hand though it is not inlined.
-struct Settling<'a, S: Simd, const SENSORS: usize, const CONES: bool> {
+struct Settling<'a, S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> {
     batch: &'a mut Batch<S, SENSORS, CONES>,
     simd: S,
     i: usize,
 }
 
-impl<S: Simd, const SENSORS: usize, const CONES: bool> WithSimd for Settling<'_, S, SENSORS, CONES> {
+impl<S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> WithSimd
+    for Settling<'_, S, SENSORS, CONES, BY_LANE>
+{
     type Output = ();
 
     #[inline(always)]
     fn with_simd<T: Simd>(self, _: T) {
-        self.batch.settle(self.simd, self.i);
+        if BY_LANE {
+            self.batch.settle::<true>(self.simd, self.i);
+        } else if self.batch.jitters || !self.batch.settle::<false>(self.simd, self.i) {
+            self.batch.settle_by_lane(self.simd, self.i);
+        }
     }
 }
