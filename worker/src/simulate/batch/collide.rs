@@ -6,11 +6,11 @@ use crate::{
 };
 use pulp::Simd;
 
-/// The agents that the agent of each lane touches.
+/// Those that the agent of each lane touches.
 #[derive(Clone, Copy)]
 pub(super) struct Touched<S: Simd> {
-    /// A bit for each, the first the lowest.
-    agents: S::u64s,
+    /// How many.
+    count: S::u64s,
     /// Where the first is; anywhere in a lane without any.
     first: Planar<S>,
 }
@@ -20,40 +20,65 @@ impl<S: Simd> Touched<S> {
     #[inline(always)]
     pub(super) fn by(simd: S, positions: &[Aligned<Planar<S>>], at: Planar<S>, touch: S::f64s) -> Self {
         let one = simd.splat_u64s(1);
-        let mut agents = simd.splat_u64s(0);
+        let mut count = simd.splat_u64s(0);
         let mut first = at;
         // From the last on, so that the first is what stays.
         for &Aligned(other) in positions.iter().rev() {
-            let e = minus(simd, at, other);
-            let near = simd.less_than_f64s(dot(simd, e, e), touch);
-            agents = simd.add_u64s(agents, agents);
-            agents = simd.select_u64s(near, simd.or_u64s(agents, one), agents);
+            let near = touches(simd, other, at, touch);
+            count = simd.select_u64s(near, simd.add_u64s(count, one), count);
             first = select(simd, near, other, first);
         }
-        Self { agents, first }
+        Self { count, first }
     }
 
     /// The lanes whose agent touches another.
     #[inline(always)]
     pub(super) fn lanes(self, simd: S) -> S::m64s {
-        simd.greater_than_u64s(self.agents, simd.splat_u64s(0))
+        simd.greater_than_u64s(self.count, simd.splat_u64s(0))
     }
 
-    /// Those after the first of each lane, if any lane has them.
+    /// Whether an agent touches more than one.
     #[inline(always)]
-    fn rest(mut self, simd: S, positions: &[Aligned<Planar<S>>]) -> Option<Self> {
-        self.agents = simd.and_u64s(self.agents, simd.sub_u64s(self.agents, simd.splat_u64s(1)));
-        if !any(simd, self.lanes(simd)) {
-            return None;
-        }
-        let [xs, ys] = &mut self.first;
-        let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
-        for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&self.agents)).enumerate() {
-            let first = (bits.trailing_zeros() as usize).min(positions.len() - 1);
-            [*x, *y] = point::<S>(&positions[first].0, lane);
-        }
-        Some(self)
+    fn several(self, simd: S) -> bool {
+        any(simd, simd.greater_than_u64s(self.count, simd.splat_u64s(1)))
     }
+}
+
+#[inline(always)]
+fn touches<S: Simd>(simd: S, other: Planar<S>, at: Planar<S>, touch: S::f64s) -> S::m64s {
+    let e = minus(simd, at, other);
+    simd.less_than_f64s(dot(simd, e, e), touch)
+}
+
+/// As [`Touched`], a bit for each, the first the lowest.
+#[inline(always)]
+fn touched_bits<S: Simd>(
+    simd: S,
+    positions: &[Aligned<Planar<S>>],
+    at: Planar<S>,
+    touch: S::f64s,
+) -> S::u64s {
+    let one = simd.splat_u64s(1);
+    let mut bits = simd.splat_u64s(0);
+    for &Aligned(other) in positions.iter().rev() {
+        let near = touches(simd, other, at, touch);
+        bits = simd.add_u64s(bits, bits);
+        bits = simd.select_u64s(near, simd.or_u64s(bits, one), bits);
+    }
+    bits
+}
+
+/// Where the first agent of each lane is; the place of some agent in a lane without bits.
+#[inline(always)]
+fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<S> {
+    let mut place = positions[0].0;
+    let [xs, ys] = &mut place;
+    let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
+    for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&bits)).enumerate() {
+        let first = (bits.trailing_zeros() as usize).min(positions.len() - 1);
+        [*x, *y] = point::<S>(&positions[first].0, lane);
+    }
+    place
 }
 
 /// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the very
@@ -63,32 +88,46 @@ impl<S: Simd> Touched<S> {
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
-    diameter: f64,
+    (diameter, touch): (f64, S::f64s),
     positions: &[Aligned<Planar<S>>],
-    mut touched: Touched<S>,
-    mut at: Planar<S>,
+    touched: Touched<S>,
+    at: Planar<S>,
 ) -> Option<Planar<S>> {
-    let zero = simd.splat_f64s(0.0);
-    let (reach, gap) = (simd.splat_f64s(diameter), simd.splat_f64s(diameter + GAP));
-    loop {
-        let away = minus(simd, at, touched.first);
-        let distance = simd.sqrt_f64s(dot(simd, away, away));
-        let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
-        let out = plus(simd, at, scaled(simd, direction, simd.sub_f64s(gap, distance)));
-        let touching = touched.lanes(simd);
-        let within = simd.and_m64s(touching, simd.less_than_or_equal_f64s(distance, reach));
-        if any(
-            simd,
-            simd.and_m64s(touching, simd.less_than_or_equal_f64s(distance, zero)),
-        ) {
-            return None;
-        }
-        at = select(simd, within, out, at);
-        match touched.rest(simd, positions) {
-            Some(rest) => touched = rest,
-            None => return Some(at),
+    let mut out = pushed(simd, diameter, touched.lanes(simd), at, touched.first)?;
+    if touched.several(simd) {
+        let mut bits = touched_bits(simd, positions, at, touch);
+        loop {
+            bits = simd.and_u64s(bits, simd.sub_u64s(bits, simd.splat_u64s(1)));
+            let rest = simd.greater_than_u64s(bits, simd.splat_u64s(0));
+            if !any(simd, rest) {
+                break;
+            }
+            out = pushed(simd, diameter, rest, out, first_of::<S>(positions, bits))?;
         }
     }
+    Some(out)
+}
+
+/// Where an agent is once it was pushed out of one at `other`, in the lanes that are `touching`.
+#[inline(always)]
+fn pushed<S: Simd>(
+    simd: S,
+    diameter: f64,
+    touching: S::m64s,
+    at: Planar<S>,
+    other: Planar<S>,
+) -> Option<Planar<S>> {
+    let away = minus(simd, at, other);
+    let distance = simd.sqrt_f64s(dot(simd, away, away));
+    let together = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(0.0));
+    if any(simd, simd.and_m64s(touching, together)) {
+        return None;
+    }
+    let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
+    let push = simd.sub_f64s(simd.splat_f64s(diameter + GAP), distance);
+    let out = plus(simd, at, scaled(simd, direction, push));
+    let within = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(diameter));
+    Some(select(simd, simd.and_m64s(touching, within), out, at))
 }
 
 /// As [`pass`], lane by lane: each has its own jitter to draw.
@@ -96,10 +135,11 @@ pub(super) fn pass_by_lane<S: Simd>(
     simd: S,
     rules: &mut [Collisions],
     positions: &[Aligned<Planar<S>>],
-    touched: Touched<S>,
     at: Planar<S>,
+    touch: S::f64s,
 ) -> Planar<S> {
-    let lanes = words::<S>(&touched.agents).iter().zip(rules).enumerate();
+    let bits = touched_bits(simd, positions, at, touch);
+    let lanes = words::<S>(&bits).iter().zip(rules).enumerate();
     gathered(
         simd,
         lanes.map(|(lane, (&touched, rule))| {

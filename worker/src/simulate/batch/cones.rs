@@ -16,7 +16,7 @@
 
 use super::look::{Seen, Viewer};
 use crate::{
-    lanes::{Aligned, Planar, any, dot, gathered, minus, rotate},
+    lanes::{Aligned, Planar, any, dot, gathered, magnitude, minus, rotate},
     simulate::{
         gaze::{Eye, Vectors},
         sight::Reach,
@@ -170,8 +170,6 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let margin = self.margin(simd, far)?;
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
-        // All bits but the sign.
-        let size = simd.not_f64s(simd.splat_f64s(-0.0));
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
@@ -180,7 +178,7 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
             for ((cone, middle), deepest) in self.cones.iter().zip(&viewer.middles).zip(&mut deepest) {
-                let beyond = cone.beyond(simd, e, *middle, (outside, size));
+                let beyond = cone.beyond(simd, e, *middle, outside);
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
@@ -191,10 +189,10 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             simd.splat_f64s(SQUARE_ROUNDING),
             simd.splat_f64s(SQUARE_ROUNDING * viewer.reach.body),
         );
-        let mut sure = simd.greater_than_f64s(simd.abs_f64s(touches), touch_margin);
+        let mut sure = simd.greater_than_f64s(magnitude(simd, touches), touch_margin);
         let mut hits = [sure; SENSORS];
         for (hit, deepest) in hits.iter_mut().zip(deepest) {
-            sure = simd.and_m64s(sure, simd.greater_than_f64s(simd.abs_f64s(deepest), margin));
+            sure = simd.and_m64s(sure, simd.greater_than_f64s(magnitude(simd, deepest), margin));
             *hit = simd.less_than_f64s(deepest, zero);
         }
         let touched = simd.less_than_f64s(touches, zero);
@@ -251,15 +249,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
 
 impl<S: Simd> Cone<S> {
     /// Negative where another that does not touch is seen; positive where it is not. `e` is the way from its centre to here;
-    /// `outside` is e.e - rho^2; `size` has all bits but the sign.
+    /// `outside` is e.e - rho^2.
     #[inline(always)]
-    fn beyond(
-        &self,
-        simd: S,
-        e: Planar<S>,
-        middle: Planar<S>,
-        (outside, size): (S::f64s, S::f64s),
-    ) -> S::f64s {
+    fn beyond(&self, simd: S, e: Planar<S>, middle: Planar<S>, outside: S::f64s) -> S::f64s {
         let opening = &self.opening;
         let apex = simd.splat_f64s(-opening.back);
         // -a', so that one operation subtracts its square.
@@ -270,7 +262,7 @@ impl<S: Simd> Cone<S> {
             simd.splat_f64s(opening.constant),
         );
         let length = simd.mul_add_e_f64s(behind, simd.splat_f64s(-opening.along), by_outside);
-        let mut beyond = simd.mul_add_e_f64s(behind, simd.and_f64s(size, behind), length);
+        let mut beyond = simd.mul_add_e_f64s(behind, magnitude(simd, behind), length);
         if let Some([by_along, constant]) = opening.tip {
             let tip = simd.mul_add_e_f64s(behind, simd.splat_f64s(-by_along), simd.splat_f64s(constant));
             beyond = simd.max_f64s(beyond, tip);

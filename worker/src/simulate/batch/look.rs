@@ -1,7 +1,7 @@
 //! What one agent of each swarm has in its sensors' lines of sight, and whether another touches it.
 
 use crate::{
-    lanes::{Aligned, Planar, any, dot, minus},
+    lanes::{Aligned, Planar, any, dot, magnitude, minus},
     simulate::sight::Reach,
 };
 use pulp::Simd;
@@ -57,7 +57,7 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
             nearest = simd.min_f64s(nearest, outside);
             for (ray, deepest) in self.rays.iter().zip(&mut deepest) {
                 let along = simd.mul_add_e_f64s(e[0], ray[0], simd.mul_f64s(e[1], ray[1]));
-                let depth = simd.mul_add_e_f64s(along, simd.abs_f64s(along), outside);
+                let depth = simd.mul_add_e_f64s(along, magnitude(simd, along), outside);
                 *deepest = simd.min_f64s(*deepest, depth);
             }
         }
@@ -68,10 +68,10 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
             simd.splat_f64s(4.0 * ROUNDING * self.reach.body),
         );
         let nearest = simd.sub_f64s(nearest, simd.splat_f64s(self.reach.touch - self.reach.body));
-        let mut sure = simd.greater_than_f64s(simd.abs_f64s(nearest), margin);
+        let mut sure = simd.greater_than_f64s(magnitude(simd, nearest), margin);
         let mut hits = [sure; SENSORS];
         for (hit, deepest) in hits.iter_mut().zip(deepest) {
-            sure = simd.and_m64s(sure, simd.greater_than_f64s(simd.abs_f64s(deepest), margin));
+            sure = simd.and_m64s(sure, simd.greater_than_f64s(magnitude(simd, deepest), margin));
             *hit = simd.less_than_f64s(deepest, zero);
         }
         let touched = simd.less_than_f64s(nearest, zero);

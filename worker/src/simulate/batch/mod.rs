@@ -11,8 +11,8 @@ mod settle;
 
 use super::{RENORMALISE_EVERY, Start, Walls, collide::Collisions, drive, gaze::Group, kinds, sight::Reach};
 use crate::lanes::{
-    Aligned, Planar, any, dot, gathered, lanes, lanes_mut, minus, plus, point, rotate, scaled, select, splat,
-    words,
+    Aligned, Planar, any, dot, gathered, lanes, lanes_mut, magnitude, minus, plus, point, rotate, scaled,
+    select, splat, words,
 };
 use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
@@ -157,7 +157,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         let agents = 0..world.agents() as usize;
         let mut far = none[0];
         for [x, y] in agents.clone().map(position) {
-            far = simd.max_f64s(far, simd.max_f64s(simd.abs_f64s(x), simd.abs_f64s(y)));
+            far = simd.max_f64s(far, simd.max_f64s(magnitude(simd, x), magnitude(simd, y)));
         }
         let gait = |state: usize| Gait {
             ahead: gathered(simd, brains.iter().map(|brain| [brain.gaits[state].ahead, 0.0]))[0],
@@ -296,7 +296,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     #[inline(always)]
     fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
         let viewer = self.viewer(simd, at, heading);
-        let here = simd.max_f64s(simd.abs_f64s(at[0]), simd.abs_f64s(at[1]));
+        let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
         self.far = simd.max_f64s(self.far, here);
         match &self.cones {
             Some(cones) if CONES => {

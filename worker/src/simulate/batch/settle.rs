@@ -52,9 +52,9 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
                 break self.look(simd, i, at, heading, crowded);
             }
             if BY_LANE {
-                at = collide::pass_by_lane(simd, &mut self.collisions, positions, touched, at);
+                at = collide::pass_by_lane(simd, &mut self.collisions, positions, at, touch);
             } else {
-                match collide::pass(simd, self.diameter, positions, touched, at) {
+                match collide::pass(simd, (self.diameter, touch), positions, touched, at) {
                     Some(pushed) => at = pushed,
                     None => return false,
                 }
