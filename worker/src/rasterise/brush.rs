@@ -60,28 +60,32 @@ impl Brush {
         ends: &Ends<S, SENSORS>,
         lane: usize,
     ) {
-        self.erase_rays(canvas, ends, lane);
+        for sensor in 0..SENSORS {
+            self.erase_ray(canvas, ends, lane, sensor);
+        }
         self.paint_body(canvas, ends, lane);
     }
 
-    /// The first half of [`Brush::draw`].
+    /// The part of [`Brush::draw`] that is for one of the sensors; the body comes after all of them.
     #[inline(always)]
-    pub(super) fn erase_rays<S: Simd, const SENSORS: usize>(
+    pub(super) fn erase_ray<S: Simd, const SENSORS: usize>(
         &self,
         canvas: &mut Canvas,
         ends: &Ends<S, SENSORS>,
         lane: usize,
+        sensor: usize,
     ) {
-        for (place, end) in ends.ray_stamps.iter().zip(&ends.rays) {
-            let centre = whole::<S>(&ends.centre, lane);
-            match self.rays.at(words::<S>(place)[lane] as u32 as usize) {
-                Some(stamp) if ends.stamped => canvas.stamp_black(stamp, centre),
-                _ => erase_pixels(canvas, centre, whole::<S>(end, lane)),
-            }
+        let centre = whole::<S>(&ends.centre, lane);
+        match self
+            .rays
+            .at(words::<S>(&ends.ray_stamps[sensor])[lane] as u32 as usize)
+        {
+            Some(stamp) if ends.stamped => canvas.stamp_black(stamp, centre),
+            _ => erase_pixels(canvas, centre, whole::<S>(&ends.rays[sensor], lane)),
         }
     }
 
-    /// The second half of [`Brush::draw`].
+    /// The last part of [`Brush::draw`].
     #[inline(always)]
     pub(super) fn paint_body<S: Simd, const SENSORS: usize>(
         &self,

@@ -109,8 +109,10 @@ impl Rasteriser {
             let size = self.size.map(|side| side as u32);
             let ends = Ends::new(simd, (brush, size), position, heading, rays);
             // All lanes in between: a load of what was stored just before, at another address, would wait for the store.
-            for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                brush.erase_rays(canvas, &ends, lane);
+            for sensor in 0..SENSORS {
+                for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
+                    brush.erase_ray(canvas, &ends, lane, sensor);
+                }
             }
             for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
                 brush.paint_body(canvas, &ends, lane);
