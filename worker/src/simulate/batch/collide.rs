@@ -81,8 +81,8 @@ fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<
     place
 }
 
-/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the very
-/// place of one of them, which is rare and for [`pass_by_lane`].
+/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the
+/// very place of one of them, which is rare and for [`pass_by_lane`].
 ///
 /// It is [`Collisions::pushed`] in all lanes at once, without jitter.
 #[inline(always)]

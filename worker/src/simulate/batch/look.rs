@@ -6,8 +6,8 @@ use crate::{
 };
 use pulp::Simd;
 
-/// Largest rounding error of what [`Viewer::glance`] computes, and of what the definition does, together: so many times the squares
-/// of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
+/// Largest rounding error of what [`Viewer::glance`] computes, and of what the definition does, together: so many times the
+/// squares of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// What a look at all others shows.

@@ -296,14 +296,20 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
     #[inline(always)]
     fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
         let viewer = self.viewer(simd, at, heading);
-        let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
-        self.far = simd.max_f64s(self.far, here);
+        self.reach_to(simd, at);
         match &self.cones {
             Some(cones) if CONES => {
                 cones.glance(simd, ConeViewer::of(viewer, heading), self.others(i), self.far)
             }
             _ => viewer.glance(simd, self.others(i), self.far),
         }
+    }
+
+    /// Notes that an agent is or will be at `at`.
+    #[inline(always)]
+    fn reach_to(&mut self, simd: S, at: Planar<S>) {
+        let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
+        self.far = simd.max_f64s(self.far, here);
     }
 
     /// An agent that is at `at` and looks about.

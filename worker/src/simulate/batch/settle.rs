@@ -21,6 +21,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         simd.vectorize(Settling::<_, SENSORS, CONES, false> { batch: self, simd, i });
     }
 
+    /// As [`Batch::settle_apart`], lane by lane.
     #[inline(never)]
     fn settle_by_lane(&mut self, simd: S, i: usize) {
         simd.vectorize(Settling::<_, SENSORS, CONES, true> { batch: self, simd, i });
@@ -80,6 +81,7 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         if !crowded && let Some(seen) = self.glance(simd, i, at, heading) {
             return seen.hits;
         }
+        self.reach_to(simd, at);
         let viewer = self.viewer(simd, at, heading);
         match &self.cones {
             Some(cones) if CONES => {
