@@ -92,6 +92,13 @@ pub(crate) fn select<S: Simd>(simd: S, mask: S::m64s, a: Planar<S>, b: Planar<S>
     ]
 }
 
+/// A number without its sign. The vectors' own function for it is not always inlined.
+#[inline(always)]
+pub(crate) fn magnitude<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
+    let all_but_the_sign = simd.splat_f64s(f64::from_bits(i64::MAX as u64));
+    simd.and_f64s(all_but_the_sign, value)
+}
+
 /// Whether the mask has a lane.
 #[inline(always)]
 pub(crate) fn any<S: Simd>(simd: S, mask: S::m64s) -> bool {

@@ -84,9 +84,10 @@ impl Tasks<'_> {
         self.rasteriser.clear_lanes(lanes);
         batch.advance(simd, window.first_step());
         while batch.steps() < self.world.horizon() {
+            batch.watch();
             batch.advance(simd, 1);
             if window.has_features(batch.steps()) {
-                features.observe(simd, batch.agents());
+                features.observe(simd, batch.agents(simd));
             }
             if window.is_drawn(batch.steps()) {
                 self.rasteriser.draw_lanes(simd, &batch, lanes);

@@ -1,7 +1,7 @@
 //! How an agent looks: rays that erase, an outline and a heading.
 
 use super::{canvas::Canvas, shapes, stamps::Stamps};
-use crate::lanes::{Planar, plus, scaled, words};
+use crate::lanes::{Planar, any, minus, plus, scaled, words};
 use pulp::Simd;
 
 /// Length of a drawn sensor ray, in radii.
@@ -21,20 +21,17 @@ pub(super) struct Brush {
     bodies: Stamps,
 }
 
-/// Pixels that the lines of an agent run between.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Lines<const SENSORS: usize> {
-    pub(super) centre: [i32; 2],
-    pub(super) heading: [i32; 2],
-    pub(super) rays: [[i32; 2]; SENSORS],
-}
-
-/// The same of several swarms' agents, in the low halves of words.
+/// Pixels that the lines of several swarms' agents run between, in the low halves of words.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Ends<S: Simd, const SENSORS: usize> {
     centre: [S::u64s; 2],
     heading: [S::u64s; 2],
     rays: [[S::u64s; 2]; SENSORS],
+    /// Whether all centres are on the canvas, and all stamps have places.
+    stamped: bool,
+    /// Where the stamps are: of the body, and of each ray.
+    body_stamp: S::u64s,
+    ray_stamps: [S::u64s; SENSORS],
 }
 
 impl Brush {
@@ -57,28 +54,49 @@ impl Brush {
 
     /// Draws an agent over what is there; pixels outside the canvas are dropped.
     #[inline(always)]
-    pub(super) fn draw<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
-        self.erase_rays(canvas, lines);
-        self.paint_body(canvas, lines);
+    pub(super) fn draw<S: Simd, const SENSORS: usize>(
+        &self,
+        canvas: &mut Canvas,
+        ends: &Ends<S, SENSORS>,
+        lane: usize,
+    ) {
+        for sensor in 0..SENSORS {
+            self.erase_ray(canvas, ends, lane, sensor);
+        }
+        self.paint_body(canvas, ends, lane);
     }
 
-    /// The first half of [`Brush::draw`].
+    /// The part of [`Brush::draw`] that is for one of the sensors; the body comes after all of them.
     #[inline(always)]
-    pub(super) fn erase_rays<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
-        for &end in &lines.rays {
-            match self.rays.get(offset(end, lines.centre)) {
-                Some(stamp) if canvas.contains(lines.centre) => canvas.stamp_black(stamp, lines.centre),
-                _ => erase_pixels(canvas, lines.centre, end),
-            }
+    pub(super) fn erase_ray<S: Simd, const SENSORS: usize>(
+        &self,
+        canvas: &mut Canvas,
+        ends: &Ends<S, SENSORS>,
+        lane: usize,
+        sensor: usize,
+    ) {
+        let centre = whole::<S>(&ends.centre, lane);
+        match self
+            .rays
+            .at(words::<S>(&ends.ray_stamps[sensor])[lane] as u32 as usize)
+        {
+            Some(stamp) if ends.stamped => canvas.stamp_black(stamp, centre),
+            _ => erase_pixels(canvas, centre, whole::<S>(&ends.rays[sensor], lane)),
         }
     }
 
-    /// The second half of [`Brush::draw`].
+    /// The last part of [`Brush::draw`].
     #[inline(always)]
-    pub(super) fn paint_body<const SENSORS: usize>(&self, canvas: &mut Canvas, lines: &Lines<SENSORS>) {
-        match self.bodies.get(offset(lines.heading, lines.centre)) {
-            Some(stamp) if canvas.contains(lines.centre) => canvas.stamp_white(stamp, lines.centre),
-            _ => self.paint_pixels(canvas, lines.centre, lines.heading),
+    pub(super) fn paint_body<S: Simd, const SENSORS: usize>(
+        &self,
+        canvas: &mut Canvas,
+        ends: &Ends<S, SENSORS>,
+        lane: usize,
+    ) {
+        let centre = whole::<S>(&ends.centre, lane);
+        match self.bodies.at(words::<S>(&ends.body_stamp)[lane] as u32 as usize) {
+            Some(stamp) if ends.stamped => canvas.stamp_white(stamp, centre),
+            _ => self.paint_pixels(canvas, centre, whole::<S>(&ends.heading, lane)),
         }
     }
 
@@ -96,46 +114,56 @@ fn erase_pixels(canvas: &mut Canvas, centre: [i32; 2], end: [i32; 2]) {
     canvas.erase(shapes::line(centre, end));
 }
 
-#[inline(always)]
-const fn offset(end: [i32; 2], from: [i32; 2]) -> [i32; 2] {
-    [end[0].wrapping_sub(from[0]), end[1].wrapping_sub(from[1])]
-}
-
 impl<S: Simd, const SENSORS: usize> Ends<S, SENSORS> {
+    /// Those of agents on canvases of `size` pixels.
     #[inline(always)]
     pub(super) fn new(
         simd: S,
-        brush: &Brush,
+        (brush, size): (&Brush, [u32; 2]),
         position: Planar<S>,
         heading: Planar<S>,
         directions: [Planar<S>; SENSORS],
     ) -> Self {
         let length = |radii: f64| simd.splat_f64s(radii * brush.radius);
         let (to_heading, to_ray) = (length(HEADING_RADII), length(RAY_RADII));
+        let centre = truncated(simd, position);
+        let mut stamped = within(simd, centre, size.map(f64::from));
+        let heading = truncated(simd, plus(simd, position, scaled(simd, heading, to_heading)));
+        let (body_stamp, has_place) = brush.bodies.places(simd, minus(simd, heading, centre));
+        stamped = simd.and_m64s(stamped, has_place);
         let mut rays = [[simd.splat_u64s(0); 2]; SENSORS];
-        for (ray, direction) in rays.iter_mut().zip(directions) {
-            *ray = pixel(simd, plus(simd, position, scaled(simd, direction, to_ray)));
+        let mut ray_stamps = [simd.splat_u64s(0); SENSORS];
+        for ((ray, stamp), direction) in rays.iter_mut().zip(&mut ray_stamps).zip(directions) {
+            let end = truncated(simd, plus(simd, position, scaled(simd, direction, to_ray)));
+            let (place, has_place) = brush.rays.places(simd, minus(simd, end, centre));
+            stamped = simd.and_m64s(stamped, has_place);
+            *stamp = in_low_bits(simd, place);
+            *ray = pixel(simd, end);
         }
         Self {
-            centre: pixel(simd, position),
-            heading: pixel(simd, plus(simd, position, scaled(simd, heading, to_heading))),
+            centre: pixel(simd, centre),
+            heading: pixel(simd, heading),
             rays,
+            stamped: !any(simd, simd.not_m64s(stamped)),
+            body_stamp: in_low_bits(simd, body_stamp),
+            ray_stamps,
         }
     }
+}
 
-    /// Those of one swarm.
-    #[inline(always)]
-    pub(super) fn lane(&self, lane: usize) -> Lines<SENSORS> {
-        let mut rays = [[0; 2]; SENSORS];
-        for (to, ray) in rays.iter_mut().zip(&self.rays) {
-            *to = whole::<S>(ray, lane);
-        }
-        Lines {
-            centre: whole::<S>(&self.centre, lane),
-            heading: whole::<S>(&self.heading, lane),
-            rays,
-        }
-    }
+/// The lanes whose point is at least 0 and below `size`.
+#[inline(always)]
+fn within<S: Simd>(simd: S, [x, y]: Planar<S>, [width, height]: [f64; 2]) -> S::m64s {
+    let zero = simd.splat_f64s(0.0);
+    let after = simd.and_m64s(
+        simd.greater_than_or_equal_f64s(x, zero),
+        simd.greater_than_or_equal_f64s(y, zero),
+    );
+    let before = simd.and_m64s(
+        simd.less_than_f64s(x, simd.splat_f64s(width)),
+        simd.less_than_f64s(y, simd.splat_f64s(height)),
+    );
+    simd.and_m64s(after, before)
 }
 
 #[inline(always)]
@@ -148,24 +176,34 @@ fn whole<S: Simd>(pixels: &[S::u64s; 2], lane: usize) -> [i32; 2] {
 
 #[inline(always)]
 fn pixel<S: Simd>(simd: S, [x, y]: Planar<S>) -> [S::u64s; 2] {
-    [truncated(simd, x), truncated(simd, y)]
+    [in_low_bits(simd, x), in_low_bits(simd, y)]
 }
 
-/// Numbers without their fractions, as whole numbers in the low 32 bits.
+/// Whole numbers in the low 32 bits.
 #[inline(always)]
-fn truncated<S: Simd>(simd: S, value: S::f64s) -> S::u64s {
+fn in_low_bits<S: Simd>(simd: S, whole: S::f64s) -> S::u64s {
+    simd.transmute_u64s_f64s(simd.add_f64s(whole, simd.splat_f64s(WHOLE)))
+}
+
+#[inline(always)]
+fn truncated<S: Simd>(simd: S, [x, y]: Planar<S>) -> Planar<S> {
+    [without_fraction(simd, x), without_fraction(simd, y)]
+}
+
+/// Numbers without their fractions.
+#[inline(always)]
+fn without_fraction<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
     let (whole, zero, one) = (simd.splat_f64s(WHOLE), simd.splat_f64s(0.0), simd.splat_f64s(1.0));
     let nearest = simd.sub_f64s(simd.add_f64s(value, whole), whole);
     // To the nearest, it may have been rounded away from zero.
     let above = simd.select_f64s(simd.greater_than_f64s(nearest, value), one, zero);
     let below = simd.select_f64s(simd.less_than_f64s(nearest, value), one, zero);
     let positive = simd.greater_than_or_equal_f64s(value, zero);
-    let nearest = simd.select_f64s(
+    simd.select_f64s(
         positive,
         simd.sub_f64s(nearest, above),
         simd.add_f64s(nearest, below),
-    );
-    simd.transmute_u64s_f64s(simd.add_f64s(nearest, whole))
+    )
 }
 
 #[cfg(test)]
@@ -177,7 +215,8 @@ mod tests {
     proptest! {
         #[test]
         fn truncation_is_that_of_a_cast(value in prop_oneof![-1e6..1e6_f64, -3.0..3.0_f64, (-20i32..20).prop_map(f64::from)]) {
-            prop_assert_eq!(truncated(Scalar::new(), value) as i32, value as i32);
+            let simd = Scalar::new();
+            prop_assert_eq!(in_low_bits(simd, without_fraction(simd, value)) as i32, value as i32);
         }
     }
 
@@ -194,10 +233,11 @@ mod tests {
             let (mut stamped, mut by_pixel) = (Canvas::new([140, 128]), Canvas::new([140, 128]));
             for (position, angles) in agents {
                 let rays = angles.map(|angle| [angle.cos(), angle.sin()]);
-                let lines = Ends::new(Scalar::new(), &brush, position, rays[0], rays).lane(0);
-                brush.draw(&mut stamped, &lines);
-                lines.rays.iter().for_each(|&end| erase_pixels(&mut by_pixel, lines.centre, end));
-                brush.paint_pixels(&mut by_pixel, lines.centre, lines.heading);
+                let ends = Ends::new(Scalar::new(), (&brush, stamped.size()), position, rays[0], rays);
+                brush.draw(&mut stamped, &ends, 0);
+                let [centre, heading] = [ends.centre, ends.heading].map(|point| whole::<Scalar>(&point, 0));
+                ends.rays.iter().for_each(|end| erase_pixels(&mut by_pixel, centre, whole::<Scalar>(end, 0)));
+                brush.paint_pixels(&mut by_pixel, centre, heading);
             }
             for band in 0..8 {
                 prop_assert_eq!(stamped.band(band), by_pixel.band(band));

@@ -56,6 +56,11 @@ impl Canvas {
         }
     }
 
+    /// Width and height, pixels.
+    pub(super) const fn size(&self) -> [u32; 2] {
+        [self.width, self.height]
+    }
+
     /// Whether the canvas has this pixel.
     #[inline(always)]
     pub(super) const fn contains(&self, [x, y]: [i32; 2]) -> bool {
@@ -87,19 +92,26 @@ impl Canvas {
 
     #[inline(always)]
     fn stamp(&mut self, stamp: &Stamp, centre: [i32; 2], change: impl Fn(u16, u16) -> u16) {
-        let x = (centre[0] + i32::from(stamp.corner[0]) + MARGIN as i32) as usize;
-        let y = (centre[1] + i32::from(stamp.corner[1]) + BAND as i32) as usize;
+        let [before_x, before_y] = stamp.before.map(u32::from);
+        let x = (centre[0] as u32 + MARGIN as u32 - before_x) as usize;
+        let y = (centre[1] as u32 + BAND as u32 - before_y) as usize;
         let (first, shift) = (y / BAND * self.pitch + x, y % BAND);
-        let Some((upper, lower)) =
-            self.words[first..first + self.pitch + SIDE].split_at_mut_checked(self.pitch)
+        let words = self.words.get_mut(first..first + self.pitch + SIDE);
+        let Some((upper, lower)) = words.and_then(|words| words.split_at_mut_checked(self.pitch)) else {
+            return;
+        };
+        let (Some(upper), Some(lower)) = (upper.first_chunk_mut::<SIDE>(), lower.first_chunk_mut::<SIDE>())
         else {
             return;
         };
-        // Both bands, though most stamps lie in one: which do cannot be predicted.
-        for ((above, below), &bits) in upper.iter_mut().zip(lower).zip(&stamp.columns) {
+        // Both bands, though most stamps lie in one: which do cannot be predicted. Copies, so that it is known that they do not
+        // overlap.
+        let (mut above, mut below) = (*upper, *lower);
+        for ((above, below), bits) in above.iter_mut().zip(&mut below).zip(stamp.columns) {
             *above = change(*above, bits << shift);
             *below = change(*below, bits >> 1 >> (BAND - 1 - shift));
         }
+        (*upper, *lower) = (above, below);
     }
 
     /// The words of a band of 16 rows, one a column; none beyond the canvas. What they hold of rows below it is anything.

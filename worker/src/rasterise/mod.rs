@@ -101,18 +101,21 @@ impl Rasteriser {
     ) {
         for Agents {
             position, heading, ..
-        } in batch.agents()
+        } in batch.agents(simd)
         {
             let rays = batch.sensor_directions(simd, heading);
             // Swarms of a batch have bodies of one size.
             let brush = &self.brushes[0];
-            let ends = Ends::new(simd, brush, position, heading, rays);
+            let size = self.size.map(|side| side as u32);
+            let ends = Ends::new(simd, (brush, size), position, heading, rays);
             // All lanes in between: a load of what was stored just before, at another address, would wait for the store.
-            for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                brush.erase_rays(canvas, &ends.lane(lane));
+            for sensor in 0..SENSORS {
+                for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
+                    brush.erase_ray(canvas, &ends, lane, sensor);
+                }
             }
             for (lane, canvas) in self.canvases.iter_mut().take(lanes).enumerate() {
-                brush.paint_body(canvas, &ends.lane(lane));
+                brush.paint_body(canvas, &ends, lane);
             }
         }
     }
@@ -200,9 +203,10 @@ impl<'a> Drawing<'a> {
         agent: &Agent,
         rays: [[f64; 2]; SENSORS],
     ) {
-        let ends = Ends::new(Scalar::new(), brush, agent.position, agent.heading, rays);
         if let Some(canvas) = self.canvas_for(i) {
-            brush.draw(canvas, &ends.lane(0));
+            let on = (brush, canvas.size());
+            let ends = Ends::new(Scalar::new(), on, agent.position, agent.heading, rays);
+            brush.draw(canvas, &ends, 0);
         }
     }
 

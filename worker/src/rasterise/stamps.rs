@@ -1,15 +1,19 @@
 //! Small drawings as columns of bits, drawn once and put on the canvas many times.
 
+use crate::lanes::{Planar, plus, splat};
+use pulp::Simd;
+
 /// Most columns, and rows, of a stamp.
 pub(super) const SIDE: usize = 16;
 
-/// A drawing about a pixel.
+/// A drawing about a pixel, in a cache line of its own.
 #[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
 pub(super) struct Stamp {
-    /// Where its first column and row are from that pixel: not beyond it, and less than [`SIDE`] before it.
-    pub(super) corner: [i8; 2],
     /// Its columns, the first row the lowest bit.
     pub(super) columns: [u16; SIDE],
+    /// How far its first column and row are before that pixel: less than [`SIDE`].
+    pub(super) before: [u8; 2],
 }
 
 /// A stamp for each offset that a line may end at.
@@ -36,10 +40,10 @@ impl Stamp {
             }
             *columns.get_mut(x as usize)? |= 1 << y;
         }
-        let within = |corner: i32| i8::try_from(corner).ok().filter(|&corner| -corner < SIDE as i8);
+        let before = |corner: i32| u8::try_from(-corner).ok().filter(|&before| before < SIDE as u8);
         Some(Self {
-            corner: [within(corner[0])?, within(corner[1])?],
             columns,
+            before: [before(corner[0])?, before(corner[1])?],
         })
     }
 }
@@ -63,19 +67,27 @@ impl Stamps {
         }
     }
 
-    /// The stamp with a line to `offset`.
+    /// For each lane the place, for [`Stamps::at`], of the stamp with a line to the offset there, and whether there is a place.
+    /// Offsets are whole numbers, and so are places.
     #[inline(always)]
-    pub(super) fn get(&self, [x, y]: [i32; 2]) -> Option<&Stamp> {
-        let side = self.side;
-        // Negative ones wrap to far outside.
-        let (x, y) = (
-            x.wrapping_add(self.reach) as u32,
-            y.wrapping_add(self.reach) as u32,
+    pub(super) fn places<S: Simd>(&self, simd: S, offset: Planar<S>) -> (S::f64s, S::m64s) {
+        let (zero, side) = (simd.splat_f64s(0.0), simd.splat_f64s(f64::from(self.side)));
+        let [x, y] = plus(simd, offset, splat(simd, [f64::from(self.reach); 2]));
+        let column = simd.and_m64s(
+            simd.greater_than_or_equal_f64s(x, zero),
+            simd.less_than_f64s(x, side),
         );
-        if x < side && y < side {
-            self.stamps.get((x * side + y) as usize)?.as_ref()
-        } else {
-            None
-        }
+        let row = simd.and_m64s(
+            simd.greater_than_or_equal_f64s(y, zero),
+            simd.less_than_f64s(y, side),
+        );
+        let place = simd.add_f64s(simd.mul_f64s(x, side), y);
+        (place, simd.and_m64s(column, row))
+    }
+
+    /// The stamp at a place; none where that drawing does not fit in one.
+    #[inline(always)]
+    pub(super) fn at(&self, place: usize) -> Option<&Stamp> {
+        self.stamps.get(place)?.as_ref()
     }
 }

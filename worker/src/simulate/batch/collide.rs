@@ -6,119 +6,140 @@ use crate::{
 };
 use pulp::Simd;
 
-/// The agents that the agent of each lane touches: a bit for each, the first the lowest.
+/// Those that the agent of each lane touches.
 #[derive(Clone, Copy)]
-pub(super) struct Touched<S: Simd>(S::u64s);
+pub(super) struct Touched<S: Simd> {
+    /// How many.
+    count: S::u64s,
+    /// Where the first is; anywhere in a lane without any.
+    first: Planar<S>,
+}
 
 impl<S: Simd> Touched<S> {
-    /// The agents other than `me` whose centres are nearer to `at` than the root of `touch`.
+    /// The agents whose centres are nearer to `at` than the root of `touch`.
     #[inline(always)]
-    pub(super) fn by(
-        simd: S,
-        positions: &[Aligned<Planar<S>>],
-        me: usize,
-        at: Planar<S>,
-        touch: S::f64s,
-    ) -> Self {
-        let mut touched = simd.splat_u64s(0);
-        let mut bit = simd.splat_u64s(1);
-        for other in positions {
-            let e = minus(simd, other.0, at);
-            let near = simd.less_than_f64s(dot(simd, e, e), touch);
-            touched = simd.or_u64s(touched, simd.select_u64s(near, bit, simd.splat_u64s(0)));
-            bit = simd.add_u64s(bit, bit);
+    pub(super) fn by(simd: S, positions: &[Aligned<Planar<S>>], at: Planar<S>, touch: S::f64s) -> Self {
+        let one = simd.splat_u64s(1);
+        let mut count = simd.splat_u64s(0);
+        let mut first = at;
+        // From the last on, so that the first is what stays.
+        for &Aligned(other) in positions.iter().rev() {
+            let near = touches(simd, other, at, touch);
+            count = simd.select_u64s(near, simd.add_u64s(count, one), count);
+            first = select(simd, near, other, first);
         }
-        Self(simd.and_u64s(touched, simd.splat_u64s(!(1 << me))))
+        Self { count, first }
     }
 
     /// The lanes whose agent touches another.
     #[inline(always)]
     pub(super) fn lanes(self, simd: S) -> S::m64s {
-        simd.greater_than_u64s(self.0, simd.splat_u64s(0))
+        simd.greater_than_u64s(self.count, simd.splat_u64s(0))
     }
 
-    /// Takes the first agent out of each lane: where it is. In a lane without any, the place of some agent.
+    /// Whether an agent touches more than one.
     #[inline(always)]
-    fn next(&mut self, simd: S, positions: &[Aligned<Planar<S>>]) -> Planar<S> {
-        let mut place = positions[0].0;
-        let [xs, ys] = &mut place;
-        let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
-        for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&self.0)).enumerate() {
-            let first = (bits.trailing_zeros() as usize).min(positions.len() - 1);
-            [*x, *y] = point::<S>(&positions[first].0, lane);
-        }
-        self.0 = simd.and_u64s(self.0, simd.sub_u64s(self.0, simd.splat_u64s(1)));
-        place
+    fn several(self, simd: S) -> bool {
+        any(simd, simd.greater_than_u64s(self.count, simd.splat_u64s(1)))
     }
 }
 
-/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there.
+#[inline(always)]
+fn touches<S: Simd>(simd: S, other: Planar<S>, at: Planar<S>, touch: S::f64s) -> S::m64s {
+    let e = minus(simd, at, other);
+    simd.less_than_f64s(dot(simd, e, e), touch)
+}
+
+/// As [`Touched`], a bit for each, the first the lowest.
+#[inline(always)]
+fn touched_bits<S: Simd>(
+    simd: S,
+    positions: &[Aligned<Planar<S>>],
+    at: Planar<S>,
+    touch: S::f64s,
+) -> S::u64s {
+    let one = simd.splat_u64s(1);
+    let mut bits = simd.splat_u64s(0);
+    for &Aligned(other) in positions.iter().rev() {
+        let near = touches(simd, other, at, touch);
+        bits = simd.add_u64s(bits, bits);
+        bits = simd.select_u64s(near, simd.or_u64s(bits, one), bits);
+    }
+    bits
+}
+
+/// Where the first agent of each lane is; the place of some agent in a lane without bits.
+#[inline(always)]
+fn first_of<S: Simd>(positions: &[Aligned<Planar<S>>], bits: S::u64s) -> Planar<S> {
+    let mut place = positions[0].0;
+    let [xs, ys] = &mut place;
+    let slots = lanes_mut::<S>(xs).iter_mut().zip(lanes_mut::<S>(ys));
+    for (lane, ((x, y), &bits)) in slots.zip(words::<S>(&bits)).enumerate() {
+        let first = (bits.trailing_zeros() as usize).min(positions.len() - 1);
+        [*x, *y] = point::<S>(&positions[first].0, lane);
+    }
+    place
+}
+
+/// One pass: where an agent now at `at` is once it was pushed out of all that it touches there. `None` where it is at the
+/// very place of one of them, which is rare and for [`pass_by_lane`].
+///
+/// It is [`Collisions::pushed`] in all lanes at once, without jitter.
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
-    rules: &mut [Collisions],
-    positions: &[Aligned<Planar<S>>],
-    mut touched: Touched<S>,
-    mut at: Planar<S>,
-) -> Planar<S> {
-    if rules.iter().any(Collisions::jitters) {
-        return pass_by_lane(simd, rules, positions, touched, at);
-    }
-    loop {
-        let pushing = touched.lanes(simd);
-        if !any(simd, pushing) {
-            return at;
-        }
-        let other = touched.next(simd, positions);
-        at = pushed(simd, rules, pushing, at, other);
-    }
-}
-
-/// [`Collisions::pushed`] in the lanes that are `pushing`, without jitter.
-#[inline(always)]
-fn pushed<S: Simd>(
-    simd: S,
-    rules: &mut [Collisions],
-    pushing: S::m64s,
-    at: Planar<S>,
-    other: Planar<S>,
-) -> Planar<S> {
-    let Some(diameter) = rules.first().map(Collisions::diameter) else {
-        return at;
-    };
-    let away = minus(simd, at, other);
-    let distance = simd.sqrt_f64s(dot(simd, away, away));
-    let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
-    let push = simd.sub_f64s(simd.splat_f64s(diameter + GAP), distance);
-    let mut out = plus(simd, at, scaled(simd, direction, push));
-    // At the very same place: rare, and one lane's matter.
-    let apart = simd.greater_than_f64s(distance, simd.splat_f64s(0.0));
-    if any(simd, simd.and_m64s(pushing, simd.not_m64s(apart))) {
-        out = pushed_by_lane(simd, rules, at, other);
-    }
-    let within = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(diameter));
-    select(simd, simd.and_m64s(pushing, within), out, at)
-}
-
-#[inline(never)]
-fn pushed_by_lane<S: Simd>(simd: S, rules: &mut [Collisions], at: Planar<S>, other: Planar<S>) -> Planar<S> {
-    let lanes = rules.iter_mut().enumerate();
-    gathered(
-        simd,
-        lanes.map(|(lane, rule)| rule.pushed(point::<S>(&at, lane), point::<S>(&other, lane))),
-    )
-}
-
-/// As [`pass`], where each lane has its own jitter to draw.
-#[inline(never)]
-fn pass_by_lane<S: Simd>(
-    simd: S,
-    rules: &mut [Collisions],
+    (diameter, touch): (f64, S::f64s),
     positions: &[Aligned<Planar<S>>],
     touched: Touched<S>,
     at: Planar<S>,
+) -> Option<Planar<S>> {
+    let mut out = pushed(simd, diameter, touched.lanes(simd), at, touched.first)?;
+    if touched.several(simd) {
+        let mut bits = touched_bits(simd, positions, at, touch);
+        loop {
+            bits = simd.and_u64s(bits, simd.sub_u64s(bits, simd.splat_u64s(1)));
+            let rest = simd.greater_than_u64s(bits, simd.splat_u64s(0));
+            if !any(simd, rest) {
+                break;
+            }
+            out = pushed(simd, diameter, rest, out, first_of::<S>(positions, bits))?;
+        }
+    }
+    Some(out)
+}
+
+/// Where an agent is once it was pushed out of one at `other`, in the lanes that are `touching`.
+#[inline(always)]
+fn pushed<S: Simd>(
+    simd: S,
+    diameter: f64,
+    touching: S::m64s,
+    at: Planar<S>,
+    other: Planar<S>,
+) -> Option<Planar<S>> {
+    let away = minus(simd, at, other);
+    let distance = simd.sqrt_f64s(dot(simd, away, away));
+    let together = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(0.0));
+    if any(simd, simd.and_m64s(touching, together)) {
+        return None;
+    }
+    let direction = [simd.div_f64s(away[0], distance), simd.div_f64s(away[1], distance)];
+    let push = simd.sub_f64s(simd.splat_f64s(diameter + GAP), distance);
+    let out = plus(simd, at, scaled(simd, direction, push));
+    let within = simd.less_than_or_equal_f64s(distance, simd.splat_f64s(diameter));
+    Some(select(simd, simd.and_m64s(touching, within), out, at))
+}
+
+/// As [`pass`], lane by lane: each has its own jitter to draw.
+pub(super) fn pass_by_lane<S: Simd>(
+    simd: S,
+    rules: &mut [Collisions],
+    positions: &[Aligned<Planar<S>>],
+    at: Planar<S>,
+    touch: S::f64s,
 ) -> Planar<S> {
-    let lanes = words::<S>(&touched.0).iter().zip(rules).enumerate();
+    let bits = touched_bits(simd, positions, at, touch);
+    let lanes = words::<S>(&bits).iter().zip(rules).enumerate();
     gathered(
         simd,
         lanes.map(|(lane, (&touched, rule))| {

@@ -16,14 +16,14 @@
 
 use super::look::{Seen, Viewer};
 use crate::{
-    lanes::{Aligned, Planar, any, dot, gathered, minus, rotate},
+    lanes::{Aligned, Planar, any, dot, gathered, magnitude, minus, rotate},
     simulate::{
         gaze::{Eye, Vectors},
         sight::Reach,
     },
 };
 use murmuration_proto::{Robot, Sensor};
-use pulp::{Simd, WithSimd};
+use pulp::Simd;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Headings are unit vectors up to 10^-12, twice that in their squares: what that and rounding put into a length, relative to
@@ -162,24 +162,9 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         })
     }
 
-    /// As [`Viewer::look`](super::look::Viewer::look).
+    /// The look by the formulas above, unless rounding may decide. As [`Viewer::glance`](super::look::Viewer::glance).
     #[inline(always)]
-    pub(super) fn look(
-        &self,
-        simd: S,
-        viewer: ConeViewer<S, SENSORS>,
-        others: &[Aligned<Planar<S>>],
-        far: S::f64s,
-    ) -> Seen<S, SENSORS> {
-        match self.glance(simd, viewer, others, far) {
-            Some(seen) => seen,
-            None => self.look_apart(simd, viewer, others),
-        }
-    }
-
-    /// The look by the formulas above, unless rounding may decide.
-    #[inline(always)]
-    fn glance(
+    pub(super) fn glance(
         &self,
         simd: S,
         viewer: ConeViewer<S, SENSORS>,
@@ -190,21 +175,16 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         let margin = self.margin(simd, far, moved.furthest);
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-viewer.reach.body);
-        let mut backwards = viewer.middles;
-        for middle in &mut backwards {
-            *middle = [simd.neg_f64s(middle[0]), simd.neg_f64s(middle[1])];
-        }
-        // All bits but the sign.
-        let size = simd.not_f64s(simd.splat_f64s(-0.0));
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            let e = minus(simd, other.0, viewer.at);
+            // The way back, which is as long.
+            let e = minus(simd, viewer.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
             for (s, deepest) in deepest.iter_mut().enumerate() {
                 let (cone, opening) = (&self.cones[s], &moved.openings[s]);
-                let beyond = cone.beyond(simd, opening, e, backwards[s], (outside, size));
+                let beyond = cone.beyond(simd, opening, e, viewer.middles[s], outside);
                 *deepest = simd.min_f64s(*deepest, beyond);
             }
         }
@@ -215,10 +195,10 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             simd.splat_f64s(SQUARE_ROUNDING),
             simd.splat_f64s(SQUARE_ROUNDING * viewer.reach.body),
         );
-        let mut sure = simd.greater_than_f64s(simd.abs_f64s(touches), touch_margin);
+        let mut sure = simd.greater_than_f64s(magnitude(simd, touches), touch_margin);
         let mut hits = [sure; SENSORS];
         for (hit, deepest) in hits.iter_mut().zip(deepest) {
-            sure = simd.and_m64s(sure, simd.greater_than_f64s(simd.abs_f64s(deepest), margin));
+            sure = simd.and_m64s(sure, simd.greater_than_f64s(magnitude(simd, deepest), margin));
             *hit = simd.less_than_f64s(deepest, zero);
         }
         let touched = simd.less_than_f64s(touches, zero);
@@ -243,34 +223,18 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
         simd.mul_add_e_f64s(beside, across, own)
     }
 
-    /// The look by the operations that the definition has.
+    /// Whether each sensor hits, by the operations that the definition has.
     #[inline(always)]
-    pub(super) fn look_apart(
+    pub(super) fn by_definition(
         &self,
         simd: S,
         viewer: ConeViewer<S, SENSORS>,
         others: &[Aligned<Planar<S>>],
-    ) -> Seen<S, SENSORS> {
-        simd.vectorize(ByDefinition {
-            cones: self,
-            simd,
-            viewer,
-            others,
-        })
-    }
-
-    #[inline(always)]
-    fn by_definition(
-        &self,
-        simd: S,
-        viewer: ConeViewer<S, SENSORS>,
-        others: &[Aligned<Planar<S>>],
-    ) -> Seen<S, SENSORS> {
+    ) -> [S::m64s; SENSORS] {
         let zero = simd.splat_f64s(0.0);
         let none = simd.less_than_f64s(zero, zero);
         let body = simd.splat_f64s(viewer.reach.body);
-        let touch = simd.splat_f64s(viewer.reach.touch);
-        let (mut touched, mut hits) = (none, [none; SENSORS]);
+        let mut hits = [none; SENSORS];
         for ((cone, &middle), hit) in self.cones.iter().zip(&viewer.middles).zip(&mut hits) {
             let edges = [
                 rotate(simd, viewer.heading, cone.edges[0]),
@@ -280,55 +244,37 @@ impl<S: Simd, const SENSORS: usize> Cones<S, SENSORS> {
             for other in others {
                 let e = minus(simd, other.0, viewer.at);
                 let squared = dot(simd, e, e);
-                touched = simd.or_m64s(touched, simd.less_than_f64s(squared, touch));
                 let met = vectors.meet(simd, e, simd.sub_f64s(body, squared), cone.eye.shape());
                 let near = vectors.within_range(simd, squared);
                 *hit = simd.or_m64s(*hit, simd.and_m64s(near, met));
             }
         }
-        Seen { touched, hits }
-    }
-}
-
-/// A look by the definition, in a function of its own, which would otherwise be compiled for no instructions in particular.
-struct ByDefinition<'a, S: Simd, const SENSORS: usize> {
-    cones: &'a Cones<S, SENSORS>,
-    simd: S,
-    viewer: ConeViewer<S, SENSORS>,
-    others: &'a [Aligned<Planar<S>>],
-}
-
-impl<S: Simd, const SENSORS: usize> WithSimd for ByDefinition<'_, S, SENSORS> {
-    type Output = Seen<S, SENSORS>;
-
-    #[inline(always)]
-    fn with_simd<T: Simd>(self, _: T) -> Self::Output {
-        self.cones.by_definition(self.simd, self.viewer, self.others)
+        hits
     }
 }
 
 impl<S: Simd> Cone<S> {
-    /// Negative where another whose centre is at `e` from here, and which does not touch, is seen; positive where it is not.
-    /// `backwards` points against the middle; `outside` is e.e - rho^2; `size` has all bits but the sign.
+    /// Negative where another that does not touch is seen; positive where it is not. `e` is the way from its centre to here;
+    /// `outside` is e.e - rho^2.
     #[inline(always)]
     fn beyond(
         &self,
         simd: S,
         opening: &Opening,
         e: Planar<S>,
-        backwards: Planar<S>,
-        (outside, size): (S::f64s, S::f64s),
+        middle: Planar<S>,
+        outside: S::f64s,
     ) -> S::f64s {
         let apex = simd.splat_f64s(-opening.back);
         // -a', so that one operation subtracts its square.
-        let behind = simd.mul_add_e_f64s(e[0], backwards[0], simd.mul_add_e_f64s(e[1], backwards[1], apex));
+        let behind = simd.mul_add_e_f64s(e[0], middle[0], simd.mul_add_e_f64s(e[1], middle[1], apex));
         let by_outside = simd.mul_add_e_f64s(
             outside,
             simd.splat_f64s(opening.outside),
             simd.splat_f64s(opening.constant),
         );
         let length = simd.mul_add_e_f64s(behind, simd.splat_f64s(-opening.along), by_outside);
-        let mut beyond = simd.mul_add_e_f64s(behind, simd.and_f64s(size, behind), length);
+        let mut beyond = simd.mul_add_e_f64s(behind, magnitude(simd, behind), length);
         if let Some([by_along, constant]) = opening.tip {
             let tip = simd.mul_add_e_f64s(behind, simd.splat_f64s(-by_along), simd.splat_f64s(constant));
             beyond = simd.max_f64s(beyond, tip);

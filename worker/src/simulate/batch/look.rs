@@ -1,13 +1,13 @@
 //! What one agent of each swarm has in its sensors' lines of sight, and whether another touches it.
 
 use crate::{
-    lanes::{Aligned, Planar, any, dot, minus},
+    lanes::{Aligned, Planar, any, dot, magnitude, minus},
     simulate::sight::Reach,
 };
 use pulp::Simd;
 
-/// Largest rounding error of what [`glance`] computes, and of what [`look_apart`] does, together: so many times the squares
-/// of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
+/// Largest rounding error of what [`Viewer::glance`] computes, and of what the definition does, together: so many times the
+/// squares of the lengths at hand. Each is a sum of a few products, which round by 2^-53 each; this is 64 times that.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// What a look at all others shows.
@@ -29,37 +29,35 @@ pub(super) struct Viewer<S: Simd, const SENSORS: usize> {
 }
 
 impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
-    /// A look at `others`, none of whom is farther from the origin than `far` along an axis, nor is the viewer. `hits` are
-    /// right only where nobody touches.
-    #[inline(always)]
-    pub(super) fn look(self, simd: S, others: &[Aligned<Planar<S>>], far: S::f64s) -> Seen<S, SENSORS> {
-        match self.glance(simd, others, far) {
-            Some(seen) => seen,
-            None => self.look_apart(simd, others),
-        }
-    }
-
-    /// [`Viewer::look_apart`] with fused multiply-add, unless that rounds too near to a decision to be sure of it.
+    /// A look at `others`, none of whom is farther from the origin than `far` along an axis, nor is the viewer: with fused
+    /// multiply-add, unless that rounds too near to a decision to be sure of it. `hits` are right only where nobody touches.
     ///
-    /// With e from here to another's centre, what decides is how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u|
-    /// from 0; the difference between two ways to compute them is within [`ROUNDING`] of what e.e can be.
+    /// A ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0, e being the way from here to another's centre. Where nobody
+    /// touches, r^2 - e.e is negative: r^2 - e.e + (e.u)|e.u| is negative too where e.u is, and the same number otherwise. So its
+    /// sign alone decides, and the largest of all others decides for all; here it is the smallest, signs being the other way
+    /// around.
+    ///
+    /// What decides is how far e.e - r^2 is from 3 r^2, and e.e - r^2 - (e.u)|e.u| from 0; the difference between two ways to
+    /// compute them is within [`ROUNDING`] of what e.e can be.
     #[inline(always)]
-    fn glance(self, simd: S, others: &[Aligned<Planar<S>>], far: S::f64s) -> Option<Seen<S, SENSORS>> {
+    pub(super) fn glance(
+        self,
+        simd: S,
+        others: &[Aligned<Planar<S>>],
+        far: S::f64s,
+    ) -> Option<Seen<S, SENSORS>> {
         let zero = simd.splat_f64s(0.0);
         let body = simd.splat_f64s(-self.reach.body);
-        let mut backwards = self.rays;
-        for ray in &mut backwards {
-            *ray = [simd.neg_f64s(ray[0]), simd.neg_f64s(ray[1])];
-        }
         let mut nearest = simd.splat_f64s(f64::INFINITY);
         let mut deepest = [nearest; SENSORS];
         for other in others {
-            let e = minus(simd, other.0, self.at);
+            // The way back, which is as long: the subtraction may take the position from memory.
+            let e = minus(simd, self.at, other.0);
             let outside = simd.mul_add_e_f64s(e[0], e[0], simd.mul_add_e_f64s(e[1], e[1], body));
             nearest = simd.min_f64s(nearest, outside);
-            for (ray, deepest) in backwards.iter().zip(&mut deepest) {
+            for (ray, deepest) in self.rays.iter().zip(&mut deepest) {
                 let along = simd.mul_add_e_f64s(e[0], ray[0], simd.mul_f64s(e[1], ray[1]));
-                let depth = simd.mul_add_e_f64s(along, simd.abs_f64s(along), outside);
+                let depth = simd.mul_add_e_f64s(along, magnitude(simd, along), outside);
                 *deepest = simd.min_f64s(*deepest, depth);
             }
         }
@@ -70,47 +68,17 @@ impl<S: Simd, const SENSORS: usize> Viewer<S, SENSORS> {
             simd.splat_f64s(4.0 * ROUNDING * self.reach.body),
         );
         let nearest = simd.sub_f64s(nearest, simd.splat_f64s(self.reach.touch - self.reach.body));
-        let mut sure = simd.greater_than_f64s(simd.abs_f64s(nearest), margin);
+        let mut sure = simd.greater_than_f64s(magnitude(simd, nearest), margin);
         let mut hits = [sure; SENSORS];
         for (hit, deepest) in hits.iter_mut().zip(deepest) {
-            sure = simd.and_m64s(sure, simd.greater_than_f64s(simd.abs_f64s(deepest), margin));
+            sure = simd.and_m64s(sure, simd.greater_than_f64s(magnitude(simd, deepest), margin));
             *hit = simd.less_than_f64s(deepest, zero);
         }
         let touched = simd.less_than_f64s(nearest, zero);
         (!any(simd, simd.not_m64s(sure))).then_some(Seen { touched, hits })
     }
 
-    /// [`Viewer::look`] by the operations that the definition has.
-    ///
-    /// A ray u hits where e.u >= 0 and r^2 - e.e + (e.u)^2 >= 0. Where nobody touches, r^2 - e.e is negative:
-    /// r^2 - e.e + (e.u)|e.u| is negative too where e.u is, and the same number otherwise. So its sign alone decides, and
-    /// the largest of all agents decides for all.
-    #[inline(never)]
-    fn look_apart(self, simd: S, others: &[Aligned<Planar<S>>]) -> Seen<S, SENSORS> {
-        let zero = simd.splat_f64s(0.0);
-        let body = simd.splat_f64s(self.reach.body);
-        let mut nearest = simd.splat_f64s(f64::INFINITY);
-        let mut deepest = [simd.splat_f64s(-1.0); SENSORS];
-        for other in others {
-            let e = minus(simd, other.0, self.at);
-            let squared = dot(simd, e, e);
-            nearest = simd.min_f64s(nearest, squared);
-            let inside = simd.sub_f64s(body, squared);
-            for (ray, deepest) in self.rays.iter().zip(&mut deepest) {
-                let along = dot(simd, e, *ray);
-                let depth = simd.add_f64s(inside, simd.mul_f64s(along, simd.abs_f64s(along)));
-                *deepest = simd.max_f64s(*deepest, depth);
-            }
-        }
-        let touched = simd.less_than_f64s(nearest, simd.splat_f64s(self.reach.touch));
-        let mut hits = [touched; SENSORS];
-        for (hit, deepest) in hits.iter_mut().zip(deepest) {
-            *hit = simd.greater_than_or_equal_f64s(deepest, zero);
-        }
-        Seen { touched, hits }
-    }
-
-    /// Whether each sensor hits, where others may touch.
+    /// Whether each sensor hits, by the operations that the definition has, also where others touch.
     #[inline(always)]
     pub(super) fn look_among(self, simd: S, others: &[Aligned<Planar<S>>]) -> [S::m64s; SENSORS] {
         let zero = simd.splat_f64s(0.0);

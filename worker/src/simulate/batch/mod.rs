@@ -7,20 +7,13 @@
 mod collide;
 mod cones;
 mod look;
+mod settle;
 
-use super::{
-    RENORMALISE_EVERY, Start, Walls,
-    collide::{Collisions, PASSES},
-    drive,
-    gaze::Group,
-    kinds,
-    sight::Reach,
-};
+use super::{RENORMALISE_EVERY, Start, Walls, collide::Collisions, drive, gaze::Group, kinds, sight::Reach};
 use crate::lanes::{
-    Aligned, Planar, any, dot, gathered, lanes, lanes_mut, minus, plus, point, rotate, scaled, select, splat,
-    words,
+    Aligned, Planar, any, dot, gathered, lanes, lanes_mut, magnitude, minus, plus, point, rotate, scaled,
+    select, splat, words,
 };
-use collide::Touched;
 use cones::{ConeViewer, Cones};
 use look::{Seen, Viewer};
 use murmuration_proto::{CapabilityModel, Controller, Invalid, RobotController, SeenRobots, Sensor, World};
@@ -44,9 +37,15 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
     first_is_ahead: bool,
     /// The sensors, if they are `CONES`.
     cones: Option<Cones<S, SENSORS>>,
+    /// Two radii.
+    diameter: f64,
     collisions: Vec<Collisions>,
+    /// Whether a push may draw random numbers.
+    jitters: bool,
     /// Where each agent is, and after the last each once more: [`Batch::others`].
     positions: Vec<Aligned<Planar<S>>>,
+    /// Where each agent was when [`Batch::watch`] was called last.
+    watched: Vec<Aligned<Planar<S>>>,
     bodies: Vec<Aligned<Body<S, SENSORS>>>,
     /// No agent's x or y was ever larger in magnitude.
     far: S::f64s,
@@ -57,7 +56,6 @@ pub(crate) struct Batch<S: Simd, const SENSORS: usize, const CONES: bool> {
 #[derive(Debug, Clone, Copy)]
 struct Body<S: Simd, const SENSORS: usize> {
     heading: Planar<S>,
-    displacement: Planar<S>,
     /// Whether each sensor hit.
     sensed: [S::m64s; SENSORS],
     /// Whether it touched another in its last step, in any lane.
@@ -159,17 +157,20 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         let agents = 0..world.agents() as usize;
         let mut far = none[0];
         for [x, y] in agents.clone().map(position) {
-            far = simd.max_f64s(far, simd.max_f64s(simd.abs_f64s(x), simd.abs_f64s(y)));
+            far = simd.max_f64s(far, simd.max_f64s(magnitude(simd, x), magnitude(simd, y)));
         }
         let gait = |state: usize| Gait {
             ahead: gathered(simd, brains.iter().map(|brain| [brain.gaits[state].ahead, 0.0]))[0],
             rotation: gathered(simd, brains.iter().map(|brain| brain.gaits[state].rotation)),
         };
+        let rule = |start: &&Start| Collisions::new(world, vec![Group::whole(world, radius)], start);
+        let collisions: Vec<_> = starts.iter().map(rule).collect();
         let direction = |s: usize| gathered(simd, brains.iter().map(|brain| brain.directions[s]));
         Ok(Self {
             walls,
             far,
             reach: Reach::of(radius),
+            diameter: 2.0 * radius,
             few_gaits: std::array::from_fn(|state| gait(state % (1 << SENSORS))),
             many_gaits: match SENSORS {
                 1 | 2 => Vec::new(),
@@ -178,10 +179,9 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
             directions: std::array::from_fn(direction),
             first_is_ahead: brains.iter().all(|brain| brain.directions[0] == [1.0, 0.0]),
             cones,
-            collisions: starts
-                .iter()
-                .map(|start| Collisions::new(world, vec![Group::whole(world, radius)], start))
-                .collect(),
+            jitters: collisions.iter().any(Collisions::jitters),
+            collisions,
+            watched: agents.clone().map(|i| Aligned(position(i))).collect(),
             positions: agents
                 .clone()
                 .chain(agents.clone())
@@ -191,7 +191,6 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
                 .map(|i| {
                     Aligned(Body {
                         heading: heading(i),
-                        displacement: none,
                         sensed: [never; SENSORS],
                         crowded: false,
                     })
@@ -220,15 +219,22 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         self.steps
     }
 
-    /// The agents, in index order.
+    /// Begins the displacements that [`Batch::agents`] tells.
     #[inline(always)]
-    pub(crate) fn agents(&self) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
-        self.bodies.iter().zip(&self.positions).map(
+    pub(crate) fn watch(&mut self) {
+        let agents = self.bodies.len();
+        self.watched.copy_from_slice(&self.positions[..agents]);
+    }
+
+    /// The agents, in index order; displacements are those since [`Batch::watch`].
+    #[inline(always)]
+    pub(crate) fn agents(&self, simd: S) -> impl ExactSizeIterator<Item = Agents<S>> + Clone {
+        self.bodies.iter().zip(&self.positions).zip(&self.watched).map(
             #[inline(always)]
-            |(Aligned(body), &Aligned(position))| Agents {
+            move |((Aligned(body), &Aligned(position)), &Aligned(before))| Agents {
                 position,
                 heading: body.heading,
-                displacement: body.displacement,
+                displacement: minus(simd, position, before),
             },
         )
     }
@@ -249,53 +255,30 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
 
     #[inline(always)]
     fn step_agent(&mut self, simd: S, i: usize) {
-        let agents = self.bodies.len();
-        let mut body = self.bodies[i].0;
+        let Aligned(body) = self.bodies[i];
         let gait = self.chosen_gait(simd, body.sensed);
-        let before = self.positions[i].0;
         let ahead = scaled(simd, body.heading, gait.ahead);
-        let at = self.walls.clamp_lanes(simd, plus(simd, before, ahead));
-        body.heading = rotate(simd, body.heading, gait.rotation);
+        let at = self
+            .walls
+            .clamp_lanes(simd, plus(simd, self.positions[i].0, ahead));
+        let heading = rotate(simd, body.heading, gait.rotation);
+        self.bodies[i].0.heading = heading;
+        self.place(i, at);
+        // Who was crowded a step ago is likely to be so now, and the look in vain.
+        if !body.crowded
+            && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
+            && !any(simd, touched)
+        {
+            self.bodies[i].0.sensed = hits;
+        } else {
+            self.settle_apart(simd, i);
+        }
+    }
 
-        let mut viewer = Viewer {
-            at,
-            rays: self.sensor_directions(simd, body.heading),
-            reach: self.reach,
-        };
-        let touch = simd.splat_f64s(self.reach.touch);
-        let mut passes = 0;
-        body.sensed = loop {
-            // Who was crowded a step ago is likely to be so now, and the look in vain.
-            if passes > 0 || !body.crowded {
-                let far = self.farther(simd, viewer.at);
-                let seen = self.look(simd, viewer, body.heading, i, far);
-                if !any(simd, seen.touched) {
-                    break seen.hits;
-                }
-                if passes == PASSES {
-                    let others = self.others(i);
-                    break match &self.cones {
-                        Some(cones) if CONES => {
-                            cones
-                                .look_apart(simd, ConeViewer::of(viewer, body.heading), others)
-                                .hits
-                        }
-                        _ => viewer.look_among(simd, others),
-                    };
-                }
-            }
-            let positions = &self.positions[..agents];
-            let touched = Touched::by(simd, positions, i, viewer.at, touch);
-            body.crowded = any(simd, touched.lanes(simd));
-            if body.crowded {
-                viewer.at = collide::pass(simd, &mut self.collisions, positions, touched, viewer.at);
-                passes += 1;
-            }
-        };
-        body.crowded = passes > 0;
-        let at = viewer.at;
-        body.displacement = minus(simd, at, before);
-        self.bodies[i].0 = body;
+    /// Puts agent `i` somewhere.
+    #[inline(always)]
+    fn place(&mut self, i: usize, at: Planar<S>) {
+        let agents = self.bodies.len();
         self.positions[i].0 = at;
         self.positions[agents + i].0 = at;
     }
@@ -309,27 +292,34 @@ impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> 
         }
     }
 
+    /// What agent `i` sees and whether another touches it, unless rounding may decide.
     #[inline(always)]
-    fn look(
-        &self,
-        simd: S,
-        viewer: Viewer<S, SENSORS>,
-        heading: Planar<S>,
-        i: usize,
-        far: S::f64s,
-    ) -> Seen<S, SENSORS> {
+    fn glance(&mut self, simd: S, i: usize, at: Planar<S>, heading: Planar<S>) -> Option<Seen<S, SENSORS>> {
+        let viewer = self.viewer(simd, at, heading);
+        self.reach_to(simd, at);
         match &self.cones {
-            Some(cones) if CONES => cones.look(simd, ConeViewer::of(viewer, heading), self.others(i), far),
-            _ => viewer.look(simd, self.others(i), far),
+            Some(cones) if CONES => {
+                cones.glance(simd, ConeViewer::of(viewer, heading), self.others(i), self.far)
+            }
+            _ => viewer.glance(simd, self.others(i), self.far),
         }
     }
 
-    /// The largest coordinate so far, `at` included.
+    /// Notes that an agent is or will be at `at`.
     #[inline(always)]
-    fn farther(&mut self, simd: S, at: Planar<S>) -> S::f64s {
-        let here = simd.max_f64s(simd.abs_f64s(at[0]), simd.abs_f64s(at[1]));
+    fn reach_to(&mut self, simd: S, at: Planar<S>) {
+        let here = simd.max_f64s(magnitude(simd, at[0]), magnitude(simd, at[1]));
         self.far = simd.max_f64s(self.far, here);
-        self.far
+    }
+
+    /// An agent that is at `at` and looks about.
+    #[inline(always)]
+    fn viewer(&self, simd: S, at: Planar<S>, heading: Planar<S>) -> Viewer<S, SENSORS> {
+        Viewer {
+            at,
+            rays: self.sensor_directions(simd, heading),
+            reach: self.reach,
+        }
     }
 
     /// The positions of all agents but `i`, as a run of the same length for each: the end of a loop whose length changes

@@ -1,0 +1,115 @@
+//! Agents that touch others: they are pushed out, and then look.
+
+use super::{
+    Batch,
+    collide::{self, Touched},
+    cones::ConeViewer,
+    look::Seen,
+};
+use crate::{
+    lanes::{Planar, any, splat},
+    simulate::collide::PASSES,
+};
+use pulp::{Simd, WithSimd};
+
+impl<S: Simd, const SENSORS: usize, const CONES: bool> Batch<S, SENSORS, CONES> {
+    /// Pushes agent `i` out of all that it touches in any lane, and lets it look.
+    ///
+    /// It is a function of its own: what it needs registers for would otherwise leave none to agents that touch nobody.
+    #[inline(never)]
+    pub(super) fn settle_apart(&mut self, simd: S, i: usize) {
+        simd.vectorize(Settling::<_, SENSORS, CONES, false> { batch: self, simd, i });
+    }
+
+    /// As [`Batch::settle_apart`], lane by lane.
+    #[inline(never)]
+    fn settle_by_lane(&mut self, simd: S, i: usize) {
+        simd.vectorize(Settling::<_, SENSORS, CONES, true> { batch: self, simd, i });
+    }
+
+    /// Pushes lane by lane where `BY_LANE`. Otherwise it pushes all lanes at once; it returns `false`, and the agent is where it
+    /// was, where that cannot be done.
+    #[inline(always)]
+    fn settle<const BY_LANE: bool>(&mut self, simd: S, i: usize) -> bool {
+        let agents = self.bodies.len();
+        let heading = self.bodies[i].0.heading;
+        let mut at = self.positions[agents + i].0;
+        // So that it does not touch itself.
+        self.positions[i].0 = splat(simd, [f64::INFINITY; 2]);
+        let touch = simd.splat_f64s(self.reach.touch);
+        let mut passes = 0;
+        let sensed = loop {
+            // One pass is mostly enough. Whoever needs two is likely to need all.
+            if passes == 1
+                && let Some(Seen { touched, hits }) = self.glance(simd, i, at, heading)
+                && !any(simd, touched)
+            {
+                break hits;
+            }
+            let positions = &self.positions[..agents];
+            let touched = Touched::by(simd, positions, at, touch);
+            let crowded = any(simd, touched.lanes(simd));
+            if !crowded || passes == PASSES {
+                break self.look(simd, i, at, heading, crowded);
+            }
+            if BY_LANE {
+                at = collide::pass_by_lane(simd, &mut self.collisions, positions, at, touch);
+            } else {
+                match collide::pass(simd, (self.diameter, touch), positions, touched, at) {
+                    Some(pushed) => at = pushed,
+                    None => return false,
+                }
+            }
+            passes += 1;
+        };
+        self.bodies[i].0.sensed = sensed;
+        self.bodies[i].0.crowded = passes > 0;
+        self.place(i, at);
+        true
+    }
+
+    /// What agent `i` sees; `crowded` says whether another touches it in any lane.
+    #[inline(always)]
+    fn look(
+        &mut self,
+        simd: S,
+        i: usize,
+        at: Planar<S>,
+        heading: Planar<S>,
+        crowded: bool,
+    ) -> [S::m64s; SENSORS] {
+        if !crowded && let Some(seen) = self.glance(simd, i, at, heading) {
+            return seen.hits;
+        }
+        self.reach_to(simd, at);
+        let viewer = self.viewer(simd, at, heading);
+        match &self.cones {
+            Some(cones) if CONES => {
+                cones.by_definition(simd, ConeViewer::of(viewer, heading), self.others(i))
+            }
+            _ => viewer.look_among(simd, self.others(i)),
+        }
+    }
+}
+
+/// [`Batch::settle`], as something that is compiled for the instructions at hand though it is not inlined.
+struct Settling<'a, S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> {
+    batch: &'a mut Batch<S, SENSORS, CONES>,
+    simd: S,
+    i: usize,
+}
+
+impl<S: Simd, const SENSORS: usize, const CONES: bool, const BY_LANE: bool> WithSimd
+    for Settling<'_, S, SENSORS, CONES, BY_LANE>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<T: Simd>(self, _: T) {
+        if BY_LANE {
+            self.batch.settle::<true>(self.simd, self.i);
+        } else if self.batch.jitters || !self.batch.settle::<false>(self.simd, self.i) {
+            self.batch.settle_by_lane(self.simd, self.i);
+        }
+    }
+}
