@@ -29,6 +29,7 @@ mod robots;
 mod run;
 mod serve;
 mod simulate;
+mod study;
 mod table;
 mod token;
 
@@ -160,6 +161,9 @@ enum Command {
     Digest(campaigns::Name),
     /// Write the report of a completed campaign
     Report(report::ReportCommand),
+    /// Run a study: a grid of campaigns with tables of what is measured of them
+    #[command(subcommand)]
+    Study(study::StudyCommand),
     /// Simulate one controller, or a reference case
     Simulate(simulate::Simulate),
     /// Find what in a campaign is like a swarm that a camera tracked
@@ -268,6 +272,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Refine(refine) => Box::pin(refine.execute(global)),
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
+        Command::Study(study) => Box::pin(study.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
         Command::Recognise(recognise) => Box::pin(recognise.execute(global)),
         Command::Robot(robot) => Box::pin(ready(robot.execute(global.json))),

@@ -19,6 +19,7 @@ mod recognise;
 mod search;
 mod security;
 mod stages;
+mod studies;
 mod trials;
 mod web;
 mod wire;
