@@ -45,7 +45,7 @@ pub(super) struct AccuracyCommand {
     /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated]
+    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated from the column seed or `starts.csv` beside it]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
     /// Measure the embeddings of this ONNX file or checkpoint (the first digits of its digest suffice)
@@ -151,9 +151,8 @@ impl AccuracyCommand {
     fn images(&self, sets: &[LabelledSet], shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
-            let simulates = self.images.is_empty() && set.can_be_simulated() && !is_there(&folder)?;
-            images.extend(match simulates {
-                true => set.simulated_images(shape, None)?,
+            images.extend(match self.images.is_empty() {
+                true => images_beside(set, shape)?,
                 false => set.images(&folder, shape)?,
             });
         }
@@ -188,6 +187,18 @@ impl AccuracyCommand {
             synthetic_left_out: synthetic(sets),
         }
     }
+}
+
+/// The images of a set: those in `images` beside its file, or else simulated again, from the starts in `starts.csv` beside it
+/// where the file has no seeds.
+pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
+    let [folder, starts] = ["images", "starts.csv"].map(|name| set.path().with_file_name(name));
+    let starts = (!set.can_be_simulated() && is_there(&starts)?).then_some(starts);
+    let simulates = !is_there(&folder)? && (set.can_be_simulated() || starts.is_some());
+    Ok(match simulates {
+        true => set.simulated_images(shape, starts.as_deref())?,
+        false => set.images(&folder, shape)?,
+    })
 }
 
 /// The embeddings of images, none of which may have taught the embedder its class.

@@ -115,11 +115,11 @@ fn named(outcome: &Outcome, row: &Row) -> String {
 }
 
 fn line(outcome: &Outcome, row: &Row, figures: &[Figure]) -> Markup {
-    let count = row.entries.values().map(|entry| entry.count).max().unwrap_or(0);
+    let count = row.entries.values().map(|entry| entry.count).max();
     html! {
         tr {
             @for name in outcome.study().names(&row.values) { th scope="row" { (name) } }
-            td.number { (count) }
+            td.number { @match count { Some(count) => { (count) }, None => { "-" } } }
             @for figure in figures {
                 td.number {
                     @match row.entries.get(figure) {
@@ -153,8 +153,8 @@ fn explained(outcome: &Outcome, measure: Measure) -> Markup {
             let named = outcome.named_by();
             html! {
                 "Medoids of each class and distinct classes: the mean over the last "
-                (counted(outcome.study().measures().generations.get().into(), "taxonomy").replace("taxonomys", "taxonomies"))
-                " of a replicate, then mean ± sample standard deviation over the replicates. "
+                (outcome.study().measures().generations)
+                " taxonomies of a replicate, then mean ± sample standard deviation over the replicates. "
                 @for (by, count) in &named {
                     @let who = if by == JUDGE { "The rule-based judge" } else { by.as_str() };
                     (who) " named " (counted(*count as u64, "individual")) ". "

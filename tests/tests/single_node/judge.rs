@@ -179,7 +179,9 @@ fn studies_know_how_often_it_errs() {
         pairs
     };
     let known = |preset: Preset| {
-        let mut pairs = JudgeErrors::of_model(&CapabilityModel::from(preset)).pairs().to_vec();
+        let mut pairs = JudgeErrors::of_model(&CapabilityModel::from(preset))
+            .pairs()
+            .to_vec();
         pairs.sort();
         pairs
     };

@@ -1,9 +1,6 @@
 //! The labelled sets that embeddings of a study are measured by.
 
-use super::super::{
-    CliError, accuracy,
-    files::{is_there, read},
-};
+use super::super::{CliError, accuracy, files::read};
 use murmuration_accuracy::{Accuracy, LabelledSet};
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_link::InputKind;
@@ -14,7 +11,6 @@ use murmuration_proto::{
 use murmuration_study::{Measure, Study};
 use std::{
     collections::BTreeMap,
-    path::PathBuf,
     sync::{Mutex, PoisonError},
 };
 
@@ -86,18 +82,8 @@ impl Labelled {
     }
 }
 
-/// The pictures of labelled behaviours: those in `images` beside the file, or else simulated, from `starts.csv` beside it where
-/// the file has no seeds.
+/// The pictures of the labelled behaviours of several sets.
 fn images(sets: &[LabelledSet], shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
-    let mut all = Vec::new();
-    for set in sets {
-        let beside = |name: &str| -> PathBuf { set.path().with_file_name(name) };
-        let (folder, starts) = (beside("images"), beside("starts.csv"));
-        all.extend(match (is_there(&folder)?, set.can_be_simulated()) {
-            (true, _) => set.images(&folder, shape)?,
-            (false, true) => set.simulated_images(shape, None)?,
-            (false, false) => set.simulated_images(shape, Some(&starts))?,
-        });
-    }
-    Ok(all)
+    let images = sets.iter().map(|set| accuracy::images_beside(set, shape));
+    Ok(images.collect::<Result<Vec<_>, _>>()?.concat())
 }

@@ -6,7 +6,7 @@ use super::super::{
 };
 use murmuration_link::{errln, outln};
 use murmuration_proto::counted;
-use murmuration_study::{Entry, Figure, Outcome, Table as StudyTable};
+use murmuration_study::{Entry, Figure, Outcome, Row, Table as StudyTable};
 use std::path::Path;
 
 /// Prints the tables of a study, for a person or for programs; `report` is the page of its report, if one was written.
@@ -31,37 +31,40 @@ pub(super) fn show(outcome: &Outcome, report: Option<&Path>, as_json: bool) -> R
     Ok(())
 }
 
+/// The published figure stands beside the first one alone: the report has those of the others.
 fn print_table(outcome: &Outcome, table: &StudyTable) -> Result<(), CliError> {
     let study = outcome.study();
     let figures = table.figures();
-    let published = |figure: &Figure| {
-        let mut entries = table.rows.iter().filter_map(|row| row.entries.get(figure));
-        entries.any(|entry| entry.published.is_some())
-    };
+    let first = figures.first();
+    let published = |row: &Row| row.entries.get(first?)?.published;
+    let is_published = table.rows.iter().any(|row| published(row).is_some());
     let axes = study.axes().iter().map(|axis| left(axis.name.to_uppercase()));
     let mut columns: Vec<_> = axes.chain([right("N")]).collect();
-    for figure in &figures {
-        columns.push(right(figure.name().replace('_', " ").to_uppercase()));
-        if published(figure) {
-            columns.push(right("PUBLISHED"));
-        }
-    }
+    let mut headings = figures
+        .iter()
+        .map(|figure| right(figure.name().replace('_', " ").to_uppercase()));
+    columns.extend(headings.next());
+    columns.extend(is_published.then(|| right("PUBLISHED")));
+    columns.extend(headings);
     let mut printed = Table::new(columns);
     for row in &table.rows {
-        let count = row.entries.values().map(|entry| entry.count).max().unwrap_or(0);
         let names = study.names(&row.values).map(str::to_owned);
-        let mut cells: Vec<String> = names.chain([count.to_string()]).collect();
-        for figure in &figures {
-            let entry = row.entries.get(figure);
-            cells.push(entry.map_or_else(|| "-".to_owned(), |entry| in_words(entry, *figure)));
-            if published(figure) {
-                let value = entry.and_then(|entry| entry.published);
-                cells.push(value.map_or_else(|| "-".to_owned(), |value| value.to_string()));
-            }
-        }
+        let count = row.entries.values().map(|entry| entry.count).max();
+        let mut words = figures.iter().map(|figure| match row.entries.get(figure) {
+            Some(entry) => in_words(entry, *figure),
+            None => "-".to_owned(),
+        });
+        let mut cells: Vec<String> = names.chain([or_dash(count)]).collect();
+        cells.extend(words.next());
+        cells.extend(is_published.then(|| or_dash(published(row))));
+        cells.extend(words);
         printed.row(cells);
     }
     Ok(printed.print()?)
+}
+
+fn or_dash(value: Option<impl ToString>) -> String {
+    value.map_or_else(|| "-".to_owned(), |value| value.to_string())
 }
 
 /// `5.83 ± 0.26`.
