@@ -52,9 +52,9 @@ pub enum StudyError {
     #[error("{0}")]
     Value(#[from] Invalid),
     /// A cell is no campaign.
-    #[error("the campaign of {cell}: {error}")]
+    #[error("the campaign with {cell}: {error}")]
     Cell {
-        /// The cell in words.
+        /// The cell's values and seed.
         cell: String,
         /// What is wrong with its fields.
         error: Box<SpecFileError>,
@@ -123,11 +123,13 @@ fn cell(
     (replicate, seed): (usize, u64),
 ) -> Result<Cell, StudyError> {
     let failed = |error: SpecFileError| {
-        let mut words: Vec<&str> = study.names(values).collect();
-        let seed = format!("seed {seed}");
-        words.push(&seed);
+        let named = study.axes.iter().zip(study.names(values));
+        let mut words: Vec<String> = named
+            .map(|(axis, value)| format!("{} = {value}", axis.name))
+            .collect();
+        words.push(format!("seed = {seed}"));
         StudyError::Cell {
-            cell: words.join(" · "),
+            cell: words.join(", "),
             error: Box::new(error),
         }
     };

@@ -86,7 +86,7 @@ fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
 }
 
 #[test]
-fn a_campaign_that_somebody_cancelled_or_another_that_is_equal_are_told_apart() {
+fn a_campaign_that_was_run_by_hand_is_a_cell_too() {
     let folder = tempfile::tempdir().unwrap();
     let murmuration = Murmuration::over(&folder.path().join("data"));
     let file = written(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1"));

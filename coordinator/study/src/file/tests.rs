@@ -195,7 +195,7 @@ fn a_cell_that_is_no_campaign_is_named_with_its_field() {
     check(
         "population = 20",
         "population = 0",
-        "the campaign of latent + filter · few · seed 1: search.population = 0",
+        "the campaign with method = latent + filter, robots = few, seed = 1: search.population = 0",
     );
     check(
         "world.agents = 6",
@@ -205,7 +205,7 @@ fn a_cell_that_is_no_campaign_is_named_with_its_field() {
     check(
         "campaign = { method = \"hand-crafted\" }",
         "campaign = { method = \"hand-crafted\", dataset.controllers = 50 }",
-        "the campaign of hand-crafted · few · seed 1: dataset",
+        "the campaign with method = hand-crafted, robots = few, seed = 1: dataset",
     );
     check(
         "model = \"single-sensor\"",
