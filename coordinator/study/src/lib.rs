@@ -18,6 +18,7 @@ mod measured;
 mod outcome;
 mod overlay;
 mod page;
+mod pictures;
 mod plot;
 mod report;
 mod study;

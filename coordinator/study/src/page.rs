@@ -4,8 +4,8 @@ use crate::{
     corrections::JUDGE,
     figure::{Figure, Measure},
     outcome::{MeasuredCell, Outcome},
+    pictures::CellPictures,
     plot::dots,
-    report::CellPictures,
     tables::{Entry, Row, Table},
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};

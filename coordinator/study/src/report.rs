@@ -2,22 +2,13 @@
 
 use crate::{
     outcome::{MeasuredCell, Outcome},
-    page, written,
+    page,
+    pictures::CellPictures,
+    written,
 };
-use murmuration_proto::{CampaignSpec, Controller, Frames, Invalid};
-use murmuration_report::{
-    Folder,
-    picture::{Bodies, Paper, PictureError, trajectory_png},
-};
-use murmuration_worker::{replay::replay_frames, simulate::Start};
+use murmuration_report::Folder;
 use rayon::prelude::*;
-use std::{
-    num::NonZeroU32,
-    path::{Path, PathBuf},
-};
-
-/// Side of a medoid's picture, pixels.
-const PICTURE: u32 = 180;
+use std::path::{Path, PathBuf};
 
 /// Why a report cannot be written.
 #[derive(Debug, thiserror::Error)]
@@ -48,12 +39,6 @@ pub struct ReportFiles {
     pub medoids: PathBuf,
 }
 
-/// The pictures of a cell.
-pub(crate) struct CellPictures {
-    /// The medoids of its last taxonomy by index, the largest cluster first: PNG files. None if they were not judged.
-    pub(crate) medoids: Vec<(u64, Vec<u8>)>,
-}
-
 /// Writes `report.html`, `cells.csv` and `medoids.csv` into `folder`, which is made if it does not exist. Every file is
 /// complete or absent; the page is written last.
 ///
@@ -72,52 +57,10 @@ pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<ReportFiles, Rep
 }
 
 fn drawn(cell: &MeasuredCell<'_>) -> Result<CellPictures, ReportError> {
-    let Some(behaviours) = &cell.measured.behaviours else {
-        return Ok(CellPictures { medoids: Vec::new() });
+    let failed = |(index, reason)| ReportError::Picture {
+        index,
+        campaign: cell.measured.campaign.clone(),
+        reason,
     };
-    let last = behaviours
-        .taxonomies
-        .last()
-        .map(|taxonomy| taxonomy.medoids.as_slice());
-    let medoids = last.unwrap_or_default().iter().filter_map(|&index| {
-        let individual = behaviours.individuals.get(&index)?;
-        let drawn = picture(&cell.cell.spec, &individual.controller, individual.seed);
-        Some(match drawn {
-            Ok(png) => Ok((index, png)),
-            Err(reason) => Err(ReportError::Picture {
-                index,
-                campaign: cell.measured.campaign.clone(),
-                reason: reason.to_string(),
-            }),
-        })
-    });
-    Ok(CellPictures {
-        medoids: medoids.collect::<Result<_, _>>()?,
-    })
-}
-
-/// Why there is no picture.
-#[derive(Debug, thiserror::Error)]
-enum Undrawn {
-    #[error("{0}")]
-    Simulation(#[from] Invalid),
-    #[error("{0}")]
-    Picture(#[from] PictureError),
-}
-
-/// The paths of the last steps of a swarm.
-fn picture(spec: &CampaignSpec, genes: &[f64], seed: u64) -> Result<Vec<u8>, Undrawn> {
-    let (world, window) = (spec.world(), spec.image().window());
-    let controller = Controller::new(spec.model(), genes)?;
-    let frames = Frames::of_end(window, NonZeroU32::MIN.saturating_add(1), world);
-    let replay = replay_frames(&controller, world, &Start::seeded(seed), &frames)?;
-    let bodies = Bodies::of(&controller, world);
-    Ok(trajectory_png(
-        &replay,
-        world,
-        bodies.colouring(),
-        window,
-        PICTURE,
-        Paper::Light,
-    )?)
+    CellPictures::of(cell).map_err(failed)
 }

@@ -88,7 +88,7 @@ impl RunStudy {
         ));
         let run = async |connection: &mut Connection| {
             let run = StudyRun::begin(connection, &study, &kept_in, measuring).await?;
-            run.to_end(usize::from(self.at_once), &again).await
+            run.finish(usize::from(self.at_once), &again).await
         };
         match own {
             Some(data) => connection::with_own(global, data, crew, run).await?,
@@ -98,7 +98,8 @@ impl RunStudy {
         let files = write_report(&outcome, folder.path())?;
         shown::show(&outcome, Some(&files.page), global.json)?;
         let seconds = begun.elapsed().as_secs_f64();
-        Ok(errln!("{seconds:.1} s; open the report in a browser"))
+        errln!("{seconds:.1} s; open the report in a browser");
+        Ok(())
     }
 }
 
@@ -193,7 +194,7 @@ impl<'a> StudyRun<'a> {
     }
 
     /// Brings every campaign to its end, so many at once; `again` is the command that goes on.
-    async fn to_end(mut self, at_once: usize, again: &str) -> Result<(), CliError> {
+    async fn finish(mut self, at_once: usize, again: &str) -> Result<(), CliError> {
         let mut running = JoinSet::new();
         let mut failures = Vec::new();
         let signal = termination();
