@@ -13,7 +13,11 @@ use crate::{
 };
 use murmuration_accuracy::Summary;
 use murmuration_judge::Class;
-use std::collections::{BTreeMap, BTreeSet};
+use rayon::prelude::*;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::OnceLock,
+};
 
 /// A study with what was measured of its cells so far.
 #[derive(Debug, Clone)]
@@ -22,6 +26,8 @@ pub struct Outcome {
     /// By the place of the cell.
     measured: Vec<Option<Measured>>,
     corrections: Corrections,
+    /// Resampling takes seconds.
+    tables: OnceLock<Vec<Table>>,
 }
 
 /// A cell that was measured.
@@ -43,6 +49,7 @@ impl Outcome {
             study,
             measured,
             corrections,
+            tables: OnceLock::new(),
         }
     }
 
@@ -112,18 +119,20 @@ impl Outcome {
 
     /// The table of each measure.
     #[must_use]
-    pub fn tables(&self) -> Vec<Table> {
-        let table = |&measure: &Measure| Table {
+    pub fn tables(&self) -> &[Table] {
+        self.tables.get_or_init(|| {
+            let measures = self.study.measures().which.iter();
+            measures.map(|&measure| self.table(measure)).collect()
+        })
+    }
+
+    fn table(&self, measure: Measure) -> Table {
+        let rows: Vec<_> = self.study.rows().into_iter().enumerate().collect();
+        let row = |(number, values): (usize, Vec<usize>)| self.row(measure, values, number as u64);
+        Table {
             measure,
-            rows: self
-                .study
-                .rows()
-                .into_iter()
-                .enumerate()
-                .map(|(number, values)| self.row(measure, values, number as u64))
-                .collect(),
-        };
-        self.study.measures().which.iter().map(table).collect()
+            rows: rows.into_par_iter().map(row).collect(),
+        }
     }
 
     fn row(&self, measure: Measure, values: Vec<usize>, number: u64) -> Row {

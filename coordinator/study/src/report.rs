@@ -47,7 +47,7 @@ pub struct ReportFiles {
 pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<ReportFiles, ReportError> {
     let cells: Vec<MeasuredCell<'_>> = outcome.cells().collect();
     let pictures: Vec<CellPictures> = cells.par_iter().map(drawn).collect::<Result<_, _>>()?;
-    let page = page::render(outcome, &outcome.tables(), &pictures);
+    let page = page::render(outcome, outcome.tables(), &pictures);
     let mut files = Folder::create(folder)?;
     Ok(ReportFiles {
         cells: files.write("cells.csv", |file| written::cells(outcome, file))?,

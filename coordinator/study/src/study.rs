@@ -74,7 +74,7 @@ pub struct Published {
 
 impl Study {
     /// Maximum number of cells.
-    pub const MAX_CELLS: usize = 10_000;
+    pub const MAX_CELLS: usize = 2000;
 
     /// Its name; that of a quick study ends with `-quick`.
     #[must_use]

@@ -111,20 +111,20 @@ impl Study {
             evaluations: cell.measured.evaluations,
             figures: by_name(outcome.figures(cell.measured), |figure| figure),
         };
-        let row = |row: study::Row| StudyRow {
+        let row = |row: &study::Row| StudyRow {
             values: values(&row.values),
-            figures: by_name(row.entries, StudyFigure::from),
+            figures: by_name(row.entries.clone(), StudyFigure::from),
         };
-        let table = |table: study::Table| StudyTable {
+        let table = |table: &study::Table| StudyTable {
             measure: table.measure.name().to_owned(),
-            rows: table.rows.into_iter().map(row).collect(),
+            rows: table.rows.iter().map(row).collect(),
         };
         Self {
             study: of.name().as_str().to_owned(),
             report: report.map(|path| path.display().to_string()),
             cells: of.cells().len(),
             measured: outcome.cells().map(cell).collect(),
-            tables: outcome.tables().into_iter().map(table).collect(),
+            tables: outcome.tables().iter().map(table).collect(),
             named_by: outcome.named_by(),
         }
     }

@@ -229,7 +229,7 @@ fn a_grid_has_a_limit() {
     );
     let error = read(&text, false).unwrap_err();
     assert!(
-        error.contains("the number of cells = 11000: must be at most 10000"),
+        error.contains("the number of cells = 11000: must be at most 2000"),
         "{error}"
     );
 }
