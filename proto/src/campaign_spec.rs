@@ -64,6 +64,14 @@ impl CampaignSpec {
         Ok(toml_errors::campaign(text)?.try_into()?)
     }
 
+    /// Reads a campaign file that was put together as a table; the fields are those of [`CampaignSpec::from_toml`].
+    ///
+    /// # Errors
+    /// As [`CampaignSpec::from_toml`], without the place in a file.
+    pub fn from_table(table: toml::Table) -> Result<Self, SpecFileError> {
+        Ok(toml_errors::campaign_of_table(table)?.try_into()?)
+    }
+
     /// Reads the robots of a campaign file, and the world that they are in. The file need not be whole: other fields than those
     /// are not looked at.
     ///

@@ -66,7 +66,7 @@ pub use seen::SeenPictures;
 pub use space::{ControllerSpace, GeneSpace};
 pub use starts::Starts;
 pub use text::Text;
-pub use toml_errors::TomlError;
+pub use toml_errors::{TomlError, read_toml};
 pub use toml_line::{of_toml_line, to_toml_line};
 pub use world::{Noise, Obstacle, StartShape, World};
 

@@ -46,6 +46,9 @@ pub enum Purpose {
     Misreading,
     /// Seeds of the further starts of an individual; the seed is that of its first start, the index the start's, from 1.
     FurtherTrial,
+    /// Resampling the trials of a study and the judge's errors; the seed is 0, the index the row's of a table. No result of a
+    /// campaign depends on it.
+    Resample,
 }
 
 impl Purpose {
@@ -71,6 +74,7 @@ impl Purpose {
             Self::Gain => "gain",
             Self::Misreading => "misreading",
             Self::FurtherTrial => "further trial",
+            Self::Resample => "resample",
         }
     }
 }

@@ -34,14 +34,29 @@ struct RecipeTable {
     _recipe: Option<Recipe>,
 }
 
-/// Reads a campaign file. A byte order mark and the kind of line ends make no difference.
+/// Reads a campaign file.
 pub(crate) fn campaign(text: &str) -> Result<v1::CampaignSpec, TomlError> {
-    let message = read(text)?;
-    read::<TextTables>(text)?;
+    let message = read_toml(text)?;
+    read_toml::<TextTables>(text)?;
     Ok(message)
 }
 
-fn read<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
+/// Reads a campaign file that was put together as a table, so that errors have no position.
+pub(crate) fn campaign_of_table(table: toml::Table) -> Result<v1::CampaignSpec, TomlError> {
+    let read = || -> Result<v1::CampaignSpec, toml::de::Error> {
+        let message = table.clone().try_into()?;
+        table.clone().try_into::<TextTables>()?;
+        Ok(message)
+    };
+    read().map_err(|error| TomlError(Text::lines(&within("", &error))))
+}
+
+/// Reads a file that people write, whose fields are those of `T`. A byte order mark and the kind of line ends make no
+/// difference.
+///
+/// # Errors
+/// Says where the text is not TOML, which field is unknown, or which value is of the wrong type.
+pub fn read_toml<T: DeserializeOwned>(text: &str) -> Result<T, TomlError> {
     let text = text
         .strip_prefix('\u{feff}')
         .unwrap_or(text)
@@ -64,7 +79,12 @@ pub(crate) fn within(section: &str, error: &toml::de::Error) -> String {
         .map(|(_, rest)| rest.trim_end_matches('`'));
     let keys = inner.into_iter().flat_map(|keys| keys.split('.'));
     let field = Field {
-        path: section.split('.').chain(keys).map(str::to_owned).collect(),
+        path: section
+            .split('.')
+            .chain(keys)
+            .filter(|key| !key.is_empty())
+            .map(str::to_owned)
+            .collect(),
         inner: Vec::new(),
     };
     what_is_wrong(error.message(), &field)

@@ -8,6 +8,7 @@ use murmuration_proto::{
     CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
     Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
 };
+use murmuration_study::{Corrections, Study};
 use murmuration_tracks::{Filmed, Tracks};
 use murmuration_worker::case::Case;
 use prost::Message;
@@ -26,7 +27,7 @@ pub struct Edge {
 }
 
 /// All of them.
-pub const EDGES: [Edge; 6] = [
+pub const EDGES: [Edge; 7] = [
     Edge {
         name: "campaign_toml",
         parse: campaign_toml,
@@ -56,6 +57,11 @@ pub const EDGES: [Edge; 6] = [
         name: "tracks_csv",
         parse: tracks_csv,
         seeds: films,
+    },
+    Edge {
+        name: "studies",
+        parse: studies,
+        seeds: study_files,
     },
 ];
 
@@ -157,6 +163,18 @@ pub fn labels_csv(bytes: &[u8]) {
     }
 }
 
+/// A study file, and a table of the classes that people gave.
+pub fn studies(bytes: &[u8]) {
+    let Ok(text) = from_utf8(bytes) else { return };
+    for quick in [false, true] {
+        if let Ok(study) = Study::from_toml(text, Path::new("/"), quick) {
+            let rows = study.rows();
+            assert_eq!(rows.len() * study.seeds().len(), study.cells().len());
+        }
+    }
+    let _ = Corrections::parse(text);
+}
+
 /// Tracks of robots.
 pub fn tracks_csv(bytes: &[u8]) {
     const STEPS: u32 = 100;
@@ -228,6 +246,12 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
     paths.retain(|path| path.extension().is_some_and(|found| found == extension));
     paths.sort();
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
+}
+
+/// The studies, and a table of classes.
+fn study_files() -> Vec<Vec<u8>> {
+    let classes = b"cell,index,class,by\nc,1,milling,ana\nc,2,random,judge\n".to_vec();
+    files("../studies", "toml").into_iter().chain([classes]).collect()
 }
 
 /// The examples, as written and with every field.

@@ -4,8 +4,8 @@ use super::grey_image::pixels;
 use murmuration_judge::Class;
 use murmuration_link::{InputKind, read_bytes};
 use murmuration_model::labels::{Answer, ClassKey, LabelFile, LabelFileError, Row};
-use murmuration_proto::{Features, ImageFormat, Invalid, World, onnx::ImageShape};
-use murmuration_worker::{evaluate::Evaluator, simulate::Start};
+use murmuration_proto::{Features, ImageFormat, Invalid, onnx::ImageShape};
+use murmuration_worker::evaluate::Evaluator;
 use rayon::prelude::*;
 use std::{
     collections::BTreeMap,
@@ -116,19 +116,31 @@ impl LabelledSet {
         self.rows().map(image).collect()
     }
 
-    /// The image of each behaviour for an embedder that takes such `images`, simulated again.
+    /// The image of each behaviour for an embedder that takes such `images`, simulated again from `starts` as
+    /// [`LabelledSet::swarms`] has them.
     ///
     /// # Errors
     /// If a column is missing, a value is out of range, or the file's images are of another size or have other channels.
-    pub fn simulated_images(&self, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
-        let rows: Vec<_> = self.rows().collect();
-        let image = |(_, row): &(&Behaviour, Row<'_>)| {
-            let world = row.world()?;
-            let (controller, start) = (row.controller()?, Start::seeded(row.seed()?));
-            let format = row.image_format(&world, controller.model())?;
+    pub fn simulated_images(
+        &self,
+        images: ImageShape,
+        starts: Option<&Path>,
+    ) -> Result<Vec<Vec<u8>>, LabelFileError> {
+        let rows: Vec<_> = self
+            .rows()
+            .map(|(_, row)| row)
+            .zip(self.swarms(starts)?)
+            .collect();
+        let image = |(row, swarm): &(Row<'_>, Swarm)| {
+            let Swarm {
+                controller,
+                start,
+                world,
+            } = swarm;
+            let format = row.image_format(world, controller.model())?;
             check_images(&format, images).map_err(|error| row.refused(error))?;
-            let evaluated = Evaluator::new(&world, &format)
-                .and_then(|mut evaluator| evaluator.evaluate(&controller, &start));
+            let evaluated = Evaluator::new(world, &format)
+                .and_then(|mut evaluator| evaluator.evaluate(controller, start));
             Ok(evaluated.map_err(|error| row.refused(error))?.into_image())
         };
         rows.par_iter().map(image).collect()

@@ -9,14 +9,18 @@ use std::{
 };
 
 /// A folder being filled.
-pub(super) struct Folder {
+#[derive(Debug)]
+pub struct Folder {
     path: PathBuf,
     written: Vec<PathBuf>,
 }
 
 impl Folder {
     /// Makes the folder and the ones above it where they do not exist.
-    pub(super) fn create(path: &Path) -> Result<Self, ReportError> {
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn create(path: &Path) -> Result<Self, ReportError> {
         let folder = Self {
             path: path.to_owned(),
             written: Vec::new(),
@@ -26,27 +30,40 @@ impl Folder {
     }
 
     /// The files that were written so far.
-    pub(super) fn written(&self) -> &[PathBuf] {
+    #[must_use]
+    pub fn written(&self) -> &[PathBuf] {
         &self.written
     }
 
     /// Makes a folder in it.
-    pub(super) fn folder(&self, name: &str) -> Result<(), ReportError> {
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn folder(&self, name: &str) -> Result<(), ReportError> {
         self.make(&self.path.join(name))
     }
 
     /// Writes a file of text.
-    pub(super) fn text(&mut self, name: &str, text: &str) -> Result<PathBuf, ReportError> {
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn text(&mut self, name: &str, text: &str) -> Result<PathBuf, ReportError> {
         self.bytes(name, text.as_bytes())
     }
 
     /// Writes a file.
-    pub(super) fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn bytes(&mut self, name: &str, bytes: &[u8]) -> Result<PathBuf, ReportError> {
         self.write(name, |file| file.write_all(bytes))
     }
 
     /// Writes a file under another name and moves it into place once all of it is on disk.
-    pub(super) fn write(
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn write(
         &mut self,
         name: &str,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,

@@ -17,10 +17,10 @@ mod tables;
 #[cfg(test)]
 mod sample;
 
+pub use files::Folder;
 pub use names::Names;
 
 use crate::picture::{Bodies, Paper, PictureError};
-use files::Folder;
 use murmuration_model::Repetition;
 use murmuration_proto::{CampaignSpec, Controller, Features, Replay, Starts};
 use rayon::prelude::*;

@@ -178,7 +178,11 @@ fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
     })
 }
 
-async fn archive<C>(
+/// The archive of a campaign with the features and embeddings of its individuals, by index; their robustness is not known.
+///
+/// # Errors
+/// See [`ReportDataError`].
+pub async fn archive<C>(
     client: &mut CampaignServiceClient<C>,
     campaign: &str,
     model: &CapabilityModel,

@@ -2,7 +2,7 @@
 
 use super::{
     CliError, Global, checkpoints,
-    connection::{self, Connection},
+    connection::{self, CheckpointClient, Connection},
     files::{behaviours, is_there, read, synthetic, tell_counted},
     json,
     table::{Table, left, right},
@@ -45,7 +45,7 @@ pub(super) struct AccuracyCommand {
     /// Labelled behaviours, as `murmuration labels --csv` writes them; repeat the option to join sets
     #[arg(long, required = true, value_name = "CSV")]
     labels: Vec<PathBuf>,
-    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated]
+    /// Folder of the pictures ID.png, one for each --labels [default: `images` beside the CSV, else simulated from the column seed or `starts.csv` beside it]
     #[arg(long, value_name = "DIR", conflicts_with = "features")]
     images: Vec<PathBuf>,
     /// Measure the embeddings of this ONNX file or checkpoint (the first digits of its digest suffice)
@@ -144,26 +144,15 @@ impl AccuracyCommand {
         seen: &SeenPictures,
     ) -> Result<Vec<Vec<f64>>, CliError> {
         let images = self.images(sets, embedder.model().images())?;
-        let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
-        let known = images.iter().filter(|image| seen.has(image)).count();
-        if known > 0 {
-            return Err(CliError::Input(format!(
-                "the checkpoint, or a checkpoint that it was trained from, learned the classes of {known} of the {}: measure it by \
-                 other behaviours",
-                counted(images.len() as u64, "picture")
-            )));
-        }
-        let embeddings = embedder.embed(&images)?;
-        Ok(embeddings.iter().map(|embedding| exactly(embedding)).collect())
+        embeddings(&mut embedder, &images, seen)
     }
 
     /// The image of every labelled behaviour.
     fn images(&self, sets: &[LabelledSet], shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
         let mut images = Vec::new();
         for (set, folder) in sets.iter().zip(self.image_folders()?) {
-            let simulates = self.images.is_empty() && set.can_be_simulated() && !is_there(&folder)?;
-            images.extend(match simulates {
-                true => set.simulated_images(shape)?,
+            images.extend(match self.images.is_empty() {
+                true => images_beside(set, shape)?,
                 false => set.images(&folder, shape)?,
             });
         }
@@ -200,7 +189,39 @@ impl AccuracyCommand {
     }
 }
 
-fn measure(sets: &[LabelledSet], vectors: Vec<Vec<f64>>) -> Accuracy {
+/// The images of a set: those in `images` beside its file, or else simulated again, from the starts in `starts.csv` beside it
+/// where the file has no seeds.
+pub(super) fn images_beside(set: &LabelledSet, shape: ImageShape) -> Result<Vec<Vec<u8>>, CliError> {
+    let [folder, starts] = ["images", "starts.csv"].map(|name| set.path().with_file_name(name));
+    let starts = (!set.can_be_simulated() && is_there(&starts)?).then_some(starts);
+    let simulates = !is_there(&folder)? && (set.can_be_simulated() || starts.is_some());
+    Ok(match simulates {
+        true => set.simulated_images(shape, starts.as_deref())?,
+        false => set.images(&folder, shape)?,
+    })
+}
+
+/// The embeddings of images, none of which may have taught the embedder its class.
+pub(super) fn embeddings(
+    embedder: &mut Embedder,
+    images: &[Vec<u8>],
+    seen: &SeenPictures,
+) -> Result<Vec<Vec<f64>>, CliError> {
+    let images: Vec<&[u8]> = images.iter().map(Vec::as_slice).collect();
+    let known = images.iter().filter(|image| seen.has(image)).count();
+    if known > 0 {
+        return Err(CliError::Input(format!(
+            "the checkpoint, or a checkpoint that it was trained from, learned the classes of {known} of the {}: measure it by \
+             other behaviours",
+            counted(images.len() as u64, "picture")
+        )));
+    }
+    let embeddings = embedder.embed(&images)?;
+    Ok(embeddings.iter().map(|embedding| exactly(embedding)).collect())
+}
+
+/// The accuracy of the vectors of labelled behaviours.
+pub(super) fn measure(sets: &[LabelledSet], vectors: Vec<Vec<f64>>) -> Accuracy {
     let classes = sets.iter().flat_map(LabelledSet::classes);
     Accuracy::measure(&classes.zip(vectors).collect::<Vec<_>>())
 }
@@ -209,7 +230,8 @@ fn exactly(embedding: &[f32]) -> Vec<f64> {
     embedding.iter().map(|&value| f64::from(value)).collect()
 }
 
-fn features(sets: &[LabelledSet]) -> Result<Vec<Vec<f64>>, CliError> {
+/// The absolute features of labelled behaviours.
+pub(super) fn features(sets: &[LabelledSet]) -> Result<Vec<Vec<f64>>, CliError> {
     let mut vectors = Vec::new();
     for set in sets {
         vectors.extend(
@@ -234,7 +256,7 @@ async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
     let path = Path::new(named);
     let is_digest = named.len() <= 64 && named.bytes().all(|byte| byte.is_ascii_hexdigit());
     let (file, seen) = if is_digest && !is_there(path)? {
-        let fetch = async |connection: &mut Connection| fetch(connection, named).await;
+        let fetch = async |connection: &mut Connection| fetch(&mut connection.checkpoints, named).await;
         connection::with(global, InProcess::NONE, fetch).await?
     } else {
         let file = read(path, InputKind::Checkpoint)?;
@@ -250,12 +272,15 @@ async fn checkpoint(named: &str, global: &Global) -> Result<Named, CliError> {
 }
 
 /// The bytes of a checkpoint, and what it has seen.
-async fn fetch(connection: &mut Connection, named: &str) -> Result<(Vec<u8>, SeenPictures), CliError> {
-    let file = checkpoints::fetch(&mut connection.checkpoints, named).await?;
+pub(super) async fn fetch(
+    client: &mut CheckpointClient,
+    named: &str,
+) -> Result<(Vec<u8>, SeenPictures), CliError> {
+    let file = checkpoints::fetch(client, named).await?;
     let request = v1::GetCheckpointRequest {
         digest: CheckpointDigest::of(&file).to_string(),
     };
-    let described = connection.checkpoints.get_checkpoint(request).await?.into_inner();
+    let described = client.get_checkpoint(request).await?.into_inner();
     Ok((file, SeenPictures::from_bytes(&described.labelled)?))
 }
 

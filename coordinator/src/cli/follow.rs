@@ -1,6 +1,6 @@
 //! Following a campaign: a bar on a terminal, plain lines elsewhere, JSON lines for programs.
 
-mod status_line;
+pub(super) mod status_line;
 
 use super::{CliError, connection::Client, heard::Heard as _, json};
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};

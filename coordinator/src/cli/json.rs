@@ -10,6 +10,7 @@ mod machines;
 mod measures;
 mod recognised;
 mod robots;
+mod study;
 
 pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
@@ -26,6 +27,7 @@ pub(super) use measures::{
 };
 pub(super) use recognised::{Behaviour, Neighbour, Recognised};
 pub(super) use robots::{ExportedController, Robots};
+pub(super) use study::{ListedStudy, Study};
 
 use murmuration_link::{OutputError, outln};
 use murmuration_model::Timestamp;

@@ -30,6 +30,7 @@ mod robots;
 mod run;
 mod serve;
 mod simulate;
+mod study;
 mod table;
 mod token;
 
@@ -161,6 +162,9 @@ enum Command {
     Digest(campaigns::Name),
     /// Write the report of a completed campaign
     Report(report::ReportCommand),
+    /// Run a study: a grid of campaigns with tables of what is measured of them
+    #[command(subcommand)]
+    Study(study::StudyCommand),
     /// Simulate one controller, or a reference case
     Simulate(simulate::Simulate),
     /// Evaluate controllers of a search of your own on all workers
@@ -271,6 +275,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Refine(refine) => Box::pin(refine.execute(global)),
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
+        Command::Study(study) => Box::pin(study.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
         Command::Evaluate(evaluate) => Box::pin(evaluate.execute(global)),
         Command::Recognise(recognise) => Box::pin(recognise.execute(global)),

@@ -31,6 +31,7 @@ pub const FLOORS: &[(&str, u8)] = &[
     ("coordinator/report", 5),
     ("coordinator/access", 5),
     ("coordinator/engine", 6),
+    ("coordinator/study", 6),
     ("coordinator/service", 7),
     ("coordinator/web", 8),
     ("coordinator", 9),

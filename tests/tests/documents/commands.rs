@@ -19,7 +19,7 @@ const PAGES: [&str; 7] = [
 ];
 
 const LONG: &str = "it takes half an hour and more";
-const NO_PICTURES: &str = "the pictures of the labelled sets are not in the repository";
+const NO_TRAINING_LABELS: &str = "the labels for training are not in the repository";
 
 /// Writes a table of controllers.
 pub const CONTROLLERS: &str =
@@ -134,20 +134,16 @@ pub fn of_the_page_on_the_data_directory() {
 pub fn of_the_page_on_results() {
     Script::of("docs/results.md")
         .rule(
-            "murmuration accuracy --labels $L/single_sensor/validation.csv --untrained",
-            NotRun(NO_PICTURES),
-        )
-        .rule(
             "murmuration accuracy --labels $L/single_sensor/validation.csv --checkpoint",
-            NotRun(NO_PICTURES),
+            NotRun(LONG),
         )
         .rule(
             "murmuration accuracy --labels $L/two_sensor/validation.csv --labels $L/rare/validation.csv --checkpoint",
-            NotRun(NO_PICTURES),
+            NotRun(LONG),
         )
         .rule("murmuration run", NotRun(LONG))
         .rule("murmuration checkpoints list", NotRun("it lists what the campaign before it trained"))
-        .rule("murmuration bench labels", NotRun(NO_PICTURES))
+        .rule("murmuration bench labels", NotRun(NO_TRAINING_LABELS))
         .run();
 }
 

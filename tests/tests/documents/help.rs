@@ -103,6 +103,14 @@ pub fn every_example_works() {
             NotRun("the README has it too"),
         )
         .rule("murmuration run examples/single-sensor.toml", NotRun(LONG))
+        .rule("murmuration study run studies/paper.toml", NotRun(LONG))
+        .rule(
+            "murmuration study report small",
+            Before(
+                "murmuration study run studies/small.toml\n\
+                 cp murmuration-data/studies/small/medoids.csv my-classes.csv",
+            ),
+        )
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule("murmuration serve", Stays("pages:"))
         .rule(

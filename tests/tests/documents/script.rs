@@ -111,7 +111,9 @@ impl Script {
         let desk = tempfile::tempdir().unwrap();
         let work = desk.path().join("work");
         fs::create_dir(&work).unwrap();
-        for name in ["Makefile", "deploy", "docs", "examples", "scripts", "tests"] {
+        for name in [
+            "Makefile", "deploy", "docs", "examples", "scripts", "studies", "tests",
+        ] {
             symlink(root().join(name), work.join(name)).unwrap();
         }
         fs::write(work.join("small.toml"), small_latent_spec("").to_toml()).unwrap();

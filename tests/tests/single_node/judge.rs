@@ -1,8 +1,10 @@
 //! The judge's agreement with people, on swarms that it was not tuned on.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
-use murmuration_judge::{frames, judge};
+use murmuration_judge::{Class, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
+use murmuration_proto::{CapabilityModel, Preset};
+use murmuration_study::JudgeErrors;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::{replay, replay_frames};
 use serde_json::{Value, json};
@@ -152,4 +154,37 @@ fn the_command_names_a_file_of_starts_that_is_not_there() {
         "{}",
         missing.stderr
     );
+}
+
+/// The judge's errors in the tables of studies are those that it makes on the labelled sets.
+#[test]
+fn studies_know_how_often_it_errs() {
+    let measured = |sets: &[&str]| -> Vec<(Class, Class)> {
+        let pairs = sets.iter().flat_map(|set| {
+            let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
+            let swarms = labels.swarms(Some(&file(set, "starts.csv"))).unwrap();
+            let judged = swarms.iter().map(|swarm| {
+                let frames = frames(&swarm.world);
+                let motion = replay_frames(&swarm.controller, &swarm.world, &swarm.start, &frames).unwrap();
+                judge(&motion, &swarm.world).class
+            });
+            let given = labels.classes().map(|name| {
+                let class = Class::ALL.into_iter().find(|class| class.name() == name);
+                class.unwrap()
+            });
+            given.zip(judged).collect::<Vec<_>>()
+        });
+        let mut pairs: Vec<(Class, Class)> = pairs.collect();
+        pairs.sort();
+        pairs
+    };
+    let known = |preset: Preset| {
+        let mut pairs = JudgeErrors::of_model(&CapabilityModel::from(preset))
+            .pairs()
+            .to_vec();
+        pairs.sort();
+        pairs
+    };
+    assert_eq!(known(Preset::SingleSensor), measured(&["single_sensor"]));
+    assert_eq!(known(Preset::TwoSensor), measured(&["two_sensor", "rare"]));
 }

@@ -20,6 +20,7 @@ mod recognise;
 mod search;
 mod security;
 mod stages;
+mod studies;
 mod trials;
 mod web;
 mod wire;

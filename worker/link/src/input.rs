@@ -14,6 +14,8 @@ use std::{
 pub enum InputKind {
     /// A campaign, TOML.
     Campaign,
+    /// A study, TOML.
+    Study,
     /// Controllers, one per line.
     Controllers,
     /// Labels, CSV.
@@ -44,7 +46,7 @@ impl InputKind {
     pub const fn max_bytes(self) -> u64 {
         match self {
             Self::Token => 4 << 10,
-            Self::Campaign | Self::Tokens | Self::Pem => 1 << 20,
+            Self::Campaign | Self::Study | Self::Tokens | Self::Pem => 1 << 20,
             Self::Controllers | Self::Picture | Self::Case | Self::Manifest => 16 << 20,
             Self::Checkpoint => MAX_MODEL_BYTES as u64,
             Self::Labels | Self::Starts | Self::Tracks => 256 << 20,
@@ -54,6 +56,7 @@ impl InputKind {
     const fn noun(self) -> &'static str {
         match self {
             Self::Campaign => "a campaign file",
+            Self::Study => "a study file",
             Self::Controllers => "a file of controllers",
             Self::Labels => "a file of labels",
             Self::Starts => "a file of starts",

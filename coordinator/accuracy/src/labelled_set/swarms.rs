@@ -1,9 +1,9 @@
 //! Labelled swarms, to simulate them again.
 
-use super::{Behaviour, LabelledSet, Row, World};
+use super::{Behaviour, LabelledSet, Row};
 use murmuration_link::{InputKind, read_bytes};
 use murmuration_model::labels::{LabelFile, LabelFileError};
-use murmuration_proto::Controller;
+use murmuration_proto::{Controller, World};
 use murmuration_worker::simulate::Start;
 use std::{collections::HashMap, path::Path};
 

@@ -5,14 +5,14 @@ use murmuration_proto::{CampaignSpec, EmbedderSource, Feedback, Search, figure, 
 use std::time::Duration;
 
 /// How far a campaign's stage has come, and a line about it.
-pub(super) struct StatusLine {
-    pub(super) done: u64,
-    pub(super) total: u64,
+pub(in crate::cli) struct StatusLine {
+    pub(in crate::cli) done: u64,
+    pub(in crate::cli) total: u64,
     /// What is counted, in the singular.
-    pub(super) unit: &'static str,
+    pub(in crate::cli) unit: &'static str,
     /// Rises when there is something to say again.
-    pub(super) step: u64,
-    pub(super) text: String,
+    pub(in crate::cli) step: u64,
+    pub(in crate::cli) text: String,
 }
 
 /// A stage in a word.
@@ -31,7 +31,7 @@ pub(in crate::cli) const fn name(stage: v1::CampaignStage) -> &'static str {
 
 impl StatusLine {
     /// What there is to say; while the campaign waits for something, what for.
-    pub(super) fn of(status: &v1::Campaign) -> Self {
+    pub(in crate::cli) fn of(status: &v1::Campaign) -> Self {
         let line = Self::of_stage(status);
         if status.waiting.is_empty() {
             return line;

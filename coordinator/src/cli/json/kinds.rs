@@ -3,8 +3,8 @@
 use super::{
     Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
     BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, Evaluated,
-    ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine, Quarantine, Recognised,
-    Report, Robots, Run, Token, UntrainedAccuracy, schema_of,
+    ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine, ListedStudy, Quarantine,
+    Recognised, Report, Robots, Run, Study, Token, UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -22,6 +22,10 @@ pub(in crate::cli) enum Kind {
     Digest,
     /// Where a report was written: report
     Report,
+    /// A study and its tables: study run, show, report
+    Study,
+    /// A study and how far it is: study list
+    ListedStudy,
     /// A checkpoint: checkpoints list, show, import
     Checkpoint,
     /// What was added: label
@@ -83,6 +87,8 @@ impl Kind {
             Self::Run => schema_of::<Run>(),
             Self::Digest => schema_of::<Digest>(),
             Self::Report => schema_of::<Report>(),
+            Self::Study => schema_of::<Study>(),
+            Self::ListedStudy => schema_of::<ListedStudy>(),
             Self::Checkpoint => schema_of::<Checkpoint>(),
             Self::AddedLabels => schema_of::<AddedLabels>(),
             Self::Label => schema_of::<Label>(),

@@ -71,6 +71,11 @@ const FEW: &str = "frame,robot,x,y\n0,1,100,100\n0,2,200,200\n1,1,101,100\n2,1,1
 const ROBOTS: &str = "ratios = [[3, 1], [2, 2]]\n[[species]]\nname = \"a\"\nmodel = \"two-sensor\"\n\
     [[species]]\nname = \"b\"\nrobot.sensors = [{ half_angle = 0.2, range = 120, sees = [\"a\", \"walls\"] }]\n";
 
+/// Its first cell is the campaign of `small.toml`.
+const STUDY: &str = "name = \"two\"\nseeds = 2\nbehaviours.generations = 2\n\
+    [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
+    search = { population = 20, generations = 5 }\ntaxonomy.medoids = 4\n";
+
 const BENCH_CLUSTER: [&str; 8] = [
     "bench",
     "cluster",
@@ -83,7 +88,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 63] = [
+pub const OUTPUTS: [Transcript; 69] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -244,6 +249,19 @@ pub const OUTPUTS: [Transcript; 63] = [
         "backup",
         &["restore", "FOLDER/backup", "--data", "FOLDER/restored", "--json"],
     ),
+    done("study-run", &["study", "run", "FOLDER/two.toml"]).with_files(&[("two.toml", STUDY)]),
+    json(
+        "study-run-json",
+        "study",
+        &["study", "run", "FOLDER/two.toml", "--json"],
+    ),
+    done("study-list", &["study", "list"]),
+    json("study-list-json", "listed-study", &["study", "list", "--json"]),
+    done("study-show", &["study", "show", "two"]),
+    done(
+        "study-report",
+        &["study", "report", "two", "--out", "FOLDER/report"],
+    ),
     done("bench-simulate", &["bench", "simulate", "--seconds", "0.02"]).with_figures(),
     json(
         "bench-simulate-json",
@@ -290,7 +308,7 @@ pub const OUTPUTS: [Transcript; 63] = [
 ];
 
 /// What people meet most when something is wrong, first without a data directory, then about a campaign.
-pub const ERRORS: [Transcript; 44] = [
+pub const ERRORS: [Transcript; 47] = [
     fails("robot-sensors", 2, &["robot", "FOLDER/seven.toml"])
         .with_files(&[("seven.toml", "robot.sensors = [{}, {}, {}, {}, {}, {}, {}]")]),
     fails("robot-cone", 2, &["robot", "FOLDER/cone.toml"])
@@ -301,6 +319,14 @@ pub const ERRORS: [Transcript; 44] = [
         &["evaluate", "FOLDER/small.toml", "FOLDER/genes.csv"],
     )
     .with_files(&[("genes.csv", "left_1,right_1\n0.1,0.2\n")]),
+    fails("error-study-field", 2, &["study", "run", "FOLDER/bad.toml"])
+        .with_files(&[("bad.toml", "name = \"bad\"\nseed = 2\n")]),
+    fails("error-study-cell", 2, &["study", "run", "FOLDER/bad.toml"]).with_files(&[(
+        "bad.toml",
+        "name = \"bad\"\ncampaign.model = \"single-sensor\"\n\
+         axes = [{ name = \"method\", values = [{ name = \"wrong\", campaign.method = \"wrong\" }] }]\n",
+    )]),
+    fails("error-no-study", 2, &["study", "show", "other"]),
     fails("error-no-data-directory", 2, &["list"]),
     fails("error-unknown-command", 2, &["nonsense"]),
     fails("error-mistyped-command", 2, &["rn", "small.toml"]),

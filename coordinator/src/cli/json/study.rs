@@ -1,0 +1,151 @@
+//! Studies.
+
+use murmuration_study as study;
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::{collections::BTreeMap, path::Path};
+
+/// A study and its tables.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Study {
+    /// Its name.
+    study: String,
+    /// Path of the page of its report; null if no report was written.
+    report: Option<String>,
+    /// Number of its cells.
+    cells: usize,
+    /// The cells that were measured, in the order of the grid.
+    measured: Vec<StudyCell>,
+    /// A table for each measure.
+    tables: Vec<StudyTable>,
+    /// How many of the judged individuals were named by whom: `judge`, or a person.
+    named_by: BTreeMap<String, usize>,
+}
+
+/// A cell that was measured.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct StudyCell {
+    /// Digest of its specification without the name.
+    cell: String,
+    /// Its value on each axis.
+    values: BTreeMap<String, String>,
+    /// Its seed.
+    seed: u64,
+    /// Id of its campaign.
+    campaign: String,
+    /// Digest of the archive.
+    archive_digest: String,
+    /// Digest of the checkpoint; empty if none.
+    checkpoint: String,
+    /// Individuals of the archive.
+    evaluations: u64,
+    /// Its figures, by name.
+    figures: BTreeMap<String, f64>,
+}
+
+/// The table of a measure.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct StudyTable {
+    /// What was measured.
+    measure: String,
+    /// Its rows, in the order of the grid.
+    rows: Vec<StudyRow>,
+}
+
+/// The cells that differ only in their seed.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct StudyRow {
+    /// The value on each axis.
+    values: BTreeMap<String, String>,
+    /// The figures that it has so far, by name.
+    figures: BTreeMap<String, StudyFigure>,
+}
+
+/// A figure of a row.
+#[derive(Debug, Serialize, JsonSchema)]
+#[schemars(inline)]
+struct StudyFigure {
+    /// Replicates that have it; of accuracies the different embeddings.
+    replicates: usize,
+    /// Their mean.
+    mean: f64,
+    /// Their sample standard deviation; null for a single replicate.
+    deviation: Option<f64>,
+    /// Mean with the judge's errors; null of figures that do not rest on the judge.
+    mean_with_judge_errors: Option<f64>,
+    /// 5th and 95th percentile with the judge's errors; null of figures that do not rest on the judge.
+    range_with_judge_errors: Option<[f64; 2]>,
+    /// What was published; null if the study file does not say.
+    published: Option<f64>,
+}
+
+/// A study and how far it is.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct ListedStudy {
+    /// Its name.
+    pub(in crate::cli) study: String,
+    /// Number of its cells.
+    pub(in crate::cli) cells: usize,
+    /// Number of the cells that were measured.
+    pub(in crate::cli) measured: usize,
+}
+
+impl Study {
+    /// A study, and the page of its report if one was written.
+    pub(in crate::cli) fn of(outcome: &study::Outcome, report: Option<&Path>) -> Self {
+        let of = outcome.study();
+        let values = |values: &[usize]| -> BTreeMap<String, String> {
+            let axes = of.axes().iter().map(|axis| axis.name.clone());
+            axes.zip(of.names(values).map(str::to_owned)).collect()
+        };
+        let cell = |cell: study::MeasuredCell<'_>| StudyCell {
+            cell: cell.measured.cell.clone(),
+            values: values(&cell.cell.values),
+            seed: cell.cell.spec.seed(),
+            campaign: cell.measured.campaign.clone(),
+            archive_digest: cell.measured.archive_digest.clone(),
+            checkpoint: cell.measured.checkpoint.clone(),
+            evaluations: cell.measured.evaluations,
+            figures: by_name(outcome.figures(cell.measured), |figure| figure),
+        };
+        let row = |row: &study::Row| StudyRow {
+            values: values(&row.values),
+            figures: by_name(row.entries.clone(), StudyFigure::from),
+        };
+        let table = |table: &study::Table| StudyTable {
+            measure: table.measure.name().to_owned(),
+            rows: table.rows.iter().map(row).collect(),
+        };
+        Self {
+            study: of.name().as_str().to_owned(),
+            report: report.map(|path| path.display().to_string()),
+            cells: of.cells().len(),
+            measured: outcome.cells().map(cell).collect(),
+            tables: outcome.tables().iter().map(table).collect(),
+            named_by: outcome.named_by(),
+        }
+    }
+}
+
+fn by_name<T, U>(figures: BTreeMap<study::Figure, T>, made: impl Fn(T) -> U) -> BTreeMap<String, U> {
+    let figures = figures.into_iter();
+    figures
+        .map(|(figure, value)| (figure.name().to_owned(), made(value)))
+        .collect()
+}
+
+impl From<study::Entry> for StudyFigure {
+    fn from(entry: study::Entry) -> Self {
+        Self {
+            replicates: entry.count,
+            mean: entry.mean,
+            deviation: entry.deviation,
+            mean_with_judge_errors: entry.resampled.map(|resampled| resampled.mean),
+            range_with_judge_errors: entry.resampled.map(|resampled| [resampled.low, resampled.high]),
+            published: entry.published,
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! How far a study is: bars on a terminal, plain lines elsewhere.
+
+use super::super::follow::status_line::StatusLine;
+use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
+use murmuration_link::errln;
+use murmuration_proto::{counted, grouped, v1};
+use std::{
+    io::IsTerminal as _,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Instant,
+};
+
+/// How far a study is; cheap to clone.
+#[derive(Debug, Clone)]
+pub(super) struct Progress {
+    /// Present on a terminal.
+    bars: Option<(MultiProgress, ProgressBar)>,
+    done: Arc<AtomicUsize>,
+    all: usize,
+}
+
+/// How far a campaign of a study is.
+#[derive(Debug)]
+pub(super) struct CellProgress {
+    study: Progress,
+    /// What it is, in words.
+    words: String,
+    bar: Option<ProgressBar>,
+    begun: Instant,
+}
+
+impl Progress {
+    /// Of so many campaigns.
+    pub(super) fn of(all: usize) -> Self {
+        let bars = std::io::stderr().is_terminal().then(|| {
+            let bars = MultiProgress::new();
+            let whole = bars.add(bar(all as u64, "{wide_bar:.cyan/dim} {pos}/{len} campaigns"));
+            (bars, whole)
+        });
+        Self {
+            bars,
+            done: Arc::default(),
+            all,
+        }
+    }
+
+    /// A campaign begins to be looked at.
+    pub(super) fn cell(&self, words: String) -> CellProgress {
+        let bar = self
+            .bars
+            .as_ref()
+            .map(|(bars, whole)| bars.insert_before(whole, bar(0, "{bar:24.cyan/dim} {prefix} · {msg}")));
+        if let Some(bar) = &bar {
+            bar.set_prefix(words.clone());
+        }
+        CellProgress {
+            study: self.clone(),
+            words,
+            bar,
+            begun: Instant::now(),
+        }
+    }
+
+    /// Says something between the bars.
+    pub(super) fn say(&self, line: &str) {
+        match &self.bars {
+            Some((bars, _)) => drop(bars.println(line)),
+            None => errln!("{line}"),
+        }
+    }
+
+    /// Removes the bars.
+    pub(super) fn end(&self) {
+        if let Some((bars, _)) = &self.bars {
+            drop(bars.clear());
+        }
+    }
+}
+
+impl CellProgress {
+    /// Its campaign is known.
+    pub(super) fn begin(&self, campaign: &str) {
+        if self.bar.is_none() {
+            errln!("{}: campaign {campaign}", self.words);
+        }
+    }
+
+    /// The campaign's status.
+    pub(super) fn draw(&self, status: &v1::Campaign) {
+        if let Some(bar) = &self.bar {
+            let line = StatusLine::of(status);
+            bar.set_length(line.total);
+            bar.set_position(line.done);
+            bar.set_message(line.text);
+        }
+    }
+
+    /// What is done with it now.
+    pub(super) fn now(&self, what: &'static str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(what);
+        }
+    }
+
+    /// It is done with.
+    pub(super) fn end(self, how: &str) {
+        let done = self.study.done.fetch_add(1, Ordering::Relaxed) + 1;
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+        if let Some((_, whole)) = &self.study.bars {
+            whole.set_position(done as u64);
+        }
+        self.study.say(&format!(
+            "{} of {}: {} {how} in {}",
+            grouped(done as u64),
+            counted(self.study.all as u64, "campaign"),
+            self.words,
+            HumanDuration(self.begun.elapsed())
+        ));
+    }
+}
+
+fn bar(length: u64, template: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,134 @@
+//! The classes that people give to behaviours instead of the judge.
+
+use crate::measured::Measured;
+use csv::{ReaderBuilder, StringRecord};
+use murmuration_judge::Class;
+use std::collections::BTreeMap;
+
+/// Who is said to have named a behaviour if the file does not say.
+const SOMEBODY: &str = "a person";
+/// Whose word the classes of `medoids.csv` are.
+pub(crate) const JUDGE: &str = "judge";
+/// Most characters that are kept of a name.
+const NAME_CHARS: usize = 64;
+
+/// Classes that people gave to individuals of cells.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Corrections {
+    /// By the digest of the cell and the index of the individual.
+    by_individual: BTreeMap<Place, Given>,
+}
+
+/// Why a file of classes cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {what}")]
+pub struct CorrectionsError {
+    /// The line, from 1.
+    pub line: u64,
+    /// What is wrong.
+    pub what: String,
+}
+
+impl Corrections {
+    /// Reads a table such as `medoids.csv` of a report (CSV): `cell`, `index`, `class`, and `by` for who gave the class. Rows
+    /// by the judge count if their class is not the judge's; see [`Corrections::of`].
+    ///
+    /// # Errors
+    /// Names the line with a missing column, a value that is none, or another class than an earlier line about the individual.
+    pub fn parse(text: &str) -> Result<Self, CorrectionsError> {
+        let mut reader = ReaderBuilder::new().flexible(true).from_reader(text.as_bytes());
+        let unreadable = |error: csv::Error| CorrectionsError {
+            line: error.position().map_or(1, csv::Position::line),
+            what: error.to_string(),
+        };
+        let header = reader.headers().map_err(unreadable)?.clone();
+        let place = |name: &str| header.iter().position(|column| column.trim() == name);
+        let needed = |name: &str| {
+            let what = format!("there is no column \"{name}\"");
+            place(name).ok_or(CorrectionsError { line: 1, what })
+        };
+        let columns = Columns {
+            cell: needed("cell")?,
+            index: needed("index")?,
+            class: needed("class")?,
+            by: place("by"),
+        };
+        let mut by_individual: BTreeMap<Place, Given> = BTreeMap::new();
+        for row in reader.records() {
+            let row = row.map_err(unreadable)?;
+            let line = row.position().map_or(0, csv::Position::line);
+            let Some((individual, given)) = columns
+                .read(&row)
+                .map_err(|what| CorrectionsError { line, what })?
+            else {
+                continue;
+            };
+            match by_individual.get(&individual) {
+                Some((class, _)) if *class != given.0 => {
+                    let (_, index) = individual;
+                    let what = format!(
+                        "individual {index} is {} here and {class} before: give it one class in all of its rows",
+                        given.0
+                    );
+                    return Err(CorrectionsError { line, what });
+                }
+                _ => by_individual.insert(individual, given),
+            };
+        }
+        Ok(Self { by_individual })
+    }
+
+    /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's word stands.
+    #[must_use]
+    pub fn of(&self, cell: &Measured, index: u64) -> Option<(Class, &str)> {
+        let (class, by) = self.by_individual.get(&(cell.cell.clone(), index))?;
+        let judged = cell
+            .behaviours
+            .as_ref()
+            .map(|behaviours| behaviours.judged(index));
+        match by.as_str() {
+            JUDGE if judged == Some(*class) => None,
+            JUDGE => Some((*class, SOMEBODY)),
+            person => Some((*class, person)),
+        }
+    }
+}
+
+/// An individual by the digest of its cell and its index.
+type Place = (String, u64);
+/// A class, and who gave it.
+type Given = (Class, String);
+
+/// The places of the columns.
+struct Columns {
+    cell: usize,
+    index: usize,
+    class: usize,
+    by: Option<usize>,
+}
+
+impl Columns {
+    /// The individual of a row, its class and who gave it; nothing for a row without a class.
+    fn read(&self, row: &StringRecord) -> Result<Option<(Place, Given)>, String> {
+        let cell = |place: usize| row.get(place).unwrap_or_default().trim();
+        let name = cell(self.class);
+        if name.is_empty() {
+            return Ok(None);
+        }
+        let class = Class::ALL.into_iter().find(|class| class.name() == name);
+        let class = class.ok_or_else(|| {
+            let names = Class::ALL.map(Class::name).join(", ");
+            format!("class = \"{}\": must be one of {names}", name.escape_debug())
+        })?;
+        let index = cell(self.index);
+        let index = index.parse().map_err(|_| {
+            format!(
+                "index = \"{}\": must be the index of an individual",
+                index.escape_debug()
+            )
+        })?;
+        let by = self.by.map(cell).filter(|by| !by.is_empty()).unwrap_or(SOMEBODY);
+        let by = by.chars().filter(|c| !c.is_control()).take(NAME_CHARS).collect();
+        Ok(Some(((cell(self.cell).to_owned(), index), (class, by))))
+    }
+}

@@ -1,0 +1,191 @@
+//! Which campaign is which cell: equal specifications are one cell, whatever their campaigns and studies are called.
+
+use crate::study::{Cell, Measures, RandomBatches, Study};
+use murmuration_proto::{
+    CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, Method, SIMULATOR_VERSION, v1,
+};
+use std::{collections::BTreeMap, fmt::Write as _};
+
+/// Version of what is measured; it rises when the same campaign would have other figures.
+const MEASURES_VERSION: u32 = 1;
+
+/// The digest of a specification without its name: 64 hexadecimal digits.
+#[must_use]
+pub fn cell_digest(spec: &CampaignSpec) -> String {
+    let mut message = v1::CampaignSpec::from(spec);
+    message.name = None;
+    let text = toml::to_string(&message).unwrap_or_default();
+    blake3::hash(text.as_bytes()).to_hex().to_string()
+}
+
+/// The digest of how a cell is measured, and of the label files' `contents`: 64 hexadecimal digits.
+#[must_use]
+pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
+    let mut words = format!("{MEASURES_VERSION} {SIMULATOR_VERSION}");
+    for measure in &measures.which {
+        // Writing to a text cannot fail.
+        let _ = write!(words, " {}", measure.name());
+    }
+    let random = match measures.random {
+        RandomBatches::Samples => "samples",
+        RandomBatches::Medoids => "medoids",
+    };
+    let _ = write!(words, " {} {random}", measures.generations);
+    for content in contents {
+        let _ = write!(words, " {}", blake3::hash(content).to_hex());
+    }
+    blake3::hash(words.as_bytes()).to_hex().to_string()
+}
+
+/// The campaign that trains the embedder of a cell with the seed of the embedder: the cell's dataset and training, and as
+/// little of a search as there can be. `None` for a cell that shares no embedder: its method has none or an untrained one, or
+/// its checkpoint is given.
+///
+/// # Errors
+/// If the seed is out of range.
+pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSpec>, Invalid> {
+    let trains = matches!(spec.embedder(), Some(EmbedderSource::Trained { .. }));
+    if !trains || spec.method() == Method::Untrained {
+        return Ok(None);
+    }
+    let mut message = v1::CampaignSpec::from(&spec.clone().with_seed(seed)?);
+    message.name = Some(short_name(spec));
+    message.search = Some(v1::Search {
+        population: Some(1),
+        generations: Some(1),
+        ..v1::Search::default()
+    });
+    message.taxonomy = Some(v1::TaxonomyFormat { medoids: Some(1) });
+    message.evaluation = None;
+    message.feedback = None;
+    if let Some(controllers) = &mut message.controllers {
+        controllers.initial.clear();
+    }
+    message.try_into().map(Some)
+}
+
+impl Study {
+    /// The campaign that trains the embedder of a cell, if the cell shares one: see [`embedder_spec`].
+    ///
+    /// # Errors
+    /// As [`embedder_spec`].
+    pub fn embedder_of(&self, cell: &Cell) -> Result<Option<CampaignSpec>, Invalid> {
+        match self.embedder_seed(cell.replicate) {
+            Some(seed) => embedder_spec(&cell.spec, seed),
+            None => Ok(None),
+        }
+    }
+
+    /// The campaign of a cell, with the checkpoint of the embedder that it shares; `embedders` are known by the
+    /// [`cell_digest`] of the campaign that trains them. `None` if its embedder is not known yet.
+    ///
+    /// # Errors
+    /// As [`embedder_spec`] and [`with_checkpoint`].
+    pub fn campaign_of(
+        &self,
+        cell: &Cell,
+        embedders: &BTreeMap<String, CheckpointDigest>,
+    ) -> Result<Option<CampaignSpec>, Invalid> {
+        let Some(trains) = self.embedder_of(cell)? else {
+            return Ok(Some(cell.spec.clone()));
+        };
+        let known = embedders.get(&cell_digest(&trains));
+        known
+            .map(|&checkpoint| with_checkpoint(&cell.spec, checkpoint))
+            .transpose()
+    }
+}
+
+/// A cell that begins with a published checkpoint instead of training one.
+///
+/// # Errors
+/// If the cell's method takes none.
+pub fn with_checkpoint(spec: &CampaignSpec, checkpoint: CheckpointDigest) -> Result<CampaignSpec, Invalid> {
+    let mut message = v1::CampaignSpec::from(spec);
+    message.checkpoint = Some(checkpoint.to_string());
+    message.dataset = None;
+    message.training = None;
+    message.try_into()
+}
+
+/// `NAME-embedder`, within the length of names.
+fn short_name(spec: &CampaignSpec) -> String {
+    let name: String = spec.name().as_str().chars().take(55).collect();
+    format!("{name}-embedder")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(text: &str) -> CampaignSpec {
+        CampaignSpec::from_toml(&format!("model = \"single-sensor\"\n{text}")).unwrap()
+    }
+
+    #[test]
+    fn a_cell_is_known_by_its_fields_and_not_by_its_name() {
+        let [one, renamed, other] = [
+            "method = \"latent\"\nname = \"a\"",
+            "method = \"latent\"\nname = \"b\"\nseed = 1",
+            "method = \"latent\"\nname = \"a\"\nseed = 2",
+        ]
+        .map(|text| cell_digest(&spec(text)));
+        assert_eq!(one, renamed);
+        assert_ne!(one, other);
+    }
+
+    #[test]
+    fn cells_of_one_dataset_and_training_have_one_embedder() {
+        let common = "method = \"latent\"\n[dataset]\ncontrollers = 40";
+        let of = |text: &str, seed| embedder_spec(&spec(text), seed).unwrap();
+        let plain = of(common, 7).unwrap();
+        let taught = of(
+            &format!("seed = 3\n{common}\n[feedback]\nrounds = 2\n[search]\npopulation = 7"),
+            7,
+        );
+        assert_eq!(Some(cell_digest(&plain)), taught.as_ref().map(cell_digest));
+        assert_eq!((plain.seed(), plain.evaluations()), (7, 1));
+        assert_ne!(Some(cell_digest(&plain)), of(common, 8).as_ref().map(cell_digest));
+        let filtered = of(&format!("filter = true\n{common}"), 7);
+        assert_ne!(
+            Some(cell_digest(&plain)),
+            filtered.as_ref().map(cell_digest),
+            "its dataset is another"
+        );
+        for method in ["random", "hand-crafted", "untrained"] {
+            assert_eq!(of(&format!("method = \"{method}\""), 7), None);
+        }
+    }
+
+    #[test]
+    fn a_cell_with_a_checkpoint_keeps_its_search_and_feedback() {
+        let digest = CheckpointDigest::of(b"model");
+        let given = spec("method = \"latent\"\nseed = 5\n[feedback]\nrounds = 2");
+        let with = with_checkpoint(&given, digest).unwrap();
+        assert_eq!(with.embedder(), Some(&EmbedderSource::Published(digest)));
+        assert_eq!(
+            (with.seed(), with.feedback(), with.search()),
+            (5, given.feedback(), given.search())
+        );
+    }
+
+    #[test]
+    fn other_measures_have_another_digest() {
+        let study = |text: &str| {
+            let text =
+                format!("name = \"s\"\n{text}\n[campaign]\nmodel = \"single-sensor\"\nmethod = \"random\"");
+            crate::Study::from_toml(&text, std::path::Path::new(""), false).unwrap()
+        };
+        let plain = study("");
+        let more = study("[behaviours]\ngenerations = 3");
+        let digests = [
+            measures_digest(plain.measures(), &[]),
+            measures_digest(more.measures(), &[]),
+            measures_digest(plain.measures(), &[b"labels"]),
+        ];
+        assert!(
+            digests[0] != digests[1] && digests[0] != digests[2],
+            "{digests:?}"
+        );
+    }
+}

@@ -1,0 +1,154 @@
+//! A study, and the cells of its grid.
+
+use crate::figure::{Figure, Measure};
+use murmuration_proto::{CampaignName, CampaignSpec};
+use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
+
+/// A grid of campaigns: every combination of the axes' values, in several replicates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    pub(crate) name: CampaignName,
+    pub(crate) axes: Vec<Axis>,
+    pub(crate) seeds: Vec<u64>,
+    pub(crate) embedders: Option<NonZeroU32>,
+    pub(crate) measures: Measures,
+    pub(crate) published: Vec<Published>,
+    pub(crate) cells: Vec<Cell>,
+}
+
+/// What differs between cells, besides the seed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Axis {
+    /// Its name: 1 to 32 lower-case letters, digits, `-` and `_`.
+    pub name: String,
+    /// The names of its values, 1 to 64, all different.
+    pub values: Vec<String>,
+}
+
+/// A campaign of the grid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cell {
+    /// For each axis, the place of the cell's value.
+    pub values: Vec<usize>,
+    /// The replicate, from 0.
+    pub replicate: usize,
+    /// Its specification, as the study file has it.
+    pub spec: CampaignSpec,
+}
+
+/// What is measured of each cell.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Measures {
+    /// Which measures, each once, in the order of [`Measure::ALL`].
+    pub which: Vec<Measure>,
+    /// Taxonomies at the end of the search whose behaviours are judged, 1 to 1,000.
+    pub generations: NonZeroU32,
+    /// What stands for the taxonomies of a random search.
+    pub random: RandomBatches,
+    /// The labelled sets of the accuracy, by the name of a capability model: files, as the study file names them.
+    pub labelled: BTreeMap<String, LabelledSets>,
+}
+
+/// The label files of a capability model, joined.
+pub type LabelledSets = Vec<PathBuf>;
+
+/// What stands for the taxonomies of a random search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RandomBatches {
+    /// Batches of as many samples as a taxonomy has medoids, as in the paper.
+    Samples,
+    /// The medoids of its archive, as with the other methods.
+    Medoids,
+}
+
+/// Figures that somebody published of some rows of the grid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Published {
+    /// Where; may be empty.
+    pub source: String,
+    /// The rows: by the place of an axis, the place of its value. Other axes may have any value.
+    pub rows: BTreeMap<usize, usize>,
+    /// The figures.
+    pub figures: BTreeMap<Figure, f64>,
+}
+
+impl Study {
+    /// Maximum number of cells.
+    pub const MAX_CELLS: usize = 2000;
+
+    /// Its name; that of a quick study ends with `-quick`.
+    #[must_use]
+    pub const fn name(&self) -> &CampaignName {
+        &self.name
+    }
+
+    /// Its axes, in the order of the file; there may be none.
+    #[must_use]
+    pub fn axes(&self) -> &[Axis] {
+        &self.axes
+    }
+
+    /// The seed of each replicate, all different.
+    #[must_use]
+    pub fn seeds(&self) -> &[u64] {
+        &self.seeds
+    }
+
+    /// How many embedders the replicates share; `None` if each campaign trains its own.
+    #[must_use]
+    pub const fn embedders(&self) -> Option<NonZeroU32> {
+        self.embedders
+    }
+
+    /// What is measured.
+    #[must_use]
+    pub const fn measures(&self) -> &Measures {
+        &self.measures
+    }
+
+    /// Its cells: the values of the last axis vary fastest, then those of the others; the replicates of a row are together.
+    #[must_use]
+    pub fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+
+    /// The rows of the grid: for each axis, the place of a value; in the order of the cells.
+    #[must_use]
+    pub fn rows(&self) -> Vec<Vec<usize>> {
+        let mut rows: Vec<Vec<usize>> = self.cells.iter().map(|cell| cell.values.clone()).collect();
+        rows.dedup();
+        rows
+    }
+
+    /// The names of a row's values.
+    pub fn names<'a>(&'a self, values: &'a [usize]) -> impl Iterator<Item = &'a str> {
+        let named = self.axes.iter().zip(values);
+        named.filter_map(|(axis, &place)| axis.values.get(place).map(String::as_str))
+    }
+
+    /// A cell in words: `single sensor · latent · seed 3`.
+    #[must_use]
+    pub fn cell_in_words(&self, cell: &Cell) -> String {
+        let mut words: Vec<String> = self.names(&cell.values).map(str::to_owned).collect();
+        words.push(format!("seed {}", cell.spec.seed()));
+        words.join(" · ")
+    }
+
+    /// What was published of a figure of a row: the value and its source.
+    #[must_use]
+    pub fn published(&self, values: &[usize], figure: Figure) -> Option<(f64, &str)> {
+        let of_row = |published: &&Published| {
+            let mut rows = published.rows.iter();
+            rows.all(|(&axis, value)| values.get(axis) == Some(value))
+        };
+        let mut found = self.published.iter().filter(of_row);
+        found.find_map(|published| Some((*published.figures.get(&figure)?, published.source.as_str())))
+    }
+
+    /// The seed of the embedder of a replicate, if the replicates share embedders.
+    #[must_use]
+    pub fn embedder_seed(&self, replicate: usize) -> Option<u64> {
+        let embedders = self.embedders?.get() as usize;
+        self.seeds.get(replicate % embedders).copied()
+    }
+}

@@ -1,0 +1,221 @@
+//! Studies: each cell runs once, a study that was killed goes on, and its tables are those of its campaigns.
+
+use murmuration_tests::{Murmuration, small_latent_spec};
+use serde_json::Value;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Two rows of two replicates: 200 steps, generations of 20.
+const STUDY: &str = "name = \"pair\"\nseeds = 2\nbehaviours.generations = 3\n\
+    axes = [{ name = \"filter\", values = [{ name = \"no\" }, { name = \"yes\", campaign.filter = true }] }]\n\
+    [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
+    search = { population = 20, generations = 5 }\ntaxonomy.medoids = 4\n";
+
+fn written(folder: &Path, text: &str) -> String {
+    let path = folder.join("study.toml");
+    fs::write(&path, text).unwrap();
+    path.display().to_string()
+}
+
+/// What `study run` prints.
+#[track_caller]
+fn run(murmuration: &Murmuration, file: &str) -> Value {
+    murmuration.run(&["study", "run", file, "--json"]).last_line()
+}
+
+/// The ids of all campaigns.
+fn campaigns(murmuration: &Murmuration) -> BTreeSet<String> {
+    let listed = murmuration.run(&["list", "--json"]).lines().into_iter();
+    listed
+        .map(|line| line["campaign"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+/// Figures and digests of a study by cell, without the names of its campaigns.
+fn measured(study: &Value) -> BTreeMap<String, (String, Value)> {
+    let cells = study["measured"].as_array().unwrap().iter();
+    cells
+        .map(|cell| {
+            let text = |field: &str| cell[field].as_str().unwrap().to_owned();
+            (text("cell"), (text("archive_digest"), cell["figures"].clone()))
+        })
+        .collect()
+}
+
+/// The rows of a CSV file without quotes, by column.
+fn rows(path: PathBuf) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let row = |line: &str| {
+        let cells = line.split(',').map(str::to_owned);
+        header.iter().map(|&name| name.to_owned()).zip(cells).collect()
+    };
+    lines.map(row).collect()
+}
+
+#[test]
+fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let first = run(&murmuration, &written(folder.path(), STUDY));
+    assert_eq!((first["cells"].as_u64(), measured(&first).len()), (Some(4), 4));
+    assert_eq!(campaigns(&murmuration).len(), 4);
+
+    // Under another name they are the same cells.
+    let renamed = STUDY.replace("\"pair\"", "\"other\"");
+    let again = run(&murmuration, &written(folder.path(), &renamed));
+    assert_eq!(measured(&again), measured(&first));
+    assert_eq!(campaigns(&murmuration).len(), 4);
+
+    let longer = run(
+        &murmuration,
+        &written(folder.path(), &STUDY.replace("seeds = 2", "seeds = 3")),
+    );
+    assert_eq!(campaigns(&murmuration).len(), 6);
+    let (before, now) = (measured(&first), measured(&longer));
+    assert_eq!(now.len(), 6);
+    assert!(before.iter().all(|(cell, figures)| now[cell] == *figures));
+
+    let listed = murmuration.run(&["study", "list", "--json"]).lines();
+    let names: Vec<&str> = listed.iter().filter_map(|line| line["study"].as_str()).collect();
+    assert_eq!(names, ["other", "pair"]);
+}
+
+#[test]
+fn a_campaign_that_was_run_by_hand_is_a_cell_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let file = written(folder.path(), &STUDY.replace("seeds = 2", "seeds = 1"));
+    // The campaign of the first cell, by hand and under another name.
+    let spec = folder.path().join("by-hand.toml");
+    let (_, campaign) = STUDY.split_once("[campaign]\n").unwrap();
+    fs::write(&spec, format!("name = \"by-hand\"\n{campaign}")).unwrap();
+    assert_eq!(
+        murmuration.run(&["run", &spec.display().to_string()]).code,
+        Some(0)
+    );
+    let study = run(&murmuration, &file);
+    assert_eq!(study["measured"][0]["campaign"], "by-hand-1");
+    assert_eq!(study["measured"][1]["campaign"], "pair-2");
+}
+
+#[test]
+fn tables_follow_from_the_files_of_the_report_and_those_from_the_campaigns() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let study = run(&murmuration, &written(folder.path(), STUDY));
+    let page = PathBuf::from(study["report"].as_str().unwrap());
+    let cells = rows(page.with_file_name("cells.csv"));
+    let medoids = rows(page.with_file_name("medoids.csv"));
+    for row in study["tables"][0]["rows"].as_array().unwrap() {
+        let filter = row["values"]["filter"].as_str().unwrap();
+        let of_row = cells.iter().filter(|cell| cell["filter"] == filter);
+        let distinct: Vec<f64> = of_row.map(|cell| cell["distinct"].parse().unwrap()).collect();
+        let mean = (distinct[0] + distinct[1]) / 2.0;
+        let deviation = (distinct[0] - distinct[1]).abs() / 2.0_f64.sqrt();
+        let figure = &row["figures"]["distinct"];
+        assert_eq!(figure["mean"].as_f64(), Some(mean));
+        assert!((figure["deviation"].as_f64().unwrap() - deviation).abs() < 1e-12);
+    }
+    for cell in &cells {
+        let of_cell: Vec<_> = medoids
+            .iter()
+            .filter(|medoid| medoid["cell"] == cell["cell"])
+            .collect();
+        let mut classes: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
+        for medoid in &of_cell {
+            classes
+                .entry(&medoid["generation"])
+                .or_default()
+                .insert(&medoid["class"]);
+        }
+        assert_eq!(classes.keys().copied().collect::<Vec<_>>(), ["2", "3", "4"]);
+        let distinct: usize = classes.values().map(BTreeSet::len).sum();
+        assert_eq!(cell["distinct"].parse::<f64>().unwrap(), distinct as f64 / 3.0);
+        // The last taxonomy is the campaign's own.
+        let last: BTreeSet<u64> = of_cell
+            .iter()
+            .filter(|medoid| medoid["generation"] == "4")
+            .map(|medoid| medoid["index"].parse().unwrap())
+            .collect();
+        let report = folder.path().join(&cell["campaign"]);
+        let written = murmuration.run(&[
+            "report",
+            &cell["campaign"],
+            "--out",
+            &report.display().to_string(),
+        ]);
+        assert_eq!(written.code, Some(0), "{}", written.stderr);
+        let taxonomy = rows(report.join("taxonomy.csv"));
+        let own: BTreeSet<u64> = taxonomy.iter().map(|row| row["index"].parse().unwrap()).collect();
+        assert_eq!(last, own);
+        let digest = murmuration.run(&["digest", &cell["campaign"]]);
+        assert_eq!(digest.stdout.trim(), cell["archive_digest"]);
+    }
+}
+
+#[test]
+fn killed_and_run_again_it_comes_to_the_same_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = STUDY.replace("generations = 5", "generations = 40");
+    let file = written(folder.path(), &text);
+    let undisturbed = run(&Murmuration::over(&folder.path().join("undisturbed")), &file);
+
+    let killed = Murmuration::over(&folder.path().join("killed"));
+    for done in 0..2 {
+        let mut process = killed.start(&["study", "run", &file, "--workers", "1", "--at-once", "2"]);
+        process.wait_for("campaign pair-");
+        killed.latest_when(|latest| latest["generations_done"].as_u64() > Some(done));
+        process.kill();
+    }
+    let shown = killed.run(&["study", "show", "pair", "--json"]).last_line();
+    assert!(measured(&shown).len() < 4, "it was killed too late");
+    let again = run(&killed, &file);
+    assert_eq!(measured(&again), measured(&undisturbed));
+    assert_eq!(campaigns(&killed).len(), 4);
+    assert_eq!(again["tables"], undisturbed["tables"]);
+}
+
+#[test]
+fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_their_seed() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let campaign = small_latent_spec("seed = 1");
+    let (_, fields) = campaign
+        .to_toml()
+        .split_once("seed = 1\n")
+        .map(|(_, rest)| ((), rest.to_owned()))
+        .unwrap();
+    // The training's own seed is the campaign's where no other is given.
+    let fields = fields.replace("seed = 1\n", "");
+    let mut lines = Vec::new();
+    for line in fields.lines() {
+        let section = line
+            .strip_prefix('[')
+            .map(|section| format!("[campaign.{section}"));
+        lines.push(section.unwrap_or_else(|| line.to_owned()));
+    }
+    let text = format!(
+        "name = \"shared\"\nseeds = 2\nembedders = 1\nmeasures = [\"search\"]\n[campaign]\n{}",
+        lines.join("\n")
+    );
+    let study = run(&murmuration, &written(folder.path(), &text));
+    let cells = study["measured"].as_array().unwrap();
+    assert_eq!(cells.len(), 2);
+    assert_eq!(cells[0]["checkpoint"], cells[1]["checkpoint"]);
+    assert_eq!(campaigns(&murmuration).len(), 3, "two cells and the training");
+
+    // A campaign that trains the same embedder itself has the same archive.
+    let alone = Murmuration::over(&folder.path().join("alone"));
+    let spec = folder.path().join("alone.toml");
+    fs::write(&spec, campaign.to_toml()).unwrap();
+    let trained = alone
+        .run(&["run", &spec.display().to_string(), "--json"])
+        .last_line();
+    assert_eq!(trained["digest"], cells[0]["archive_digest"]);
+    assert_ne!(cells[0]["archive_digest"], cells[1]["archive_digest"]);
+}
