@@ -46,6 +46,8 @@ pub enum Purpose {
     Misreading,
     /// Seeds of the further starts of an individual; the seed is that of its first start, the index the start's, from 1.
     FurtherTrial,
+    /// How the digits of an evenly spread sample are permuted, and what it is shifted by; the index is the gene's.
+    Spread,
 }
 
 impl Purpose {
@@ -71,6 +73,7 @@ impl Purpose {
             Self::Gain => "gain",
             Self::Misreading => "misreading",
             Self::FurtherTrial => "further trial",
+            Self::Spread => "spread",
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The judge's agreement with people, on swarms that it was not tuned on.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
-use murmuration_judge::{frames, judge};
+use murmuration_judge::{Measures, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::{replay, replay_frames};
@@ -52,7 +52,7 @@ fn check(set: &str, column: usize) {
     let judged = swarms.iter().map(|swarm| {
         let stride = NonZeroU32::new(4).unwrap();
         let motion = replay(&swarm.controller, &swarm.world, &swarm.start, stride).unwrap();
-        judge(&motion, &swarm.world).class.name()
+        judge(&motion, &swarm.world).class().name()
     });
     let pairs: Vec<(&str, &str)> = labels.classes().zip(judged).collect();
     let table = fs::read_to_string(file(set, "validation.csv")).unwrap();
@@ -100,7 +100,7 @@ fn it_says_the_same_of_the_end_of_a_motion_as_of_the_whole() {
         let whole = replay(controller, world, start, NonZeroU32::new(4).unwrap()).unwrap();
         let end = replay_frames(controller, world, start, &frames(world)).unwrap();
         assert!(end.steps().len() * 5 < whole.steps().len());
-        assert_eq!(judge(&end, world), judge(&whole, world));
+        assert_eq!(Measures::of(&end, world), Measures::of(&whole, world));
     }
 }
 
