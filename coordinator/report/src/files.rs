@@ -9,6 +9,7 @@ use std::{
 };
 
 /// A folder being filled.
+#[derive(Debug)]
 pub(super) struct Folder {
     path: PathBuf,
     written: Vec<PathBuf>,

@@ -10,7 +10,7 @@ mod measures;
 mod recognised;
 mod robots;
 
-pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
+pub(super) use campaign::{Atlas, Campaign, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
 pub(super) use data_directory::{Backup, Doctor};
 pub(super) use kinds::Kind;

@@ -69,7 +69,7 @@ impl InProcessArgs {
     }
 
     /// At least one of each, where nobody else could do the work.
-    fn some(&self) -> Result<InProcess, CliError> {
+    pub(super) fn some(&self) -> Result<InProcess, CliError> {
         let crew = self.count();
         if crew.workers == 0 {
             let said = "--workers 0: a campaign needs at least one worker";

@@ -91,6 +91,8 @@ pub fn every_example_works() {
             "murmuration serve --workers 0",
             format!("murmuration serve --workers 0 --data served --listen 127.0.0.1:{port}"),
         )
+        .replace("--values 7", "--values 7 --data atlas-data")
+        .replace("atlas latest --out", "atlas latest --data atlas-data --out")
         .replace("/backups/", "backups/")
         .replace("single_sensor/", "tests/labelled/single_sensor/")
         .replace("two_sensor/", "tests/labelled/two_sensor/")
@@ -100,6 +102,7 @@ pub fn every_example_works() {
             NotRun("the README has it too"),
         )
         .rule("murmuration run examples/single-sensor.toml", NotRun(LONG))
+        .rule("murmuration atlas examples/atlas.toml --out", NotRun(LONG))
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule("murmuration serve", Stays("pages:"))
         .rule(

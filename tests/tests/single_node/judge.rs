@@ -3,6 +3,8 @@
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge::{Measures, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
+use murmuration_proto::Class;
+use murmuration_report::atlas::agreed;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::{replay, replay_frames};
 use serde_json::{Value, json};
@@ -85,6 +87,42 @@ fn check(set: &str, column: usize) {
     ];
     let measured: Vec<String> = classes.chain(rest).collect();
     assert_eq!(measured, documented(column), "{set}");
+}
+
+#[test]
+fn atlases_take_classes_as_far_as_people_agree_with_them() {
+    let mut pairs = Vec::new();
+    for set in ["single_sensor", "two_sensor", "rare"] {
+        let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
+        let swarms = labels.swarms(Some(&file(set, "starts.csv"))).unwrap();
+        let judged = swarms.iter().map(|swarm| {
+            let motion = replay_frames(
+                &swarm.controller,
+                &swarm.world,
+                &swarm.start,
+                &frames(&swarm.world),
+            );
+            judge(&motion.unwrap(), &swarm.world).class()
+        });
+        pairs.extend(labels.classes().map(str::to_owned).zip(judged));
+    }
+    let page = include_str!("../../../docs/judge.md");
+    for class in Class::ALL {
+        let judged = pairs.iter().filter(|(_, judged)| *judged == class);
+        let same = judged
+            .clone()
+            .filter(|(people, _)| people == class.name())
+            .count();
+        let counts = [same, judged.count()];
+        assert_eq!(agreed(class).map(|count| count as usize), counts, "{class}");
+        let line = format!(
+            "- {}: {} of {}\n",
+            class.name().replace('_', " "),
+            counts[0],
+            counts[1]
+        );
+        assert!(page.contains(&line), "docs/judge.md does not say {line}");
+    }
 }
 
 #[test]

@@ -1,10 +1,10 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate, BenchTrain,
-    Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController, FilterScore, Individual,
-    Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run, Token, UntrainedAccuracy,
-    schema_of,
+    Accuracy, AddedLabels, Agreement, Atlas, Backup, BenchAll, BenchCluster, BenchLabels, BenchSimulate,
+    BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, ExportedController, FilterScore,
+    Individual, Judge, Label, LiftedQuarantine, Quarantine, Recognised, Report, Robots, Run, Token,
+    UntrainedAccuracy, schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -22,6 +22,8 @@ pub(in crate::cli) enum Kind {
     Digest,
     /// Where a report was written: report
     Report,
+    /// Where an atlas was written: atlas
+    Atlas,
     /// A checkpoint: checkpoints list, show, import
     Checkpoint,
     /// What was added: label
@@ -79,6 +81,7 @@ impl Kind {
             Self::Run => schema_of::<Run>(),
             Self::Digest => schema_of::<Digest>(),
             Self::Report => schema_of::<Report>(),
+            Self::Atlas => schema_of::<Atlas>(),
             Self::Checkpoint => schema_of::<Checkpoint>(),
             Self::AddedLabels => schema_of::<AddedLabels>(),
             Self::Label => schema_of::<Label>(),

@@ -69,6 +69,10 @@ const FEW: &str = "frame,robot,x,y\n0,1,100,100\n0,2,200,200\n1,1,101,100\n2,1,1
 const ROBOTS: &str = "ratios = [[3, 1], [2, 2]]\n[[species]]\nname = \"a\"\nmodel = \"two-sensor\"\n\
     [[species]]\nname = \"b\"\nrobot.sensors = [{ half_angle = 0.2, range = 120, sees = [\"a\", \"walls\"] }]\n";
 
+/// All controllers of a grid of three values of each speed.
+const COARSE: &str = "name = \"coarse\"\nmodel = \"single-sensor\"\nmethod = \"exhaustive\"\n\
+    [controllers]\nstep = 1\n[world]\nhorizon = 100\n";
+
 const BENCH_CLUSTER: [&str; 8] = [
     "bench",
     "cluster",
@@ -81,7 +85,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 59] = [
+pub const OUTPUTS: [Transcript; 61] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -259,10 +263,17 @@ pub const OUTPUTS: [Transcript; 59] = [
         ],
     )
     .with_figures(),
+    done("atlas", &["atlas", "FOLDER/coarse.toml", "--out", "FOLDER/atlas"])
+        .with_files(&[("coarse.toml", COARSE)]),
+    json(
+        "atlas-json",
+        "atlas",
+        &["atlas", "FOLDER/coarse.toml", "--out", "FOLDER/atlas", "--json"],
+    ),
 ];
 
 /// What people meet most when something is wrong, first without a data directory, then about a campaign.
-pub const ERRORS: [Transcript; 43] = [
+pub const ERRORS: [Transcript; 45] = [
     fails("robot-sensors", 2, &["robot", "FOLDER/seven.toml"])
         .with_files(&[("seven.toml", "robot.sensors = [{}, {}, {}, {}, {}, {}, {}]")]),
     fails("robot-cone", 2, &["robot", "FOLDER/cone.toml"])
@@ -366,6 +377,11 @@ pub const ERRORS: [Transcript; 43] = [
         2,
         &["quarantine", "--lift", "5f0c3a9e12d4b687"],
     ),
+    fails("error-atlas", 2, &["atlas", "small-1"]),
+    fails("error-exhaustive", 2, &["run", "FOLDER/bad.toml"]).with_files(&[(
+        "bad.toml",
+        "model = \"single-sensor\"\nmethod = \"exhaustive\"\n[search]\npopulation = 100\n",
+    )]),
     fails("error-backup-within", 2, &["backup", "FOLDER/data/backup"]),
     fails("error-health", 1, &["health"]),
 ];
