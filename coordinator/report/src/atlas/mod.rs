@@ -75,12 +75,14 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
         });
     };
     let places = layout.places(atlas);
-    let map = picture::png(&layout, &places, &tallies).map_err(|source| ReportError::Drawing {
-        file: "atlas.png",
-        source,
-    })?;
+    let drawn = |file, scale| {
+        let drawn = picture::png(&layout, &places, &tallies, scale);
+        drawn.map_err(|source| ReportError::Drawing { file, source })
+    };
+    let map = drawn("atlas.png", 1)?;
+    let large = drawn("atlas-poster.svg", poster::scale(&layout))?;
     files.bytes("atlas.png", &map)?;
-    files.text("atlas-poster.svg", &poster::svg(atlas, &layout, &tallies, &map))?;
+    files.text("atlas-poster.svg", &poster::svg(atlas, &layout, &tallies, &large))?;
     let others = files.written().to_vec();
     let page = files.text("atlas.html", &page::render(atlas, &layout, &places, &map))?;
     Ok(ReportFiles { page, others })

@@ -18,15 +18,19 @@ pub(super) fn shade(tally: &Tally) -> Rgb {
     colours::over(colour(tally.class), part, DARK)
 }
 
-/// The picture as a PNG.
+/// The picture as a PNG, every controller a square of `scale` pixels a side.
 pub(super) fn png(
     layout: &Layout,
     places: &[Option<Place>],
     tallies: &[Tally],
+    scale: usize,
 ) -> Result<Vec<u8>, PictureError> {
     let shade = |place: &Option<Place>| place.map_or(NOTHING, |place| shade(&tallies[place.entry as usize]));
-    let pixels: Vec<Rgb> = places.iter().map(shade).collect();
-    square_png(pixels.as_flattened(), layout.side(), png::ColorType::Rgb)
+    let colours: Vec<Rgb> = places.iter().map(shade).collect();
+    let side = layout.side() * scale;
+    let pixel = |at: usize| colours[at / side / scale * layout.side() + at % side / scale];
+    let pixels: Vec<Rgb> = (0..side * side).map(pixel).collect();
+    square_png(pixels.as_flattened(), side, png::ColorType::Rgb)
 }
 
 /// Pixels, row by row, as a PNG of this side.

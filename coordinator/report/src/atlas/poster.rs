@@ -13,7 +13,12 @@ const TOP: f64 = 120.0;
 const LEGEND: f64 = 430.0;
 const BOTTOM: f64 = 90.0;
 
-/// The poster.
+/// Pixels that each controller's side has in the picture, which some programs blur where they enlarge it.
+pub(super) fn scale(layout: &Layout) -> usize {
+    (SIDE as usize).div_ceil(layout.side())
+}
+
+/// The poster, with the picture at its scale.
 pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8]) -> String {
     let (width, height) = (LEFT + SIDE + LEGEND, TOP + SIDE + BOTTOM);
     let view = format!("0 0 {width} {height}");
@@ -32,7 +37,7 @@ pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8])
             text x=(LEFT) y="52" font-size="34" font-weight="bold" { (title) }
             text x=(LEFT) y="90" font-size="20" fill="#5f5e58" { (subtitle) }
             image x=(LEFT) y=(TOP) width=(SIDE) height=(SIDE) href=(picture) style="image-rendering: pixelated" {}
-            (axes(layout))
+            (axes(atlas, layout))
             (legend(atlas, layout, tallies))
         }
     };
@@ -40,14 +45,14 @@ pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8])
 }
 
 /// The speeds while nothing is seen, which tiles go by.
-fn axes(layout: &Layout) -> Markup {
+fn axes(atlas: &Atlas, layout: &Layout) -> Markup {
     let tile = SIDE / layout.values() as f64;
     let every = (layout.values() / 10).max(1);
     let [right, up, ..] = layout.speeds();
     let marks = |speeds: &[f64]| -> Vec<(f64, String)> {
         let places = speeds.iter().enumerate().step_by(every);
         places
-            .map(|(place, speed)| ((place as f64 + 0.5) * tile, format!("{speed}")))
+            .map(|(place, speed)| ((place as f64 + 0.5) * tile, rounded(*speed)))
             .collect()
     };
     let turned = format!("rotate(-90 34 {})", TOP + SIDE / 2.0);
@@ -59,10 +64,15 @@ fn axes(layout: &Layout) -> Markup {
             @for (along, speed) in marks(up) {
                 text x=(LEFT - 28.0) y=(TOP + SIDE - along + 6.0) { (speed) }
             }
-            text x=(LEFT + SIDE / 2.0) y=(TOP + SIDE + 62.0) font-size="21" { "tiles: first speed while nothing is seen (left wheel)" }
-            text x="34" y=(TOP + SIDE / 2.0) font-size="21" transform=(turned) { "second speed while nothing is seen (right wheel)" }
+            text x=(LEFT + SIDE / 2.0) y=(TOP + SIDE + 62.0) font-size="21" { (atlas.spec.model().gene_names()[0]) ", while nothing is seen: tiles" }
+            text x="34" y=(TOP + SIDE / 2.0) font-size="21" transform=(turned) { (atlas.spec.model().gene_names()[1]) ", while nothing is seen: tiles" }
         }
     }
+}
+
+/// A speed as people read it.
+fn rounded(speed: f64) -> String {
+    format!("{}", (speed * 100.0).round() / 100.0)
 }
 
 /// The classes with their colours, and of how many controllers each is the most frequent one.
@@ -70,15 +80,17 @@ fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Markup {
     let x = LEFT + SIDE + 34.0;
     let counts = counts(atlas, layout, tallies);
     let all: u64 = counts.iter().map(|(_, count)| count).sum();
+    let names = atlas.spec.model().gene_names();
+    let (to_the_right, up) = (&names[2], &names[3]);
     let words = [
-        "Within each tile, a pixel for each pair of",
-        "speeds while something is seen: the first",
-        "to the right, the second up.",
-        "",
-        "Colour: what the judge calls most of the",
-        "starts. Brightness: the share of the starts",
-        "that it calls so, times how often people",
-        "agree with it.",
+        "Within each tile, a pixel for each pair of".to_owned(),
+        "speeds while something is seen:".to_owned(),
+        format!("{to_the_right} to the right, {up} up."),
+        String::new(),
+        "Colour: what the judge calls most of the".to_owned(),
+        "starts. Brightness: the share of the starts".to_owned(),
+        "that it calls so, times how often people".to_owned(),
+        "agree with it.".to_owned(),
     ];
     html! {
         g font-size="19" {
