@@ -1,6 +1,7 @@
 //! Everything that determines a campaign's outcome, validated as a whole.
 
 mod begun;
+mod exhaustive;
 mod limits;
 mod swarm;
 #[cfg(test)]
@@ -50,6 +51,7 @@ pub struct CampaignSpec {
     controllers: ControllerSpace,
     search: Search,
     starts: Starts,
+    judges: bool,
     medoids: u32,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
@@ -148,6 +150,12 @@ impl CampaignSpec {
         self.starts
     }
 
+    /// Whether the judge names the class of each trial.
+    #[must_use]
+    pub const fn judges(&self) -> bool {
+        self.judges
+    }
+
     /// Number of medoids in the taxonomy.
     #[must_use]
     pub const fn medoids(&self) -> u32 {
@@ -209,7 +217,22 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
 
     fn try_from(message: v1::CampaignSpec) -> Result<Self, Invalid> {
         let (model, world) = swarm::swarm(&message)?;
-        let search = Search::try_from(message.search.unwrap_or_default()).map_err(|e| e.within("search"))?;
+        let method = Method::try_from(message.method)?;
+        let filter = message.filter.unwrap_or(false);
+        let controllers = ControllerSpace::for_model(message.controllers.unwrap_or_default(), &model)
+            .map_err(|e| e.within("controllers"))?;
+        exhaustive::check_unused(method, filter, &controllers)?;
+        let evaluation = message.evaluation.unwrap_or_default();
+        let starts = match evaluation.starts {
+            Some(starts) => Starts::new("evaluation.starts", starts)?,
+            None => Starts::ONE,
+        };
+        let search = exhaustive::search(
+            message.search.unwrap_or_default(),
+            method,
+            (&controllers, &world, starts),
+        )?;
+        let search = Search::try_from(search).map_err(|e| e.within("search"))?;
         let default_medoids = match model.species() {
             [alone] if alone.robot().sensors().len() == 1 => 12,
             _ => 16,
@@ -221,8 +244,6 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             .unwrap_or(default_medoids);
         let most_medoids = search.evaluations().min(1000) as u32;
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
-        let method = Method::try_from(message.method)?;
-        let filter = message.filter.unwrap_or(false);
         let image = ImageFormat::for_swarm(message.image.unwrap_or_default(), &world, &model)
             .map_err(|e| e.within("image"))?;
         let embedder = embedder::Fields {
@@ -252,13 +273,10 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             method,
             filter,
             image,
-            controllers: ControllerSpace::for_model(message.controllers.unwrap_or_default(), &model)
-                .map_err(|e| e.within("controllers"))?,
+            controllers,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
-            starts: match message.evaluation.unwrap_or_default().starts {
-                Some(starts) => Starts::new("evaluation.starts", starts)?,
-                None => Starts::ONE,
-            },
+            starts,
+            judges: evaluation.judge.unwrap_or(method == Method::Exhaustive),
             world,
             search,
         };
@@ -296,6 +314,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             }),
             evaluation: Some(v1::EvaluationParams {
                 starts: Some(spec.starts.into()),
+                judge: (spec.judges || spec.method == Method::Exhaustive).then_some(spec.judges),
             }),
         }
     }

@@ -1,6 +1,6 @@
 //! The outcome of one simulation.
 
-use crate::{ImageFormat, Invalid, counted, v1};
+use crate::{ImageFormat, Invalid, Verdict, counted, v1};
 
 /// The five hand-crafted features of Brown et al. (paper, Table 1), each a mean over the last 100 steps:
 /// average speed, angular momentum, radial variance (times 20), scatter, group rotation.
@@ -50,6 +50,17 @@ pub struct Evaluation {
     image: Vec<u8>,
     /// Empty if it was not requested.
     embedding: Vec<f32>,
+    /// Absent if it was not requested.
+    verdict: Option<Verdict>,
+}
+
+/// What is requested of an evaluation besides features and picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Extras {
+    /// Length of the embedding, if there is to be one.
+    pub dimensions: Option<usize>,
+    /// Whether the judge is to name the class of the motion.
+    pub judge: bool,
 }
 
 impl Evaluation {
@@ -76,7 +87,14 @@ impl Evaluation {
             features,
             image,
             embedding: Vec::new(),
+            verdict: None,
         })
+    }
+
+    /// Adds what the judge says of the motion.
+    #[must_use]
+    pub fn judged(self, verdict: Option<Verdict>) -> Self {
+        Self { verdict, ..self }
     }
 
     /// Adds the embedding of the picture, which must have `dimensions` numbers.
@@ -90,15 +108,15 @@ impl Evaluation {
         })
     }
 
-    /// Validates an evaluation from a worker that was asked for pictures in `format` and, if `dimensions` is given, for an
-    /// embedding of that length.
+    /// Validates an evaluation from a worker that was asked for pictures in `format` and for these `extras`.
     ///
     /// # Errors
-    /// As [`Evaluation::new`] and [`Evaluation::embedded`], and if there are not five features.
+    /// As [`Evaluation::new`] and [`Evaluation::embedded`], if there are not five features, or if there is a verdict that was not
+    /// requested or none that was.
     pub fn for_format(
         message: v1::Evaluation,
         format: &ImageFormat,
-        dimensions: Option<usize>,
+        extras: Extras,
     ) -> Result<Self, Invalid> {
         let features = Features::try_from(message.features.as_slice()).map_err(|_| {
             Invalid::new(
@@ -107,7 +125,14 @@ impl Evaluation {
                 "5 values",
             )
         })?;
-        Self::new(features, message.image, format)?.embedded(message.embedding, dimensions.unwrap_or(0))
+        let verdict = match (extras.judge, message.verdict) {
+            (false, 0) => None,
+            (false, number) => return Err(Invalid::new("verdict", number, "absent: nobody asked for it")),
+            (true, number) => Some(Verdict::try_from(number)?),
+        };
+        let evaluation = Self::new(features, message.image, format)?;
+        let embedded = evaluation.embedded(message.embedding, extras.dimensions.unwrap_or(0))?;
+        Ok(embedded.judged(verdict))
     }
 
     /// The hand-crafted features.
@@ -134,17 +159,24 @@ impl Evaluation {
         &self.embedding
     }
 
+    /// What the judge says of the motion; `None` if it was not requested.
+    #[must_use]
+    pub const fn verdict(&self) -> Option<Verdict> {
+        self.verdict
+    }
+
     /// Whether both have the same bits.
     #[must_use]
     pub fn same_bits(&self, other: &Self) -> bool {
         self.same_simulation(other) && same_embedding(&self.embedding, &other.embedding)
     }
 
-    /// Whether features and image have the same bits; embeddings are ignored.
+    /// Whether features and image have the same bits, and the verdicts are the same; embeddings are ignored.
     #[must_use]
     pub fn same_simulation(&self, other: &Self) -> bool {
         let bits = |features: &Features| features.map(f64::to_bits);
-        bits(&self.features) == bits(&other.features) && self.image == other.image
+        let seen = bits(&self.features) == bits(&other.features) && self.image == other.image;
+        seen && self.verdict == other.verdict
     }
 }
 
@@ -245,6 +277,7 @@ impl From<Evaluation> for v1::Evaluation {
             features: evaluation.features.to_vec(),
             image: evaluation.image,
             embedding: evaluation.embedding,
+            verdict: evaluation.verdict.map_or(0, |verdict| verdict.number().into()),
         }
     }
 }
@@ -252,6 +285,7 @@ impl From<Evaluation> for v1::Evaluation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Class;
 
     #[test]
     fn means_are_over_trials_and_of_one_trial_they_are_its_own() {
@@ -266,6 +300,28 @@ mod tests {
         let alone = mean_embedding(embeddings.into_iter().take(1));
         assert!(same_embedding(&alone, embeddings[0]));
         assert!(mean_embedding([].into_iter()).is_empty());
+    }
+
+    #[test]
+    fn a_verdict_comes_if_and_only_if_it_was_requested() {
+        let format = ImageFormat::default();
+        let evaluation = Evaluation::new([0.0; 5], vec![0; format.bytes()], &format).unwrap();
+        let take = |verdict: Option<Verdict>, judge| {
+            let message = evaluation.clone().judged(verdict).into();
+            let extras = Extras {
+                judge,
+                ..Extras::default()
+            };
+            Evaluation::for_format(message, &format, extras)
+        };
+        let milling = Some(Verdict::Class(Class::Milling));
+        let taken = take(milling, true).unwrap();
+        assert_eq!(
+            (taken.verdict(), take(None, false).unwrap().verdict()),
+            (milling, None)
+        );
+        assert!(!taken.same_simulation(&evaluation));
+        assert!(take(None, true).is_err() && take(milling, false).is_err());
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod checkpoint;
 mod counted;
 mod dataset;
 mod embedder;
+mod enumeration;
 mod evaluation;
 mod feedback;
 mod image_format;
@@ -38,6 +39,7 @@ mod toml_errors;
 mod toml_line;
 mod toml_names;
 pub mod training;
+mod verdict;
 mod world;
 
 pub use campaign_spec::{CampaignName, CampaignSpec, SpecFileError};
@@ -45,9 +47,10 @@ pub use checkpoint::{CheckpointDigest, Lineage, PART_BYTES};
 pub use counted::{counted, figure, grouped, noun};
 pub use dataset::Dataset;
 pub use embedder::EmbedderSource;
+pub use enumeration::Enumeration;
 pub use evaluation::{
-    EmbeddingKind, Evaluation, FEATURE_NAMES, Features, MAX_FEATURE, check_embedding, embeddings_agree,
-    mean_embedding, mean_features,
+    EmbeddingKind, Evaluation, Extras, FEATURE_NAMES, Features, MAX_FEATURE, check_embedding,
+    embeddings_agree, mean_embedding, mean_features,
 };
 pub use feedback::{Feedback, Strategy};
 pub use image_format::ImageFormat;
@@ -68,6 +71,7 @@ pub use starts::Starts;
 pub use text::Text;
 pub use toml_errors::{TomlError, read_toml};
 pub use toml_line::{of_toml_line, to_toml_line};
+pub use verdict::{Class, Pattern, Verdict};
 pub use world::{Noise, Obstacle, StartShape, World};
 
 /// The generated messages and services of the package `murmuration.v1`.

@@ -16,16 +16,19 @@ pub enum Method {
     Untrained,
     /// Novelty search on the embedding followed by the hand-crafted features.
     Concatenate,
+    /// Every controller of a space of finitely many, mirror images once, or an evenly spread sample; no novelty.
+    Exhaustive,
 }
 
 impl Method {
     /// Every method.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Random,
         Self::HandCrafted,
         Self::Latent,
         Self::Untrained,
         Self::Concatenate,
+        Self::Exhaustive,
     ];
 
     /// Its name in files and on the command line.
@@ -37,6 +40,7 @@ impl Method {
             Self::Latent => "latent",
             Self::Untrained => "untrained",
             Self::Concatenate => "concatenate",
+            Self::Exhaustive => "exhaustive",
         }
     }
 
@@ -49,7 +53,16 @@ impl Method {
     /// Whether the behaviour space includes the hand-crafted features.
     #[must_use]
     pub const fn has_features(self) -> bool {
-        matches!(self, Self::Random | Self::HandCrafted | Self::Concatenate)
+        matches!(
+            self,
+            Self::Random | Self::HandCrafted | Self::Concatenate | Self::Exhaustive
+        )
+    }
+
+    /// Whether novelty is measured, and children are bred by it.
+    #[must_use]
+    pub const fn has_novelty(self) -> bool {
+        !matches!(self, Self::Exhaustive)
     }
 
     /// The behaviour vector of an individual: its embedding, its features, or one after the other.
@@ -95,6 +108,7 @@ impl TryFrom<i32> for Method {
             Ok(v1::Method::Latent) => Ok(Self::Latent),
             Ok(v1::Method::Untrained) => Ok(Self::Untrained),
             Ok(v1::Method::Concatenate) => Ok(Self::Concatenate),
+            Ok(v1::Method::Exhaustive) => Ok(Self::Exhaustive),
             Ok(v1::Method::Unspecified) => Err(Invalid::new("method", "nothing", Self::one_of())),
             Err(_) => Err(Invalid::new("method", number, Self::one_of())),
         }
@@ -109,6 +123,7 @@ impl From<Method> for v1::Method {
             Method::Latent => Self::Latent,
             Method::Untrained => Self::Untrained,
             Method::Concatenate => Self::Concatenate,
+            Method::Exhaustive => Self::Exhaustive,
         }
     }
 }

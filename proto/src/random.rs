@@ -49,6 +49,8 @@ pub enum Purpose {
     /// Resampling the trials of a study and the judge's errors; the seed is 0, the index the row's of a table. No result of a
     /// campaign depends on it.
     Resample,
+    /// How the digits of an evenly spread sample are permuted, and what it is shifted by; the index is the gene's.
+    Spread,
 }
 
 impl Purpose {
@@ -75,6 +77,7 @@ impl Purpose {
             Self::Misreading => "misreading",
             Self::FurtherTrial => "further trial",
             Self::Resample => "resample",
+            Self::Spread => "spread",
         }
     }
 }

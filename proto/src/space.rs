@@ -105,13 +105,45 @@ impl GeneSpace {
     pub fn sample(&self, stream: &mut RandomStream) -> f64 {
         match self {
             &Self::Speed { limit, steps: 0 } => limit * stream.between(-1.0, 1.0),
-            &Self::Speed { limit, steps } => {
-                let place = stream.below(2 * u64::from(steps) + 1);
-                limit * ((place as f64 - f64::from(steps)) / f64::from(steps))
-            }
-            Self::Among(angles) => angles[stream.below(angles.len() as u64) as usize],
             &Self::Within([low, high]) => stream.between(low, high),
-            &Self::Ratio(count) => stream.below(count as u64) as f64,
+            Self::Speed { .. } | Self::Among(_) | Self::Ratio(_) => {
+                self.value(stream.below(self.values().unwrap_or(1)))
+            }
+        }
+    }
+
+    /// Number of values; `None` if there is one between any two.
+    #[must_use]
+    pub fn values(&self) -> Option<u64> {
+        match *self {
+            Self::Speed { steps: 0, .. } | Self::Within(_) => None,
+            Self::Speed { steps, .. } => Some(2 * u64::from(steps) + 1),
+            Self::Among(ref angles) => Some(angles.len() as u64),
+            Self::Ratio(count) => Some(count as u64),
+        }
+    }
+
+    /// The value at `place`, which is under [`GeneSpace::values`]; 0 where there is one between any two.
+    #[must_use]
+    pub fn value(&self, place: u64) -> f64 {
+        match *self {
+            Self::Speed { steps: 0, .. } | Self::Within(_) => 0.0,
+            Self::Speed { limit, steps } => limit * ((place as f64 - f64::from(steps)) / f64::from(steps)),
+            Self::Among(ref angles) => angles[place as usize],
+            Self::Ratio(_) => place as f64,
+        }
+    }
+
+    /// The value that a `share` (0 to under 1) of all values is below.
+    #[must_use]
+    pub fn at(&self, share: f64) -> f64 {
+        match (self, self.values()) {
+            (&Self::Speed { limit, .. }, None) => limit * (2.0 * share - 1.0),
+            (&Self::Within([low, high]), _) => low + share * (high - low),
+            (_, values) => {
+                let values = values.unwrap_or(1);
+                self.value(((share * values as f64) as u64).min(values - 1))
+            }
         }
     }
 

@@ -2,6 +2,7 @@
 
 mod batch;
 mod observed;
+mod recorder;
 #[cfg(test)]
 mod tests;
 
@@ -14,6 +15,7 @@ use crate::{
 };
 use murmuration_proto::{Controller, Evaluation, ImageFormat, Invalid, World};
 use pulp::Arch;
+use recorder::{Recorder, quiet};
 
 /// Evaluates controllers in one world, and reuses its buffers.
 #[derive(Debug)]
@@ -24,6 +26,7 @@ pub struct Evaluator {
     arch: Arch,
     /// Controllers that are evaluated at once.
     lanes: usize,
+    judges: bool,
 }
 
 impl Evaluator {
@@ -46,13 +49,20 @@ impl Evaluator {
             rasteriser: Rasteriser::on(arch, world, format)?,
             arch,
             lanes: batch::lanes(arch, world),
+            judges: false,
         })
+    }
+
+    /// The same, and whether it also lets the judge name the class of each motion.
+    #[must_use]
+    pub fn judging(self, judges: bool) -> Self {
+        Self { judges, ..self }
     }
 
     /// Simulates `controller` from `start` over the world's horizon.
     ///
     /// The features are means over the last 100 steps. The picture shows all steps of the format's window but the first,
-    /// which clears the canvas.
+    /// which clears the canvas. The verdict is the judge's of the motion, if this evaluator judges.
     ///
     /// # Errors
     /// As [`Swarm::new`]; if the format has a channel for each species of another swarm; or if a feature is not finite (which no
@@ -63,12 +73,24 @@ impl Evaluator {
             .map_err(|error| error.within("image"))?;
         let mut swarm = Swarm::on(self.arch, controller, &self.world, start)?;
         let mut ending = Ending::new(&self.world, &self.format, &mut self.rasteriser);
-        swarm.advance(ending.first_step());
+        let mut recorder = self.judges.then(|| Recorder::new(&self.world, 1));
+        let record = |recorder: &mut Option<Recorder>, swarm: &Swarm| {
+            if let Some(recorder) = recorder {
+                recorder.observe(swarm.steps(), |_| swarm.agents().map(|agent| agent.position));
+            }
+        };
+        record(&mut recorder, &swarm);
         while swarm.steps() < self.world.horizon() {
+            swarm.advance(quiet(swarm.steps(), ending.first_step(), recorder.as_ref()));
             swarm.step();
             ending.observe(&swarm);
+            record(&mut recorder, &swarm);
         }
-        Evaluation::new(ending.features.means(), ending.rasteriser.image(), &self.format)
+        let evaluation = Evaluation::new(ending.features.means(), ending.rasteriser.image(), &self.format)?;
+        let verdicts = recorder
+            .map(|recorder| recorder.verdicts(&self.world))
+            .transpose()?;
+        Ok(evaluation.judged(verdicts.and_then(|verdicts| verdicts.first().copied())))
     }
 
     /// As [`Evaluator::evaluate`] of each of `tasks` in turn: the bits are the same. It is faster for swarms of one species of
@@ -101,6 +123,7 @@ impl Evaluator {
             world: &self.world,
             format: &self.format,
             rasteriser: &mut self.rasteriser,
+            judges: self.judges,
             tasks,
         })
     }

@@ -27,6 +27,8 @@ pub struct EvaluationJob {
     pub embedder: Option<EmbedderRef>,
     /// Trials of each controller.
     pub starts: Starts,
+    /// Whether the judge names the class of each trial.
+    pub judges: bool,
     /// Controllers with the seeds of their first starts; at least one.
     pub tasks: Vec<(Controller, u64)>,
 }
@@ -42,11 +44,12 @@ impl EvaluationJob {
             image: *record.spec.image(),
             embedder,
             starts: Starts::ONE,
+            judges: false,
             tasks,
         }
     }
 
-    /// As [`EvaluationJob::of`], each with as many trials as an individual of this campaign has.
+    /// As [`EvaluationJob::of`], each with as many trials as an individual of this campaign has, judged if they are.
     pub fn of_individuals(
         record: &CampaignRecord,
         embedder: Option<EmbedderRef>,
@@ -54,6 +57,7 @@ impl EvaluationJob {
     ) -> Self {
         Self {
             starts: record.spec.starts(),
+            judges: record.spec.judges(),
             ..Self::of(record, embedder, tasks)
         }
     }

@@ -4,8 +4,8 @@ use super::job::{EmbeddingJob, Evaluated, EvaluationJob, JobError, PoisonedTask,
 use crate::WorkKind;
 use murmuration_model::{CampaignId, MachineId, Maker, Weight};
 use murmuration_proto::{
-    CheckpointDigest, Controller, EmbeddingKind, Evaluation, Invalid, Replay, Starts, World, check_embedding,
-    embeddings_agree,
+    CheckpointDigest, Controller, EmbeddingKind, Evaluation, Extras, Invalid, Replay, Starts, World,
+    check_embedding, embeddings_agree,
     v1::{self, batch_result::Outcome},
 };
 use murmuration_worker::features::{FeatureBounds, check_positions};
@@ -150,6 +150,7 @@ impl Work for EvaluationJob {
             tasks: tasks.map(|(controller, seed)| task(controller, *seed)).collect(),
             checkpoint: checkpoint.unwrap_or_default(),
             starts: self.starts.into(),
+            judge: self.judges,
         })
     }
 
@@ -157,10 +158,13 @@ impl Work for EvaluationJob {
         let Outcome::Evaluations(message) = outcome else {
             return Err(other_work());
         };
-        let dimensions = self.embedder.map(|embedder| embedder.dimensions);
+        let extras = Extras {
+            dimensions: self.embedder.map(|embedder| embedder.dimensions),
+            judge: self.judges,
+        };
         let bounds = FeatureBounds::of(&self.model, &self.world);
         let take = |evaluation| {
-            let evaluation = Evaluation::for_format(evaluation, &self.image, dimensions)?;
+            let evaluation = Evaluation::for_format(evaluation, &self.image, extras)?;
             bounds.check(evaluation.features())?;
             Ok(evaluation)
         };

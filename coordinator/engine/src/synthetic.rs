@@ -108,7 +108,7 @@ impl SyntheticAnnotator {
             seed,
         };
         let replay = self.dispatch.replay(job).await?;
-        let class = blocking(move || judge(&replay, &world).class).await?;
+        let class = blocking(move || judge(&replay, &world).class()).await?;
         Ok(Change {
             annotator: Annotator::synthetic(),
             time_ms: SystemTime::now()

@@ -4,6 +4,7 @@
 //! cluster; its caller has done so.
 
 mod again;
+pub mod atlas;
 mod commands;
 mod files;
 mod names;
@@ -171,6 +172,14 @@ pub enum ReportError {
     Picture {
         /// Index of the individual.
         index: u64,
+        /// What is wrong.
+        source: PictureError,
+    },
+    /// A picture of an atlas cannot be made.
+    #[error("cannot draw {file}: {source}")]
+    Drawing {
+        /// Name of its file or folder.
+        file: &'static str,
         /// What is wrong.
         source: PictureError,
     },

@@ -147,6 +147,7 @@ impl Described {
             image: *self.spec.image(),
             embedder: self.embedder,
             starts: self.spec.starts(),
+            judges: self.spec.judges(),
             tasks: tasks.collect::<Result<_, Invalid>>()?,
         })
     }

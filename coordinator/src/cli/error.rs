@@ -191,6 +191,11 @@ impl From<Status> for CliError {
     }
 }
 
+/// Where `murmuration` keeps the atlas of a campaign.
+pub(super) fn atlas_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
+    data.join("atlases").join(campaign.as_str())
+}
+
 /// Where `murmuration` keeps the report of a campaign.
 pub(super) fn report_folder(data: &Path, campaign: &CampaignId) -> PathBuf {
     data.join("reports").join(campaign.as_str())

@@ -12,7 +12,7 @@ mod recognised;
 mod robots;
 mod study;
 
-pub(super) use campaign::{Campaign, Digest, Individual, Report, Run};
+pub(super) use campaign::{Atlas, Campaign, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
 pub(super) use data_directory::{Backup, Doctor};
 pub(super) use evaluated::Evaluated;

@@ -8,10 +8,9 @@ use super::{
 };
 use murmuration_accuracy::{LabelledSet, Swarm};
 use murmuration_judge as judge;
-use murmuration_judge::{Class, Pattern, Verdict};
 use murmuration_link::{OutputError, outln};
 use murmuration_model::labels::ConfusionMatrix;
-use murmuration_proto::{counted, grouped};
+use murmuration_proto::{Class, Pattern, Verdict, counted, grouped};
 use murmuration_worker::replay::replay_frames;
 use rayon::prelude::*;
 use std::{collections::BTreeMap, path::PathBuf};
@@ -58,7 +57,7 @@ impl JudgeCommand {
                 patterns.iter_mut().for_each(|counts| counts.count(seen, verdict));
             }
             let classes = labels.classes().map(str::to_owned);
-            answers.extend(classes.zip(verdicts.iter().map(|verdict| verdict.class.name())));
+            answers.extend(classes.zip(verdicts.iter().map(|verdict| verdict.class().name())));
         }
         let pairs = answers.iter().map(|(people, judge)| (people.as_str(), *judge));
         let matrix: ConfusionMatrix<&str> = pairs.collect();
@@ -160,7 +159,7 @@ impl PatternCounts {
     /// Counts a behaviour in which people saw the patterns `seen`, joined by `|`.
     fn count(&mut self, seen: &str, verdict: &Verdict) {
         let seen = seen.split('|').any(|name| name == self.pattern.name());
-        let judged = verdict.pattern == Some(self.pattern);
+        let judged = verdict.pattern() == Some(self.pattern);
         self.given += u64::from(seen);
         self.agreed += u64::from(seen && judged);
         self.judged += u64::from(judged);

@@ -4,6 +4,7 @@
 //! with 0 and without a word.
 
 mod accuracy;
+mod atlas;
 mod bench;
 mod campaigns;
 mod certs;
@@ -136,6 +137,8 @@ enum Command {
     Run(run::Run),
     /// Continue a campaign that was paused or interrupted, or that failed
     Resume(run::Resume),
+    /// Evaluate and judge every controller of a robot, and draw the map of what they do
+    Atlas(atlas::AtlasCommand),
     /// Run a coordinator for workers, trainers and browsers
     Serve(serve::Serve),
     /// Create an access token and its entry in the tokens file
@@ -262,6 +265,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
     let done: Pin<Box<dyn Future<Output = Result<(), CliError>> + '_>> = match command {
         Command::Run(run) => Box::pin(run.execute(global)),
         Command::Resume(resume) => Box::pin(resume.execute(global)),
+        Command::Atlas(atlas) => Box::pin(atlas.execute(global)),
         Command::Serve(serve) => Box::pin(serve.execute(global)),
         Command::Token(token) => Box::pin(ready(token.execute(global.json))),
         Command::Certs(certs) => Box::pin(ready(certs.execute(global.json))),

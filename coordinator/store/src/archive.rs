@@ -117,8 +117,8 @@ impl Store {
             let first = individuals.first().map_or(0, |individual| individual.index);
             add_provenance(transaction, number, (ResultKind::Evaluation, first), provenance)?;
             let mut individual = transaction.prepare(
-                "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+                "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty, verdicts)
+                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
             )?;
             let mut image =
                 transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
@@ -137,6 +137,7 @@ impl Store {
                     row.seed.cast_signed(),
                     features,
                     row.novelty,
+                    row.verdict_column(),
                 ])?;
                 if let Some(images) = images {
                     image.execute(params![number, index, images])?;
@@ -163,7 +164,7 @@ impl Store {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image, e.embedding
+                "SELECT i.place, i.generation, i.controller, i.seed, i.features, i.novelty, m.image, e.embedding, i.verdicts
                  FROM individuals i JOIN campaigns c ON c.number = i.campaign
                  LEFT JOIN images m ON ?4 AND m.campaign = i.campaign AND m.place = i.place
                  LEFT JOIN embeddings e

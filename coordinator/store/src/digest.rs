@@ -17,7 +17,8 @@ pub struct ArchiveDigest {
 }
 
 /// Digests the archive as far as it is complete: for each individual in index order its genes and the features
-/// (f64, little-endian), image, and embedding (f32, little-endian; if it has one) of each of its trials. Names, times, seeds and novelty are left out: they follow from the
+/// (f64, little-endian), image, embedding (f32, little-endian; if it has one) and verdict (its number in messages, a byte; if it has
+/// one) of each of its trials. Names, times, seeds and novelty are left out: they follow from the
 /// specification, or do not matter to the outcome.
 ///
 /// # Errors
@@ -48,6 +49,9 @@ pub fn digest(
                 hasher.update(trial.image.as_deref().unwrap_or_default());
                 for value in &trial.embedding {
                     hasher.update(&value.to_le_bytes());
+                }
+                if let Some(verdict) = trial.verdict {
+                    hasher.update(&[verdict.number()]);
                 }
             }
         }

@@ -6,7 +6,7 @@ use super::{
     numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, numbers_to_blob},
 };
 use murmuration_proto::{
-    CapabilityModel, Controller, Features, Method, Starts, mean_embedding, mean_features,
+    CapabilityModel, Controller, Features, Method, Starts, Verdict, mean_embedding, mean_features,
 };
 use rusqlite::Row;
 
@@ -36,6 +36,8 @@ pub struct Trial {
     pub embedding: Vec<f32>,
     /// Grey values, index x * resolution + y; absent where they were not asked for.
     pub image: Option<Vec<u8>>,
+    /// What the judge said of it, if it was asked.
+    pub verdict: Option<Verdict>,
 }
 
 impl ArchivedIndividual {
@@ -122,6 +124,18 @@ impl ArchivedIndividual {
     }
 }
 
+impl ArchivedIndividual {
+    /// What the judge said of its trials; empty if it was not asked.
+    pub fn verdicts(&self) -> impl Iterator<Item = Verdict> {
+        self.trials.iter().filter_map(|trial| trial.verdict)
+    }
+
+    /// The value of the column for verdicts.
+    pub(super) fn verdict_column(&self) -> Vec<u8> {
+        self.verdicts().map(Verdict::number).collect()
+    }
+}
+
 /// The value of the column for the images of each, if it has them.
 pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Option<Vec<u8>>>, StoreError> {
     let mut compressor = Compressor::new()?;
@@ -134,8 +148,8 @@ pub(super) fn compressed(individuals: &[ArchivedIndividual]) -> Result<Vec<Optio
         .collect()
 }
 
-/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding), with its images if there
-/// is something to decompress them with.
+/// The individual in a row (place, generation, controller, seed, features, novelty, image, embedding, verdicts), with its images if
+/// there is something to decompress them with.
 pub(super) fn read(
     row: &Row<'_>,
     model: &CapabilityModel,
@@ -152,12 +166,14 @@ pub(super) fn read(
         .transpose()
         .map_err(|error| damaged(&format_args!("its picture is {error}")))?;
     let embeddings = blob_to_numbers(&row.get::<_, Option<Vec<u8>>>(7)?.unwrap_or_default());
+    let verdicts: Vec<u8> = row.get(8)?;
+    let trials = trials(&features, &embeddings, image.as_deref()).map_err(|error| damaged(&error))?;
     Ok(ArchivedIndividual {
         index: index.unsigned_abs(),
         generation: row.get(1)?,
         controller: Controller::new(model, &genes).map_err(|error| damaged(&error))?,
         seed: row.get::<_, i64>(3)?.cast_unsigned(),
-        trials: trials(&features, &embeddings, image.as_deref()).map_err(|error| damaged(&error))?,
+        trials: judged(trials, &verdicts).map_err(|error| damaged(&error))?,
         novelty: row.get(5)?,
     })
 }
@@ -183,8 +199,27 @@ fn trials(features: &[f64], embeddings: &[f32], images: Option<&[u8]>) -> Result
             let pixels = images.len() / count;
             images[place * pixels..(place + 1) * pixels].to_vec()
         }),
+        verdict: None,
     };
     Ok(features.iter().enumerate().map(trial).collect())
+}
+
+/// The trials with the verdicts in the value of a column.
+fn judged(trials: Vec<Trial>, verdicts: &[u8]) -> Result<Vec<Trial>, &'static str> {
+    if verdicts.is_empty() {
+        return Ok(trials);
+    }
+    if verdicts.len() != trials.len() {
+        return Err("its features and verdicts are of different numbers of trials");
+    }
+    let judged = |(trial, &number): (Trial, &u8)| {
+        let verdict = Verdict::try_from(i32::from(number)).map_err(|_| "a verdict that there is not")?;
+        Ok(Trial {
+            verdict: Some(verdict),
+            ..trial
+        })
+    };
+    trials.into_iter().zip(verdicts).map(judged).collect()
 }
 
 #[cfg(test)]
@@ -197,6 +232,7 @@ mod tests {
             features: [f64::from(value); 5],
             embedding: vec![value, -value],
             image: Some(vec![grey; 4]),
+            verdict: None,
         };
         let individual = ArchivedIndividual {
             trials: vec![trial(1.0, 10), trial(2.0, 20), trial(6.0, 30)],
@@ -217,5 +253,12 @@ mod tests {
         assert!(trials(&[0.0; 85], &[], None).is_err());
         assert!(trials(&[0.0; 10], &[0.0; 5], None).is_err());
         assert!(trials(&[0.0; 10], &[], Some(&[0; 3])).is_err());
+        let two = || trials(&[0.0; 10], &[], None).unwrap();
+        assert_eq!(judged(two(), &[]).unwrap(), two());
+        assert_eq!(
+            judged(two(), &[2, 11]).unwrap()[1].verdict.map(Verdict::number),
+            Some(11)
+        );
+        assert!(judged(two(), &[2]).is_err() && judged(two(), &[2, 12]).is_err());
     }
 }

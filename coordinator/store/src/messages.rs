@@ -22,6 +22,10 @@ impl From<ArchivedIndividual> for v1::Individual {
             novelty: individual.novelty,
             embedding: individual.embedding(),
             trials: trials.filter(|_| starts > 1).map(trial).collect(),
+            verdicts: individual
+                .verdicts()
+                .map(|verdict| verdict.number().into())
+                .collect(),
             image: individual.into_image(),
         }
     }

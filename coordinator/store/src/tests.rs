@@ -5,7 +5,9 @@ mod switches;
 
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Lineage, Preset};
+use murmuration_proto::{
+    CampaignSpec, CheckpointDigest, Controller, EmbeddingKind, Lineage, Preset, Verdict,
+};
 use murmuration_search::medoids::Clustering;
 use std::fs;
 
@@ -37,6 +39,7 @@ fn trial(index: u64, embedding: Vec<f32>) -> Trial {
         features: [index as f64, 1e-300, -0.0, f64::MAX, 0.1 + 0.2],
         embedding,
         image: Some(vec![index as u8; 2500]),
+        verdict: Verdict::try_from(1 + (index % 11) as i32).ok(),
     }
 }
 

@@ -137,8 +137,8 @@ fn judged(
     Ok(JudgedIndividual {
         seed: individual.seed,
         controller: individual.controller.genes().to_vec(),
-        class: verdict.class.name().to_owned(),
-        pattern: verdict.pattern.map_or("", |pattern| pattern.name()).to_owned(),
+        class: verdict.class().name().to_owned(),
+        pattern: verdict.pattern().map_or("", |pattern| pattern.name()).to_owned(),
     })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::measured::Measured;
 use csv::{ReaderBuilder, StringRecord};
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use std::collections::BTreeMap;
 
 /// Who is said to have named a behaviour if the file does not say.

@@ -1,6 +1,6 @@
 //! What is measured of a cell, and the figures that come of it.
 
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use murmuration_proto::Invalid;
 use std::{fmt, str::FromStr};
 

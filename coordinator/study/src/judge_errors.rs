@@ -5,7 +5,7 @@
 //! names. The figures of many resamplings spread as far as judge and replicates leave them open.
 
 use crate::{figure::Figure, measured::JudgedBehaviours};
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use murmuration_proto::{CapabilityModel, Preset, Purpose, RandomStream};
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! What was measured of a cell, as it is kept.
 
 use crate::figure::Figure;
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -12,7 +12,7 @@ use crate::{
     tables::{Entry, Resampled, Row, Table},
 };
 use murmuration_accuracy::Summary;
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, BTreeSet},

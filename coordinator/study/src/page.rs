@@ -10,8 +10,8 @@ use crate::{
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use murmuration_judge::Class;
 use murmuration_model::colours;
+use murmuration_proto::Class;
 use murmuration_proto::{counted, grouped};
 
 const STYLE: &str = include_str!("page.css");

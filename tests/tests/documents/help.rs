@@ -94,6 +94,8 @@ pub fn every_example_works() {
             "murmuration serve --workers 0",
             format!("murmuration serve --workers 0 --data served --listen 127.0.0.1:{port}"),
         )
+        .replace("--values 7", "--values 7 --data atlas-data")
+        .replace("atlas latest --out", "atlas latest --data atlas-data --out")
         .replace("/backups/", "backups/")
         .replace("single_sensor/", "tests/labelled/single_sensor/")
         .replace("two_sensor/", "tests/labelled/two_sensor/")
@@ -111,6 +113,7 @@ pub fn every_example_works() {
                  cp murmuration-data/studies/small/medoids.csv my-classes.csv",
             ),
         )
+        .rule("murmuration atlas examples/atlas.toml --out", NotRun(LONG))
         .rule("murmuration resume latest", Before("interrupted small.toml"))
         .rule("murmuration serve", Stays("pages:"))
         .rule(

@@ -15,7 +15,7 @@ fn lie() -> v1::Evaluation {
     v1::Evaluation {
         features: vec![0.123; 5],
         image: vec![7; 2500],
-        embedding: Vec::new(),
+        ..v1::Evaluation::default()
     }
 }
 

@@ -1,9 +1,10 @@
 //! The judge's agreement with people, on swarms that it was not tuned on.
 
 use murmuration_accuracy::{LabelledSet, Swarm};
-use murmuration_judge::{Class, frames, judge};
+use murmuration_judge::{Measures, frames, judge};
 use murmuration_model::labels::ConfusionMatrix;
-use murmuration_proto::{CapabilityModel, Preset};
+use murmuration_proto::{CapabilityModel, Class, Preset};
+use murmuration_report::atlas::agreed;
 use murmuration_study::JudgeErrors;
 use murmuration_tests::Murmuration;
 use murmuration_worker::replay::{replay, replay_frames};
@@ -54,7 +55,7 @@ fn check(set: &str, column: usize) {
     let judged = swarms.iter().map(|swarm| {
         let stride = NonZeroU32::new(4).unwrap();
         let motion = replay(&swarm.controller, &swarm.world, &swarm.start, stride).unwrap();
-        judge(&motion, &swarm.world).class.name()
+        judge(&motion, &swarm.world).class().name()
     });
     let pairs: Vec<(&str, &str)> = labels.classes().zip(judged).collect();
     let table = fs::read_to_string(file(set, "validation.csv")).unwrap();
@@ -90,6 +91,42 @@ fn check(set: &str, column: usize) {
 }
 
 #[test]
+fn atlases_take_classes_as_far_as_people_agree_with_them() {
+    let mut pairs = Vec::new();
+    for set in ["single_sensor", "two_sensor", "rare"] {
+        let labels = LabelledSet::read(file(set, "validation.csv")).unwrap();
+        let swarms = labels.swarms(Some(&file(set, "starts.csv"))).unwrap();
+        let judged = swarms.iter().map(|swarm| {
+            let motion = replay_frames(
+                &swarm.controller,
+                &swarm.world,
+                &swarm.start,
+                &frames(&swarm.world),
+            );
+            judge(&motion.unwrap(), &swarm.world).class()
+        });
+        pairs.extend(labels.classes().map(str::to_owned).zip(judged));
+    }
+    let page = include_str!("../../../docs/judge.md");
+    for class in Class::ALL {
+        let judged = pairs.iter().filter(|(_, judged)| *judged == class);
+        let same = judged
+            .clone()
+            .filter(|(people, _)| people == class.name())
+            .count();
+        let counts = [same, judged.count()];
+        assert_eq!(agreed(class).map(|count| count as usize), counts, "{class}");
+        let line = format!(
+            "- {}: {} of {}\n",
+            class.name().replace('_', " "),
+            counts[0],
+            counts[1]
+        );
+        assert!(page.contains(&line), "docs/judge.md does not say {line}");
+    }
+}
+
+#[test]
 fn it_says_the_same_of_the_end_of_a_motion_as_of_the_whole() {
     let labels = LabelledSet::read(file("single_sensor", "validation.csv")).unwrap();
     let swarms = labels.swarms(Some(&file("single_sensor", "starts.csv"))).unwrap();
@@ -102,7 +139,7 @@ fn it_says_the_same_of_the_end_of_a_motion_as_of_the_whole() {
         let whole = replay(controller, world, start, NonZeroU32::new(4).unwrap()).unwrap();
         let end = replay_frames(controller, world, start, &frames(world)).unwrap();
         assert!(end.steps().len() * 5 < whole.steps().len());
-        assert_eq!(judge(&end, world), judge(&whole, world));
+        assert_eq!(Measures::of(&end, world), Measures::of(&whole, world));
     }
 }
 
@@ -166,7 +203,7 @@ fn studies_know_how_often_it_errs() {
             let judged = swarms.iter().map(|swarm| {
                 let frames = frames(&swarm.world);
                 let motion = replay_frames(&swarm.controller, &swarm.world, &swarm.start, &frames).unwrap();
-                judge(&motion, &swarm.world).class
+                judge(&motion, &swarm.world).class()
             });
             let given = labels.classes().map(|name| {
                 let class = Class::ALL.into_iter().find(|class| class.name() == name);

@@ -2,6 +2,7 @@
 //! ONNX Runtime (`make runtime`).
 
 mod accuracy;
+mod atlas;
 mod channels;
 mod command_line;
 mod evaluations;

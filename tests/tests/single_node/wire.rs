@@ -72,7 +72,7 @@ async fn impossible_results_are_refused_by_name() {
     let good = || v1::Evaluation {
         features: vec![0.0; 5],
         image: vec![0; 2500],
-        embedding: Vec::new(),
+        ..v1::Evaluation::default()
     };
     let cases = [
         (
@@ -98,6 +98,14 @@ async fn impossible_results_are_refused_by_name() {
             },
             0,
             "image = 2499 bytes: must be 2500 bytes",
+        ),
+        (
+            v1::Evaluation {
+                verdict: v1::Verdict::Milling as i32,
+                ..good()
+            },
+            0,
+            "verdict = 2: must be absent",
         ),
         (good(), 1, "results for a lease of"),
         (
@@ -143,7 +151,7 @@ async fn results_for_leases_that_never_were_are_ignored() {
         let evaluation = v1::Evaluation {
             features: vec![0.0; 5],
             image: vec![0; 2500],
-            embedding: Vec::new(),
+            ..v1::Evaluation::default()
         };
         let (own, _) = impostor.lease(1).await;
         for lease in [

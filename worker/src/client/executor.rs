@@ -12,9 +12,17 @@ use std::sync::Arc;
 pub(super) struct Executor {
     checkpoints: Arc<Checkpoints>,
     /// The evaluator of the last batch, and its parameters.
-    evaluator: Option<(World, ImageFormat, Evaluator)>,
+    evaluator: Option<(EvaluatorParams, Evaluator)>,
     /// Absent until a checkpoint is requested, because workers without ONNX Runtime can evaluate too.
     embedders: Option<Embedders>,
+}
+
+/// What an evaluator is made for.
+#[derive(Debug, Clone, PartialEq)]
+struct EvaluatorParams {
+    world: World,
+    image: ImageFormat,
+    judges: bool,
 }
 
 /// Why a lease was not done.
@@ -59,8 +67,10 @@ impl Executor {
                 starts,
                 tasks,
                 checkpoint,
+                judges,
             } => {
-                let evaluations = self.evaluate(world, image, starts, &tasks)?;
+                let params = EvaluatorParams { world, image, judges };
+                let evaluations = self.evaluate(params, starts, &tasks)?;
                 Outcome::Evaluations(match checkpoint {
                     Some(checkpoint) => embedded(self.embedder(checkpoint, id)?, evaluations)?,
                     None => evaluations,
@@ -84,20 +94,15 @@ impl Executor {
     /// One evaluation a trial; the trials of a task are adjacent.
     fn evaluate(
         &mut self,
-        world: World,
-        image: ImageFormat,
+        params: EvaluatorParams,
         starts: Starts,
         tasks: &[(Controller, u64)],
     ) -> Result<Vec<Evaluation>, Invalid> {
-        let fitting = self
-            .evaluator
-            .take()
-            .filter(|(of, format, _)| *of == world && *format == image);
-        let entry = match fitting {
-            Some(fitting) => fitting,
-            None => (world.clone(), image, Evaluator::new(&world, &image)?),
+        let evaluator = match self.evaluator.take() {
+            Some((of, evaluator)) if of == params => evaluator,
+            _ => Evaluator::new(&params.world, &params.image)?.judging(params.judges),
         };
-        let evaluator = &mut self.evaluator.insert(entry).2;
+        let evaluator = &mut self.evaluator.insert((params, evaluator)).1;
         let trials = |(controller, seed): &(Controller, u64)| -> Vec<_> {
             let trial = |seed| (controller.clone(), Start::seeded(seed));
             starts.seeds(*seed).map(trial).collect()

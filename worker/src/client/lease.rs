@@ -30,6 +30,8 @@ pub(super) enum Work {
         tasks: Vec<(Controller, u64)>,
         /// The checkpoint to embed the pictures with, if any.
         checkpoint: Option<CheckpointDigest>,
+        /// Whether each trial is judged.
+        judges: bool,
     },
     Embeddings {
         checkpoint: CheckpointDigest,
@@ -157,6 +159,7 @@ fn evaluations(batch: v1::EvaluationBatch) -> Result<Work, Invalid> {
         starts: Starts::new("starts", batch.starts)?,
         tasks,
         checkpoint,
+        judges: batch.judge,
     })
 }
 

@@ -185,6 +185,7 @@ async fn a_checkpoint_of_pictures_of_another_size_fails_for_good() {
             1,
         )],
         checkpoint: Some(CheckpointDigest::of(SMALL)),
+        judges: false,
     };
     let outcome = worker.outcome(work).await;
     check_failure(

@@ -1,8 +1,12 @@
 //! Several controllers evaluated at once, a swarm a lane.
 
-use super::Window;
+use super::{
+    Window,
+    recorder::{Recorder, quiet},
+};
 use crate::{
     features::LaneMeans,
+    lanes::point,
     rasterise::Rasteriser,
     simulate::{Batch, MOST_AGENTS, Start},
 };
@@ -39,6 +43,7 @@ pub(super) struct Tasks<'a> {
     pub(super) world: &'a World,
     pub(super) format: &'a ImageFormat,
     pub(super) rasteriser: &'a mut Rasteriser,
+    pub(super) judges: bool,
     pub(super) tasks: &'a [(Controller, Start)],
 }
 
@@ -82,8 +87,13 @@ impl Tasks<'_> {
         let mut batch = Batch::<S, SENSORS, CONES>::new(simd, self.world, self.tasks)?;
         let mut features = LaneMeans::new(simd, self.world);
         self.rasteriser.clear_lanes(lanes);
-        batch.advance(simd, window.first_step());
+        let mut recorder = self.judges.then(|| Recorder::new(self.world, lanes));
+        record(simd, &mut recorder, &batch);
         while batch.steps() < self.world.horizon() {
+            let quiet = quiet(batch.steps(), window.first_step(), recorder.as_ref());
+            if quiet > 0 {
+                batch.advance(simd, quiet);
+            }
             batch.watch();
             batch.advance(simd, 1);
             if window.has_features(batch.steps()) {
@@ -92,9 +102,33 @@ impl Tasks<'_> {
             if window.is_drawn(batch.steps()) {
                 self.rasteriser.draw_lanes(simd, &batch, lanes);
             }
+            record(simd, &mut recorder, &batch);
         }
-        let evaluation =
-            |lane| Evaluation::new(features.means(lane), self.rasteriser.image_of(lane), self.format);
+        let verdicts = recorder
+            .map(|recorder| recorder.verdicts(self.world))
+            .transpose()?;
+        let evaluation = |lane: usize| {
+            let image = self.rasteriser.image_of(lane);
+            let evaluation = Evaluation::new(features.means(lane), image, self.format)?;
+            let verdict = verdicts.as_ref().and_then(|verdicts| verdicts.get(lane));
+            Ok(evaluation.judged(verdict.copied()))
+        };
         (0..lanes).map(evaluation).collect()
+    }
+}
+
+/// Records where the swarms of a batch are, if they are recorded.
+#[inline(always)]
+fn record<S: Simd, const SENSORS: usize, const CONES: bool>(
+    simd: S,
+    recorder: &mut Option<Recorder>,
+    batch: &Batch<S, SENSORS, CONES>,
+) {
+    if let Some(recorder) = recorder {
+        recorder.observe(batch.steps(), |lane| {
+            batch
+                .agents(simd)
+                .map(move |agent| point::<S>(&agent.position, lane))
+        });
     }
 }

@@ -1,7 +1,7 @@
 //! Evaluations: their bits, whatever they are made with, and what is refused.
 
 use super::*;
-use crate::simulate;
+use crate::{replay::replay_frames, simulate};
 use murmuration_proto::{CampaignSpec, Preset, Purpose, RandomStream, v1};
 use proptest::prelude::*;
 use std::thread;
@@ -228,6 +228,37 @@ proptest! {
                 .map(|(controller, start)| evaluator.evaluate(controller, start).unwrap())
                 .collect();
             assert_same(&together, &alone);
+        }
+    }
+}
+
+#[test]
+fn the_verdict_is_the_judges_of_the_replay_and_changes_nothing_else() {
+    let format = ImageFormat::default();
+    let seeds = 0..11;
+    for (world, controller) in [(400, 0), (1200, 0), (1200, 1), (150, 0), (3, 0)]
+        .map(|(horizon, controller)| (world(horizon), controllers().swap_remove(controller)))
+    {
+        let tasks: Vec<_> = seeds
+            .clone()
+            .map(|seed| (controller.clone(), Start::seeded(seed)))
+            .collect();
+        let frames = murmuration_judge::frames(&world);
+        for arch in simulate::tests::arches() {
+            let evaluator = || Evaluator::on(arch, &world, &format).unwrap();
+            let plain = evaluator().evaluate_all(&tasks).unwrap();
+            let judged = evaluator().judging(true).evaluate_all(&tasks).unwrap();
+            let alone = evaluator()
+                .judging(true)
+                .evaluate(&tasks[0].0, &tasks[0].1)
+                .unwrap();
+            assert!(alone.same_simulation(&judged[0]));
+            for ((plain, judged), (controller, start)) in plain.iter().zip(&judged).zip(&tasks) {
+                assert_eq!(plain.verdict(), None);
+                assert!(judged.clone().judged(None).same_bits(plain));
+                let replay = replay_frames(controller, &world, start, &frames).unwrap();
+                assert_eq!(judged.verdict(), Some(murmuration_judge::judge(&replay, &world)));
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Properties of the simulator: its bits, its collisions, and an oracle without any of the machinery.
 
 pub(crate) mod described;
+mod mirror;
 mod noise;
 mod obstacles;
 mod starts;

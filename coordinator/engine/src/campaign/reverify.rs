@@ -156,6 +156,7 @@ async fn wrong_individual(
         old.trials.iter().zip(*new).any(|(old, new)| {
             old.features.map(f64::to_bits) != new.features().map(f64::to_bits)
                 || old.image.as_deref() != Some(new.image())
+                || old.verdict != new.verdict()
                 || (embedded
                     && !embeddings_agree((&old.embedding, suspect.kind), (new.embedding(), maker.kind)))
         })

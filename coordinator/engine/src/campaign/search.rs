@@ -137,6 +137,7 @@ fn trial(evaluation: Evaluation) -> Trial {
     Trial {
         features: *evaluation.features(),
         embedding: evaluation.embedding().to_vec(),
+        verdict: evaluation.verdict(),
         image: Some(evaluation.into_image()),
     }
 }
@@ -259,9 +260,12 @@ impl Search {
         }
         let neighbours = self.campaign.spec.search().neighbours() as usize;
         let all = first..self.behaviours.len();
-        let novelty = self
-            .index
-            .novelty(&self.behaviours, all, neighbours, &self.interrupt)?;
+        let novelty = match method.has_novelty() {
+            true => self
+                .index
+                .novelty(&self.behaviours, all, neighbours, &self.interrupt)?,
+            false => vec![0.0; individuals.len()],
+        };
         let record = GenerationRecord::of(self.next_generation, &novelty, filtered);
         let notice = |(place, reason): &(usize, _)| {
             format!(

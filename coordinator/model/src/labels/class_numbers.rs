@@ -1,7 +1,7 @@
 //! Classes as trainers know them: by number.
 
 use super::ClassKey;
-use murmuration_judge::Class;
+use murmuration_proto::Class;
 use murmuration_trainer::labelled_pictures::LabelledPictures;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 /// How often one annotator said one thing where the other said another, of any two whose answers can be paired: two
-/// people, or people and the [`judge`](murmuration_judge).
+/// people, or people and the judge.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ConfusionMatrix<A> {
     counts: BTreeMap<(A, A), u64>,

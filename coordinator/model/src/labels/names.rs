@@ -1,8 +1,7 @@
 //! What people write: names of classes, of themselves and of requests, answers, colours.
 
-use murmuration_judge::Class;
 use murmuration_proto::{
-    Invalid,
+    Class, Invalid,
     text::{name, quoted},
 };
 use std::{fmt, str::FromStr};

@@ -57,7 +57,7 @@ pub(super) fn render(
                     (cards::behaviours(report, pictures))
                     (sections::names(report, files))
                     (sections::map(report, files))
-                    (sections::novelty(report)?)
+                    @if report.spec.method().has_novelty() { (sections::novelty(report)?) }
                     (sections::filtered(report)?)
                     (sections::specification(report, files))
                     (sections::reading(report))
@@ -111,6 +111,9 @@ fn facts(report: &Report) -> Markup {
         Method::Latent => "novelty search on a learned embedding",
         Method::Untrained => "novelty search on the embedding of an untrained network",
         Method::Concatenate => "novelty search on an embedding and five hand-crafted features",
+        Method::Exhaustive => {
+            "every controller of a space or an even sample, compared on five hand-crafted features"
+        }
     };
     let fact = |name: &str, value: Markup| html! { div { dt { (name) } dd { (value) } } };
     html! {

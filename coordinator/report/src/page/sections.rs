@@ -321,6 +321,7 @@ pub(super) fn reading(report: &Report) -> Markup {
                     "On the map, over generations, and in the table of the archive: the same distance in the archive as it was after the "
                     "generation of the behaviour. It tends to be higher in early generations, when the archive is small. "
                     @match (report.spec.method(), report.repetition.has_moved()) {
+                        (Method::Exhaustive, _) => { "It was not measured and is 0: which controllers come next does not depend on it." },
                         (Method::Random, _) => { "It had no effect: every controller was drawn at random." },
                         (_, false) => { "Each generation was bred by the values of the generation before it." },
                         (_, true) => { "It was computed again when the embedding changed: earlier generations were bred by other values." },

@@ -1,24 +1,30 @@
 //! Proposals: which controllers a generation evaluates (paper, "Evolution and Clustering").
 //!
-//! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller
-//! space; the first begins with the controllers that the specification names, if any, whatever the filter says of them. Every other is bred from the generation before it: parents win tournaments by novelty, a child is
-//! crossed over and mutated. With the filter, a controller that fails it is drawn or bred anew.
+//! The first generation, and every generation of [`Method::Random`], is sampled uniformly from the controller space;
+//! the first begins with the controllers that the specification names, if any, whatever the filter says of them. Every
+//! other is bred from the generation before it: parents win tournaments by novelty, a child is crossed over and
+//! mutated. With the filter, a controller that fails it is drawn or bred anew.
 //!
-//! A generation is a pure function of what [`propose`] is given. All of its random numbers come from one stream,
-//! that of (the campaign's seed, [`Purpose::Propose`], the generation), in this order: the controllers one after
-//! the other, and for each attempt at one either
+//! Generations of [`Method::Exhaustive`] are slices of all controllers in their order or, where there are more than the
+//! campaign evaluates, of an evenly spread sequence (the module `spread`).
+//!
+//! A generation is a pure function of what [`propose`] is given. All of its random numbers come from one stream, that
+//! of (the campaign's seed, [`Purpose::Propose`], the generation), in this order: the controllers one after the other,
+//! and for each attempt at one either
 //!
 //! * its genes in order (a sample), or
 //! * the first tournament; whether to cross over; if so the second tournament and the cut; then, gene by gene,
 //!   whether it mutates and if so how (a child).
 
 mod selection;
+mod spread;
 mod variation;
 
 use crate::filter::Score;
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Method, Purpose, RandomStream,
+    CampaignSpec, CapabilityModel, Controller, ControllerSpace, Enumeration, Method, Purpose, RandomStream,
 };
+use spread::Spread;
 
 /// Attempts at one controller before the search is given up as hopeless.
 ///
@@ -81,6 +87,9 @@ pub enum ProposeError {
 /// [`ProposeError`] if a generation must be bred without parents or from parents of another model, or if the
 /// filter lets nothing through.
 pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Result<Proposal, ProposeError> {
+    if spec.method() == Method::Exhaustive {
+        return Ok(slice(spec, generation));
+    }
     if generation == 0 || spec.method() == Method::Random {
         let initial = match generation {
             0 => spec.controllers().initial(),
@@ -104,6 +113,25 @@ pub fn propose(spec: &CampaignSpec, generation: u32, parents: &[Parent]) -> Resu
         }
     }
     fill(spec, generation, &[], |stream| breed(spec, parents, stream))
+}
+
+/// The slice of a generation of an exhaustive campaign.
+fn slice(spec: &CampaignSpec, generation: u32) -> Proposal {
+    let population = u64::from(spec.search().population());
+    let first = u64::from(generation) * population;
+    let indices = first..first + population;
+    let all = Enumeration::of(spec.controllers(), spec.world());
+    let controllers = match all.filter(|all| all.len() == spec.search().evaluations()) {
+        Some(all) => indices.map(|index| all.controller(index)).collect(),
+        None => {
+            let spread = Spread::over(spec.controllers(), spec.seed());
+            indices.map(|index| spread.controller(index)).collect()
+        }
+    };
+    Proposal {
+        controllers,
+        filtered: 0,
+    }
 }
 
 /// A uniform sample of the space that passes the filter, if there is one.

@@ -202,6 +202,19 @@ pub(in crate::cli) struct Report {
     pub(in crate::cli) report: String,
 }
 
+/// An atlas that was written.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Atlas {
+    /// Id of its campaign.
+    pub(in crate::cli) campaign: String,
+    /// Digest of the campaign's archive.
+    pub(in crate::cli) digest: String,
+    /// Path of its page or, where it has none, of its table.
+    pub(in crate::cli) atlas: String,
+    /// Controllers that were simulated.
+    pub(in crate::cli) controllers: u64,
+}
+
 impl From<&v1::Campaign> for Campaign {
     fn from(campaign: &v1::Campaign) -> Self {
         let spec = campaign

@@ -1,7 +1,7 @@
 //! Every kind of document, for `murmuration schema`.
 
 use super::{
-    Accuracy, AddedLabels, Agreement, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
+    Accuracy, AddedLabels, Agreement, Atlas, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
     BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, Evaluated,
     ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine, ListedStudy, Quarantine,
     Recognised, Report, Robots, Run, Study, Token, UntrainedAccuracy, schema_of,
@@ -26,6 +26,8 @@ pub(in crate::cli) enum Kind {
     Study,
     /// A study and how far it is: study list
     ListedStudy,
+    /// Where an atlas was written: atlas
+    Atlas,
     /// A checkpoint: checkpoints list, show, import
     Checkpoint,
     /// What was added: label
@@ -89,6 +91,7 @@ impl Kind {
             Self::Report => schema_of::<Report>(),
             Self::Study => schema_of::<Study>(),
             Self::ListedStudy => schema_of::<ListedStudy>(),
+            Self::Atlas => schema_of::<Atlas>(),
             Self::Checkpoint => schema_of::<Checkpoint>(),
             Self::AddedLabels => schema_of::<AddedLabels>(),
             Self::Label => schema_of::<Label>(),

@@ -96,7 +96,7 @@ impl Measuring {
     ) -> Result<Option<AccuracyFigures>, CliError> {
         let (spec, labelled) = (spec.clone(), Arc::clone(&self.labelled));
         let (embedding, measured) = match spec.method() {
-            Method::Random | Method::Concatenate => return Ok(None),
+            Method::Random | Method::Concatenate | Method::Exhaustive => return Ok(None),
             Method::HandCrafted => {
                 let measured = computed(move || labelled.of_features(&spec)).await?;
                 ("features".to_owned(), measured)

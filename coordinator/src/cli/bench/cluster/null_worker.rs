@@ -77,7 +77,7 @@ impl Answers {
         v1::Evaluation {
             features: (0..5).map(feature).collect(),
             image: self.image.clone(),
-            embedding: Vec::new(),
+            ..v1::Evaluation::default()
         }
     }
 

@@ -1,7 +1,7 @@
 //! The arrangement of a swarm: neighbours and clusters.
 
 use super::{
-    geometry::{length, minus},
+    geometry::{dot, length, minus},
     scale::Scale,
     statistics::{quantile, share},
     window::{Point, Window},
@@ -37,7 +37,7 @@ impl Arrangement {
     pub(super) fn of(window: &Window, scale: &Scale) -> Self {
         let end = window.end();
         let homes = window.homes();
-        let nearest = |points: &[Point]| neighbours(points, 1);
+        let nearest = neighbours::<1>;
         let crowded = nearest(&end)
             .into_iter()
             .map(|distance| distance < CROWDED * scale.spacing);
@@ -46,7 +46,7 @@ impl Arrangement {
         let contact = (0..window.times()).flat_map(|time| nearest(&window.at(time).collect::<Vec<_>>()));
         Self {
             spread: quantile(end.iter().map(|&point| length(minus(point, middle))), 0.5) / scale.packed,
-            packing: quantile(neighbours(&end, 3).into_iter(), 0.5) / scale.radius,
+            packing: quantile(neighbours::<3>(&end).into_iter(), 0.5) / scale.radius,
             crowded: share(crowded),
             homes: homes.iter().sum::<f64>() / homes.len() as f64 / scale.spacing,
             contact: share(contact.map(|distance| distance < CONTACT * scale.radius)),
@@ -65,13 +65,19 @@ impl Arrangement {
     }
 }
 
-/// Distance from each point to its `rank`-th nearest other point; infinite if there are fewer points.
-fn neighbours(points: &[Point], rank: usize) -> Vec<f64> {
+/// Distance from each point to its `RANK`-th nearest other point; infinite if there are fewer points.
+fn neighbours<const RANK: usize>(points: &[Point]) -> Vec<f64> {
     let nearest = |(i, &point): (usize, &Point)| {
-        let others = points.iter().enumerate().filter(|&(j, _)| j != i);
-        let mut distances: Vec<f64> = others.map(|(_, &other)| length(minus(other, point))).collect();
-        distances.sort_by(f64::total_cmp);
-        distances.get(rank - 1).copied().unwrap_or(f64::INFINITY)
+        // Squares, ascending: a root keeps their order.
+        let mut least = [f64::INFINITY; RANK];
+        for (_, &other) in points.iter().enumerate().filter(|&(j, _)| j != i) {
+            let way = minus(other, point);
+            let mut square = dot(way, way);
+            for place in &mut least {
+                (*place, square) = (square.min(*place), square.max(*place));
+            }
+        }
+        least[RANK - 1].sqrt()
     };
     points.iter().enumerate().map(nearest).collect()
 }
@@ -114,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_lone_point_has_no_neighbour() {
-        assert_eq!(neighbours(&[[0.0, 0.0], [3.0, 4.0]], 1), [5.0, 5.0]);
-        assert_eq!(neighbours(&[[0.0, 0.0]], 1), [f64::INFINITY]);
+        assert_eq!(neighbours::<1>(&[[0.0, 0.0], [3.0, 4.0]]), [5.0, 5.0]);
+        assert_eq!(neighbours::<1>(&[[0.0, 0.0]]), [f64::INFINITY]);
     }
 }

@@ -4,68 +4,66 @@
 //! simulator's motions from the same starts, which differ if a swarm is chaotic. Lengths are in the units of
 //! [`Scale`](super::Scale). `docs/judge.md` says how far to trust the rules.
 
-use super::{Arrangement, Body, Class, Measures, Motion, Pattern, Walls};
-use murmuration_proto::World;
+use super::{Arrangement, Body, Measures, Motion, Walls};
+use murmuration_proto::{Class, Pattern, World};
 
 /// A clump's median distance from its middle, in packed radii (a tight disc has 0.7).
 const CLUMP_SPREAD: f64 = 1.78;
 /// Minimum number of agents of a cluster: two may meet by chance.
 const CLUSTER: usize = 3;
 
-impl Class {
+impl Measures {
     /// The class of a motion with these measures in `world`: [`Class::Random`] where the rules lead to a class that has no
     /// meaning there.
     #[must_use]
-    pub fn of(measures: &Measures, world: &World) -> Self {
-        let class = Self::by_rules(measures);
+    pub fn class(&self, world: &World) -> Class {
+        let class = self.class_by_rules();
         match class.without_meaning(world) {
-            Some(_) => Self::Random,
+            Some(_) => Class::Random,
             None => class,
         }
     }
 
-    fn by_rules(measures: &Measures) -> Self {
-        let Measures {
+    fn class_by_rules(&self) -> Class {
+        let Self {
             arrangement,
             motion,
             body,
             walls,
-        } = measures;
+        } = self;
         if follows_walls(body, walls) {
-            Self::WallFollowing
+            Class::WallFollowing
         } else if goes_round(body) && is_nested(body) {
-            Self::NestedCycle
+            Class::NestedCycle
         } else if goes_round(body) || is_closed_rim(arrangement, body) {
-            Self::CyclicPursuit
+            Class::CyclicPursuit
         } else if is_loop(motion, body) || is_small_loop(arrangement, motion, body) {
-            Self::ConcavePath
+            Class::ConcavePath
         } else if is_closed_file(motion, body) {
-            Self::CyclicPursuit
+            Class::CyclicPursuit
         } else if is_clump(arrangement) || are_two_clumps(arrangement, motion) {
-            Self::Aggregation
+            Class::Aggregation
         } else if swirls(arrangement, motion, body, walls)
             || swirls_to_the_middle(body)
             || swirl_apart(motion)
         {
-            Self::Milling
+            Class::Milling
         } else if is_even(arrangement, motion, body) || keep_circling(arrangement, motion) {
-            Self::Dispersal
+            Class::Dispersal
         } else {
-            Self::Random
+            Class::Random
         }
     }
-}
 
-impl Pattern {
     /// The pattern of a motion of the class `random` with these measures.
     #[must_use]
-    pub fn of(measures: &Measures) -> Option<Self> {
-        let Measures {
+    pub fn pattern(&self) -> Option<Pattern> {
+        let Self {
             arrangement,
             motion,
             body,
             walls,
-        } = measures;
+        } = self;
         let clusters = arrangement.clusters.iter().filter(|&&size| size >= CLUSTER);
         let agents: usize = arrangement.clusters.iter().sum();
         let clustered = clusters.clone().sum::<usize>() as f64 / agents.max(1) as f64;
@@ -73,17 +71,17 @@ impl Pattern {
         // Agents in single file keep their distance; clumps that creep along do not.
         let in_file = motion.following >= 0.25 && arrangement.contact <= 0.8 && arrangement.packing <= 12.5;
         if in_file && body.round >= 0.1 && arrangement.spread <= 7.5 && walls.near <= 0.32 {
-            return Some(Self::Chain);
+            return Some(Pattern::Chain);
         }
         let touching = arrangement.contact >= 0.55 && arrangement.spread <= 3.8;
         if clusters >= 2 && clustered >= 0.7 && touching && motion.net >= 0.4 {
-            return Some(Self::MovingClumps);
+            return Some(Pattern::MovingClumps);
         }
         let close = arrangement.crowded >= 0.85 && arrangement.spread <= 8.75;
         let apart = clusters >= 3 && clustered >= 0.5 && close;
         // Agents that turn about each other are a group, even if there are only two.
         let turning = arrangement.homes <= 0.22 && motion.turning >= 2.0;
-        (apart || turning).then_some(Self::SmallClusters)
+        (apart || turning).then_some(Pattern::SmallClusters)
     }
 }
 

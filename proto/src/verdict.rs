@@ -1,6 +1,6 @@
-//! The paper's classes, and patterns among random behaviours.
+//! What the judge can say of a motion: the paper's classes, and patterns among random behaviours.
 
-use murmuration_proto::{Boundary, World};
+use crate::{Boundary, Invalid, World, v1};
 use std::fmt;
 
 /// A class of collective behaviours (paper, Figures 3 and 8).
@@ -33,6 +33,15 @@ pub enum Pattern {
     Chain,
     /// Groups that travel together.
     MovingClumps,
+}
+
+/// The judge's verdict on a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Verdict {
+    /// A class; of [`Class::Random`], without a pattern.
+    Class(Class),
+    /// A motion of [`Class::Random`] with this pattern.
+    Pattern(Pattern),
 }
 
 impl Class {
@@ -96,6 +105,75 @@ impl Pattern {
     }
 }
 
+impl Verdict {
+    /// Every verdict: the classes, then the patterns.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let classes = Class::ALL.into_iter().map(Self::Class);
+        classes.chain(Pattern::ALL.into_iter().map(Self::Pattern))
+    }
+
+    /// The class.
+    #[must_use]
+    pub const fn class(self) -> Class {
+        match self {
+            Self::Class(class) => class,
+            Self::Pattern(_) => Class::Random,
+        }
+    }
+
+    /// The pattern, if it has one.
+    #[must_use]
+    pub const fn pattern(self) -> Option<Pattern> {
+        match self {
+            Self::Class(_) => None,
+            Self::Pattern(pattern) => Some(pattern),
+        }
+    }
+
+    /// The name of the pattern or, without one, of the class, as in labelled sets.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Class(class) => class.name(),
+            Self::Pattern(pattern) => pattern.name(),
+        }
+    }
+
+    /// Its number in messages and on disk, 1 to 11.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        let place = Self::all().position(|verdict| verdict == self);
+        // There are as many verdicts as the message has numbers.
+        place.map_or(0, |place| place as u8 + 1)
+    }
+}
+
+impl TryFrom<i32> for Verdict {
+    type Error = Invalid;
+
+    /// Converts the value of an enum field of a message.
+    fn try_from(number: i32) -> Result<Self, Invalid> {
+        let place = usize::try_from(number)
+            .ok()
+            .and_then(|number| number.checked_sub(1));
+        place
+            .and_then(|place| Self::all().nth(place))
+            .ok_or_else(|| Invalid::new("verdict", number, "the number of a class or pattern, 1 to 11"))
+    }
+}
+
+impl From<Verdict> for v1::Verdict {
+    fn from(verdict: Verdict) -> Self {
+        Self::try_from(i32::from(verdict.number())).unwrap_or_default()
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
 impl fmt::Display for Class {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
@@ -105,5 +183,24 @@ impl fmt::Display for Class {
 impl fmt::Display for Pattern {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_of_the_verdict_that_the_message_names() {
+        for verdict in Verdict::all() {
+            let number = i32::from(verdict.number());
+            assert_eq!(Verdict::try_from(number), Ok(verdict));
+            let named = v1::Verdict::from(verdict).as_str_name().to_lowercase();
+            assert_eq!(named, format!("verdict_{verdict}"));
+            assert_eq!(v1::Verdict::from(verdict) as i32, number);
+        }
+        for number in [-1, 0, 12, i32::MAX] {
+            assert!(Verdict::try_from(number).is_err(), "{number}");
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{
     geometry::{angle_between, cross, distance_to_segment, dot, length, minus, segments_cross},
+    nearby::Pieces,
     scale::Scale,
     statistics::{quantile, ratio, share},
     window::{Point, Window, mean},
@@ -42,14 +43,14 @@ pub struct Motion {
 /// Which paths touch each other.
 #[derive(Debug, Clone)]
 pub(super) struct SharedPaths {
-    agents: usize,
-    shared: Vec<bool>,
+    /// For each agent, ascending, those whose paths come near the middles of its own path's pieces.
+    near: Vec<Vec<usize>>,
 }
 
 impl SharedPaths {
     /// Whether two agents' paths touch.
     pub(super) fn touch(&self, i: usize, j: usize) -> bool {
-        self.shared[i * self.agents + j] || self.shared[j * self.agents + i]
+        self.near[i].binary_search(&j).is_ok() || self.near[j].binary_search(&i).is_ok()
     }
 }
 
@@ -62,7 +63,8 @@ impl Motion {
         let net = paths
             .iter()
             .map(|path| length(minus(path[path.len() - 1], path[0])));
-        let (following, shared) = following(paths, scale);
+        let pieces = Pieces::of(paths, SHARED * scale.radius);
+        let (following, shared) = following(paths, &pieces, scale);
         let motion = Self {
             net: net.sum::<f64>() / paths.len() as f64 / scale.spacing,
             reach: quantile(reach(), 0.5),
@@ -70,7 +72,7 @@ impl Motion {
             turning: quantile(turned.iter().map(|turn| turn[0].abs()), 0.5),
             one_sense: ratio(signed.abs(), absolute),
             following,
-            crossed: crossed(paths, scale),
+            crossed: crossed(paths, &pieces, scale),
         };
         (motion, shared)
     }
@@ -100,35 +102,46 @@ fn segments(path: &[Point]) -> impl Iterator<Item = [Point; 2]> {
 }
 
 /// Share of path points on another agent's path in its direction; and which paths touch.
-fn following(paths: &[Vec<Point>], scale: &Scale) -> (f64, SharedPaths) {
-    let agents = paths.len();
-    let mut shared = vec![false; agents * agents];
+fn following(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> (f64, SharedPaths) {
+    let reach = SHARED * scale.radius;
+    let mut near = Vec::with_capacity(paths.len());
     let mut followed = Vec::new();
+    // For each agent, the last one whose path its own was found to be near to.
+    let mut found = vec![None; paths.len()];
     for (i, path) in paths.iter().enumerate() {
+        let mut touched = Vec::new();
         for [from, to] in segments(path) {
-            let here = mean(&[from, to]);
-            let mut nearest = (f64::INFINITY, [0.0; 2]);
-            for (j, other) in paths.iter().enumerate().filter(|&(j, _)| j != i) {
-                for [a, b] in segments(other) {
-                    let distance = distance_to_segment(here, a, b);
-                    if distance < nearest.0 {
-                        nearest = (distance, minus(b, a));
-                    }
-                    shared[i * agents + j] |= distance < SHARED * scale.radius;
-                }
-            }
-            let (distance, theirs) = nearest;
             let own = minus(to, from);
             let moves = length(own) > STANDS * scale.radius;
+            let here = mean(&[from, to]);
+            let mut nearest = (f64::INFINITY, usize::MAX, [0.0; 2]);
+            for piece in pieces.near(here, reach).filter(|piece| piece.agent != i) {
+                // Where nobody follows, it matters only whether the paths touch.
+                if !moves && found[piece.agent] == Some(i) {
+                    continue;
+                }
+                let [a, b] = piece.ends;
+                let distance = distance_to_segment(here, a, b);
+                if (distance, piece.place) < (nearest.0, nearest.1) {
+                    nearest = (distance, piece.place, minus(b, a));
+                }
+                if distance < reach && found[piece.agent] != Some(i) {
+                    found[piece.agent] = Some(i);
+                    touched.push(piece.agent);
+                }
+            }
+            let (distance, _, theirs) = nearest;
             let along = dot(own, theirs) > SAME_WAY * length(own) * length(theirs);
             followed.push(moves && along && distance < FOLLOWED * scale.radius);
         }
+        touched.sort_unstable();
+        near.push(touched);
     }
-    (share(followed.into_iter()), SharedPaths { agents, shared })
+    (share(followed.into_iter()), SharedPaths { near })
 }
 
 /// Mean number of agents whose paths cross an agent's path.
-fn crossed(paths: &[Vec<Point>], scale: &Scale) -> f64 {
+fn crossed(paths: &[Vec<Point>], pieces: &Pieces, scale: &Scale) -> f64 {
     let moves = |[a, b]: [Point; 2]| length(minus(b, a)) > STANDS * scale.radius;
     let across = |[a, b]: [Point; 2], [c, d]: [Point; 2]| {
         let (own, theirs) = (minus(b, a), minus(d, c));
@@ -136,11 +149,21 @@ fn crossed(paths: &[Vec<Point>], scale: &Scale) -> f64 {
             && cross(own, theirs).abs() > ACROSS * length(own) * length(theirs)
             && segments_cross([a, b], [c, d])
     };
-    let pair = |i: usize, j: usize| {
-        segments(&paths[i])
-            .filter(|&own| moves(own))
-            .any(|own| segments(&paths[j]).any(|theirs| across(own, theirs)))
-    };
-    let pairs = (0..paths.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
-    2.0 * pairs.filter(|&(i, j)| pair(i, j)).count() as f64 / paths.len() as f64
+    let mut pairs = 0_usize;
+    // For each agent, the last one whose path was found to cross its own.
+    let mut found = vec![None; paths.len()];
+    for (i, path) in paths.iter().enumerate() {
+        for own in segments(path).filter(|&own| moves(own)) {
+            for piece in pieces.across(own).filter(|piece| piece.agent < i) {
+                if found[piece.agent] != Some(i) && across(own, piece.ends) {
+                    found[piece.agent] = Some(i);
+                    pairs += 1;
+                }
+            }
+        }
+    }
+    2.0 * pairs as f64 / paths.len() as f64
 }
+
+#[cfg(test)]
+mod tests;

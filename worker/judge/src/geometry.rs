@@ -44,8 +44,8 @@ impl Outline {
 
     /// Distance from `point` to the nearest edge, in units of [`Self::radius`].
     pub(super) fn depth(&self, point: Point) -> f64 {
-        let distance = edges(&self.corners).map(|(a, b)| distance_to_segment(point, a, b));
-        distance.fold(f64::INFINITY, f64::min) / self.radius()
+        let square = edges(&self.corners).map(|(a, b)| square_to_segment(point, a, b));
+        square.fold(f64::INFINITY, f64::min).sqrt() / self.radius()
     }
 }
 
@@ -63,14 +63,17 @@ fn half<'a>(points: impl Iterator<Item = &'a Point>) -> Vec<Point> {
 }
 
 fn edges(corners: &[Point]) -> impl Iterator<Item = (Point, Point)> {
-    corners
-        .iter()
-        .copied()
-        .zip(corners.iter().copied().cycle().skip(1))
+    let last = corners.last().copied().zip(corners.first().copied());
+    corners.windows(2).map(|pair| (pair[0], pair[1])).chain(last)
 }
 
 /// Distance from `point` to the nearest point between `a` and `b`.
 pub(super) fn distance_to_segment(point: Point, a: Point, b: Point) -> f64 {
+    square_to_segment(point, a, b).sqrt()
+}
+
+/// The square of the distance from `point` to the nearest point between `a` and `b`.
+fn square_to_segment(point: Point, a: Point, b: Point) -> f64 {
     let along = minus(b, a);
     let square = dot(along, along);
     let part = if square > 0.0 {
@@ -78,7 +81,8 @@ pub(super) fn distance_to_segment(point: Point, a: Point, b: Point) -> f64 {
     } else {
         0.0
     };
-    length(minus(point, [a[0] + part * along[0], a[1] + part * along[1]]))
+    let away = minus(point, [a[0] + part * along[0], a[1] + part * along[1]]);
+    dot(away, away)
 }
 
 /// Whether two segments cross each other; touching ends do not count.

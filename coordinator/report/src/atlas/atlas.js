@@ -1,0 +1,245 @@
+"use strict";
+{
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+  const map = new Uint32Array(bytes(data.map));
+  const said = new Uint8Array(bytes(data.said));
+  const measured = new Float32Array(bytes(data.measured));
+  const seeds = new BigUint64Array(bytes(data.seeds));
+  const MIRRORED = 0x80000000, NOTHING = 0x7fffffff;
+  const n = data.values, side = n * n;
+  const canvas = document.getElementById("map"), pen = canvas.getContext("2d");
+  const source = document.getElementById("source");
+  const chosen = document.getElementById("chosen");
+  // Pixels of the screen a controller, and where the picture's corner is on the screen.
+  let scale = 1, left = 0, top = 0;
+  let pinned = null, onlyClass = null, shown = source;
+
+  const entryAt = (x, y) => {
+    if (x < 0 || y < 0 || x >= side || y >= side) return null;
+    const number = map[y * side + x];
+    const entry = (number & NOTHING) >>> 0;
+    return entry === NOTHING ? null : { x, y, entry, mirrored: number >= MIRRORED };
+  };
+  const verdictsOf = (entry) =>
+    [...said.subarray(entry * data.starts, (entry + 1) * data.starts)].map((number) => data.verdicts[number - 1]);
+  // The most frequent class; of several, that of the earliest trial.
+  const classOf = (entry) => {
+    const classes = verdictsOf(entry).map((verdict) => verdict.class);
+    const count = (name) => classes.filter((other) => other === name).length;
+    return classes.reduce((best, name) => (count(name) > count(best) ? name : best));
+  };
+  const genesAt = ({ x, y }) => {
+    const places = [Math.floor(x / n), n - 1 - Math.floor(y / n), x % n, n - 1 - (y % n)];
+    return places.map((place, gene) => data.speeds[gene][place]);
+  };
+
+  // The simulated one of a pair of mirror images has its picture in the tile where it is itself.
+  const simulated = new Map();
+  map.forEach((number, pixel) => {
+    if (number < NOTHING) simulated.set(number, pixel);
+  });
+  const tiles = new Map();
+  const tile = (column, row) => {
+    const key = `${column}-${row}`;
+    if (!tiles.has(key)) {
+      const image = new Image();
+      image.onload = draw;
+      image.src = `pictures/tile-${key}.png`;
+      tiles.set(key, image);
+    }
+    const image = tiles.get(key);
+    return image.complete && image.naturalWidth > 0 ? image : null;
+  };
+  // Draws the picture of a swarm; whether it is there.
+  const drawSwarm = (pen, at, x, y, size) => {
+    const pixel = simulated.get(at.entry);
+    const [column, row] = [pixel % side, Math.floor(pixel / side)];
+    const image = tile(Math.floor(column / n), Math.floor(row / n));
+    if (!image) return false;
+    pen.save();
+    pen.imageSmoothingEnabled = false;
+    if (at.mirrored) {
+      pen.translate(2 * x + size, 0);
+      pen.scale(-1, 1);
+    }
+    pen.drawImage(image, (column % n) * data.side, (row % n) * data.side, data.side, data.side, x, y, size, size);
+    pen.restore();
+    return true;
+  };
+
+  // The map with all classes but one darkened.
+  const onlyShown = () => {
+    if (!onlyClass) return source;
+    const copy = document.createElement("canvas");
+    copy.width = copy.height = side;
+    const pen = copy.getContext("2d");
+    pen.drawImage(source, 0, 0);
+    const pixels = pen.getImageData(0, 0, side, side);
+    for (let pixel = 0; pixel < side * side; pixel++) {
+      const entry = (map[pixel] & NOTHING) >>> 0;
+      if (entry === NOTHING || classOf(entry) !== onlyClass) pixels.data.set([22, 22, 22], 4 * pixel);
+    }
+    pen.putImageData(pixels, 0, 0);
+    return copy;
+  };
+
+  function draw() {
+    const ratio = window.devicePixelRatio || 1;
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+    }
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.imageSmoothingEnabled = scale < 1;
+    pen.drawImage(shown, left, top, side * scale, side * scale);
+    const from = [0, 1].map((axis) => Math.max(0, Math.floor(-[left, top][axis] / scale)));
+    const to = [width, height].map((size, axis) => Math.min(side, Math.ceil((size - [left, top][axis]) / scale)));
+    if (scale >= 28) {
+      const rim = 2;
+      for (let y = from[1]; y < to[1]; y++) {
+        for (let x = from[0]; x < to[0]; x++) {
+          const at = entryAt(x, y);
+          if (at) drawSwarm(pen, at, left + x * scale + rim, top + y * scale + rim, scale - 2 * rim);
+        }
+      }
+    }
+    if (scale * n >= 24) {
+      pen.strokeStyle = "#00000088";
+      pen.beginPath();
+      for (let line = 0; line <= n; line++) {
+        pen.moveTo(left + line * n * scale, top);
+        pen.lineTo(left + line * n * scale, top + side * scale);
+        pen.moveTo(left, top + line * n * scale);
+        pen.lineTo(left + side * scale, top + line * n * scale);
+      }
+      pen.stroke();
+    }
+    if (pinned) {
+      pen.strokeStyle = "#fff";
+      pen.lineWidth = 2;
+      pen.strokeRect(left + pinned.x * scale - 1, top + pinned.y * scale - 1, scale + 2, scale + 2);
+      pen.lineWidth = 1;
+    }
+  }
+
+  const element = (name, text, parent) => {
+    const made = document.createElement(name);
+    made.textContent = text;
+    parent.append(made);
+    return made;
+  };
+  const show = (at) => {
+    if (!at) return;
+    chosen.replaceChildren();
+    const name = classOf(at.entry).replaceAll("_", " ");
+    const title = element("p", "", chosen);
+    element("b", name, title);
+    title.append(at.mirrored ? ", a mirror image of what was simulated" : "");
+    const picture = element("canvas", "", chosen);
+    picture.width = picture.height = data.side;
+    if (!drawSwarm(picture.getContext("2d"), at, 0, 0, data.side)) picture.remove();
+    const table = element("table", "", chosen);
+    const row = (head, text) => {
+      const line = element("tr", "", table);
+      element("th", head, line);
+      element("td", text, line);
+    };
+    const genes = genesAt(at);
+    data.genes.forEach((gene, place) => row(gene, genes[place]));
+    row("starts", verdictsOf(at.entry).map((verdict) => verdict.name.replaceAll("_", " ")).join(", "));
+    if (!at.mirrored) {
+      data.features.forEach((feature, place) =>
+        row(feature.replaceAll("_", " "), measured[at.entry * data.features.length + place].toPrecision(3)));
+      element("p", "Its motion from the first start:", chosen);
+      const command = `murmuration simulate --controller=${genes.join(",")} --seed ${seeds[at.entry]}${data.robot} --gif motion.gif`;
+      element("code", command, chosen);
+    }
+  };
+
+  const under = (event) => {
+    const box = canvas.getBoundingClientRect();
+    const place = [event.clientX - box.left - left, event.clientY - box.top - top];
+    return entryAt(...place.map((along) => Math.floor(along / scale)));
+  };
+  const zoom = (factor, x, y) => {
+    const wanted = Math.min(200, Math.max(0.25, scale * factor));
+    [left, top] = [x - ((x - left) * wanted) / scale, y - ((y - top) * wanted) / scale];
+    scale = wanted;
+    draw();
+  };
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    const box = canvas.getBoundingClientRect();
+    zoom(Math.exp(-event.deltaY / 400), event.clientX - box.left, event.clientY - box.top);
+  }, { passive: false });
+  let grabbed = null;
+  canvas.addEventListener("pointerdown", (event) => {
+    grabbed = { x: event.clientX, y: event.clientY, moved: 0 };
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (grabbed) {
+      const [dx, dy] = [event.clientX - grabbed.x, event.clientY - grabbed.y];
+      left += dx;
+      top += dy;
+      grabbed = { x: event.clientX, y: event.clientY, moved: grabbed.moved + Math.abs(dx) + Math.abs(dy) };
+      draw();
+    } else if (!pinned) show(under(event));
+  });
+  canvas.addEventListener("pointerup", (event) => {
+    if (grabbed && grabbed.moved < 4) {
+      const at = under(event);
+      pinned = pinned && at && pinned.x === at.x && pinned.y === at.y ? null : at;
+      show(pinned);
+      draw();
+    }
+    grabbed = null;
+  });
+  canvas.addEventListener("keydown", (event) => {
+    const step = 60, middle = [canvas.clientWidth / 2, canvas.clientHeight / 2];
+    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    if (event.key === "+" || event.key === "=") zoom(1.5, ...middle);
+    else if (event.key === "-") zoom(1 / 1.5, ...middle);
+    else if (moves[event.key]) {
+      left += moves[event.key][0];
+      top += moves[event.key][1];
+      draw();
+    } else return;
+    event.preventDefault();
+  });
+
+  const counts = new Map();
+  for (const number of map) {
+    const entry = (number & NOTHING) >>> 0;
+    if (entry === NOTHING) continue;
+    const name = classOf(entry);
+    counts.set(name, (counts.get(name) || 0) + 1);
+  }
+  const list = document.getElementById("classes");
+  for (const [name, count] of [...counts].sort((a, b) => b[1] - a[1])) {
+    const button = element("button", "", element("li", "", list));
+    const swatch = element("i", "", button);
+    swatch.style.background = data.verdicts.find((verdict) => verdict.name === name).colour;
+    button.append(name.replaceAll("_", " "));
+    element("span", count.toLocaleString("en"), button);
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => {
+      onlyClass = onlyClass === name ? null : name;
+      for (const other of list.querySelectorAll("button")) other.setAttribute("aria-pressed", "false");
+      button.setAttribute("aria-pressed", String(onlyClass === name));
+      shown = onlyShown();
+      draw();
+    });
+  }
+  const fit = () => {
+    scale = Math.min(canvas.clientWidth, canvas.clientHeight) / side;
+    left = (canvas.clientWidth - side * scale) / 2;
+    top = (canvas.clientHeight - side * scale) / 2;
+    draw();
+  };
+  new ResizeObserver(draw).observe(canvas);
+  source.decode().then(fit, fit);
+}

@@ -1,0 +1,286 @@
+//! `atlas`: every controller of a space evaluated and judged, as a table, a picture and a page.
+
+use super::{
+    CliError, Global,
+    connection::{self, Connection},
+    error::atlas_folder,
+    follow::{Show, follow},
+    heard::{self, Heard as _, heard},
+    json, next_step,
+    run::{InProcessArgs, read_spec},
+};
+use murmuration_link::{errln, outln, termination};
+use murmuration_proto::{
+    CampaignSpec, Controller, Enumeration, Features, Invalid, Verdict, counted, parts::whole, v1,
+};
+use murmuration_report::atlas::{self, Atlas, AtlasEntry, Layout, Tiles};
+use murmuration_search::filter::Score;
+use murmuration_store::{DataDirectory, StoreError};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `atlas`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The command runs the campaign of the file, or continues it, and writes atlas.csv and its README.md; where all controllers of four \
+speeds were evaluated, also atlas.png, atlas-poster.svg, atlas.html and the pictures of all swarms. docs/atlas.md says what they \
+show.
+
+Examples:
+  murmuration atlas examples/atlas.toml --values 7        a coarse atlas, in seconds
+  murmuration atlas examples/atlas.toml --out atlas       every controller of the paper's robot, in minutes
+  murmuration atlas latest --out atlas                    the atlas of a campaign that there is")]
+pub(super) struct AtlasCommand {
+    /// Campaign file with the method \"exhaustive\"; or the id of a campaign that judges, or `latest`
+    campaign: String,
+    /// Folder for the atlas [default: atlases/CAMPAIGN in the data directory]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Number of values of each speed, used instead of the file's step: an odd number from 3 on
+    #[arg(long, value_name = "N")]
+    values: Option<u32>,
+    #[command(flatten)]
+    crew: InProcessArgs,
+}
+
+/// What an atlas is made of.
+enum Source {
+    /// A campaign file: its campaign is continued if there is one.
+    Spec(Box<CampaignSpec>),
+    /// A campaign that there is.
+    Campaign(String),
+}
+
+impl AtlasCommand {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let source = self.source()?;
+        let crew = self.crew.some()?;
+        let make = async |connection: &mut Connection| {
+            let begun = match source {
+                Source::Spec(spec) => begin(connection, *spec).await?,
+                Source::Campaign(campaign) => {
+                    let request = v1::GetCampaignRequest { campaign };
+                    let campaign = heard(connection.client.get_campaign(request).await?)?;
+                    let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
+                    check(&spec, &format!("campaign {}", campaign.id))?;
+                    campaign
+                }
+            };
+            let done = tokio::select! {
+                done = finish(connection, global, begun) => done?,
+                signal = termination() => return Err(CliError::Failed(format!(
+                    "{signal}; complete generations are kept, and the same command continues with them"
+                ))),
+            };
+            self.write(connection, global, &done).await
+        };
+        let may_begin = global.coordinator.is_none() && self.is_file();
+        let made = match may_begin.then(|| DataDirectory::hold(&global.data)) {
+            Some(Ok(data)) => connection::with_own(global, data, crew, make).await?,
+            // Another process holds the data directory: it runs the campaign too.
+            Some(Err(StoreError::InUse { .. })) | None => connection::with(global, crew, make).await?,
+            Some(Err(error)) => return Err(error.into()),
+        };
+        let path = made.atlas.clone();
+        if global.json {
+            return Ok(json::print(made)?);
+        }
+        outln!("campaign  {}", made.campaign)?;
+        outln!("digest    {}", made.digest)?;
+        Ok(outln!("atlas     {path}")?)
+    }
+
+    /// Whether a file is named, not a campaign, whose id has no dot.
+    fn is_file(&self) -> bool {
+        self.campaign.contains(['.', '/'])
+    }
+
+    fn source(&self) -> Result<Source, CliError> {
+        if !self.is_file() {
+            if self.values.is_some() {
+                let said = "--values: the campaign is there already; name a campaign file";
+                return Err(CliError::Input(said.to_owned()));
+            }
+            return Ok(Source::Campaign(self.campaign.clone()));
+        }
+        let spec = read_spec(Path::new(&self.campaign), None)?;
+        let spec = match self.values {
+            Some(values) => with_values(&spec, values)?,
+            None => spec,
+        };
+        check(&spec, &self.campaign)?;
+        Ok(Source::Spec(Box::new(spec)))
+    }
+
+    /// Writes the atlas of a completed campaign.
+    async fn write(
+        &self,
+        connection: &mut Connection,
+        global: &Global,
+        campaign: &v1::Campaign,
+    ) -> Result<json::Atlas, CliError> {
+        let id = heard::id(campaign)?;
+        let folder = self
+            .out
+            .clone()
+            .unwrap_or_else(|| atlas_folder(&global.data, &id));
+        let atlas = gather(connection, campaign, &folder).await?;
+        let (digest, controllers) = (atlas.digest.clone(), atlas.entries.len() as u64);
+        let written = tokio::task::spawn_blocking(move || atlas::write(&atlas, &folder)).await;
+        let Ok(files) = written else {
+            let said = "the atlas could not be written because of a bug";
+            return Err(CliError::Failed(said.to_owned()));
+        };
+        Ok(json::Atlas {
+            campaign: campaign.id.clone(),
+            digest,
+            atlas: files?.page.display().to_string(),
+            controllers,
+        })
+    }
+}
+
+/// The same campaign over a grid of so many values of each speed.
+fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliError> {
+    if values < 3 || values.is_multiple_of(2) {
+        let said =
+            format!("--values {values}: an odd number from 3 on, so that a speed of 0 is among the values");
+        return Err(CliError::Input(said));
+    }
+    let mut message = v1::CampaignSpec::from(spec);
+    let controllers = message.controllers.get_or_insert_default();
+    controllers.step = Some(2.0 / f64::from(values - 1));
+    let search = message.search.get_or_insert_default();
+    (search.population, search.generations) = (None, None);
+    Ok(message.try_into()?)
+}
+
+/// The campaign of a specification: the newest that has not been cancelled, or else a new one.
+async fn begin(connection: &mut Connection, spec: CampaignSpec) -> Result<v1::Campaign, CliError> {
+    let listed = connection
+        .client
+        .list_campaigns(v1::ListCampaignsRequest {})
+        .await?;
+    let campaigns = whole(listed.into_inner()).await?.campaigns.heard()?;
+    let is_it = |campaign: &v1::Campaign| {
+        let of = campaign.spec.clone().map(CampaignSpec::try_from);
+        campaign.state() != v1::CampaignState::Cancelled && matches!(of, Some(Ok(of)) if of == spec)
+    };
+    if let Some(campaign) = campaigns.into_iter().rev().find(is_it) {
+        return Ok(campaign);
+    }
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&spec).into()),
+        weight: None,
+    };
+    heard(connection.client.create_campaign(request).await?)
+}
+
+/// Refuses a specification whose trials nobody judges.
+fn check(spec: &CampaignSpec, of: &str) -> Result<(), CliError> {
+    if spec.judges() {
+        return Ok(());
+    }
+    Err(CliError::Input(format!(
+        "{of} has no verdicts to make an atlas of: its file needs method = \"exhaustive\", or judge = true in [evaluation]"
+    )))
+}
+
+/// The campaign once it is completed; it continues if it stands still.
+async fn finish(
+    connection: &mut Connection,
+    global: &Global,
+    begun: v1::Campaign,
+) -> Result<v1::Campaign, CliError> {
+    errln!(
+        "campaign {} · {} of {}",
+        begun.id,
+        counted(begun.generations_done.into(), "generation"),
+        begun.generations
+    );
+    let id = begun.id.clone();
+    let last = match begun.state() {
+        v1::CampaignState::Completed | v1::CampaignState::Cancelled => begun,
+        state => {
+            if state != v1::CampaignState::Running || !begun.active {
+                let request = v1::ResumeCampaignRequest { campaign: id.clone() };
+                heard(connection.client.resume_campaign(request).await?)?;
+            }
+            follow(&mut connection.client, &id, Show::Person).await?
+        }
+    };
+    match last.state() {
+        v1::CampaignState::Completed => Ok(last),
+        v1::CampaignState::Failed => Err(next_step::failed(global, &last)),
+        _ => Err(CliError::Failed(format!(
+            "campaign {id} was stopped by another command"
+        ))),
+    }
+}
+
+/// What the archive of a campaign says; the pictures of its swarms go into `folder` at once, since together they may
+/// not fit in memory.
+async fn gather(
+    connection: &mut Connection,
+    campaign: &v1::Campaign,
+    folder: &Path,
+) -> Result<Atlas, CliError> {
+    let spec = CampaignSpec::try_from(campaign.spec.clone().unwrap_or_default())?;
+    let request = v1::GetDigestRequest {
+        campaign: campaign.id.clone(),
+    };
+    let digest = heard(connection.client.get_digest(request).await?)?.digest;
+    let layout = Layout::of(&spec);
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.id.clone(),
+        images: layout.is_some(),
+    };
+    let mut chunks = connection.client.get_archive(request).await?.into_inner();
+    let mut tiles = layout
+        .map(|layout| Tiles::create(folder, layout, spec.image().shape()))
+        .transpose()?;
+    let listed = Enumeration::of(spec.controllers(), spec.world());
+    let mut entries = Vec::new();
+    while let Some(chunk) = chunks.message().await? {
+        for individual in chunk.individuals {
+            let entry = entry(&spec, &individual)?;
+            // What took the place of a poisoned task is out of order, and has no place of its own in a tile.
+            let is_listed = listed.is_some_and(|all| {
+                individual.index < all.len() && all.controller(individual.index) == entry.controller
+            });
+            if let (Some(tiles), Some(image), true) = (&mut tiles, &individual.image, is_listed) {
+                tiles.add(&entry.controller, image)?;
+            }
+            entries.push(entry);
+        }
+    }
+    tiles.map(Tiles::finish).transpose()?;
+    Ok(Atlas {
+        campaign: campaign.id.clone(),
+        digest,
+        spec,
+        entries,
+    })
+}
+
+fn entry(spec: &CampaignSpec, individual: &v1::Individual) -> Result<AtlasEntry, Invalid> {
+    let controller = Controller::new(spec.model(), &individual.controller)?;
+    let verdicts: Vec<Verdict> = individual
+        .verdicts
+        .iter()
+        .map(|&verdict| Verdict::try_from(verdict))
+        .collect::<Result<_, _>>()?;
+    if verdicts.len() != spec.starts().get() {
+        let value = counted(verdicts.len() as u64, "verdict");
+        return Err(Invalid::new("verdicts", value, "one for each trial"));
+    }
+    let values = individual.features.as_slice();
+    let features = Features::try_from(values)
+        .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))?;
+    Ok(AtlasEntry {
+        score: Score::of(&controller).total(),
+        controller,
+        seed: individual.seed,
+        verdicts,
+        features,
+    })
+}

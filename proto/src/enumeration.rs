@@ -1,0 +1,254 @@
+//! The controllers of a space of finitely many, one after the other, mirror images once.
+
+use crate::{Controller, ControllerSpace, DriveKind, GeneSpace, StartShape, World};
+use std::f64::consts::PI;
+
+/// All controllers of a space of finitely many, in a fixed order.
+///
+/// Two controllers are *mirror images* if one does in a mirror what the other does. Of such a pair the first in the
+/// order of genes is listed and the other left out, where both do the same in law: a swarm of one species whose sensors
+/// all look straight ahead or straight back, in a world without obstacles, given poses or jitter.
+#[derive(Debug, Clone, Copy)]
+pub struct Enumeration<'a> {
+    space: &'a ControllerSpace,
+    len: u64,
+    mirror: Option<Mirror>,
+}
+
+/// What the mirror image of a controller is: the same for each pair of speeds.
+#[derive(Debug, Clone, Copy)]
+struct Mirror {
+    /// Values of a speed.
+    values: u64,
+    /// Pairs of speeds, one for each sensor state.
+    pairs: u32,
+    kind: Swap,
+}
+
+/// What a mirror does to a pair of speeds.
+#[derive(Debug, Clone, Copy)]
+enum Swap {
+    /// Left and right wheel change places.
+    Wheels,
+    /// The turning rate changes its sign.
+    Turn,
+}
+
+impl<'a> Enumeration<'a> {
+    /// The controllers of `space`, of robots in `world`; `None` if a gene can have any value, or there are more than
+    /// 2^64 - 1.
+    #[must_use]
+    pub fn of(space: &'a ControllerSpace, world: &World) -> Option<Self> {
+        let all = space
+            .genes()
+            .iter()
+            .try_fold(1_u64, |all, gene| all.checked_mul(gene.values()?))?;
+        let mirror = Mirror::of(space, world);
+        let len = mirror.map_or(all, |mirror| u64::midpoint(all, mirror.own_images(mirror.pairs)));
+        Some(Self { space, len, mirror })
+    }
+
+    /// Number of controllers, mirror images counted once; at least 1.
+    #[must_use]
+    #[expect(clippy::len_without_is_empty, reason = "a space is never empty")]
+    pub const fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// The controller at `index`, which is under [`Enumeration::len`].
+    #[must_use]
+    pub fn controller(&self, index: u64) -> Controller {
+        let places = match self.mirror {
+            Some(mirror) => mirror.places(index),
+            None => self.places(index),
+        };
+        let genes = self.space.genes().iter().zip(places);
+        let genes: Vec<f64> = genes.map(|(gene, place)| gene.value(place)).collect();
+        self.space.controller(&genes)
+    }
+
+    /// The place of each gene's value, the last gene changing fastest.
+    fn places(&self, index: u64) -> Vec<u64> {
+        let mut rest = index;
+        let mut places: Vec<u64> = self
+            .space
+            .genes()
+            .iter()
+            .rev()
+            .map(|gene| {
+                let values = gene.values().unwrap_or(1);
+                let place = rest % values;
+                rest /= values;
+                place
+            })
+            .collect();
+        places.reverse();
+        places
+    }
+
+    /// The mirror image of a controller of the space; `None` where mirror images are listed each by itself.
+    #[must_use]
+    pub fn mirrored(&self, controller: &Controller) -> Option<Controller> {
+        let kind = self.mirror?.kind;
+        let pairs = controller.genes().as_chunks().0.iter();
+        let genes = pairs.flat_map(|&[a, b]: &[f64; 2]| match kind {
+            Swap::Wheels => [b, a],
+            // No minus zero, which has other bits than the zero of the space.
+            Swap::Turn => [a, 0.0 - b],
+        });
+        Some(self.space.controller(&genes.collect::<Vec<_>>()))
+    }
+}
+
+impl Mirror {
+    fn of(space: &ControllerSpace, world: &World) -> Option<Self> {
+        let is_even =
+            world.obstacles().is_empty() && !matches!(world.start(), StartShape::Poses(_)) && !world.jitter();
+        let ([alone], true) = (space.model().species(), is_even) else {
+            return None;
+        };
+        let robot = alone.robot();
+        let ahead_or_back = |angle: f64| angle == 0.0 || angle.abs() == PI;
+        let mut angles = robot.sensors().iter().map(|sensor| sensor.angle().value());
+        if !angles.all(|angle| angle.is_some_and(ahead_or_back)) {
+            return None;
+        }
+        let kind = match robot.drive().kind() {
+            DriveKind::Differential { .. } => Swap::Wheels,
+            DriveKind::Unicycle => Swap::Turn,
+        };
+        let values = space.genes().first().and_then(GeneSpace::values)?;
+        let pairs = robot.states() as u32;
+        Some(Self { values, pairs, kind })
+    }
+
+    /// The places of speeds whose mirror image they are not after, at `index` among them.
+    fn places(self, index: u64) -> Vec<u64> {
+        let mut places = Vec::with_capacity(2 * self.pairs as usize);
+        let mut rest = index;
+        // Whether a pair before decided which of the two images comes first.
+        let mut decided = false;
+        for after in (0..self.pairs).rev() {
+            let pair = if decided {
+                let pair = rest / self.all(after);
+                rest %= self.all(after);
+                pair
+            } else {
+                self.first_pair(&mut rest, after, &mut decided)
+            };
+            places.extend([pair / self.values, pair % self.values]);
+        }
+        places
+    }
+
+    /// The pair of speeds with `after` pairs after it, where all before are their own images; takes what comes before
+    /// it off `rest`.
+    fn first_pair(self, rest: &mut u64, after: u32, decided: &mut bool) -> u64 {
+        let pairs = self.values * self.values;
+        for pair in 0..pairs {
+            let (a, b) = (pair / self.values, pair % self.values);
+            let image = match self.kind {
+                Swap::Wheels => b * self.values + a,
+                Swap::Turn => a * self.values + (self.values - 1 - b),
+            };
+            let controllers = match pair.cmp(&image) {
+                std::cmp::Ordering::Less => self.all(after),
+                std::cmp::Ordering::Equal => u64::midpoint(self.all(after), self.own_images(after)),
+                std::cmp::Ordering::Greater => 0,
+            };
+            if *rest < controllers {
+                *decided = pair != image;
+                return pair;
+            }
+            *rest -= controllers;
+        }
+        pairs - 1
+    }
+
+    /// Controllers of so many pairs.
+    const fn all(self, pairs: u32) -> u64 {
+        (self.values * self.values).pow(pairs)
+    }
+
+    /// Controllers of so many pairs that are their own mirror images.
+    const fn own_images(self, pairs: u32) -> u64 {
+        self.values.pow(pairs)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CampaignSpec;
+    use std::collections::BTreeSet;
+
+    fn spec(robots: &str, rest: &str) -> CampaignSpec {
+        CampaignSpec::from_toml(&format!("method = \"random\"\n{robots}\n{rest}")).unwrap()
+    }
+
+    fn len(robots: &str, rest: &str) -> Option<u64> {
+        let spec = spec(robots, rest);
+        Enumeration::of(spec.controllers(), spec.world()).map(|all| all.len())
+    }
+
+    const SINGLE: &str = "model = \"single-sensor\"";
+
+    #[test]
+    fn the_papers_robot_has_194_481_controllers_and_half_of_them_up_to_mirror_images() {
+        let images = 21_u64.pow(2);
+        assert_eq!(len(SINGLE, ""), Some(u64::midpoint(194_481, images)));
+        assert_eq!(len(SINGLE, "[controllers]\nstep = 0.5"), Some((625 + 25) / 2));
+        assert_eq!(len(SINGLE, "[controllers]\nstep = 0"), None);
+        assert_eq!(len("model = \"two-sensor\"", ""), Some(21_u64.pow(8) * 10));
+        let two = "[robot]\nsensors = [{}, { angle = 0.5 }]";
+        assert_eq!(len(two, "[controllers]\nstep = 1"), Some(3_u64.pow(8)));
+        let six = "[robot]\nsensors = [{}, {}, {}, {}, {}, {}]";
+        assert_eq!(len(six, ""), None);
+        // A mirror image of such a world is another one.
+        let uneven = "[world]\njitter = true\n[controllers]\nstep = 1";
+        assert_eq!(len(SINGLE, uneven), Some(81));
+        let obstacle = "[controllers]\nstep = 1\n[[world.obstacles]]\nx = 100\ny = 100\nradius = 20";
+        assert_eq!(len(SINGLE, obstacle), Some(81));
+    }
+
+    #[test]
+    fn every_controller_or_its_mirror_image_is_listed_once() {
+        let unicycle = "[robot]\nsensors = [{}]\ndrive = \"unicycle\"\nmax_speed = 3\nmax_turn = 0.5";
+        let back = "[robot]\nsensors = [{}, { angle = 3.141592653589793 }]";
+        for (robots, step, all) in [(SINGLE, 0.25, 6561), (unicycle, 0.25, 6561), (back, 1.0, 6561)] {
+            let spec = spec(robots, &format!("[controllers]\nstep = {step}"));
+            let listed = Enumeration::of(spec.controllers(), spec.world()).unwrap();
+            let mut seen = BTreeSet::new();
+            let bits = |controller: &Controller| -> Vec<u64> {
+                controller.genes().iter().map(|gene| gene.to_bits()).collect()
+            };
+            let mut before: Vec<f64> = Vec::new();
+            for controller in (0..listed.len()).map(|index| listed.controller(index)) {
+                assert!(before.as_slice() < controller.genes(), "{controller}");
+                before = controller.genes().to_vec();
+                let mirrored = listed.mirrored(&controller).unwrap();
+                assert!(controller.genes() <= mirrored.genes());
+                assert_eq!(listed.mirrored(&mirrored).unwrap(), controller);
+                seen.insert(bits(&controller));
+                seen.insert(bits(&mirrored));
+            }
+            assert_eq!(seen.len(), all, "{robots}");
+        }
+    }
+
+    #[test]
+    fn where_there_are_no_mirror_images_the_last_gene_changes_fastest() {
+        let spec = spec(
+            "model = \"two-sensor\"",
+            "[controllers]\nstep = 1\nangles = [0.5, -0.5]",
+        );
+        let listed = Enumeration::of(spec.controllers(), spec.world()).unwrap();
+        assert_eq!(listed.len(), 2 * 3_u64.pow(8));
+        assert_eq!(
+            listed.controller(0).genes(),
+            [-1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0, -1.0, 0.5]
+        );
+        assert_eq!(listed.controller(3).genes()[6..], [-1.0, 0.0, -0.5]);
+        assert!(listed.mirrored(&listed.controller(0)).is_none());
+    }
+}
