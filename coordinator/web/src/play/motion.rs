@@ -43,9 +43,20 @@ pub(super) struct Piece {
     sensed: Vec<u8>,
 }
 
-/// The swarms that were simulated last, the latest at the end.
-#[derive(Debug, Default)]
-pub(super) struct Kept(Mutex<Vec<(Play, Swarm)>>);
+/// The swarms that were simulated last, and for how long requests may simulate.
+#[derive(Debug)]
+pub(super) struct Kept {
+    /// The latest at the end.
+    swarms: Mutex<Vec<(Play, Swarm)>>,
+    /// Before a piece begins, and during it.
+    limits: [Duration; 2],
+}
+
+impl Default for Kept {
+    fn default() -> Self {
+        Self::within([TIME_LIMIT, PIECE_LIMIT])
+    }
+}
 
 impl Piece {
     fn begun(play: &Play, first: u32) -> Self {
@@ -93,6 +104,13 @@ impl Piece {
 }
 
 impl Kept {
+    const fn within(limits: [Duration; 2]) -> Self {
+        Self {
+            swarms: Mutex::new(Vec::new()),
+            limits,
+        }
+    }
+
     /// The piece of a motion that begins with the step `first`.
     ///
     /// # Errors
@@ -100,9 +118,10 @@ impl Kept {
     pub(super) fn piece(&self, play: &Play, first: u32, interrupt: &Interrupt) -> Result<Piece, Status> {
         let mut swarm = self.reached(play, first)?;
         let mut piece = Piece::begun(play, first);
-        if advanced(&mut swarm, first, is_time_for(TIME_LIMIT, interrupt)) {
+        let [before, during] = self.limits;
+        if advanced(&mut swarm, first, is_time_for(before, interrupt)) {
             piece.push(swarm.agents());
-            let is_time = is_time_for(PIECE_LIMIT, interrupt);
+            let is_time = is_time_for(during, interrupt);
             while !piece.is_whole() {
                 let next = swarm.steps() + piece.stride;
                 if !advanced(&mut swarm, next, &is_time) {
@@ -123,7 +142,7 @@ impl Kept {
 
     /// The kept swarm that is nearest before a step, or one at its start.
     fn reached(&self, play: &Play, step: u32) -> Result<Swarm, Invalid> {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
         let before = |(_, (of, swarm)): &(usize, &(Play, Swarm))| of == play && swarm.steps() <= step;
         let found = kept.iter().enumerate().filter(before);
         let found = found.max_by_key(|(_, (_, swarm))| swarm.steps());
@@ -134,7 +153,7 @@ impl Kept {
     }
 
     fn keep(&self, play: &Play, swarm: Swarm) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self.swarms.lock().unwrap_or_else(PoisonError::into_inner);
         kept.push((play.clone(), swarm));
         let most = kept.len().saturating_sub(MOST_KEPT);
         kept.drain(..most);
@@ -173,6 +192,11 @@ mod tests {
         Address::read(&owned.to_vec()).strictly().unwrap()
     }
 
+    /// Pieces of it have the same frames however busy the machine is.
+    fn unhurried() -> Kept {
+        Kept::within([Duration::from_secs(3600); 2])
+    }
+
     fn piece(kept: &Kept, play: &Play, first: u32) -> Piece {
         kept.piece(play, first, &Interrupt::default()).unwrap()
     }
@@ -184,7 +208,7 @@ mod tests {
     #[test]
     fn the_bytes_of_a_piece_are_the_poses_of_the_swarm() {
         let play = play("24", "5");
-        let bytes = piece(&Kept::default(), &play, 7).bytes();
+        let bytes = piece(&unhurried(), &play, 7).bytes();
         let (words, sensed) = bytes.split_at(4 * (5 + 3 * 600 * 24));
         let words: Vec<[u8; 4]> = words.as_chunks().0.to_vec();
         let header: Vec<u32> = words[..5].iter().map(|&word| u32::from_le_bytes(word)).collect();
@@ -208,7 +232,7 @@ mod tests {
     #[test]
     fn pieces_are_one_motion_whether_the_swarm_is_kept_or_not() {
         for (robots, stride) in [("24", 1), ("600", 2)] {
-            let (kept, play) = (Kept::default(), play(robots, "2"));
+            let (kept, play) = (unhurried(), play(robots, "2"));
             let first = piece(&kept, &play, 0);
             assert_eq!(first.stride, stride);
             let last = stride * (first.frames() as u32 - 1);
@@ -217,7 +241,7 @@ mod tests {
                 second.poses[..play.world.agents() as usize],
                 first.poses[first.poses.len() - play.world.agents() as usize..]
             );
-            assert_eq!(second, piece(&Kept::default(), &play, last));
+            assert_eq!(second, piece(&unhurried(), &play, last));
             let mut swarm = swarm(&play);
             swarm.advance(last + stride * (second.frames() as u32 - 1));
             let end: Vec<_> = swarm.agents().map(|agent| agent.sensed).collect();
@@ -227,19 +251,19 @@ mod tests {
 
     #[test]
     fn a_few_swarms_are_kept_and_none_for_another_seed() {
-        let kept = Kept::default();
+        let kept = unhurried();
         for seed in 0..20 {
             piece(&kept, &play("24", &seed.to_string()), 0);
         }
-        let steps = |kept: &Kept| kept.0.lock().unwrap().len();
+        let steps = |kept: &Kept| kept.swarms.lock().unwrap().len();
         assert_eq!(steps(&kept), MOST_KEPT);
         let again = piece(&kept, &play("24", "19"), 0);
-        assert_eq!(again, piece(&Kept::default(), &play("24", "19"), 0));
+        assert_eq!(again, piece(&unhurried(), &play("24", "19"), 0));
     }
 
     #[test]
     fn what_nobody_wants_any_more_is_not_simulated() {
-        let (kept, interrupt) = (Kept::default(), Interrupt::default());
+        let (kept, interrupt) = (unhurried(), Interrupt::default());
         interrupt.raise();
         let refused = kept.piece(&play("1000", "1"), 500_000, &interrupt).unwrap_err();
         assert_eq!(refused.code(), tonic::Code::Unavailable);
@@ -248,8 +272,8 @@ mod tests {
 
     #[test]
     fn a_piece_of_many_robots_is_no_larger_than_one_of_few() {
-        let few = piece(&Kept::default(), &play("24", "1"), 0).bytes().len();
-        let many = piece(&Kept::default(), &play("1000", "1"), 0).bytes().len();
+        let few = piece(&unhurried(), &play("24", "1"), 0).bytes().len();
+        let many = piece(&unhurried(), &play("1000", "1"), 0).bytes().len();
         assert!((100_000..2_000_000).contains(&few), "{few}");
         assert!((100_000..2_000_000).contains(&many), "{many}");
     }
