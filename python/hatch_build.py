@@ -4,6 +4,7 @@ import os
 import platform
 import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ class Contract(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{_platform(programs.values())}"
 
 
-def _platform(programs: Any) -> str:
-    """The tag of the systems that programs run on: those whose C library has all the versions of symbols that they need."""
+def _platform(programs: Iterable[Path]) -> str:
+    """The tag of the systems that programs run on: their C library has all versions of symbols that the programs need."""
     minors = [int(minor) for path in programs for minor in re.findall(rb"GLIBC_2\.(\d+)", path.read_bytes())]
     return f"manylinux_2_{max(minors)}_{platform.machine()}"

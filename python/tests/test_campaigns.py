@@ -104,6 +104,10 @@ def test_several_starts_are_averaged(client: mm.Client) -> None:
         ([[0.1, 0.2, 0.3, 0.4]], [1, 2], "seeds"),
         ([0.1, 0.2, 0.3, 0.4], 1, "controllers"),
         (np.zeros((0, 4)), 1, "controllers"),
+        ([[0.1, 0.2, 0.3, "left"]], 1, "controllers"),
+        ([[0.1, 0.2, 0.3, 0.4]], -1, "seeds"),
+        ([[0.1, 0.2, 0.3, 0.4]], [1 << 64], "seeds"),
+        ([[0.1, 0.2, 0.3, 0.4]], [1.5], "seeds"),
     ],
 )
 def test_controllers_that_cannot_be_evaluated(

@@ -1,17 +1,22 @@
 //! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
 
 use super::{Permit, Permits, Streamed};
-use crate::status::OrStatus as _;
-use futures_util::StreamExt as _;
-use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob};
-use murmuration_model::{EmbedderRef, Weight};
+use crate::status::{IntoStatus as _, OrStatus as _};
+use futures_util::{StreamExt as _, stream};
+use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
+use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
-    CampaignSpec, Controller, EmbedderSource, Invalid,
+    CampaignSpec, Controller, EmbedderSource, Invalid, counted,
     parts::parts,
     v1::{self, evaluate_request::Part, evaluation_description::Campaign},
 };
 use murmuration_store::checkpoints::Checkpoints;
-use std::{sync::Arc, time::Duration};
+use std::{
+    collections::BTreeMap,
+    iter,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
 use tonic::{Request, Response, Status, Streaming};
 
 /// Most controllers of a request.
@@ -58,15 +63,30 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let described = Arc::new(self.described(first).await?);
         let dispatch = self.dispatch.clone();
         let side = described.spec.image().resolution();
-        let mut first = 0;
+        let quarantined = dispatch.quarantined();
+        let unaudited = Arc::<Unaudited>::default();
+        let at_the_end = unaudited.clone();
+        let mut next = 0;
         let results = requests
             .map(move |request| {
+                let first = next;
                 let job = request.and_then(|request| described.job(request, first));
-                first += job.as_ref().map_or(0, |job| job.tasks.len());
-                evaluated(dispatch.clone(), described.clone(), job)
+                next += job.as_ref().map_or(0, |job| job.tasks.len());
+                evaluated(
+                    dispatch.clone(),
+                    described.clone(),
+                    unaudited.clone(),
+                    (first, job),
+                )
             })
             .buffered(AT_ONCE)
-            .flat_map(move |results| tokio_stream::iter(responses(results, side)));
+            .flat_map(move |results| tokio_stream::iter(responses(results, side)))
+            .chain(
+                stream::iter(iter::once_with(move || {
+                    at_the_end.check(&quarantined.borrow()).err().map(Err)
+                }))
+                .filter_map(std::future::ready),
+            );
         Ok(Response::new(Box::pin(while_permitted(permit, results))))
     }
 }
@@ -109,15 +129,64 @@ impl EvaluationApi {
 async fn evaluated(
     dispatch: Dispatch,
     described: Arc<Described>,
-    job: Result<EvaluationJob, Status>,
+    unaudited: Arc<Unaudited>,
+    (first, job): (usize, Result<EvaluationJob, Status>),
 ) -> Result<Vec<v1::EvaluateResult>, Status> {
     let evaluated = dispatch
         .while_staffed(dispatch.evaluate(job?, Arc::default()))
         .await
         .or_status()?
-        .or_status()?;
+        .map_err(|error| disagreement(error, first))?;
+    for (place, evaluated) in evaluated.iter().enumerate() {
+        if let Evaluated::Done { maker, .. } = evaluated {
+            unaudited.add(*maker, first + place);
+        }
+    }
     let result = |evaluated| described.result(evaluated);
     Ok(evaluated.into_iter().map(result).collect())
+}
+
+/// An error in the words of a stream, whose controllers are numbered through.
+fn disagreement(error: JobError, first: usize) -> Status {
+    match error {
+        JobError::Disagreement { task, workers } => Status::data_loss(format!(
+            "workers disagree about controller {} ({}), and no third machine can decide which of them is right: start a worker \
+             on another machine, and evaluate again",
+            first + task,
+            workers.join(" and ")
+        )),
+        error => error.into_status(),
+    }
+}
+
+/// The controllers of a stream whose results one machine alone vouches for.
+#[derive(Debug, Default)]
+struct Unaudited(Mutex<BTreeMap<MachineId, Vec<usize>>>);
+
+impl Unaudited {
+    fn add(&self, maker: Maker, controller: usize) {
+        if let Some(machine) = maker.unaudited {
+            let mut by_machine = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            by_machine.entry(machine).or_default().push(controller);
+        }
+    }
+
+    /// Whether all machines are still trusted: results cannot be taken back once they are sent.
+    fn check(&self, quarantined: &[Quarantined]) -> Result<(), Status> {
+        let by_machine = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        for wrong in quarantined {
+            if let Some(controllers) = by_machine.get(&wrong.machine) {
+                let first = controllers.iter().min().copied().unwrap_or_default();
+                return Err(Status::data_loss(format!(
+                    "{} was found wrong after it had evaluated {} of this stream, controller {first} among them: evaluate all \
+                     controllers again",
+                    wrong.name,
+                    counted(controllers.len() as u64, "controller"),
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Described {

@@ -30,7 +30,7 @@ Examples:
   murmuration atlas examples/atlas.toml --out atlas       every controller of the paper's robot, in minutes
   murmuration atlas latest --out atlas                    the atlas of a campaign that there is")]
 pub(super) struct AtlasCommand {
-    /// Campaign file with the method \"exhaustive\"; or the id of a campaign that judges, or `latest`
+    /// Campaign file with the method "exhaustive"; or the id of a campaign that judges, or `latest`
     campaign: String,
     /// Folder for the atlas [default: atlases/CAMPAIGN in the data directory]
     #[arg(long, value_name = "DIR")]
@@ -142,8 +142,9 @@ impl AtlasCommand {
 /// The same campaign over a grid of so many values of each speed.
 fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliError> {
     if values < 3 || values.is_multiple_of(2) {
-        let said =
-            format!("--values {values}: an odd number from 3 on, so that a speed of 0 is among the values");
+        let said = format!(
+            "--values {values}: must be an odd number from 3 on, so that a speed of 0 is among the values"
+        );
         return Err(CliError::Input(said));
     }
     let mut message = v1::CampaignSpec::from(spec);

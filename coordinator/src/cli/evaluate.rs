@@ -10,7 +10,7 @@ use super::{
 use crate::local::InProcess;
 use csv::Writer;
 use indicatif::{ProgressBar, ProgressStyle};
-use murmuration_link::{InputKind, OutputError, errln};
+use murmuration_link::{InputKind, OutputError, errln, termination};
 use murmuration_model::labels::{LabelFile, LabelFileError, Row};
 use murmuration_proto::{
     CampaignSpec, Controller, FEATURE_NAMES, Purpose, RandomStream, Text, counted,
@@ -18,11 +18,12 @@ use murmuration_proto::{
 };
 use murmuration_store::DataDirectory;
 use std::{
+    fs::{self, File, Permissions},
     io::{self, Write},
     iter, mem,
+    os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
-use tempfile::NamedTempFile;
 use tokio_stream::StreamExt as _;
 
 /// Controllers of a request.
@@ -69,17 +70,25 @@ impl Evaluate {
         let tasks = self.tasks(&spec)?;
         let Some(path) = &self.out else {
             let table = (!global.json).then(|| Writer::from_writer(io::stdout().lock()));
-            return self.write_results(table, global, (&spec, &tasks)).await;
+            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
         };
         let unwritable = |error: io::Error| CliError::unwritable(path, &error);
+        if fs::symlink_metadata(path).is_ok_and(|there| !there.is_file()) {
+            // A device or a link is written to, not replaced.
+            let table = Some(Writer::from_writer(File::create(path).map_err(unwritable)?));
+            return all_evaluated(self.write_results(table, global, (&spec, &tasks)).await?);
+        }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         // A table is there once it is whole.
-        let file = NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(unwritable)?;
+        let file = tempfile::Builder::new()
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder.unwrap_or(Path::new(".")))
+            .map_err(unwritable)?;
         let table = Some(Writer::from_writer(file.as_file()));
-        self.write_results(table, global, (&spec, &tasks)).await?;
+        let failed = self.write_results(table, global, (&spec, &tasks)).await?;
         file.persist(path).map_err(|error| unwritable(error.error))?;
         errln!("wrote {}", path.display());
-        Ok(())
+        all_evaluated(failed)
     }
 
     /// The controllers of the file, with the seeds of their starts.
@@ -112,33 +121,40 @@ impl Evaluate {
         Ok(tasks)
     }
 
-    /// Has the controllers evaluated, and writes each result once it is there: to a table, or as JSON.
+    /// Has the controllers evaluated, and writes each result once it is there: to a table, or as JSON. The number of controllers
+    /// that could not be evaluated, which are left out.
     async fn write_results(
         &self,
         table: Option<Writer<impl Write>>,
         global: &Global,
         (spec, tasks): (&CampaignSpec, &Tasks),
-    ) -> Result<(), CliError> {
+    ) -> Result<u64, CliError> {
         let crew = InProcess {
             trainers: 0,
             ..self.crew.count()
         };
-        let evaluate = async |connection: &mut Connection| evaluated(connection, spec, tasks, table).await;
-        let is_elsewhere = global.coordinator.is_some() || is_there(&global.data)?;
-        let failed = if is_elsewhere {
-            connection::with(global, crew, evaluate).await?
-        } else {
-            let folder = tempfile::tempdir()
-                .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
-            let data = DataDirectory::hold(folder.path())?;
-            connection::with_own(global, data, crew, evaluate).await?
-        };
-        match failed {
-            0 => Ok(()),
-            failed => {
-                let said = format!("{} could not be evaluated", counted(failed, "controller"));
-                Err(CliError::Failed(said))
+        let evaluate = async |connection: &mut Connection| {
+            tokio::select! {
+                failed = evaluated(connection, spec, tasks, table) => failed,
+                signal = termination() => Err(CliError::Failed(signal.to_owned())),
             }
+        };
+        if global.coordinator.is_some() || is_there(&global.data)? {
+            return connection::with(global, crew, evaluate).await;
+        }
+        let folder = tempfile::tempdir()
+            .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
+        let data = DataDirectory::hold(folder.path())?;
+        connection::with_own(global, data, crew, evaluate).await
+    }
+}
+
+fn all_evaluated(failed: u64) -> Result<(), CliError> {
+    match failed {
+        0 => Ok(()),
+        failed => {
+            let said = format!("{} could not be evaluated", counted(failed, "controller"));
+            Err(CliError::Failed(said))
         }
     }
 }

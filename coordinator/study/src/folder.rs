@@ -204,12 +204,17 @@ impl StudyFolder {
         Ok(())
     }
 
-    /// What was measured of the cell with this digest in this way; `None` if nothing was, or in another way.
+    /// What was measured of the cell with this digest in this way; `None` if nothing was, or in another way, or if the file is
+    /// damaged: then it is measured again.
     ///
     /// # Errors
     /// [`FolderError::Unreadable`].
     pub fn measured(&self, cell: &str, measures: &str) -> Result<Option<Measured>, FolderError> {
-        let measured: Option<Measured> = self.json(&of_cell(cell))?;
+        let path = self.path.join(of_cell(cell));
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let measured: Option<Measured> = serde_json::from_slice(&read(&path)?).ok();
         Ok(measured.filter(|measured| measured.cell == cell && measured.measures == measures))
     }
 

@@ -171,6 +171,10 @@ impl Outcome {
 
     /// The figures of a row with the judge's errors.
     fn resampled(&self, cells: &[MeasuredCell<'_>], row: u64) -> BTreeMap<Figure, Resampled> {
+        if !self.named_by().contains_key(JUDGE) {
+            // What people named has no errors of the judge.
+            return BTreeMap::new();
+        }
         let judged = |cell: &MeasuredCell<'_>| cell.measured.behaviours.is_some();
         let cells: Vec<&MeasuredCell<'_>> = cells.iter().filter(|cell| judged(cell)).collect();
         let Some(first) = cells.first() else {

@@ -94,10 +94,12 @@ fn section(outcome: &Outcome, table: &Table) -> Markup {
                     (dots(&table.rows, main, |row| named(outcome, row)))
                     p.legend {
                         span.key-mean { "mean and standard deviation" }
-                        @if table.measure == Measure::Behaviours {
+                        @if table.rows.iter().flat_map(|row| row.entries.values()).any(|entry| entry.resampled.is_some()) {
                             span.key-judge { "with the judge's errors (5th to 95th percentile)" }
                         }
-                        span.key-published { "published" }
+                        @if table.rows.iter().flat_map(|row| row.entries.values()).any(|entry| entry.published.is_some()) {
+                            span.key-published { "published" }
+                        }
                     }
                 }
             }

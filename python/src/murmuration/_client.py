@@ -117,7 +117,7 @@ class Client:
         self,
         robot: str | os.PathLike[str] | Mapping[str, Any],
         controllers: npt.ArrayLike,
-        seeds: Sequence[int] | npt.NDArray[Any] | int,
+        seeds: Sequence[int] | npt.NDArray[Any] | int = 0,
         *,
         pictures: bool = False,
     ) -> Evaluations:
@@ -129,7 +129,7 @@ class Client:
             robot: The name of a capability model (`"single-sensor"`), or a campaign as a dict or the path of its file
                 (ending in `.toml`), for other robots, worlds, numbers of starts, or an embedding by a `checkpoint`.
             controllers: Genes, (n, genes), within the ranges of their sensors and drives.
-            seeds: The seed of each controller's first start, or one for all.
+            seeds: The seed of each controller's first start, or one for all, 0 to 2^64 - 1.
             pictures: Whether to return pictures, too.
 
         Raises:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,11 +31,14 @@ class Evaluations:
         embeddings: float32 (n, dimensions), means over the starts; None if the method does not embed.
         pictures: uint8 (n, side, side), of the first start, rows from the top down; None unless they were asked for.
             With a channel for each species (n, channels, side, side).
+        failures: By the number of the controller, why it could not be evaluated: workers were lost during it. Its
+            features and embedding are not a number, and its picture is black. Usually empty.
     """
 
     features: npt.NDArray[np.float64]
     embeddings: npt.NDArray[np.float32] | None
     pictures: npt.NDArray[np.uint8] | None
+    failures: dict[int, str]
 
     def __len__(self) -> int:
         return len(self.features)
@@ -50,33 +52,53 @@ def evaluate(
     pictures: bool,
 ) -> Evaluations:
     """Has controllers evaluated as the text of a campaign file describes it."""
-    genes = np.asarray(controllers, dtype=np.float64)
+    try:
+        genes = np.asarray(controllers, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidError(f"controllers = what is no array: must be numbers, (controllers, genes): {error}") from None
     if genes.ndim != 2 or not len(genes):
         raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
     # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
-    numbers = [seeds] * len(genes) if isinstance(seeds, (int, np.integer)) else list(seeds)
+    given = [seeds] * len(genes) if isinstance(seeds, (int, np.integer)) else seeds
+    numbers = [_seed(place, seed) for place, seed in enumerate(given)]
     if len(numbers) != len(genes):
         raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
-    requests = _requests(description, genes, [operator.index(seed) for seed in numbers], pictures)
-    features: list[npt.NDArray[np.float64]] = []
-    embeddings: list[npt.NDArray[np.float32]] = []
-    images: list[bytes] = []
+    requests = _requests(description, genes, numbers, pictures)
+    results: list[v1.EvaluateResult] = []
     side = 0
     for answer in rpc.exchange("EvaluationService/Evaluate", requests, v1.EvaluateResponse):
         side = answer.side
-        for result in answer.results:
-            if result.failure:
-                raise MurmurationError(f"controller {len(features)} could not be evaluated: {result.failure}")
-            features.append(_mean([trial.features for trial in result.trials]))
-            embeddings.append(_mean([trial.embedding for trial in result.trials]).astype(np.float32))
-            images.append(result.trials[0].image)
-    if len(features) != len(genes):
-        raise MurmurationError(f"{len(features)} results came for {len(genes)} controllers")
+        results.extend(answer.results)
+    if len(results) != len(genes):
+        raise MurmurationError(f"{len(results)} results came for {len(genes)} controllers")
+    failures = {number: result.failure for number, result in enumerate(results) if result.failure}
+    usual = next((result for result in results if not result.failure), None)
+    if usual is None:
+        raise MurmurationError(f"no controller could be evaluated: {failures[0]}")
+    nothing = _nothing_like(usual)
+    trials = [nothing if result.failure else result.trials for result in results]
+    embeddings = [_mean([trial.embedding for trial in of_one]).astype(np.float32) for of_one in trials]
     return Evaluations(
-        features=np.array(features),
+        features=np.array([_mean([trial.features for trial in of_one]) for of_one in trials]),
         embeddings=np.array(embeddings) if embeddings[0].size else None,
-        pictures=tables.pictures(images, side) if pictures else None,
+        pictures=tables.pictures([of_one[0].image for of_one in trials], side) if pictures else None,
+        failures=failures,
     )
+
+
+def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
+    """What a controller that could not be evaluated has in the place of trials."""
+    usual = result.trials[0]
+    nan = float("nan")
+    lost = worker.Evaluation(features=[nan] * len(usual.features), embedding=[nan] * len(usual.embedding))
+    lost.image = bytes(len(usual.image))
+    return [lost]
+
+
+def _seed(place: int, seed: object) -> int:
+    if isinstance(seed, (int, np.integer)) and 0 <= seed < 1 << 64:
+        return int(seed)
+    raise InvalidError(f"seeds[{place}] = {seed}: must be a whole number from 0 to {(1 << 64) - 1}")
 
 
 def described(campaign: str | os.PathLike[str] | Mapping[str, Any]) -> str:

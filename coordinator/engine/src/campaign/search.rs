@@ -71,7 +71,13 @@ pub(super) async fn evolve(
         })
         .await?;
         search = unchanged;
-        let proposal = proposal?;
+        let proposal = match proposal {
+            Ok(proposal) => proposal,
+            Err(error) => {
+                committed.await?;
+                return Err(error.into());
+            }
+        };
         let tasks = proposal.controllers.iter().cloned().zip(search.seeds()).collect();
         let job = EvaluationJob::of_individuals(&search.campaign, search.embedder, tasks);
         let evaluated = evaluate(&context.dispatch, handle, job, |place, attempt| {

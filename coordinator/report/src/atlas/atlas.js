@@ -13,6 +13,8 @@
   const chosen = document.getElementById("chosen");
   // Pixels of the screen a controller, and where the picture's corner is on the screen.
   let scale = 1, left = 0, top = 0;
+  // The scale at which the whole map is seen.
+  let whole = 1;
   let pinned = null, onlyClass = null, shown = source;
 
   const entryAt = (x, y) => {
@@ -97,7 +99,7 @@
     pen.drawImage(shown, left, top, side * scale, side * scale);
     const from = [0, 1].map((axis) => Math.max(0, Math.floor(-[left, top][axis] / scale)));
     const to = [width, height].map((size, axis) => Math.min(side, Math.ceil((size - [left, top][axis]) / scale)));
-    if (scale >= 28) {
+    if (scale >= Math.max(28, 1.5 * whole)) {
       const rim = 2;
       for (let y = from[1]; y < to[1]; y++) {
         for (let x = from[0]; x < to[0]; x++) {
@@ -235,7 +237,7 @@
     });
   }
   const fit = () => {
-    scale = Math.min(canvas.clientWidth, canvas.clientHeight) / side;
+    scale = whole = Math.min(canvas.clientWidth, canvas.clientHeight) / side;
     left = (canvas.clientWidth - side * scale) / 2;
     top = (canvas.clientHeight - side * scale) / 2;
     draw();

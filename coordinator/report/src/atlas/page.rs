@@ -5,7 +5,7 @@ use crate::picture::columns::column;
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{DOCTYPE, PreEscaped, html};
 use murmuration_model::colours;
-use murmuration_proto::{FEATURE_NAMES, Verdict, World, grouped};
+use murmuration_proto::{FEATURE_NAMES, Verdict, World, counted, grouped};
 use serde_json::json;
 
 const STYLE: &str = include_str!("atlas.css");
@@ -41,10 +41,19 @@ pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], m
                     aside {
                         h1 { "Every controller of the robot " (atlas.spec.model()) }
                         p {
-                            (grouped(atlas.entries.len() as u64)) " controllers were simulated from "
-                            (atlas.spec.starts().get()) " starts each; their mirror images do the same. Scroll to zoom, drag to move, \
-                             click for a controller. Close up, the pictures of the swarms appear."
+                            (grouped((layout.side() * layout.side()) as u64)) " controllers, a pixel each. "
+                            (grouped(atlas.entries.len() as u64)) " of them were simulated from "
+                            (counted(atlas.spec.starts().get() as u64, "start")) " each; the others are their mirror images."
                         }
+                        p {
+                            @let genes = atlas.spec.model().gene_names();
+                            @if let [right, up, right_within, up_within] = &genes[..] {
+                                "The tiles go by the speeds while nothing is seen: " (right) " from left to right, " (up)
+                                " from bottom to top. Within a tile the pixels go by the speeds while something is seen: "
+                                (right_within) " from left to right, " (up_within) " from bottom to top."
+                            }
+                        }
+                        p { "Scroll to zoom, drag to move, click for a controller. Close up, the pictures of the swarms appear." }
                         ul #classes {}
                         section #chosen aria-live="polite" { p { "Point at a controller." } }
                     }

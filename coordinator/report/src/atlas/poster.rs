@@ -31,7 +31,7 @@ pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8])
         grouped(atlas.entries.len() as u64)
     );
     let page = html! {
-        svg xmlns="http://www.w3.org/2000/svg" viewBox=(view) width=(width) height=(height) font-family="sans-serif" fill="#1d1d1b" {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox=(view) width=(width) height=(height) font-family="sans-serif" fill="#1d1d1b" style="max-width: 100%; height: auto" {
             title { (title) }
             rect width="100%" height="100%" fill=(colours::hex(colours::PAPER)) {}
             text x=(LEFT) y="52" font-size="34" font-weight="bold" { (title) }

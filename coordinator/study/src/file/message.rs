@@ -1,7 +1,7 @@
 //! The fields of a study file, before they are checked.
 
 use super::lay_over;
-use murmuration_proto::Invalid;
+use murmuration_proto::{Invalid, text};
 use serde::Deserialize;
 use std::{collections::BTreeMap, path::PathBuf};
 use toml::Table;
@@ -108,9 +108,16 @@ pub(super) struct QuickMessage {
     pub(super) campaign: Table,
 }
 
+/// What the name of a quick study ends with.
+const QUICK: &str = "-quick";
+
 impl StudyMessage {
     /// The study as it is made: with the changes of `[quick]`, or without them.
     pub(super) fn made(mut self, quick: bool) -> Result<Self, Invalid> {
+        if self.name.ends_with(QUICK) {
+            let allowed = format!("a name that does not end in {QUICK}, as that of a quick study does");
+            return Err(Invalid::new("name", text::quoted(&self.name), allowed));
+        }
         if !quick {
             self.quick = None;
             self.axes
@@ -120,10 +127,11 @@ impl StudyMessage {
             return Ok(self);
         }
         let Some(changes) = &self.quick else {
-            let allowed = "a table that says what `--quick` changes";
+            let allowed =
+                "a table that says what `--quick` changes; this study has none, so run it without `--quick`";
             return Err(Invalid::new("quick", "nothing", allowed));
         };
-        self.name.push_str("-quick");
+        self.name.push_str(QUICK);
         self.seeds = changes.seeds.clone().or(self.seeds);
         self.embedders = changes.embedders.or(self.embedders);
         Ok(self)

@@ -1,5 +1,6 @@
 //! Workers that compute wrongly, and tasks that kill workers: both are detected, and the outcome does not change.
 
+mod elsewhere;
 mod kinds;
 mod machines;
 
