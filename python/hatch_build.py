@@ -46,6 +46,6 @@ class Contract(BuildHookInterface[Any]):
 
 
 def _platform(programs: Iterable[Path]) -> str:
-    """The tag of the systems that programs run on: their C library has all versions of symbols that the programs need."""
+    """The tag of the systems that programs run on: their C library has all symbols that the programs need."""
     minors = [int(minor) for path in programs for minor in re.findall(rb"GLIBC_2\.(\d+)", path.read_bytes())]
     return f"manylinux_2_{max(minors)}_{platform.machine()}"

@@ -153,7 +153,7 @@ fn what_no_atlas_can_be_made_of_is_said() {
     let spec = written(folder.path());
     check(
         &["atlas", &spec, "--values", "4"],
-        "--values 4: an odd number from 3 on",
+        "--values 4: must be an odd number from 3 on",
     );
     check(
         &["atlas", "small-1", "--values", "5"],

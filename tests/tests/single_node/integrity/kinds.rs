@@ -5,8 +5,8 @@ use murmuration_dispatch::Options;
 use murmuration_embed::{Embedder, Runtime};
 use murmuration_link::{Coordinator, Credentials, fetch_checkpoint};
 use murmuration_proto::{
-    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, World,
-    onnx::EmbedderModel, v1,
+    CampaignSpec, CapabilityModel, CheckpointDigest, Controller, Evaluation, ImageFormat, Purpose,
+    RandomStream, World, onnx::EmbedderModel, v1,
 };
 use murmuration_tests::{Cluster, small_latent_spec};
 use murmuration_worker::{evaluate::Evaluator, simulate::Start};
@@ -59,17 +59,26 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
 
     let mut other = connect(&cluster, LIAR).await.unwrap();
     let until = cluster.status(&campaign).await.generations_done + 2;
-    let mut count = 0;
+    let generation_of = |task: &v1::EvaluationTask| {
+        let seed_of = |index| RandomStream::derive(spec.seed(), Purpose::Start, index).bits();
+        (0..800).find(|&index| seed_of(index) == task.seed).unwrap() / 20
+    };
+    let mut answered = Vec::new();
     let (lease, batch) = loop {
         let (lease, batch) = other.lease(20).await;
         if cluster.status(&campaign).await.generations_done >= until {
             break (lease, batch);
         }
+        answered.extend(batch.tasks.iter().map(generation_of));
         let evaluations = evaluate(&cluster, lease, batch).await;
-        count += evaluations.len();
         other.answer_each(lease, evaluations).await;
     };
-    // Then it breaks, and all that rests on its word is done again.
+    // Then it breaks, and all that rests on its word is done again: of the generation in hand at once, of others later.
+    let in_hand = generation_of(&batch.tasks[0]);
+    let count = answered
+        .iter()
+        .filter(|&&generation| generation < in_hand)
+        .count();
     other.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(other.dismissed().await.code(), Code::InvalidArgument);
     let worker = Honest::join(&cluster, folder.path(), 3);
