@@ -96,10 +96,11 @@ impl Window {
         element.text().await.unwrap()
     }
 
-    /// Waits until a script returns something true; panics with what the page shows if it never does.
+    /// Waits until a script returns something true; panics with what the page shows if it never does. While one page replaces
+    /// another, elements are missing and the script may fail: then it is not true yet.
     pub async fn until(&self, script: &str) {
         let begun = Instant::now();
-        let script = format!("Boolean({script})");
+        let script = format!("(() => {{ try {{ return Boolean({script}); }} catch {{ return false; }} }})()");
         while self.value(&script).await != json!(true) {
             if begun.elapsed() > DRIVER_TIMEOUT {
                 let shown = self.value("document.body.innerText").await;
