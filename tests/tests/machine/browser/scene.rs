@@ -153,7 +153,7 @@ pub async fn introduce(window: &Window, name: &str) {
 /// Waits for a question; which individual it is about.
 pub async fn asked(window: &Window) -> u64 {
     window
-        .until("/^Individual \\d+$/.test(document.getElementById('which')?.textContent)")
+        .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
         .await;
     let said = window.text("#which").await;
     said.trim_start_matches("Individual ").parse().unwrap()
