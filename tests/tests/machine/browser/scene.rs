@@ -156,7 +156,10 @@ pub async fn asked(window: &Window) -> u64 {
         .until("/^Individual [\\d,]+$/.test(document.getElementById('which')?.textContent)")
         .await;
     let said = window.text("#which").await;
-    said.trim_start_matches("Individual ").parse().unwrap()
+    said.trim_start_matches("Individual ")
+        .replace(',', "")
+        .parse()
+        .unwrap()
 }
 
 /// Answers with a key, and waits for the next question.
