@@ -3,19 +3,21 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-python wheel test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
+.PHONY: demo test test-python guide wheel test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
 	./target/release/murmuration run examples/single-sensor-latent.toml
 
-# Everything that must pass before a change lands. Runs every test and lists failures at the end; then counts instructions.
+# Everything that must pass before a change lands. Runs every test and lists failures at the end; then counts
+# instructions, and builds the guide.
 test: lint runtime browser
 	python="$$(scripts/python-packages $(CURDIR)/target/python)"; \
 		bases="$$(tests/containers/base-images)" && \
 		MURMURATION_TEST_BASES="$$bases" PATH="$${python:+$$python:}$$PATH" \
 		$(CARGO) test --workspace --no-fail-fast
 	scripts/instruction-counts
+	$(MAKE) guide
 
 # Only the pages, in a real browser; screenshots land in target/screenshots.
 test-browser: toolchain browser
@@ -41,6 +43,11 @@ test-python: toolchain
 	rm -rf target/wheel
 	scripts/test-wheel "$$(scripts/wheel target/debug target/wheel)"
 
+# Makes the guide, a book of the pages in docs/, in target/guide/html, and follows its links.
+guide: toolchain
+	$(CARGO) build --workspace --bins
+	scripts/guide
+
 # A wheel of the Python library with the programs in it, for pip, in the folder dist.
 wheel: build
 	scripts/wheel target/release dist
@@ -55,11 +62,12 @@ lint: toolchain
 build: toolchain
 	$(CARGO) build --release --workspace --bins
 
-# Installs the programs into cargo's folder for binaries. INSTALL_ROOT names another folder.
+# Installs the programs into cargo's folder for binaries, and the manual and completions beside it. INSTALL_ROOT names another folder.
 INSTALL_ROOT ?= $(or $(CARGO_INSTALL_ROOT),$(CARGO_HOME),$(HOME)/.cargo)
 install: build runtime
 	install -d "$(INSTALL_ROOT)/bin"
 	install target/release/murmuration target/release/murmuration-worker target/release/murmuration-trainer "$(INSTALL_ROOT)/bin"
+	scripts/install-manual target/release/murmuration "$(INSTALL_ROOT)"
 
 # Performance figures of this machine, each with a baseline from the same run.
 bench: build runtime

@@ -125,6 +125,12 @@ def measure(programs, count, folder):
     run("doctor", programs / "murmuration", "doctor", "--data", data)
     run("backup", programs / "murmuration", "backup", folder / "backup", "--data", data)
     shutil.rmtree(folder / "backup")
+    run("export", programs / "murmuration", "export", "latest", folder / "export", "--data", data)
+    files = sum(path.stat().st_size for path in (folder / "export").rglob("*") if path.is_file())
+    print(f"| the folder of the export | | | {files / 2**20:.0f} | of disk |", flush=True)
+    run("import", programs / "murmuration", "import", folder / "export", "--data", folder / "imported")
+    for name in ("export", "imported"):
+        shutil.rmtree(folder / name)
     with serving(programs, data, 1) as (process, url, seconds):
         row("serve: the first page", seconds, cpu(process), peak(process))
         time.sleep(1)

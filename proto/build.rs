@@ -31,11 +31,13 @@ fn main() -> Result<(), Box<dyn Error>> {
             "murmuration/v1/trainer.proto",
             "murmuration/v1/label.proto",
             "murmuration/v1/evaluation.proto",
+            "murmuration/v1/transfer.proto",
         ],
         ["."],
     )?;
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     fs::write(out.join("descriptors.bin"), files.encode_to_vec())?;
+    fs::write(out.join("comments.rs"), comments(&files))?;
 
     let mut config = tonic_prost_build::configure().build_transport(true);
     for message in WRITTEN_BY_PEOPLE {
@@ -92,4 +94,29 @@ fn main() -> Result<(), Box<dyn Error>> {
         .compile_fds(files)?;
     println!("cargo:rerun-if-changed=murmuration");
     Ok(())
+}
+
+/// The comments on the fields that people write in campaign files, as a Rust list of message, field and comment.
+fn comments(files: &protox::prost_reflect::prost_types::FileDescriptorSet) -> String {
+    /// The numbers of `message_type` in a file and of `field` in a message, of which paths in a file are made.
+    const MESSAGE: i32 = 4;
+    const FIELD: i32 = 2;
+
+    let mut list = String::from("&[");
+    for file in &files.file {
+        let locations = file.source_code_info.iter().flat_map(|info| &info.location);
+        for location in locations {
+            let [MESSAGE, message, FIELD, field] = location.path[..] else {
+                continue;
+            };
+            let message = &file.message_type[message as usize];
+            if !WRITTEN_BY_PEOPLE.contains(&message.name()) {
+                continue;
+            }
+            let words: Vec<&str> = location.leading_comments().split_whitespace().collect();
+            let (field, comment) = (message.field[field as usize].name(), words.join(" "));
+            list += &format!("({:?}, {field:?}, {comment:?}), ", message.name());
+        }
+    }
+    list + "]"
 }

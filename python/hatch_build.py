@@ -19,7 +19,9 @@ class Contract(BuildHookInterface[Any]):
     Generated files are not committed, so they cannot differ from the contract. A source distribution has the contract
     beside the package.
 
-    If the variable MURMURATION_WHEEL names a folder, a wheel gets the programs in it, which pip puts beside Python's.
+    If the variable MURMURATION_WHEEL names a folder, a wheel gets the programs in it, which pip puts beside Python's,
+    and its folder `share` (the manual, completions of shells), which pip puts where shells and man look in an
+    environment.
     """
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
@@ -41,6 +43,7 @@ class Contract(BuildHookInterface[Any]):
         if given and self.target_name == "wheel" and version != "editable":
             programs = {name: Path(given, name) for name in _PROGRAMS}
             build_data["shared_scripts"] = {str(path): name for name, path in programs.items()}
+            build_data["shared_data"] = {os.fspath(Path(given, "share")): "share"}
             build_data["pure_python"] = False
             build_data["tag"] = f"py3-none-{_platform(programs.values())}"
 

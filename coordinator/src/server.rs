@@ -25,18 +25,19 @@ use murmuration_proto::{
     v1::{
         campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
         evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-        trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
+        trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
+        worker_service_server::WorkerServiceServer,
     },
 };
 use murmuration_search::interrupt::Interrupt;
 use murmuration_service::{
-    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Permits, TrainerApi, WorkerApi,
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, Permits, TrainerApi, TransferApi, WorkerApi,
 };
 use murmuration_store::{
     DataDirectory, Store, StoreError,
     checkpoints::{CheckpointError, Checkpoints},
 };
-use murmuration_web::{Playground, Web};
+use murmuration_web::{DrawnAtlas, Judged, Playground, Studies, Web};
 use services::Services;
 use std::{io, net::SocketAddr, time::Duration};
 use tokio::sync::watch;
@@ -175,6 +176,9 @@ impl Coordinator {
             archive: campaign_api.clone(),
             labels: label_api.clone(),
             play: Playground::default(),
+            studies: Studies::of(options.data.path()),
+            atlas: DrawnAtlas::default(),
+            judged: Judged::default(),
         };
         let readiness = Readiness::default();
         let names = [
@@ -184,6 +188,7 @@ impl Coordinator {
             CheckpointServiceServer::<CheckpointApi>::NAME,
             EvaluationServiceServer::<EvaluationApi>::NAME,
             LabelServiceServer::<LabelApi>::NAME,
+            TransferServiceServer::<TransferApi>::NAME,
         ];
         let health = readiness.service(&names).await;
         let probes = Probes {
@@ -194,6 +199,13 @@ impl Coordinator {
         };
         let services = Services {
             campaigns: campaign_api,
+            transfers: TransferApi {
+                campaigns: campaigns.clone(),
+                store: store.clone(),
+                checkpoints: checkpoints.clone(),
+                data: options.data.path().into(),
+                permits: permits.clone(),
+            },
             evaluations: EvaluationApi {
                 dispatch: dispatch.clone(),
                 checkpoints: checkpoints.clone(),

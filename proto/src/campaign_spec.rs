@@ -53,6 +53,7 @@ pub struct CampaignSpec {
     starts: Starts,
     judges: bool,
     medoids: u32,
+    by_class: bool,
     embedder: Option<EmbedderSource>,
     feedback: Option<Feedback>,
 }
@@ -162,6 +163,12 @@ impl CampaignSpec {
         self.medoids
     }
 
+    /// Whether medoids are chosen class by class, once labels have been learned from.
+    #[must_use]
+    pub const fn medoids_by_class(&self) -> bool {
+        self.by_class
+    }
+
     /// The source of the first embedder; `None` if and only if the method has no embedding.
     #[must_use]
     pub const fn embedder(&self) -> Option<&EmbedderSource> {
@@ -237,11 +244,13 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             [alone] if alone.robot().sensors().len() == 1 => 12,
             _ => 16,
         };
-        let medoids = message
-            .taxonomy
-            .unwrap_or_default()
-            .medoids
-            .unwrap_or(default_medoids);
+        let taxonomy = message.taxonomy.unwrap_or_default();
+        let medoids = taxonomy.medoids.unwrap_or(default_medoids);
+        let by_class = taxonomy.by_class.unwrap_or(false);
+        if by_class && !method.embeds() {
+            let allowed = format!("false: the method \"{method}\" has no embedding that learns from labels");
+            return Err(Invalid::new("taxonomy.by_class", by_class, allowed));
+        }
         let most_medoids = search.evaluations().min(1000) as u32;
         let seed = invalid::whole("seed", message.seed.unwrap_or(1), 0..=i64::MAX as u64)?;
         let image = ImageFormat::for_swarm(message.image.unwrap_or_default(), &world, &model)
@@ -275,6 +284,7 @@ impl TryFrom<v1::CampaignSpec> for CampaignSpec {
             image,
             controllers,
             medoids: invalid::whole("taxonomy.medoids", medoids, 1..=most_medoids)?,
+            by_class,
             starts,
             judges: evaluation.judge.unwrap_or(method == Method::Exhaustive),
             world,
@@ -311,6 +321,7 @@ impl From<&CampaignSpec> for v1::CampaignSpec {
             search: Some(spec.search.into()),
             taxonomy: Some(v1::TaxonomyFormat {
                 medoids: Some(spec.medoids),
+                by_class: spec.by_class.then_some(true),
             }),
             evaluation: Some(v1::EvaluationParams {
                 starts: Some(spec.starts.into()),

@@ -16,6 +16,7 @@ mod embedder;
 mod enumeration;
 mod evaluation;
 mod feedback;
+mod field_lines;
 mod image_format;
 mod invalid;
 mod lease_id;
@@ -53,6 +54,7 @@ pub use evaluation::{
     embeddings_agree, mean_embedding, mean_features,
 };
 pub use feedback::{Feedback, Strategy};
+pub use field_lines::line_of_field;
 pub use image_format::ImageFormat;
 pub use invalid::Invalid;
 pub use lease_id::REQUEST_ID;
@@ -91,4 +93,4 @@ pub const SIMULATOR_VERSION: &str = "1";
 /// Version of the function (pictures, training configuration) -> checkpoint.
 ///
 /// It changes whenever a bit of any checkpoint changes. Coordinator and trainers must have the same version.
-pub const TRAINER_VERSION: &str = "5";
+pub const TRAINER_VERSION: &str = "6";

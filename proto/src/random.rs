@@ -28,6 +28,8 @@ pub enum Purpose {
     DatasetStart,
     /// Which behaviours people are asked about; the index is 0.
     Query,
+    /// Which behaviours people are asked to compare; the index depends on who is asked, and on how many they have compared.
+    Comparison,
     /// The substitute of an individual whose task is poisoned; the index is made of the individual's and the attempt's.
     Substitute,
     /// The substitute of a dataset's controller whose task is poisoned; the index is made of the controller's and the
@@ -67,6 +69,7 @@ impl Purpose {
             Self::Dataset => "dataset",
             Self::DatasetStart => "dataset start",
             Self::Query => "query",
+            Self::Comparison => "comparison",
             Self::Substitute => "substitute",
             Self::DatasetSubstitute => "dataset substitute",
             Self::Audit => "audit",

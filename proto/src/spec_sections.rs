@@ -34,6 +34,37 @@ pub fn sections() -> [(&'static str, Vec<String>); 21] {
     ]
 }
 
+/// The comments on the fields of messages: message, field, comment.
+const COMMENTS: &[(&str, &str, &str)] = include!(concat!(env!("OUT_DIR"), "/comments.rs"));
+
+/// The messages of sections.
+const MESSAGES: [(&str, &str); 15] = [
+    ("", "CampaignSpec"),
+    ("robot", "Robot"),
+    ("robot.sensors", "Sensor"),
+    ("species", "Species"),
+    ("world", "World"),
+    ("world.obstacles", "Obstacle"),
+    ("world.start", "StartShape"),
+    ("world.noise", "Noise"),
+    ("image", "ImageFormat"),
+    ("controllers", "ControllerSpace"),
+    ("search", "Search"),
+    ("evaluation", "EvaluationParams"),
+    ("taxonomy", "TaxonomyFormat"),
+    ("dataset", "Dataset"),
+    ("feedback", "Feedback"),
+];
+
+/// What the contract says of a field, such as `population` of the section `search`, in sentences; `None` if it says nothing.
+#[must_use]
+pub fn explanation(section: &str, field: &str) -> Option<&'static str> {
+    let (_, message) = MESSAGES.iter().find(|(known, _)| *known == section)?;
+    let mut found = COMMENTS.iter();
+    let found = found.find(|(of, known, _)| (*of, *known) == (*message, field));
+    found.map(|(_, _, comment)| *comment)
+}
+
 /// The fields of a message. Serde lists them in its error about an unknown field.
 fn fields<T: DeserializeOwned>() -> Vec<String> {
     match toml::from_str::<T>("'?' = 0") {
@@ -50,6 +81,24 @@ pub(crate) fn quoted_names(message: &str) -> impl Iterator<Item = &str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_field_of_a_message_is_explained() {
+        for (section, fields) in sections() {
+            if !MESSAGES.iter().any(|(known, _)| *known == section) {
+                continue;
+            }
+            for field in fields {
+                let said = explanation(section, &field).unwrap_or_default();
+                assert!(said.ends_with('.'), "{section} {field}: {said:?}");
+            }
+        }
+        let population = explanation("search", "population").unwrap();
+        assert!(
+            population.starts_with("Controllers per generation, 1 to 100,000;"),
+            "{population}"
+        );
+    }
 
     #[test]
     fn every_section_has_fields_and_every_table_of_a_campaign_file_is_a_section() {

@@ -156,10 +156,14 @@ fn unknown_field(name: &str, inner: &[String], section: &str, known: &[&str]) ->
     format!("unknown field `{name}`{within}{meant} {here} has {fields}")
 }
 
-/// `robot.sensors` of `robot.sensors[1]`.
+/// `species.robot.sensors` of `species[0].robot.sensors[1]`.
 fn without_places(section: &str) -> String {
-    let is_place = |part: &&str| part.ends_with(']') && part[..part.len() - 1].parse::<usize>().is_ok();
-    section.split('[').filter(|part| !is_place(part)).collect()
+    let mut parts = section.split('[');
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |bare, part| match part.split_once(']') {
+        Some((place, rest)) if place.parse::<usize>().is_ok() => bare + rest,
+        _ => bare + "[" + part,
+    })
 }
 
 /// The section where a misplaced field belongs, or the field that may have been meant.

@@ -71,6 +71,12 @@ impl Class {
             Self::Random => "random",
         }
     }
+
+    /// Its name for people: `cyclic pursuit`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
 }
 
 impl Class {
@@ -103,6 +109,17 @@ impl Pattern {
             Self::MovingClumps => "moving_clumps",
         }
     }
+
+    /// Its name for people: `small clusters`.
+    #[must_use]
+    pub fn words(self) -> String {
+        in_words(self.name())
+    }
+}
+
+/// A name as people read it.
+fn in_words(name: &str) -> String {
+    name.replace('_', " ")
 }
 
 impl Verdict {

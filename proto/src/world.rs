@@ -92,6 +92,19 @@ impl World {
         (self.width * self.width + self.height * self.height).sqrt() / 2.0
     }
 
+    /// The way from one place of the world to another, world units: on a torus the shorter way around, on each axis.
+    #[must_use]
+    pub fn way(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+        let sides = [self.width, self.height];
+        [0, 1].map(|axis| {
+            let way = to[axis] - from[axis];
+            match self.boundary {
+                Boundary::Torus => way - sides[axis] * (way / sides[axis]).round(),
+                Boundary::Walls | Boundary::Open => way,
+            }
+        })
+    }
+
     /// Distance between an agent's centre and an edge when it touches the wall.
     #[must_use]
     pub fn margin(&self) -> f64 {

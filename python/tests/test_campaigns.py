@@ -272,3 +272,16 @@ def test_pages_of_the_coordinator_are_at_its_url(client: mm.Client) -> None:
     with urlopen(f"{client.url}/readyz") as answer:  # noqa: S310
         assert answer.status == 200
     assert json.dumps(client.command("digest", "example-1"))
+
+
+def test_a_command_may_print_no_document_or_several(client: mm.Client, campaign: mm.Campaign, tmp_path: Path) -> None:
+    another = client.run(SPEC | {"name": "another"})
+    listed = client.documents("list")
+    assert {campaign.id, another.id} <= {one["campaign"] for one in listed}
+    with pytest.raises(mm.InvalidError, match=rf"`murmuration list` prints {len(listed)} documents: use `documents`"):
+        client.command("list")
+    # Over many lines.
+    assert client.documents("schema", "run")[0]["title"] == "Run"
+    assert client.documents("show", campaign.id) == [client.command("show", campaign.id)]
+    file = tmp_path / "labels.csv"
+    assert client.command("labels", another.id, "--csv", str(file)) == {}

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import pytest
 
 import murmuration as mm
@@ -19,11 +20,16 @@ LATENT = SPEC | {
 }
 
 
-def test_an_embedding_is_learned_and_refined(client: mm.Client) -> None:
+def test_an_embedding_is_learned_and_refined(client: mm.Client, tmp_path: Path) -> None:
     campaign = client.run(LATENT)
     embeddings = mm.matrix(campaign.archive()["embedding"])
     assert embeddings.dtype == np.float32 and embeddings.shape == (100, 5)
     assert np.isfinite(embeddings).all() and np.ptp(embeddings, axis=0).min() > 0
+
+    file = campaign.embedder(tmp_path / "embedder.onnx")
+    columns = campaign.pictures().swapaxes(-1, -2)[:, None].astype(np.float32)
+    [embedded] = onnxruntime.InferenceSession(file).run(None, {"images": columns})
+    np.testing.assert_allclose(embedded, embeddings, atol=1e-4)
 
     with pytest.raises(mm.RefusedError):
         campaign.refine()
@@ -50,3 +56,9 @@ def test_the_runtime_tells_nobody_about_the_machine(client: mm.Client) -> None:
     children = Path(f"/proc/{session}/task/{session}/children").read_text().split()
     variables = Path(f"/proc/{children[0]}/environ").read_bytes().split(b"\0")
     assert (b"ORT_DISABLE_TELEMETRY=" + os.environ.get("ORT_DISABLE_TELEMETRY", "1").encode()) in variables
+
+
+def test_a_campaign_without_an_embedder_says_so(client: mm.Client, tmp_path: Path) -> None:
+    with pytest.raises(mm.NotFoundError, match="example-1 has no embedder"):
+        client.campaign("example-1").embedder(tmp_path / "embedder.onnx")
+    assert not list(tmp_path.iterdir())

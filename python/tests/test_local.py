@@ -16,6 +16,8 @@ import murmuration as mm
 # Starts a cluster, says where its folder is, and does `then`.
 SCRIPT = """
 import os, signal, sys, threading, time
+# Whatever started the tests may ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import murmuration as mm
 from murmuration.v1 import campaign_pb2 as v1
 client = mm.local(workers=1, trainers=0)

@@ -147,7 +147,7 @@ impl Cluster {
     pub async fn create(&mut self, spec: &CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
-            weight: None,
+            ..v1::CreateCampaignRequest::default()
         };
         self.client
             .create_campaign(request)

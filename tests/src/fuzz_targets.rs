@@ -3,17 +3,20 @@
 //!
 //! Limits: a parser may refuse any input. An accepted input must be the same after it is written and read again.
 
-use murmuration_model::labels::{Labelled, Table, to_csv};
+use murmuration_model::{
+    ExportedCampaign,
+    labels::{Labelled, Table, to_csv},
+};
 use murmuration_proto::{
     CampaignSpec, CheckpointDigest, Controller, Feedback, Invalid, Lineage, Preset, Purpose, RandomStream,
-    Replay, Search, World, onnx::EmbedderModel, training::Configuration, v1,
+    Replay, SIMULATOR_VERSION, Search, World, onnx::EmbedderModel, training::Configuration, v1,
 };
 use murmuration_study::{Corrections, Study};
 use murmuration_tracks::{Filmed, Tracks};
 use murmuration_worker::case::Case;
 use prost::Message;
 use serde_json::Value;
-use std::{fmt::Debug, fs, path::Path, str::from_utf8};
+use std::{fmt::Debug, fs, io::Write as _, path::Path, str::from_utf8};
 
 /// A parser and its name.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +30,7 @@ pub struct Edge {
 }
 
 /// All of them.
-pub const EDGES: [Edge; 7] = [
+pub const EDGES: [Edge; 8] = [
     Edge {
         name: "campaign_toml",
         parse: campaign_toml,
@@ -63,6 +66,11 @@ pub const EDGES: [Edge; 7] = [
         parse: studies,
         seeds: study_files,
     },
+    Edge {
+        name: "export_tables",
+        parse: export_tables,
+        seeds: exported_tables,
+    },
 ];
 
 /// A campaign file, and the configuration of a training, which checkpoints contain.
@@ -87,7 +95,7 @@ pub fn messages(bytes: &[u8]) {
     let Some((kind, bytes)) = bytes.split_first() else {
         return;
     };
-    match kind % 7 {
+    match kind % 8 {
         0 => read_back(bytes, |spec: &CampaignSpec| v1::CampaignSpec::from(spec)),
         1 => read_back(bytes, |lineage: &Lineage| {
             lineage.describe(CheckpointDigest::of(b""), 0, 0)
@@ -96,6 +104,9 @@ pub fn messages(bytes: &[u8]) {
         3 => read_back(bytes, |world: &World| v1::World::from(world.clone())),
         4 => read_back(bytes, |feedback: &Feedback| v1::Feedback::from(feedback)),
         5 => read_back(bytes, |&search: &Search| v1::Search::from(search)),
+        7 => read_back(bytes, |campaign: &ExportedCampaign| {
+            v1::ExportedCampaign::from(campaign.clone())
+        }),
         _ => {
             let Some(individual) = decoded::<v1::Individual>(bytes) else {
                 return;
@@ -175,6 +186,18 @@ pub fn studies(bytes: &[u8]) {
     let _ = Corrections::parse(text);
 }
 
+/// A table of an export: the number of rows that its campaign says, in eight bytes, then the file.
+pub fn export_tables(bytes: &[u8]) {
+    let Some((rows, file)) = bytes.split_first_chunk() else {
+        return;
+    };
+    let mut table = tempfile::NamedTempFile::new().unwrap();
+    table.write_all(file).unwrap();
+    let rows = u64::from_le_bytes(*rows);
+    let spec = CampaignSpec::from_toml(EXPORTED).unwrap();
+    let _ = murmuration_export::read_any_table(table.path(), rows, &spec);
+}
+
 /// Tracks of robots.
 pub fn tracks_csv(bytes: &[u8]) {
     const STEPS: u32 = 100;
@@ -248,6 +271,21 @@ fn files(folder: &str, extension: &str) -> Vec<Vec<u8>> {
     paths.iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
+/// The specification of the campaign in `tests/exports`.
+const EXPORTED: &str = include_str!("../exports/spec.toml");
+
+/// The tables of an export of 12 individuals, 3 generations, 4 entries of a label log and 2 medoids.
+fn exported_tables() -> Vec<Vec<u8>> {
+    let tables = [12_u64, 3, 4, 2].into_iter();
+    let names = ["individuals", "generations", "labels", "taxonomy"];
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("exports");
+    let table = |(rows, name): (u64, &str)| {
+        let file = fs::read(folder.join(format!("{name}.parquet"))).unwrap();
+        [rows.to_le_bytes().to_vec(), file].concat()
+    };
+    tables.zip(names).map(table).collect()
+}
+
 /// The studies, and a table of classes.
 fn study_files() -> Vec<Vec<u8>> {
     let classes = b"cell,index,class,by\nc,1,milling,ana\nc,2,random,judge\n".to_vec();
@@ -296,6 +334,24 @@ fn encoded() -> Vec<Vec<u8>> {
         agents: 2,
     };
     seeds.push(of(2, replay.encode_to_vec()));
+    let campaign = v1::ExportedCampaign {
+        id: "small-7".to_owned(),
+        spec: Some(v1::CampaignSpec::from(
+            &CampaignSpec::from_toml(EXPORTED).unwrap(),
+        )),
+        state: v1::CampaignState::Completed.into(),
+        weight: 100,
+        simulator_version: SIMULATOR_VERSION.to_owned(),
+        rounds_done: 1,
+        last_label_cutoff: 3,
+        label_cutoff: Some(4),
+        generations: 3,
+        label_entries: 4,
+        digest: "0".repeat(64),
+        ..v1::ExportedCampaign::default()
+    };
+    assert!(ExportedCampaign::try_from(campaign.clone()).is_ok());
+    seeds.push(of(7, campaign.encode_to_vec()));
     for genes in [4, 9] {
         let individual = v1::Individual {
             controller: vec![0.5; genes],

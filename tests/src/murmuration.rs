@@ -94,17 +94,23 @@ impl Murmuration {
     /// The newest campaign as soon as it `is` as wished. Panics after a minute.
     #[track_caller]
     pub fn latest_when(&self, is: impl Fn(&Value) -> bool) -> Value {
+        self.campaign_when("latest", is)
+    }
+
+    /// A campaign as soon as it `is` as wished. Panics after a minute.
+    #[track_caller]
+    pub fn campaign_when(&self, id: &str, is: impl Fn(&Value) -> bool) -> Value {
         let begun = Instant::now();
         loop {
-            let shown = self.run(&["show", "latest", "--json"]);
+            let shown = self.run(&["show", id, "--json"]);
             // Until its coordinator listens there may be none.
-            let latest = (shown.code == Some(0)).then(|| shown.last_line());
-            if let Some(latest) = latest.as_ref().filter(|latest| is(latest)) {
-                return latest.clone();
+            let campaign = (shown.code == Some(0)).then(|| shown.last_line());
+            if let Some(campaign) = campaign.as_ref().filter(|campaign| is(campaign)) {
+                return campaign.clone();
             }
             assert!(
                 begun.elapsed() < Duration::from_secs(60),
-                "{latest:?} {}",
+                "{campaign:?} {}",
                 shown.stderr
             );
         }
@@ -122,12 +128,13 @@ impl Murmuration {
     /// Runs a command to its end.
     #[must_use]
     pub fn run(&self, arguments: &[&str]) -> Finished {
-        let output = self.command(arguments).output().unwrap();
-        Finished {
-            code: output.status.code(),
-            stdout: String::from_utf8(output.stdout).unwrap(),
-            stderr: String::from_utf8(output.stderr).unwrap(),
-        }
+        finished(&mut self.command(arguments))
+    }
+
+    /// Runs a command to its end, in a folder.
+    #[must_use]
+    pub fn run_in(&self, folder: &Path, arguments: &[&str]) -> Finished {
+        finished(self.command(arguments).current_dir(folder))
     }
 
     /// Starts a command.
@@ -153,6 +160,15 @@ impl Murmuration {
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .stdin(Stdio::null());
         command
+    }
+}
+
+fn finished(command: &mut Command) -> Finished {
+    let output = command.output().unwrap();
+    Finished {
+        code: output.status.code(),
+        stdout: String::from_utf8(output.stdout).unwrap(),
+        stderr: String::from_utf8(output.stderr).unwrap(),
     }
 }
 

@@ -184,7 +184,7 @@ impl ProcessCluster {
     pub fn submit(&mut self, spec: &murmuration_proto::CampaignSpec) -> String {
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
-            weight: None,
+            ..v1::CreateCampaignRequest::default()
         };
         let created = self.runtime.block_on(self.client.create_campaign(request));
         created.unwrap().into_inner().id

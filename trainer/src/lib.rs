@@ -3,14 +3,15 @@
 //!
 //! [`training::Training`] takes [`pictures::Pictures`] and a [`Configuration`](murmuration_proto::training::Configuration)
 //! and runs one epoch at a time. [`onnx::export`] makes a checkpoint of its embedder. [`onnx::import`] reads one back, to
-//! train it further on [`labelled_pictures::LabelledPictures`] ([`training::FineTuning`]). All of them use the rayon pool of
-//! their caller. [`client`] is the network side: it leases trainings from a coordinator and publishes the resulting
+//! train it further on [`labelled_pictures::LabelledPictures`] and [`compared_pictures::ComparedPictures`]
+//! ([`training::FineTuning`]). All of them use the rayon pool of their caller. [`client`] is the network side: it leases trainings from a coordinator and publishes the resulting
 //! checkpoints.
 #![deny(missing_docs)]
 
 mod augment;
 pub mod bench;
 pub mod client;
+pub mod compared_pictures;
 pub mod labelled_pictures;
 mod layers;
 mod loss;

@@ -103,13 +103,19 @@ impl Publication {
             configuration: configuration.to_toml(),
             ..Lineage::default()
         };
-        if let Some(FineTuned { labelled, parent }) = training.fine_tuned() {
+        if let Some(FineTuned { teaching, parent }) = training.fine_tuned() {
             lineage.parent = Some(*parent);
-            lineage.label_digest = labelled.digest();
-            lineage.labelled = labelled.seen();
-            metrics.insert("labels".to_owned(), labelled.labels() as f64);
-            metrics.insert("labelled_pictures".to_owned(), labelled.count() as f64);
-            metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
+            lineage.label_digest = teaching.digest();
+            lineage.labelled = teaching.seen();
+            if let Some(labelled) = &teaching.labelled {
+                metrics.insert("labels".to_owned(), labelled.labels() as f64);
+                metrics.insert("labelled_pictures".to_owned(), labelled.count() as f64);
+                metrics.insert("classes".to_owned(), labelled.ranges().len() as f64);
+            }
+            if let Some(compared) = &teaching.compared {
+                metrics.insert("comparisons".to_owned(), compared.triplets().len() as f64);
+                metrics.insert("compared_pictures".to_owned(), compared.count() as f64);
+            }
         }
         Ok(Self {
             bytes,

@@ -48,6 +48,9 @@ fn task(configuration: &str) -> v1::TrainingTask {
         parent: String::new(),
         labelled: 0,
         labels: 0,
+        compared: 0,
+        compared_views: 0,
+        comparisons: 0,
     }
 }
 

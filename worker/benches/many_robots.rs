@@ -1,7 +1,7 @@
 //! CPU time of one robot's step in swarms of 24 to 10,000 robots: every robot looking at every other, beside what a swarm does
 //! by itself, in turns; each figure is the best of its rounds. Worlds grow with their swarms: the paper's room for each robot, up to the largest world there is.
 //!
-//! With `ROUNDS=20 cargo bench -p murmuration-worker --bench many_robots`, more rounds than 5.
+//! With `ROUNDS=20 cargo bench --workspace --bench many_robots`, more rounds than 5.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 

@@ -1,7 +1,7 @@
 //! CPU time of evaluations of described robots, a vector of swarms at once: 1 to 6 rays, and as many cones, beside the paper's
 //! two-sensor model. All take turns; each figure is the best of its rounds.
 //!
-//! With `ROUNDS=20 cargo bench -p murmuration-worker --bench sensors`, more rounds than 7.
+//! With `ROUNDS=20 cargo bench --workspace --bench sensors`, more rounds than 7.
 #![expect(clippy::unwrap_used, reason = "a benchmark that cannot start should stop")]
 #![expect(clippy::print_stdout, reason = "what it prints is what it is for")]
 

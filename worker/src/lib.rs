@@ -7,6 +7,8 @@ pub mod client;
 pub mod evaluate;
 pub mod features;
 mod lanes;
+#[cfg(test)]
+mod proptest_cases;
 pub mod rasterise;
 pub mod replay;
 pub mod simulate;

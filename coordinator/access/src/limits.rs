@@ -52,5 +52,9 @@ pub const MAX_WATCHES: usize = 1024;
 pub const MAX_REPLAYS: usize = 256;
 /// Searches elsewhere that have controllers evaluated, at once.
 pub const MAX_EVALUATION_STREAMS: usize = 64;
+/// Campaigns that are exported, at once.
+pub const MAX_EXPORTS: usize = 8;
+/// Campaigns that are imported, at once.
+pub const MAX_IMPORTS: usize = 4;
 /// Swarms that the coordinator itself simulates at once, for people who play. Each for two seconds at most.
 pub const MAX_PLAYED: usize = 4;

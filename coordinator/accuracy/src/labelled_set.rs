@@ -39,7 +39,7 @@ impl LabelledSet {
     /// classes get the judge's spelling, others keep their first spelling.
     ///
     /// # Errors
-    /// If the file cannot be read, has no column `id` or `class`, has two rows of one annotator about one id, or no row with
+    /// If the file cannot be read, has no column `index` (or `id`) or `class`, has two rows of one annotator about one behaviour, or no row with
     /// a class.
     pub fn read(path: impl Into<PathBuf>) -> Result<Self, LabelFileError> {
         let path = path.into();
@@ -86,7 +86,7 @@ impl LabelledSet {
     /// Whether the file has what is needed to simulate each behaviour again: its controller, and the seed of its start.
     #[must_use]
     pub fn can_be_simulated(&self) -> bool {
-        self.file.has("seed") && (self.file.has("v1") || self.file.has("robots"))
+        self.file.has("seed") && self.file.has_controllers()
     }
 
     /// The absolute values of the five hand-crafted features of each behaviour, as the authors compare them: the direction in
@@ -107,7 +107,7 @@ impl LabelledSet {
     pub fn images(&self, folder: &Path, images: ImageShape) -> Result<Vec<Vec<u8>>, LabelFileError> {
         let image = |(behaviour, row): (&Behaviour, Row<'_>)| {
             if !is_file_name(&behaviour.id) {
-                return Err(row.refuse("id", "the name of an image"));
+                return Err(row.refuse_behaviour("the name of an image"));
             }
             let image = folder.join(format!("{}.png", behaviour.id));
             pixels(&image, images).map_err(|problem| LabelFileError::Image { image, problem })
@@ -184,18 +184,18 @@ fn behaviours(file: &LabelFile) -> Result<(Vec<Behaviour>, u64), LabelFileError>
         let spelled = spelled.entry(class.key()).or_insert_with(|| class.to_string());
         let labelled = Behaviour {
             row: place,
-            id: row.cell("id").to_owned(),
+            id: row.behaviour().to_owned(),
             class: spelled.clone(),
             annotator: row.cell("annotator").to_owned(),
             time_ms: row.time_ms()?,
         };
-        match places.get(row.cell("id")) {
+        match places.get(row.behaviour()) {
             None => {
-                places.insert(row.cell("id"), behaviours.len());
+                places.insert(row.behaviour(), behaviours.len());
                 behaviours.push(labelled);
             }
             Some(&before) if behaviours[before].annotator == labelled.annotator => {
-                return Err(row.refuse("id", "there once, or once for each annotator"));
+                return Err(row.refuse_behaviour("there once, or once for each annotator"));
             }
             Some(&before) if behaviours[before].time_ms <= labelled.time_ms => behaviours[before] = labelled,
             Some(_) => {}
@@ -278,7 +278,7 @@ mod tests {
             "line 2: the row has 2 cells, the header 7 columns",
         );
         check_refused(&format!("{HEAD}1,,,,,,\n"), "no row has a class");
-        check_refused("", "no column \"id\"");
+        check_refused("", "no column \"index\"");
         assert!(
             LabelledSet::read("/nowhere.csv")
                 .unwrap_err()

@@ -1,6 +1,6 @@
 //! The coordinator's queue with up to 10,000 simulated workers, on a simulated clock: what the lease table costs.
 //!
-//! `cargo bench -p murmuration-dispatch --bench queue`
+//! `cargo bench --workspace --bench queue`
 //!
 //! Every event is one that the table has in a real coordinator: a worker joins, asks for work, sends a heartbeat each second,
 //! answers a lease after an evaluation time that varies by a factor of five, or is lost and comes back later. After each, all

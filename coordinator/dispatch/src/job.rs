@@ -122,6 +122,12 @@ pub struct FineTuningParams {
     pub labelled: u32,
     /// Number of labels that those come from.
     pub labels: u32,
+    /// Number of compared individuals.
+    pub compared: u32,
+    /// Pictures of each of them.
+    pub compared_views: u32,
+    /// Number of comparisons.
+    pub comparisons: u32,
 }
 
 /// One simulation to watch.

@@ -3,6 +3,7 @@
 //! Campaigns hand it jobs and wait for their results; the worker service hands it what workers say. It keeps
 //! no results once a job is over and writes nothing to disk.
 
+mod connected;
 mod job;
 mod job_progress;
 pub mod leases;
@@ -12,6 +13,7 @@ mod submitted;
 mod trainers;
 mod work;
 
+pub use connected::{ConnectedMachine, WorkInHand};
 pub use job::{
     EmbeddingJob, Evaluated, EvaluationJob, FineTuningParams, JobError, PoisonedTask, ReplayJob, TrainingJob,
 };
@@ -230,6 +232,9 @@ enum Request {
         epoch: u64,
         lease: LeaseNumber,
         reply: oneshot::Sender<Option<CampaignId>>,
+    },
+    Connected {
+        reply: oneshot::Sender<Vec<ConnectedMachine>>,
     },
 }
 

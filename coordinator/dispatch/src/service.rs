@@ -1,5 +1,6 @@
 //! The dispatcher's task: it owns the lease table, and is the only one to write to workers.
 
+mod connected;
 mod results;
 
 use super::{
@@ -176,6 +177,10 @@ impl Service {
             } => {
                 // Whoever asked may be gone.
                 let _ = reply.send(self.leased_training(machine, epoch, lease));
+            }
+            Request::Connected { reply } => {
+                // Whoever asked may be gone.
+                let _ = reply.send(self.connected());
             }
             Request::Report { worker, report } => {
                 self.table.keep_alive(worker, Instant::now());

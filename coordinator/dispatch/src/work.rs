@@ -348,6 +348,11 @@ impl Work for TrainingJob {
             parent: parent.unwrap_or_default(),
             labelled: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.labelled),
             labels: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.labels),
+            compared: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.compared),
+            compared_views: self
+                .fine_tuning
+                .map_or(0, |fine_tuning| fine_tuning.compared_views),
+            comparisons: self.fine_tuning.map_or(0, |fine_tuning| fine_tuning.comparisons),
         })
     }
 

@@ -3,7 +3,6 @@
 //!
 //! Limits: knows neither the network nor HTML.
 
-pub mod blocking;
 pub mod campaign;
 pub mod maps;
 mod messages;
@@ -12,6 +11,8 @@ pub mod queries;
 pub mod space;
 pub mod synthetic;
 pub mod taxonomy;
+
+pub use murmuration_store::blocking;
 
 #[cfg(test)]
 mod still;

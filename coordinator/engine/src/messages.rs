@@ -3,7 +3,7 @@
 use crate::{
     campaign::CampaignStatus,
     nearest::{Nearest, Neighbour},
-    taxonomy::{Medoid, Taxonomy},
+    taxonomy::{ClusterName, Medoid, Names, Origin, Taxonomy},
 };
 use murmuration_model::Stage;
 use murmuration_proto::{CheckpointDigest, PART_BYTES, parts::parts, v1};
@@ -13,6 +13,9 @@ impl From<CampaignStatus> for v1::Campaign {
     fn from(status: CampaignStatus) -> Self {
         let record = status.record;
         let (generations, dataset_done) = (record.generations(), record.dataset_done());
+        // Nobody looks for novelty where all controllers are evaluated, and it is stored as 0.
+        let measures_novelty = record.spec.method().has_novelty();
+        let last_novelty = record.last_novelty.filter(|_| measures_novelty);
         let arrived = |stage| if status.stage == stage { status.arrived } else { 0 };
         let digest = |checkpoint: Option<CheckpointDigest>| {
             checkpoint.map(|digest| digest.to_string()).unwrap_or_default()
@@ -27,8 +30,8 @@ impl From<CampaignStatus> for v1::Campaign {
             generations_done: record.generations_done,
             evaluated_in_generation: arrived(Stage::Evolve),
             evaluations_per_second: status.per_second,
-            best_novelty: record.last_novelty.map(|(best, _)| best),
-            mean_novelty: record.last_novelty.map(|(_, mean)| mean),
+            best_novelty: last_novelty.map(|(best, _)| best),
+            mean_novelty: last_novelty.map(|(_, mean)| mean),
             active: status.active,
             workers: status.workers as u32,
             stage: v1::CampaignStage::from(status.stage) as i32,
@@ -49,6 +52,7 @@ impl From<CampaignStatus> for v1::Campaign {
                          number,
                          time_ms,
                          text,
+                         generations: _,
                      }| v1::Notice {
                         time_ms,
                         text,
@@ -57,6 +61,11 @@ impl From<CampaignStatus> for v1::Campaign {
                 )
                 .collect(),
             waiting: status.waiting.unwrap_or_default(),
+            study: record
+                .study
+                .map(|study| study.as_str().to_owned())
+                .unwrap_or_default(),
+            ended_ms: record.ended_ms,
         }
     }
 }
@@ -68,6 +77,31 @@ impl From<Medoid> for v1::Medoid {
             cluster_size: medoid.cluster_size,
             mean_distance: medoid.mean_distance,
             novelty: medoid.novelty,
+            name: None,
+        }
+    }
+}
+
+impl From<ClusterName> for v1::ClusterName {
+    fn from(name: ClusterName) -> Self {
+        let carried = match name.origin {
+            Origin::Carried {
+                version,
+                place,
+                shared,
+                of,
+            } => Some(v1::CarriedFrom {
+                version,
+                cluster: place as u32,
+                shared,
+                members: of,
+            }),
+            Origin::Person | Origin::Judge => None,
+        };
+        Self {
+            name: name.class.to_string(),
+            by_machine: name.origin == Origin::Judge,
+            carried,
         }
     }
 }
@@ -96,15 +130,19 @@ impl From<Nearest> for v1::FindNearestResponse {
 }
 
 impl Taxonomy {
-    /// The messages that carry it, part by part.
-    pub fn into_parts(self) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
+    /// The messages that carry it, part by part, with the names of its clusters.
+    pub fn into_parts(self, names: Names) -> impl Iterator<Item = v1::Taxonomy> + Send + 'static {
         // At most six bytes each on the wire, with the number of robust trials.
         const CLUSTERS: usize = PART_BYTES / 6;
         let loss = v1::Taxonomy {
             loss: self.loss,
             ..v1::Taxonomy::default()
         };
-        let medoids = self.medoids.into_iter().map(v1::Medoid::from);
+        let mut names = names.names.into_iter();
+        let medoids = self.medoids.into_iter().map(move |medoid| v1::Medoid {
+            name: names.next().flatten().map(Into::into),
+            ..v1::Medoid::from(medoid)
+        });
         let medoids = parts(medoids, |medoids| v1::Taxonomy {
             medoids,
             ..v1::Taxonomy::default()

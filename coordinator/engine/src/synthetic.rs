@@ -9,12 +9,13 @@ use murmuration_judge as judge;
 use murmuration_judge::judge;
 use murmuration_model::{
     CampaignRecord,
-    labels::{Action, Annotator, Answer, Change},
+    labels::{Action, Annotator, Answer, Change, Preference, Triple},
 };
-use murmuration_proto::{Strategy, World};
+use murmuration_proto::{Class, Strategy, World};
 use murmuration_search::interrupt::Interrupt;
 use murmuration_store::{ArchivedIndividual, Store, StoreError};
 use std::{
+    collections::{BTreeMap, BTreeSet},
     sync::Arc,
     time::{SystemTime, UNIX_EPOCH},
 };
@@ -73,29 +74,81 @@ impl SyntheticAnnotator {
             .queries
             .unanswered(record, strategy, count, interrupt)
             .await?;
-        let mut answers = Vec::new();
+        let classes = self.classes(record, &asked, &job_progress).await?;
+        let answer = |(index, class): (usize, Class)| {
+            said(Action::Answer {
+                index: index as u64,
+                answer: Answer::Class(class.into()),
+            })
+        };
+        Ok(asked.into_iter().zip(classes).map(answer).collect())
+    }
+
+    /// What it says when it is asked to compare, up to `count` times: the individual that alone has the class of the reference is
+    /// more like it. Nothing is written to the log. `job_progress` counts the individuals that were judged.
+    ///
+    /// With the same archive and log they are the same answers.
+    ///
+    /// # Errors
+    /// See [`AnnotatorError`].
+    pub async fn comparisons(
+        &self,
+        record: &CampaignRecord,
+        count: usize,
+        job_progress: Arc<JobProgress>,
+    ) -> Result<Vec<Change>, AnnotatorError> {
+        let asked = self
+            .queries
+            .comparisons(record, Annotator::synthetic(), count)
+            .await?;
+        let about: BTreeSet<usize> = asked
+            .iter()
+            .flat_map(Triple::individuals)
+            .map(|index| index as usize)
+            .collect();
+        let about: Vec<usize> = about.into_iter().collect();
+        let classes = self.classes(record, &about, &job_progress).await?;
+        let classes: BTreeMap<u64, Class> = about.iter().map(|&index| index as u64).zip(classes).collect();
+        let compare = |triple: Triple| {
+            let [reference, left, right] = triple.individuals().map(|index| classes[&index].name());
+            said(Action::Compare {
+                triple,
+                preference: Preference::of_classes(reference, left, right),
+            })
+        };
+        Ok(asked.into_iter().map(compare).collect())
+    }
+
+    /// The classes of individuals, in their order; `job_progress` counts them.
+    async fn classes(
+        &self,
+        record: &CampaignRecord,
+        asked: &[usize],
+        job_progress: &Arc<JobProgress>,
+    ) -> Result<Vec<Class>, AnnotatorError> {
+        let mut classes = Vec::with_capacity(asked.len());
         let agents = record.spec.world().agents() as usize;
         for part in asked.chunks((AGENTS_AT_ONCE / agents).clamp(1, AT_ONCE)) {
-            let mut answering = JoinSet::new();
+            let mut judging = JoinSet::new();
             for (place, &index) in part.iter().enumerate() {
                 let (annotator, record, job_progress) = (self.clone(), record.clone(), job_progress.clone());
-                answering.spawn(async move {
-                    let answer = annotator.answer(&record, index as u64).await?;
+                judging.spawn(async move {
+                    let class = annotator.class(&record, index as u64).await?;
                     job_progress.one_more();
-                    Ok::<_, AnnotatorError>((place, answer))
+                    Ok::<_, AnnotatorError>((place, class))
                 });
             }
             let mut part = Vec::new();
-            while let Some(answer) = answering.join_next().await {
-                part.push(answer.map_err(|_| Broken)??);
+            while let Some(class) = judging.join_next().await {
+                part.push(class.map_err(|_| Broken)??);
             }
             part.sort_by_key(|&(place, _)| place);
-            answers.extend(part.into_iter().map(|(_, answer)| answer));
+            classes.extend(part.into_iter().map(|(_, class)| class));
         }
-        Ok(answers)
+        Ok(classes)
     }
 
-    async fn answer(&self, record: &CampaignRecord, index: u64) -> Result<Change, AnnotatorError> {
+    async fn class(&self, record: &CampaignRecord, index: u64) -> Result<Class, AnnotatorError> {
         let (store, id, model) = (self.store.clone(), record.id.clone(), record.spec.model().clone());
         let ArchivedIndividual { controller, seed, .. } =
             blocking(move || store.individual(&id, &model, index)).await??;
@@ -108,16 +161,17 @@ impl SyntheticAnnotator {
             seed,
         };
         let replay = self.dispatch.replay(job).await?;
-        let class = blocking(move || judge(&replay, &world).class()).await?;
-        Ok(Change {
-            annotator: Annotator::synthetic(),
-            time_ms: SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .map_or(0, |age| age.as_millis() as u64),
-            action: Action::Answer {
-                index,
-                answer: Answer::Class(class.into()),
-            },
-        })
+        Ok(blocking(move || judge(&replay, &world).class()).await?)
+    }
+}
+
+/// What the synthetic annotator says now.
+fn said(action: Action) -> Change {
+    Change {
+        annotator: Annotator::synthetic(),
+        time_ms: SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |age| age.as_millis() as u64),
+        action,
     }
 }

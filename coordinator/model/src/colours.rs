@@ -1,5 +1,7 @@
 //! The colours of agents, of clusters and of classes.
 
+use murmuration_proto::Class;
+
 /// Red, green and blue in sRGB.
 pub type Rgb = [u8; 3];
 
@@ -39,6 +41,20 @@ pub const fn cluster(place: usize) -> Rgb {
 /// The colour that the class at `place` has until it is given another.
 pub const fn class(place: usize) -> Rgb {
     AGENTS[place % AGENTS.len()]
+}
+
+/// The colour of a class that the judge names, the same in every report and on every page; a behaviour without one is grey.
+pub const fn class_colour(class: Class) -> Rgb {
+    match class {
+        Class::CyclicPursuit => AGENTS[9],
+        Class::Milling => AGENTS[13],
+        Class::Aggregation => AGENTS[7],
+        Class::Dispersal => AGENTS[8],
+        Class::WallFollowing => AGENTS[11],
+        Class::NestedCycle => AGENTS[5],
+        Class::ConcavePath => AGENTS[10],
+        Class::Random => LINE,
+    }
 }
 
 /// `#rrggbb`.

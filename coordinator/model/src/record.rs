@@ -1,7 +1,7 @@
 //! A campaign as it is stored, and what its archive is of.
 
 use super::{ArchiveEmbedder, CampaignId, CampaignState, Rounds, Weight};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
+use murmuration_proto::{CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Feedback};
 use std::fmt;
 
 /// A campaign as it is stored.
@@ -13,12 +13,16 @@ pub struct CampaignRecord {
     pub spec: CampaignSpec,
     /// Its share of the workers.
     pub weight: Weight,
+    /// The study that it was started for.
+    pub study: Option<CampaignName>,
     /// Where it stands.
     pub state: CampaignState,
     /// Why it failed; empty unless it did.
     pub error: String,
     /// When it was created, milliseconds since 1970-01-01 UTC.
     pub created_ms: u64,
+    /// When it stopped, milliseconds since 1970-01-01 UTC; `None` while it runs, and where nobody noted it.
+    pub ended_ms: Option<u64>,
     /// How many times something of it was rolled back.
     pub rollbacks: u64,
     /// How many decisions have been made about it since it was created.
@@ -69,6 +73,19 @@ impl fmt::Display for ArchiveVersion {
             None => Ok(()),
         }
     }
+}
+
+/// What a list of campaigns is searched by.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CampaignHead {
+    /// Its id.
+    pub id: CampaignId,
+    /// The study that it is a cell of.
+    pub study: Option<CampaignName>,
+    /// Its state on disk.
+    pub state: CampaignState,
+    /// The first lines of its specification, as TOML: the fields outside of tables, such as `method`.
+    pub opening: String,
 }
 
 impl CampaignRecord {

@@ -1,7 +1,7 @@
 //! What is needed to reproduce the archive of a report: for its page, and at the top of its `spec.toml`.
 
 use super::Report;
-use murmuration_proto::{EmbedderSource, counted};
+use murmuration_proto::EmbedderSource;
 use std::fmt::Write as _;
 
 /// The text of `spec.toml`: what is needed besides the specification, as comments, then the specification.
@@ -35,13 +35,18 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
              labels {campaign} --csv labels.csv` writes the labels as they are now."
         ));
     }
+    if repetition.rounds.iter().any(|round| round.comparisons > 0) {
+        needed.push(format!(
+            "The comparisons that campaign {campaign} learned from are needed too: they are in what `murmuration export` writes, \
+             and in no CSV file."
+        ));
+    }
     if !repetition.is_by_specification() {
         for (round, number) in repetition.rounds.iter().zip(1..) {
             needed.push(format!(
-                "Round {number} fine-tuned checkpoint {} on the classes of {} into checkpoint {} (digest of the labelled \
-                 pictures: {}).",
+                "Round {number} fine-tuned checkpoint {} on {} into checkpoint {} (digest of their pictures: {}).",
                 round.parent,
-                counted(round.labels, "individual"),
+                round.learned_from(),
                 round.checkpoint,
                 round.label_digest
             ));
@@ -56,9 +61,11 @@ pub(super) fn also_needed(report: &Report) -> Vec<String> {
     needed
 }
 
-/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them.
+/// Whether commands reproduce the archive: people's answers were learned from in one round, and a file can hold them, which holds
+/// no comparisons.
 pub(super) fn is_by_commands(report: &Report) -> bool {
     let repetition = &report.repetition;
     let is_one_round = repetition.attended && !repetition.adopted && repetition.rounds.len() == 1;
-    is_one_round && report.names.named().machine == 0
+    let has_compared = repetition.rounds.iter().any(|round| round.comparisons > 0);
+    is_one_round && !has_compared && report.names.named().machine == 0
 }

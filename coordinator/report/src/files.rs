@@ -7,6 +7,7 @@ use std::{
     os::unix::fs::PermissionsExt as _,
     path::{Path, PathBuf},
 };
+use tempfile::NamedTempFile;
 
 /// A folder being filled.
 #[derive(Debug)]
@@ -76,6 +77,23 @@ impl Folder {
         Ok(path)
     }
 
+    /// Removes those of these files that an earlier report left here and this one did not write.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn remove_unless_written(&self, names: impl IntoIterator<Item = String>) -> Result<(), ReportError> {
+        let paths = names.into_iter().map(|name| self.path.join(name));
+        for path in paths.filter(|path| !self.written.contains(path)) {
+            match fs::remove_file(&path) {
+                Err(source) if source.kind() != io::ErrorKind::NotFound => {
+                    return Err(ReportError::Write { path, source });
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     fn make(&self, path: &Path) -> Result<(), ReportError> {
         fs::create_dir_all(path).map_err(|source| ReportError::Write {
             path: path.to_owned(),
@@ -84,12 +102,20 @@ impl Folder {
     }
 }
 
-fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+/// A file that is to take the place of `path` once it is whole, in the same folder.
+///
+/// # Errors
+/// If it cannot be made.
+pub fn temporary_for(path: &Path) -> io::Result<NamedTempFile> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     // Like any file that a person writes, not for its owner's eyes alone as temporary files are.
-    let file = tempfile::Builder::new()
+    tempfile::Builder::new()
         .permissions(fs::Permissions::from_mode(0o666))
-        .tempfile_in(path.parent().unwrap_or(Path::new(".")))?;
-    let mut file = BufWriter::new(file);
+        .tempfile_in(folder.unwrap_or(Path::new(".")))
+}
+
+fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut file = BufWriter::new(temporary_for(path)?);
     fill(&mut file)?;
     let file = file.into_inner().map_err(io::IntoInnerError::into_error)?;
     file.as_file().sync_all()?;
@@ -100,6 +126,21 @@ fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>)
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn files_of_an_earlier_report_go_and_no_others() {
+        let place = tempfile::tempdir().unwrap();
+        for name in ["a.svg", "b.svg", "notes.txt"] {
+            fs::write(place.path().join(name), "earlier").unwrap();
+        }
+        let mut folder = Folder::create(place.path()).unwrap();
+        folder.text("a.svg", "now").unwrap();
+        folder
+            .remove_unless_written(["a.svg", "b.svg", "c.svg"].map(str::to_owned))
+            .unwrap();
+        let there = |name| place.path().join(name).is_file();
+        assert!(there("a.svg") && !there("b.svg") && there("notes.txt"));
+    }
 
     #[test]
     fn a_file_that_cannot_be_finished_leaves_the_old_one() {

@@ -5,21 +5,29 @@
 
 mod again;
 pub mod atlas;
+pub mod class_map;
 mod commands;
+mod contact_sheet;
+mod document;
 mod files;
 mod names;
 mod numbers;
 mod page;
 pub mod picture;
 mod plots;
+pub mod point_map;
+pub mod score_histogram;
 pub mod scripts;
+pub mod svg;
 mod tables;
 
 #[cfg(test)]
 mod sample;
 
-pub use files::Folder;
-pub use names::Names;
+pub use document::Document;
+pub use files::{Folder, temporary_for};
+pub use names::{CarriedName, Names};
+pub use plots::condensed;
 
 use crate::picture::{Bodies, Paper, PictureError};
 use murmuration_model::Repetition;
@@ -141,6 +149,43 @@ pub struct MedoidEntry {
     pub novelty: f64,
     /// Its motion from the start to the horizon.
     pub replay: Replay,
+    /// Others of its cluster, which show how alike they are; `None` if it is alone there.
+    pub spread: Option<Spread>,
+    /// The name of its cluster, if that comes from an earlier version of the taxonomy.
+    pub carried: Option<CarriedName>,
+}
+
+/// How far a cluster reaches from its medoid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spread {
+    /// The member that is nearest to the medoid.
+    pub nearest: Member,
+    /// The member that half of the others are nearer than, or as near as; of an even number the farther of the two in the middle.
+    pub median: Member,
+    /// The member that is farthest from the medoid.
+    pub farthest: Member,
+}
+
+impl Spread {
+    /// Each with what it is called.
+    fn members(&self) -> [(&'static str, &Member); 3] {
+        [
+            ("nearest", &self.nearest),
+            ("median", &self.median),
+            ("farthest", &self.farthest),
+        ]
+    }
+}
+
+/// An individual of a cluster that is not its medoid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Member {
+    /// Index of the individual.
+    pub index: u64,
+    /// Distance to the medoid, units of the behaviour space.
+    pub distance: f64,
+    /// Its image, in the specification's format.
+    pub image: Vec<u8>,
 }
 
 /// The behaviour space, projected to two dimensions.
@@ -204,7 +249,8 @@ pub enum ReportError {
 /// Writes a report into `folder`, which is made if it does not exist.
 ///
 /// `report.html` needs no other file and no network. Beside it stand `spec.toml`, `archive.csv`, `taxonomy.csv`,
-/// `trials.csv` (where individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png` (NN is the place
+/// `trials.csv` (where individuals have several trials), `classes.csv`, `generations.csv`, `map.svg`, `novelty.svg`,
+/// `contact-sheet.svg` and `medoids/NN-image.png`, `medoids/NN-trajectory.png`, `medoids/NN-trajectory.svg` (NN is the place
 /// in the taxonomy, from 01). Every file is complete or absent; the page is written last.
 ///
 /// # Errors
@@ -227,6 +273,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
     files.write("generations.csv", |file| tables::generations(report, file))?;
     files.text("novelty.svg", &novelty)?;
     files.text("map.svg", &map)?;
+    files.write("contact-sheet.svg", |file| contact_sheet::write(report, file))?;
     files.folder("medoids")?;
     for (place, picture) in pictures.iter().enumerate() {
         let number = place + 1;
@@ -235,6 +282,8 @@ pub fn write(report: &Report, folder: &Path) -> Result<ReportFiles, ReportError>
             &format!("medoids/{number:02}-trajectory.png"),
             &picture.trajectory_large,
         )?;
+        let paths = contact_sheet::paths(report, &report.medoids[place]);
+        files.text(&format!("medoids/{number:02}-trajectory.svg"), &paths)?;
     }
     let others = files.written().to_vec();
     let page = files.text("report.html", &page)?;
@@ -309,6 +358,8 @@ struct MedoidPictures {
     image_large: Vec<u8>,
     trajectory: Vec<u8>,
     trajectory_large: Vec<u8>,
+    /// Of the members of its [`Spread`], in its order; empty without one.
+    members: Vec<Vec<u8>>,
 }
 
 fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
@@ -337,6 +388,12 @@ fn draw_medoids(report: &Report) -> Result<Vec<MedoidPictures>, ReportError> {
             image_large: image((400 / format.resolution()).max(1))?,
             trajectory: paths(in_page, Paper::Clear)?,
             trajectory_large: paths(1000, Paper::Light)?,
+            members: medoid
+                .spread
+                .iter()
+                .flat_map(Spread::members)
+                .map(|(_, member)| picture::image_png(&member.image, format.shape(), 1))
+                .collect::<Result<_, _>>()?,
         })
     };
     let drawn = report.medoids.par_iter().map(|medoid| {

@@ -1,6 +1,7 @@
 //! The names of the behaviours of a report, and who gave them.
 
-use murmuration_model::labels::{Class, GivenClass};
+use super::Report;
+use murmuration_model::labels::{Class, ClassName, Colour, GivenClass};
 use std::collections::BTreeMap;
 
 /// The classes of a campaign, and the individuals of each.
@@ -10,6 +11,69 @@ pub struct Names {
     pub classes: Vec<Class>,
     /// The class of each individual that has one, by index: where annotators differ, the last answer.
     pub by_individual: BTreeMap<u64, GivenClass>,
+}
+
+/// The name that a cluster has from an earlier version of its taxonomy.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CarriedName {
+    /// The name.
+    pub class: ClassName,
+    /// The version that it comes from, from 1.
+    pub version: u32,
+    /// The place of its cluster in that version, from 0.
+    pub place: usize,
+    /// Members of that cluster that are in this one.
+    pub shared: u64,
+    /// All its members.
+    pub of: u64,
+}
+
+/// What a cluster is called.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ClusterName<'a> {
+    /// The name.
+    pub(super) class: &'a ClassName,
+    /// The colour of its class; `None` if no answer that stands names it.
+    pub(super) colour: Option<Colour>,
+    /// Where it comes from, if it was not given to the medoid.
+    pub(super) carried: Option<&'a CarriedName>,
+    /// Whether nobody but the rule-based judge gave it.
+    pub(super) by_machine: bool,
+}
+
+impl ClusterName<'_> {
+    /// The name as the page shows it, with a word about where it comes from unless a person gave it to the medoid.
+    pub(super) fn in_words(&self) -> String {
+        let shown = self.class.shown();
+        match (self.carried, self.by_machine) {
+            (Some(_), _) => format!("{shown} (carried over)"),
+            (None, true) => format!("{shown} (by the rule-based judge)"),
+            (None, false) => shown,
+        }
+    }
+}
+
+impl Report {
+    /// What a cluster is called: by its medoid, or by a cluster of an earlier version.
+    pub(super) fn name_of(&self, place: usize) -> Option<ClusterName<'_>> {
+        let medoid = self.medoids.get(place)?;
+        if let Some(carried) = &medoid.carried {
+            let mut known = self.names.classes.iter();
+            let known = known.find(|class| class.name == carried.class);
+            return Some(ClusterName {
+                class: &carried.class,
+                colour: known.map(|class| class.colour),
+                carried: Some(carried),
+                by_machine: false,
+            });
+        }
+        self.names.of(medoid.index).map(|(_, class)| ClusterName {
+            class: &class.name,
+            colour: Some(class.colour),
+            carried: None,
+            by_machine: self.names.is_by_machine(medoid.index),
+        })
+    }
 }
 
 /// Numbers of individuals that have a class, by who gave it.

@@ -208,9 +208,10 @@ const fn rgb([red, green, blue]: Rgb) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// At most [`MOST_STEPS`] generations: neighbours become one, with the highest best, the mean of the means and the sum
-/// of what was filtered.
-fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
+/// The generations that a curve is drawn from, at most 1,500: neighbours become one, with the highest best, the mean of the
+/// means and the sum of what was filtered.
+#[must_use]
+pub fn condensed(generations: &[GenerationSummary]) -> Vec<GenerationSummary> {
     let together = generations.len().div_ceil(MOST_STEPS).max(1);
     let one = |group: &[GenerationSummary]| GenerationSummary {
         generation: group[0].generation,

@@ -2,7 +2,7 @@
 //!
 //! Its swarms obey the robots' kinematics and sensors but not the simulator's exact rules: the report does not care.
 
-use super::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report};
+use super::{Entry, GenerationSummary, Map, MedoidEntry, Member, Names, Report, Spread};
 use murmuration_model::{
     Repetition,
     labels::{Class, GivenClass},
@@ -96,6 +96,11 @@ pub(super) fn report(sample: &Sample) -> Report {
                 cluster_size: size(place) as u64,
                 mean_distance: stream.between(0.01, 0.2),
                 novelty: stream.between(0.001, 0.1),
+                spread: Some(spread(
+                    place,
+                    &image(&replay, &individuals[place].controller, &spec),
+                )),
+                carried: None,
                 replay,
             }
         })
@@ -126,11 +131,26 @@ pub(super) fn report(sample: &Sample) -> Report {
     }
 }
 
+/// Members that look like the medoid, at distances that no other cluster has.
+fn spread(place: usize, image: &[u8]) -> Spread {
+    let member = |index: usize, distance: f64| Member {
+        index: index as u64,
+        distance: distance * (place + 1) as f64,
+        image: image.to_vec(),
+    };
+    Spread {
+        nearest: member(20, 0.0123),
+        median: member(21, 0.107),
+        farthest: member(22, 1.31),
+    }
+}
+
 /// Two classes, the first medoid and two others of the first of them, one of these by the machine alone.
 fn names() -> Names {
     let class = |name: &str, colour: &str, labels| Class {
         name: name.parse().unwrap(),
         colour: colour.parse().unwrap(),
+        shortcut: None,
         labels,
         near: Vec::new(),
     };

@@ -3,6 +3,18 @@
 //! A report is opened as a file, and from files browsers load no modules: its page holds the scripts themselves
 //! (`INLINE`). A coordinator serves the same scripts as modules ([`MODULES`]).
 
+use maud::{Markup, html};
+
+/// The buttons by which a map is zoomed: the script of points hears them.
+#[must_use]
+pub fn zoom_buttons() -> Markup {
+    html! {
+        button type="button" data-zoom="in" aria-label="Zoom in" { "+" }
+        button type="button" data-zoom="out" aria-label="Zoom out" { "−" }
+        button type="button" data-zoom="whole" { "Whole map" }
+    }
+}
+
 /// Every script, in the order in which they need each other, for one scope of a page.
 pub(crate) const INLINE: &str = concat!(
     include_str!("scripts/words.js"),
@@ -12,19 +24,23 @@ pub(crate) const INLINE: &str = concat!(
 );
 
 /// Each script as a module: its file name and its text.
-pub const MODULES: [(&str, &str); 4] = [
+pub const MODULES: [(&str, &str); 5] = [
+    (
+        "showatlas.js",
+        concat!(include_str!("atlas/atlas.js"), "export { showAtlas };\n"),
+    ),
     (
         "words.js",
         concat!(
             include_str!("scripts/words.js"),
-            "export { counted, grouped, sentence };\n"
+            "export { counted, grouped, sentence, shown };\n"
         ),
     ),
     (
         "drawing.js",
         concat!(
             include_str!("scripts/drawing.js"),
-            "export { Run, column, dotOf, drawArena, drawSwarm, equalScale, fit, stamp };\n"
+            "export { Run, column, dotOf, drawArena, drawBodies, drawSwarm, equalScale, fit, stamp };\n"
         ),
     ),
     (
@@ -32,7 +48,7 @@ pub const MODULES: [(&str, &str); 4] = [
         concat!(
             "import { dotOf, equalScale, fit, stamp } from \"./drawing.js\";\n",
             include_str!("scripts/plot.js"),
-            "export { Plot };\n"
+            "export { PAPER, Plot, steer, zoomButtons };\n"
         ),
     ),
     (

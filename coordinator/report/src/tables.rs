@@ -3,7 +3,10 @@
 
 use super::{Entry, Report};
 use csv::Writer;
-use murmuration_model::labels::to_cell;
+use murmuration_model::{
+    labels::to_cell,
+    tables::{GENERATION_COLUMNS, behaviour_cells, behaviour_columns, embedding_columns, generation_row},
+};
 use murmuration_proto::FEATURE_NAMES;
 use std::io::{self, Write};
 
@@ -29,7 +32,8 @@ pub(super) fn archive(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     table.flush()
 }
 
-/// One row a medoid, largest cluster first. Its novelty is measured in the whole archive.
+/// One row a medoid, largest cluster first. Its novelty is measured in the whole archive. The name of its cluster is the
+/// class of the medoid, or one that comes from an earlier version of the taxonomy, which the next column says.
 pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = [
@@ -39,10 +43,14 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
         "mean_distance",
         "mean_robustness",
         "novelty",
+        "cluster_name",
+        "name_from_version",
     ]
     .map(str::to_owned);
     table.write_record(columns(&own, report))?;
     for (place, medoid) in report.medoids.iter().enumerate() {
+        let name = report.name_of(place);
+        let carried = name.and_then(|name| name.carried);
         let own = [
             (place + 1).to_string(),
             medoid.index.to_string(),
@@ -50,6 +58,11 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
             medoid.mean_distance.to_string(),
             or_empty(report.robustness_of_cluster(place)),
             medoid.novelty.to_string(),
+            name.map(|name| to_cell(name.class.as_str()).into_owned())
+                .unwrap_or_default(),
+            carried
+                .map(|carried| carried.version.to_string())
+                .unwrap_or_default(),
         ];
         let entry = &report.individuals[medoid.index as usize];
         table.write_record(row(&own, entry, report, medoid.index))?;
@@ -61,7 +74,8 @@ pub(super) fn taxonomy(report: &Report, file: &mut dyn Write) -> io::Result<()> 
 pub(super) fn trials(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
     let own = ["index", "start", "seed"].into_iter().chain(FEATURE_NAMES);
-    table.write_record(own.map(str::to_owned).chain(embedding_columns(report)))?;
+    let embedding = embedding_columns(report.embedding_dimensions());
+    table.write_record(own.map(str::to_owned).chain(embedding))?;
     for (index, entry) in report.individuals.iter().enumerate() {
         for (start, trial) in entry.trials.iter().enumerate() {
             let own = [index.to_string(), start.to_string(), trial.seed.to_string()];
@@ -91,34 +105,24 @@ pub(super) fn classes(report: &Report, file: &mut dyn Write) -> io::Result<()> {
 /// One row a generation.
 pub(super) fn generations(report: &Report, file: &mut dyn Write) -> io::Result<()> {
     let mut table = Writer::from_writer(file);
-    table.write_record(["generation", "best_novelty", "mean_novelty", "filtered"])?;
+    table.write_record(GENERATION_COLUMNS)?;
     for row in &report.generations {
-        table.write_record([
-            row.generation.to_string(),
-            row.best_novelty.to_string(),
-            row.mean_novelty.to_string(),
-            row.filtered.to_string(),
-        ])?;
+        table.write_record(generation_row(
+            row.generation,
+            row.best_novelty,
+            row.mean_novelty,
+            row.filtered,
+        ))?;
     }
     table.flush()
 }
 
 /// The columns of a table of individuals: its own, then what is known of an individual, then its class.
 fn columns(own: &[String], report: &Report) -> Vec<String> {
-    let known = ["generation", "seed", "novelty_when_evaluated", "robustness"]
-        .into_iter()
-        .chain(FEATURE_NAMES);
-    own.iter()
-        .cloned()
-        .chain(known.map(str::to_owned))
-        .chain(report.spec.model().gene_names())
-        .chain(embedding_columns(report))
-        .chain(["class".to_owned()])
-        .collect()
-}
-
-fn embedding_columns(report: &Report) -> impl Iterator<Item = String> {
-    (0..report.embedding_dimensions()).map(|dimension| format!("embedding_{dimension}"))
+    let known = ["generation", "seed", "novelty_when_evaluated", "robustness"].map(str::to_owned);
+    let genes = report.spec.model().gene_names();
+    let behaviour = behaviour_columns(&genes, report.embedding_dimensions());
+    own.iter().cloned().chain(known).chain(behaviour).collect()
 }
 
 fn or_empty(number: Option<f64>) -> String {
@@ -133,16 +137,7 @@ fn row(own: &[String], entry: &Entry, report: &Report, index: u64) -> Vec<String
         entry.novelty_when_evaluated.to_string(),
         or_empty(entry.robustness),
     ];
-    let values = entry.features.iter().chain(entry.controller.genes());
-    let class = report
-        .names
-        .of(index)
-        .map(|(_, class)| to_cell(class.name.as_str()).into_owned());
-    own.iter()
-        .cloned()
-        .chain(known)
-        .chain(values.map(f64::to_string))
-        .chain(entry.embedding.iter().map(f32::to_string))
-        .chain([class.unwrap_or_default()])
-        .collect()
+    let class = report.names.of(index).map(|(_, class)| &class.name);
+    let behaviour = behaviour_cells(&entry.features, entry.controller.genes(), &entry.embedding, class);
+    own.iter().cloned().chain(known).chain(behaviour).collect()
 }

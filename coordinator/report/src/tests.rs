@@ -1,6 +1,7 @@
 //! What a written report holds, read back from the files.
 
 mod channels;
+mod learned;
 mod tables;
 
 use super::{
@@ -8,8 +9,9 @@ use super::{
     *,
 };
 use crate::picture::sample::decode_png;
-use murmuration_model::{Round, labels::GivenClass};
-use murmuration_proto::{CheckpointDigest, Preset};
+use learned::LATENT;
+use murmuration_model::labels::GivenClass;
+use murmuration_proto::Preset;
 use std::fs;
 
 fn written(report: &Report) -> (tempfile::TempDir, ReportFiles) {
@@ -50,12 +52,16 @@ fn every_file_is_there_and_can_be_read() {
             "generations.csv",
             "novelty.svg",
             "map.svg",
+            "contact-sheet.svg",
             "medoids/01-image.png",
             "medoids/01-trajectory.png",
+            "medoids/01-trajectory.svg",
             "medoids/02-image.png",
             "medoids/02-trajectory.png",
+            "medoids/02-trajectory.svg",
             "medoids/03-image.png",
             "medoids/03-trajectory.png",
+            "medoids/03-trajectory.svg",
         ]
     );
     let read = |name: &str| fs::read(folder.join(name)).unwrap();
@@ -63,8 +69,27 @@ fn every_file_is_there_and_can_be_read() {
     assert_eq!(decode_png(&read("medoids/03-trajectory.png")).0, 1000);
     let spec = String::from_utf8(read("spec.toml")).unwrap();
     assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), report.spec);
-    assert_eq!(fs::read_dir(folder).unwrap().count(), 9, "nothing else is left");
+    assert_eq!(fs::read_dir(folder).unwrap().count(), 10, "nothing else is left");
     write(&report, folder).unwrap();
+}
+
+#[test]
+fn a_card_shows_how_far_its_cluster_reaches() {
+    let mut report = sample::report(&SMALL);
+    let members = report.medoids[1].spread.as_ref().map(Spread::members).unwrap();
+    let captions = members.map(|(which, member)| {
+        format!(
+            "<figcaption>{which}<br>{}</figcaption>",
+            numbers::short(member.distance)
+        )
+    });
+    let before = page(&report);
+    for caption in &captions {
+        assert!(before.contains(caption), "{caption}");
+    }
+    report.medoids[1].spread = None;
+    let after = page(&report);
+    assert!(captions.iter().all(|caption| !after.contains(caption)));
 }
 
 #[test]
@@ -86,7 +111,7 @@ fn a_page_speaks_of_the_files_beside_it_where_there_are_any() {
     let named: std::collections::BTreeSet<_> = words
         .filter(|word| [".csv", ".svg", ".toml"].iter().any(|kind| word.ends_with(kind)))
         .collect();
-    assert_eq!(named.len(), 4, "{named:?}");
+    assert_eq!(named.len(), 5, "{named:?}");
     for name in named {
         assert!(files.page.with_file_name(name).exists(), "{name}");
     }
@@ -153,81 +178,30 @@ fn what_people_named_and_what_the_machine_named_are_told_apart() {
     assert!(named.contains("ring, or &quot;mill&quot; (by the rule-based judge) · "));
 }
 
-const LATENT: Sample = Sample {
-    spec: "name = \"sample\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n[taxonomy]\nmedoids = 3\n[search]\ngenerations = 15\n\
-           [feedback]\ngenerations = 5\n[world]\nagents = 6\nhorizon = 200",
-    ..SMALL
-};
-
-/// A campaign that people taught in one round.
-fn taught() -> Report {
-    let mut report = sample::report(&LATENT);
-    let checkpoint = CheckpointDigest::of(b"taught");
-    report.checkpoint = checkpoint.to_string();
-    report.repetition = Repetition {
-        rounds: vec![Round {
-            parent: CheckpointDigest::of(b"pretrained"),
-            checkpoint,
-            labels: 206,
-            label_digest: "0a1b".to_owned(),
-        }],
-        attended: true,
-        adopted: false,
-    };
-    report
-}
-
 #[test]
-fn a_specification_promises_its_archive_only_where_it_leads_there() {
-    const PROMISE: &str = "reproduces the archive, bit for bit";
-    for sample in [SMALL, LATENT] {
-        let alone = sample::report(&sample);
-        assert!(page(&alone).contains(PROMISE));
-        assert_eq!(again::specification(&alone), alone.spec.to_toml());
-    }
-    let taught = taught();
-    let (_place, files) = written(&taught);
+fn a_name_from_an_earlier_version_is_on_the_card_the_legend_and_the_table() {
+    let mut report = sample::report(&SMALL);
+    report.medoids[1].carried = Some(CarriedName {
+        class: "wall".parse().unwrap(),
+        version: 1,
+        place: 4,
+        shared: 7,
+        of: 9,
+    });
+    let (_place, files) = written(&report);
     let page = fs::read_to_string(&files.page).unwrap();
-    assert!(!page.contains(PROMISE));
-    let spec = fs::read_to_string(files.page.with_file_name("spec.toml")).unwrap();
-    let round = &taught.repetition.rounds[0];
-    let (parent, checkpoint) = (round.parent, round.checkpoint);
     for said in [
-        "This specification alone does not reproduce the archive of campaign sample-1.".to_owned(),
-        "The labels that campaign sample-1 learned from are needed".to_owned(),
-        format!("Round 1 fine-tuned checkpoint {parent} on the classes of 206 individuals"),
-        format!("into checkpoint {checkpoint}"),
+        "<span class=\"class\" style=\"--class:#e6861d\">wall</span>",
+        "Name carried over from behaviour 5 of version 1 of the taxonomy: 7 of its 9 individuals are here.",
+        "wall (carried over) · ",
     ] {
-        assert!(page.contains(&said) && spec.contains(&said), "{said}");
+        assert!(page.contains(said), "{said}");
     }
-    assert!(page.contains("murmuration labels sample-1 --csv labels.csv"));
-    assert_eq!(CampaignSpec::from_toml(&spec).unwrap(), taught.spec);
-
-    let mut adopted = taught;
-    adopted.repetition.adopted = true;
-    let page = super::page(&adopted).unwrap();
-    assert!(page.contains("which the campaign adopted"));
-    let digest = CheckpointDigest::of(b"elsewhere");
-    let mut published = sample::report(&LATENT);
-    let text = format!("model = \"single-sensor\"\nmethod = \"latent\"\ncheckpoint = \"{digest}\"");
-    published.spec = CampaignSpec::from_toml(&text).unwrap();
-    assert!(again::specification(&published).contains(&format!("# Checkpoint {digest} is needed")));
-}
-
-#[test]
-fn a_space_that_changed_is_said_to_have() {
-    let alone = page(&sample::report(&LATENT));
-    assert!(alone.contains("Each generation was bred by the values of the generation before it."));
-    assert!(!alone.contains("The embedding changed") && alone.contains("was defined beforehand"));
-    let taught = page(&taught());
-    assert!(taught.contains("during this campaign: it was fine-tuned on labels in 1 round."));
-    assert!(!taught.contains("Each generation was bred by") && !taught.contains("was defined beforehand"));
-    assert!(taught.contains("20 (15 of the search, 5 for 1 round of feedback)"));
-    let drawn = page(&sample::report(&Sample {
-        spec: "model = \"single-sensor\"\nmethod = \"random\"\n[taxonomy]\nmedoids = 3\n[world]\nagents = 6\nhorizon = 200",
-        ..SMALL
-    }));
-    assert!(drawn.contains("every controller was drawn at random"));
+    assert!(!page.contains("Behaviour 2<"));
+    let mut table = csv::Reader::from_path(files.page.with_file_name("taxonomy.csv")).unwrap();
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let names: Vec<_> = rows.iter().map(|row| (&row[6], &row[7])).collect();
+    assert_eq!(names, [("ring, or \"mill\"", ""), ("wall", "1"), ("", "")]);
 }
 
 #[test]
@@ -368,5 +342,30 @@ fn a_sample_to_look_at() {
             .unwrap();
             fs::write(folder.join(name).join(format!("{}.gif", place + 1)), gif).unwrap();
         }
+    }
+}
+
+#[test]
+fn the_example_report_has_the_style_and_the_scripts_of_today() {
+    let example = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/example-report/report.html"
+    );
+    let example = fs::read_to_string(example).unwrap();
+    let today = page(&sample::report(&SMALL));
+    let parts = |name: &str| {
+        let [begin, end] = [format!("<{name}>"), format!("</{name}>")];
+        let after = today.split(&begin).skip(1);
+        after
+            .map(|part| part.split_once(&end).unwrap().0.to_owned())
+            .collect::<Vec<_>>()
+    };
+    let parts = [parts("style"), parts("script")].concat();
+    assert!(parts.len() > 4);
+    for part in parts {
+        assert!(
+            example.contains(&part),
+            "docs/example-report/report.html is of another day: make it anew, as campaign.toml beside it says"
+        );
     }
 }

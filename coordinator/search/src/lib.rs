@@ -1,5 +1,5 @@
 //! The search as pure functions: which controllers pass the filter, how the next ones are bred, how novel a behaviour is,
-//! and which behaviours stand for all.
+//! which behaviours stand for all, and in which cells of the behaviour space they lie.
 //!
 //! Limits: no I/O, no state.
 
@@ -10,3 +10,4 @@ mod lanes;
 pub mod medoids;
 pub mod novelty;
 pub mod projection;
+pub mod tessellation;

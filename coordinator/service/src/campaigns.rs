@@ -3,9 +3,14 @@
 use super::{Permits, Streamed, in_parts};
 use crate::status::OrStatus as _;
 use murmuration_dispatch::{Dispatch, ReplayJob};
-use murmuration_engine::{blocking::blocking, campaign::Campaigns, queries::Queries, taxonomy::Taxonomy};
-use murmuration_model::{CampaignRecord, Weight};
-use murmuration_proto::{CampaignSpec, Frames, Invalid, PART_BYTES, parts::parts, v1};
+use murmuration_engine::{
+    blocking::blocking,
+    campaign::Campaigns,
+    queries::Queries,
+    taxonomy::{Names, Taxonomy},
+};
+use murmuration_model::{CampaignId, CampaignRecord, NewCampaign, study_name};
+use murmuration_proto::{Frames, PART_BYTES, parts::parts, v1};
 use murmuration_store::{Store, StoreError, digest::digest};
 use std::time::Duration;
 use tokio::sync::mpsc;
@@ -49,12 +54,9 @@ impl CampaignApi {
 #[tonic::async_trait]
 impl v1::campaign_service_server::CampaignService for CampaignApi {
     async fn create_campaign(&self, request: Request<v1::CreateCampaignRequest>) -> Answer<v1::Campaign> {
-        let v1::CreateCampaignRequest { spec, weight } = request.into_inner();
-        let spec = spec.ok_or_else(|| Invalid::new("spec", "nothing", "a campaign specification"))?;
-        let spec = CampaignSpec::try_from(spec)?;
-        let weight = weight.map(Weight::try_from).transpose()?.unwrap_or_default();
+        let new = NewCampaign::try_from(request.into_inner())?;
         Ok(Response::new(
-            self.campaigns.create(spec, weight).await.or_status()?.into(),
+            self.campaigns.create(new).await.or_status()?.into(),
         ))
     }
 
@@ -137,6 +139,32 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             .await
             .or_status()?;
         Ok(Response::new(cancelled.into()))
+    }
+
+    async fn delete_campaign(
+        &self,
+        request: Request<v1::DeleteCampaignRequest>,
+    ) -> Answer<v1::DeleteCampaignResponse> {
+        let v1::DeleteCampaignRequest {
+            campaign,
+            study,
+            preview,
+        } = request.into_inner();
+        let id: CampaignId = campaign.parse()?;
+        let study = study_name(study)?;
+        let deletion = match preview {
+            true => self.campaigns.deletion(&id).await,
+            false => self.campaigns.delete(id, study).await,
+        };
+        let deletion = deletion.or_status()?;
+        Ok(Response::new(v1::DeleteCampaignResponse {
+            campaign,
+            individuals: deletion.individuals,
+            pictures: deletion.pictures,
+            labelled: deletion.labelled,
+            comparisons: deletion.comparisons,
+            taxonomy: deletion.taxonomy,
+        }))
     }
 
     async fn adopt_checkpoint(&self, request: Request<v1::AdoptCheckpointRequest>) -> Answer<v1::Campaign> {
@@ -233,11 +261,13 @@ impl v1::campaign_service_server::CampaignService for CampaignApi {
             record.id,
             record.state.name()
         );
-        let taxonomy = self
-            .read(move |store| Taxonomy::read(store, &record.id, &record.spec))
-            .await?;
+        let read = move |store: &Store| {
+            let taxonomy = Taxonomy::read(store, &record.id, &record.spec)?;
+            Ok((taxonomy, Names::standing(store, &record.id)?))
+        };
+        let (taxonomy, names) = self.read(read).await?;
         let taxonomy = taxonomy.ok_or_else(|| Status::failed_precondition(said))?;
-        Ok(in_parts(taxonomy.into_parts()))
+        Ok(in_parts(taxonomy.into_parts(names)))
     }
 
     async fn get_individual(&self, request: Request<v1::GetIndividualRequest>) -> Answer<v1::Individual> {

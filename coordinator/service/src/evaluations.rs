@@ -1,8 +1,8 @@
 //! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
 
-use super::{Permit, Permits, Streamed};
+use super::{Permits, Streamed};
 use crate::status::{IntoStatus as _, OrStatus as _};
-use futures_util::{StreamExt as _, stream};
+use futures_util::{Stream, StreamExt as _, stream};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
 use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
@@ -14,9 +14,15 @@ use murmuration_store::checkpoints::Checkpoints;
 use std::{
     collections::BTreeMap,
     iter,
-    sync::{Arc, Mutex, PoisonError},
+    pin::pin,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
+use tokio::{
+    sync::{mpsc, oneshot},
+    time::Instant,
+};
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
 /// Most controllers of a request.
@@ -27,6 +33,8 @@ const MAX_PICTURE_BYTES: usize = 64 << 20;
 const AT_ONCE: usize = 4;
 /// Time that a new stream has to say how it evaluates.
 const DESCRIPTION_LIMIT: Duration = Duration::from_secs(10);
+/// Time that a stream may be without a request, or without room for a result: a search that breeds for longer opens another one.
+const IDLE_LIMIT: Duration = Duration::from_secs(60 * 60);
 
 /// Implements `murmuration.v1.EvaluationService`.
 #[derive(Debug, Clone)]
@@ -67,17 +75,26 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let unaudited = Arc::<Unaudited>::default();
         let at_the_end = unaudited.clone();
         let mut next = 0;
-        let results = requests
+        let at_work = Arc::<AtWork>::default();
+        let taken = at_work.clone();
+        let results = within_limit(requests, at_work.clone())
             .map(move |request| {
                 let first = next;
                 let job = request.and_then(|request| described.job(request, first));
                 next += job.as_ref().map_or(0, |job| job.tasks.len());
-                evaluated(
+                let evaluated = evaluated(
                     dispatch.clone(),
                     described.clone(),
                     unaudited.clone(),
                     (first, job),
-                )
+                );
+                at_work.begin();
+                let at_work = at_work.clone();
+                async move {
+                    let results = evaluated.await;
+                    at_work.end();
+                    results
+                }
             })
             .buffered(AT_ONCE)
             .flat_map(move |results| tokio_stream::iter(responses(results, side)))
@@ -87,7 +104,17 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
                 }))
                 .filter_map(std::future::ready),
             );
-        Ok(Response::new(Box::pin(while_permitted(permit, results))))
+        let (sender, receiver) = mpsc::channel(2);
+        let (late, said) = oneshot::channel();
+        tokio::spawn(async move {
+            let _held = permit;
+            if let Err(status) = forward(results, &sender, || taken.touch()).await {
+                // The client may be gone.
+                let _ = late.send(status);
+            }
+        });
+        let end = stream::once(said).filter_map(|said| std::future::ready(said.ok().map(Err)));
+        Ok(Response::new(Box::pin(ReceiverStream::new(receiver).chain(end))))
     }
 }
 
@@ -253,13 +280,138 @@ fn responses(
     }
 }
 
-/// A stream that holds a permit for as long as it lasts.
-fn while_permitted<T>(
-    permit: Permit,
-    stream: impl futures_util::Stream<Item = T>,
-) -> impl futures_util::Stream<Item = T> {
-    stream.map(move |item| {
-        let _held = &permit;
-        item
+/// How many requests of a stream are worked on, and when the client was last waited for.
+#[derive(Debug)]
+struct AtWork(Mutex<(usize, Instant)>);
+
+impl Default for AtWork {
+    fn default() -> Self {
+        Self(Mutex::new((0, Instant::now())))
+    }
+}
+
+impl AtWork {
+    fn begin(&self) {
+        self.lock().0 += 1;
+    }
+
+    fn end(&self) {
+        let mut at_work = self.lock();
+        *at_work = (at_work.0.saturating_sub(1), Instant::now());
+    }
+
+    /// The client has taken a result.
+    fn touch(&self) {
+        self.lock().1 = Instant::now();
+    }
+
+    /// When a client without requests has been idle for too long; nothing while it may wait for results.
+    fn deadline(&self) -> Option<Instant> {
+        let (requests, last) = *self.lock();
+        (requests == 0).then_some(last + IDLE_LIMIT)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, (usize, Instant)> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The requests of a stream, up to the first that does not come in time while nothing is evaluated: an idle stream would hold its
+/// permit for ever.
+fn within_limit<T>(
+    requests: impl Stream<Item = Result<T, Status>> + Unpin,
+    at_work: Arc<AtWork>,
+) -> impl Stream<Item = Result<T, Status>> {
+    stream::unfold(Some((requests, at_work)), |state| async {
+        let (mut requests, at_work) = state?;
+        let mut deadline = Instant::now() + IDLE_LIMIT;
+        loop {
+            match tokio::time::timeout_at(deadline, requests.next()).await {
+                Ok(next) => return next.map(|next| (next, Some((requests, at_work)))),
+                Err(_) => match at_work.deadline() {
+                    None => deadline = Instant::now() + IDLE_LIMIT,
+                    Some(later) if later > Instant::now() => deadline = later,
+                    Some(_) => {
+                        let said = format!(
+                            "no request within {} minutes: open another stream when there is one",
+                            IDLE_LIMIT.as_secs() / 60
+                        );
+                        return Some((Err(Status::deadline_exceeded(said)), None));
+                    }
+                },
+            }
+        }
     })
+}
+
+/// Sends the items of a stream to a client for as long as it is there, and calls `sent` after each; an error if the client takes
+/// none in time.
+async fn forward<T>(
+    items: impl Stream<Item = T>,
+    sender: &mpsc::Sender<T>,
+    sent: impl Fn(),
+) -> Result<(), Status> {
+    let mut items = pin!(items);
+    loop {
+        let next = tokio::select! {
+            () = sender.closed() => return Ok(()),
+            next = items.next() => next,
+        };
+        let Some(item) = next else {
+            return Ok(());
+        };
+        match tokio::time::timeout(IDLE_LIMIT, sender.send(item)).await {
+            Ok(Ok(())) => sent(),
+            Ok(Err(_)) => return Ok(()),
+            Err(_) => {
+                let minutes = IDLE_LIMIT.as_secs() / 60;
+                let said = format!("the client took no result within {minutes} minutes: evaluate again");
+                return Err(Status::deadline_exceeded(said));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tonic::Code;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_stream_without_requests_ends_with_a_word() {
+        let (sender, receiver) = tokio::sync::mpsc::channel(1);
+        let at_work = Arc::<AtWork>::default();
+        let requests = ReceiverStream::new(receiver);
+        let mut requests = Box::pin(within_limit(requests, at_work.clone()));
+        sender.send(Ok(1)).await.unwrap();
+        assert_eq!(requests.next().await.unwrap().unwrap(), 1);
+        // Not while something is evaluated for it.
+        at_work.begin();
+        let waited = tokio::time::timeout(5 * IDLE_LIMIT / 2, requests.next()).await;
+        assert!(waited.is_err());
+        // From then on it has the whole time.
+        at_work.end();
+        let ended = Instant::now();
+        let refused = requests.next().await.unwrap().unwrap_err();
+        assert!(ended.elapsed() >= IDLE_LIMIT);
+        assert_eq!(refused.code(), Code::DeadlineExceeded, "{refused}");
+        assert!(requests.next().await.is_none());
+        drop(sender);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_client_that_takes_no_result_is_not_waited_for_ever() {
+        let (sender, mut receiver) = mpsc::channel(1);
+        let sent = Mutex::new(0);
+        let count = || *sent.lock().unwrap() += 1;
+        let refused = forward(stream::iter([1, 2, 3]), &sender, count)
+            .await
+            .unwrap_err();
+        assert_eq!(refused.code(), Code::DeadlineExceeded, "{refused}");
+        assert_eq!(*sent.lock().unwrap(), 1);
+        assert_eq!(receiver.recv().await, Some(1));
+        // One that is gone ends it at once, whatever is evaluated.
+        drop(receiver);
+        forward(stream::pending::<i32>(), &sender, || {}).await.unwrap();
+    }
 }

@@ -10,7 +10,10 @@ use murmuration_engine::{
     queries::{Queries, QueryRequest},
     synthetic::SyntheticAnnotator,
 };
-use murmuration_model::labels::{Agreement, Annotator, Change, Entry, Labels, RequestId};
+use murmuration_model::{
+    CampaignRecord,
+    labels::{Action, Agreement, Annotator, Change, Entry, Labels, RequestId},
+};
 use murmuration_proto::{Invalid, parts::parts, v1};
 use murmuration_store::{LabelError, Store, StoreError};
 use std::{
@@ -19,6 +22,8 @@ use std::{
 };
 use tonic::{Request, Response, Status};
 
+/// Most comparisons of the synthetic annotator in one request: each takes up to three simulations.
+const MAX_COMPARISONS: usize = 5_000;
 /// Most answers in one request.
 const MAX_ANSWERS: usize = 50_000;
 
@@ -54,17 +59,26 @@ impl LabelApi {
         .await
     }
 
-    async fn labels(&self, campaign: String) -> Result<Arc<Labels>> {
+    /// A campaign, and what a request has added to its log.
+    async fn made(&self, campaign: String, request: RequestId) -> Result<(CampaignRecord, Vec<Entry>)> {
         self.with(move |store| -> std::result::Result<_, StoreError> {
-            store.labels(&store.campaign(&campaign)?.id)
+            let record = store.campaign(&campaign)?;
+            let before = store.request_entries(&record.id, &request)?;
+            Ok((record, before))
         })
         .await
     }
 
+    async fn labels(&self, campaign: String) -> Result<Arc<Labels>> {
+        self.with(move |store| store.labels_of(&campaign)).await
+    }
+
     async fn classes(&self, campaign: String) -> Result<v1::ListClassesResponse> {
-        let classes = self.labels(campaign).await?.classes();
+        let labels = self.labels(campaign).await?;
+        let newest = labels.class_changes().next_back();
         Ok(v1::ListClassesResponse {
-            classes: classes.into_iter().map(Into::into).collect(),
+            classes: labels.classes().into_iter().map(Into::into).collect(),
+            newest_change: newest.map(|(number, change)| messages::change_of_classes(number, change)),
         })
     }
 }
@@ -111,14 +125,9 @@ impl v1::label_service_server::LabelService for LabelApi {
             let allowed = format!("a whole number from 1 to {MAX_ANSWERS}");
             return Err(Invalid::new("count", count, allowed).into());
         }
-        let (campaign, asked) = (message.campaign, request.clone());
-        let (record, before) = self
-            .with(move |store| -> std::result::Result<_, StoreError> {
-                let record = store.campaign(&campaign)?;
-                let before = store.request_entries(&record.id, &asked)?;
-                Ok((record, before))
-            })
-            .await?;
+        let (record, before) = self.made(message.campaign, request.clone()).await?;
+        let is_answer = |action: &Action| matches!(action, Action::Answer { .. });
+        messages::check_synthetic(&before, &request, is_answer).or_status()?;
         let entries = if before.is_empty() {
             let done = Arc::default();
             let interrupt = self.queries.interrupt();
@@ -149,6 +158,37 @@ impl v1::label_service_server::LabelService for LabelApi {
             })
             .await?;
         Ok(in_parts(messages::undone(undone)))
+    }
+
+    type WithdrawLabelsStream = Streamed<v1::AppendLabelsResponse>;
+
+    async fn withdraw_labels(
+        &self,
+        request: Request<v1::WithdrawLabelsRequest>,
+    ) -> Answered<Self::WithdrawLabelsStream> {
+        let v1::WithdrawLabelsRequest {
+            campaign,
+            request_id,
+            annotator,
+            indices,
+        } = request.into_inner();
+        let (request, annotator) = (request_id.parse()?, annotator.parse::<Annotator>()?);
+        if !(1..=MAX_ANSWERS).contains(&indices.len()) {
+            let allowed = format!("1 to {MAX_ANSWERS} individuals");
+            return Err(Invalid::new("indices", indices.len(), allowed).into());
+        }
+        if let Some(twice) = messages::repeated(&indices) {
+            return Err(Invalid::new("indices", twice, "each individual once").into());
+        }
+        let now = now_ms();
+        let withdraw = |index| Change {
+            annotator: annotator.clone(),
+            time_ms: now,
+            action: Action::Withdraw { index },
+        };
+        let changes = indices.into_iter().map(withdraw).collect();
+        let entries = self.add(campaign, request, changes).await?;
+        Ok(in_parts(messages::appended(entries)))
     }
 
     type ListLabelsStream = Streamed<v1::ListLabelsResponse>;
@@ -216,6 +256,73 @@ impl v1::label_service_server::LabelService for LabelApi {
             .await
             .or_status()?;
         Ok(Response::new(asked.into()))
+    }
+
+    async fn next_comparison(
+        &self,
+        request: Request<v1::NextComparisonRequest>,
+    ) -> Answered<v1::NextComparisonResponse> {
+        let v1::NextComparisonRequest { campaign, annotator } = request.into_inner();
+        let asked = self.queries.next_comparison(&campaign, annotator.parse()?);
+        Ok(Response::new(asked.await.or_status()?.into()))
+    }
+
+    async fn answer_comparison(
+        &self,
+        request: Request<v1::AnswerComparisonRequest>,
+    ) -> Answered<v1::AnswerComparisonResponse> {
+        let message = request.into_inner();
+        let (campaign, request) = (message.campaign.clone(), message.request_id.parse()?);
+        let change = messages::comparison(message, now_ms())?;
+        let entries = self.add(campaign, request, vec![change]).await?;
+        let entry = entries.into_iter().next().map(Into::into);
+        Ok(Response::new(v1::AnswerComparisonResponse { entry }))
+    }
+
+    async fn withdraw_comparison(
+        &self,
+        request: Request<v1::WithdrawComparisonRequest>,
+    ) -> Answered<v1::WithdrawComparisonResponse> {
+        let v1::WithdrawComparisonRequest {
+            campaign,
+            request_id,
+            annotator,
+        } = request.into_inner();
+        let (request, annotator) = (request_id.parse()?, Annotator::known(&annotator)?);
+        let withdrawn = self
+            .with(move |store| -> std::result::Result<_, LabelError> {
+                let id = store.campaign(&campaign)?.id;
+                store.withdraw_comparison(&id, &request, &annotator, now_ms())
+            })
+            .await?;
+        Ok(Response::new(messages::withdrawn(withdrawn)))
+    }
+
+    type AppendSyntheticComparisonsStream = Streamed<v1::AppendLabelsResponse>;
+
+    async fn append_synthetic_comparisons(
+        &self,
+        request: Request<v1::AppendSyntheticComparisonsRequest>,
+    ) -> Answered<Self::AppendSyntheticComparisonsStream> {
+        let message = request.into_inner();
+        let count = message.count as usize;
+        if !(1..=MAX_COMPARISONS).contains(&count) {
+            let allowed = format!("a whole number from 1 to {MAX_COMPARISONS}");
+            return Err(Invalid::new("count", count, allowed).into());
+        }
+        let request: RequestId = message.request_id.parse()?;
+        let (record, before) = self.made(message.campaign, request.clone()).await?;
+        let is_comparison = |action: &Action| matches!(action, Action::Compare { .. });
+        messages::check_synthetic(&before, &request, is_comparison).or_status()?;
+        let entries = if before.is_empty() {
+            let answers = self.annotator.comparisons(&record, count, Arc::default());
+            let answers = self.annotator.dispatch.while_staffed(answers).await.or_status()?;
+            let answers = answers.map_err(CampaignError::from).or_status()?;
+            self.add(record.id.to_string(), request, answers).await?
+        } else {
+            before
+        };
+        Ok(in_parts(messages::appended(entries)))
     }
 
     type GetAgreementStream = Streamed<v1::Agreement>;

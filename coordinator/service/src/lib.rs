@@ -9,8 +9,10 @@ mod nearest;
 mod permits;
 pub mod report_data;
 mod snapshots;
+mod spread;
 mod status;
 mod training;
+mod transfers;
 mod unreadable;
 mod work;
 
@@ -22,6 +24,7 @@ pub use nearest::OtherBehaviour;
 pub use permits::{Permit, Permits};
 pub use status::{IntoStatus, OrStatus};
 pub use training::TrainerApi;
+pub use transfers::TransferApi;
 pub use unreadable::blame_the_client;
 pub use work::WorkerApi;
 

@@ -1,16 +1,21 @@
 //! How many may do at once what goes on for long.
 
-use murmuration_access::limits::{MAX_EVALUATION_STREAMS, MAX_REPLAYS, MAX_WATCHES};
+use murmuration_access::limits::{
+    MAX_EVALUATION_STREAMS, MAX_EXPORTS, MAX_IMPORTS, MAX_REPLAYS, MAX_WATCHES,
+};
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-/// Room for those who watch, for replays, and for searches elsewhere; shared by gRPC and pages, cheap to clone.
+/// Room for those who watch, for replays, for searches elsewhere, for exports, and for imports; shared by gRPC and pages, cheap
+/// to clone.
 #[derive(Debug, Clone)]
 pub struct Permits {
     watches: Arc<Semaphore>,
     replays: Arc<Semaphore>,
     evaluations: Arc<Semaphore>,
+    exports: Arc<Semaphore>,
+    imports: Arc<Semaphore>,
 }
 
 /// One seat, until it is dropped.
@@ -18,16 +23,27 @@ pub type Permit = OwnedSemaphorePermit;
 
 impl Default for Permits {
     fn default() -> Self {
-        Self::new(MAX_WATCHES, MAX_REPLAYS, MAX_EVALUATION_STREAMS)
+        Self::new([
+            MAX_WATCHES,
+            MAX_REPLAYS,
+            MAX_EVALUATION_STREAMS,
+            MAX_EXPORTS,
+            MAX_IMPORTS,
+        ])
     }
 }
 
 impl Permits {
-    fn new(watches: usize, replays: usize, evaluations: usize) -> Self {
+    /// As many of each as the fields are in order.
+    fn new(counts: [usize; 5]) -> Self {
+        let [watches, replays, evaluations, exports, imports] =
+            counts.map(|count| Arc::new(Semaphore::new(count)));
         Self {
-            watches: Arc::new(Semaphore::new(watches)),
-            replays: Arc::new(Semaphore::new(replays)),
-            evaluations: Arc::new(Semaphore::new(evaluations)),
+            watches,
+            replays,
+            evaluations,
+            exports,
+            imports,
         }
     }
 
@@ -54,6 +70,22 @@ impl Permits {
             "too many searches evaluate on this coordinator: try again later",
         )
     }
+
+    /// For a campaign, or the report of a study, that is exported.
+    pub fn export(&self) -> Result<Permit, Status> {
+        take(
+            &self.exports,
+            "too many campaigns and studies are exported from this coordinator: try again later",
+        )
+    }
+
+    /// For a campaign that is imported.
+    pub fn import(&self) -> Result<Permit, Status> {
+        take(
+            &self.imports,
+            "too many campaigns are imported into this coordinator: try again later",
+        )
+    }
 }
 
 fn take(permits: &Arc<Semaphore>, full: &str) -> Result<Permit, Status> {
@@ -70,7 +102,7 @@ mod tests {
 
     #[test]
     fn one_too_many_is_refused_until_another_leaves() {
-        let permits = Permits::new(2, 1, 1);
+        let permits = Permits::new([2, 1, 1, 1, 1]);
         let first = permits.watch().unwrap();
         let _second = permits.clone().watch().unwrap();
         assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);
@@ -84,5 +116,10 @@ mod tests {
         assert_eq!(permits.evaluations().unwrap_err().code(), Code::ResourceExhausted);
         drop(search);
         assert!(permits.evaluations().is_ok());
+        let _export = permits.export().unwrap();
+        assert_eq!(permits.export().unwrap_err().code(), Code::ResourceExhausted);
+        // Viewers export, and operators import: the first do not keep the others away.
+        let _import = permits.import().unwrap();
+        assert_eq!(permits.import().unwrap_err().code(), Code::ResourceExhausted);
     }
 }

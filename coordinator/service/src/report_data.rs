@@ -1,17 +1,20 @@
 //! Gathers what a report shows, through the campaign and label services: of this process or of another.
 
+use crate::spread::{Place, spreads};
 use bytes::Bytes;
 use murmuration_model::{
     Repetition,
-    labels::{Annotator, Class, Label, given_classes},
+    labels::{Annotator, Class, ClassName, Label, given_classes},
 };
 use murmuration_proto::{
     CampaignSpec, CapabilityModel, Controller, Features, Frames, Invalid, Method, Replay, SIMULATOR_VERSION,
-    counted,
+    Verdict, counted,
     parts::whole,
     v1::{self, campaign_service_client::CampaignServiceClient, label_service_client::LabelServiceClient},
 };
-use murmuration_report::{Entry, GenerationSummary, Map, MedoidEntry, Names, Report, TrialEntry};
+use murmuration_report::{
+    CarriedName, Entry, GenerationSummary, Map, MedoidEntry, Member, Names, Report, Spread, TrialEntry,
+};
 use murmuration_search::{
     interrupt::{Interrupt, Interrupted},
     novelty::{Behaviours, Misfit},
@@ -89,7 +92,8 @@ fn class(class: &v1::LabelClass) -> Result<Class, Invalid> {
         name: class.name.parse()?,
         colour: class.colour.parse()?,
         labels: class.labels,
-        // A report is no place to mend names.
+        // A report is no place to press keys or mend names.
+        shortcut: None,
         near: Vec::new(),
     })
 }
@@ -132,9 +136,20 @@ where
     for (entry, &robust) in individuals.iter_mut().zip(&taxonomy.robust_trials) {
         entry.robustness = Some(f64::from(robust) / starts);
     }
+    let behaviours = behaviours(&individuals, spec.method())?;
+    let centres = taxonomy.medoids.iter();
+    let centres: Vec<_> = centres
+        .map(|medoid| {
+            medoid
+                .individual
+                .as_ref()
+                .map_or(0, |individual| individual.index) as usize
+        })
+        .collect();
+    let spreads = spreads(&behaviours, &centres, &taxonomy.clusters);
     let stride = Frames::to_watch(spec.world()).stride().get();
     let mut medoids = Vec::with_capacity(taxonomy.medoids.len());
-    for medoid in taxonomy.medoids {
+    for (place, medoid) in taxonomy.medoids.into_iter().enumerate() {
         let individual = medoid.individual.unwrap_or_default();
         let request = v1::GetReplayRequest {
             campaign: id(),
@@ -142,6 +157,10 @@ where
             stride,
         };
         let replay = whole(client.get_replay(request).await?.into_inner()).await?;
+        let spread = match spreads.get(place).copied().flatten() {
+            Some(members) => Some(spread(client, campaign, members).await?),
+            None => None,
+        };
         medoids.push(MedoidEntry {
             index: individual.index,
             image: individual.image.unwrap_or_default(),
@@ -149,6 +168,8 @@ where
             mean_distance: medoid.mean_distance,
             novelty: medoid.novelty,
             replay: Replay::try_from(replay)?,
+            spread,
+            carried: carried(medoid.name)?,
         });
     }
     Ok(Report {
@@ -159,7 +180,7 @@ where
         created_ms: status.created_ms,
         simulator_version: SIMULATOR_VERSION.to_owned(),
         generations: generations.generations.into_iter().map(generation).collect(),
-        map: map(&individuals, spec.method())?,
+        map: map(&behaviours)?,
         individuals,
         medoids,
         clusters: taxonomy.clusters,
@@ -167,6 +188,21 @@ where
         names,
         spec,
     })
+}
+
+/// The name of a cluster, if it comes from an earlier version; that of the medoid is among the labels.
+fn carried(name: Option<v1::ClusterName>) -> Result<Option<CarriedName>, Invalid> {
+    let name = name.unwrap_or_default();
+    let Some(from) = name.carried else {
+        return Ok(None);
+    };
+    Ok(Some(CarriedName {
+        class: ClassName::stored(&name.name)?,
+        version: from.version,
+        place: from.cluster as usize,
+        shared: from.shared,
+        of: from.members,
+    }))
 }
 
 fn repetition(digest: &v1::GetDigestResponse) -> Result<Repetition, Invalid> {
@@ -207,6 +243,52 @@ where
     Ok(entries)
 }
 
+/// What the judge said of the trials of a completed campaign that judges them: `count` gets each verdict, individual after
+/// individual.
+///
+/// # Errors
+/// See [`ReportDataError`]; [`ReportDataError::Answer`] if a trial has no verdict.
+pub async fn verdicts<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    spec: &CampaignSpec,
+    mut count: impl FnMut(Verdict),
+) -> Result<(), ReportDataError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let request = v1::GetArchiveRequest {
+        campaign: campaign.to_owned(),
+        images: false,
+    };
+    let mut chunks = client.get_archive(request).await?.into_inner();
+    while let Some(chunk) = chunks.message().await? {
+        for individual in &chunk.individuals {
+            verdicts_of(spec, individual)?.into_iter().for_each(&mut count);
+        }
+    }
+    Ok(())
+}
+
+/// What the judge said of the trials of an individual of a campaign that judges them.
+///
+/// # Errors
+/// If a trial has no verdict, or one that is none.
+pub fn verdicts_of(spec: &CampaignSpec, individual: &v1::Individual) -> Result<Vec<Verdict>, Invalid> {
+    let verdicts = &individual.verdicts;
+    if verdicts.len() != spec.starts().get() {
+        let value = counted(verdicts.len() as u64, "verdict");
+        return Err(Invalid::new("verdicts", value, "one for each trial"));
+    }
+    verdicts
+        .iter()
+        .map(|&verdict| Verdict::try_from(verdict))
+        .collect()
+}
+
 fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, Invalid> {
     let trial = |trial: &v1::Trial| -> Result<TrialEntry, Invalid> {
         Ok(TrialEntry {
@@ -227,7 +309,11 @@ fn entry(individual: &v1::Individual, model: &CapabilityModel) -> Result<Entry, 
     })
 }
 
-fn features(values: &[f64]) -> Result<Features, Invalid> {
+/// The features of an individual or a trial.
+///
+/// # Errors
+/// If there are not as many as features.
+pub fn features(values: &[f64]) -> Result<Features, Invalid> {
     Features::try_from(values)
         .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))
 }
@@ -241,17 +327,65 @@ fn generation(summary: v1::GenerationSummary) -> GenerationSummary {
     }
 }
 
-/// The behaviour space along its two principal axes.
-fn map(individuals: &[Entry], method: Method) -> Result<Map, ReportDataError> {
+/// The members of a cluster that show how far it reaches, with their images.
+async fn spread<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    members: [Place; 3],
+) -> Result<Spread, ReportDataError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let [nearest, median, farthest] = members;
+    Ok(Spread {
+        nearest: member(client, campaign, nearest).await?,
+        median: member(client, campaign, median).await?,
+        farthest: member(client, campaign, farthest).await?,
+    })
+}
+
+async fn member<C>(
+    client: &mut CampaignServiceClient<C>,
+    campaign: &str,
+    (index, distance): Place,
+) -> Result<Member, ReportDataError>
+where
+    C: GrpcService<Body> + Send,
+    C::ResponseBody: HttpBody<Data = Bytes> + Send + 'static,
+    <C::ResponseBody as HttpBody>::Error: Into<StdError> + Send,
+    C::Future: Send,
+{
+    let request = v1::GetIndividualRequest {
+        campaign: campaign.to_owned(),
+        index: index as u64,
+    };
+    let individual = client.get_individual(request).await?.into_inner();
+    Ok(Member {
+        index: index as u64,
+        distance,
+        image: individual.image.unwrap_or_default(),
+    })
+}
+
+/// The behaviours of an archive, in the space of a method.
+fn behaviours(individuals: &[Entry], method: Method) -> Result<Behaviours, ReportDataError> {
     let behaviour = |entry: &Entry| method.behaviour(&entry.features, &entry.embedding);
     let mut behaviours = Behaviours::new(individuals.first().map_or(0, |first| behaviour(first).len()));
     for entry in individuals {
         behaviours.push(&behaviour(entry))?;
     }
-    let projection = projection::principal_axes(&behaviours, &Interrupt::default())?;
+    Ok(behaviours)
+}
+
+/// The behaviour space along its two principal axes.
+fn map(behaviours: &Behaviours) -> Result<Map, ReportDataError> {
+    let projection = projection::principal_axes(behaviours, &Interrupt::default())?;
     let title = |axis: usize| {
         let share = 100.0 * projection.shares[axis];
-        format!("principal axis {} ({share:.0}% of the variance)", axis + 1)
+        format!("principal axis {} ({share:.0} % of the variance)", axis + 1)
     };
     Ok(Map {
         axis_titles: [title(0), title(1)],

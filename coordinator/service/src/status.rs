@@ -39,6 +39,7 @@ impl IntoStatus for StoreError {
             StoreError::DiskFull { .. } | StoreError::Unwritable { .. } | StoreError::ReadOnly { .. } => {
                 Status::resource_exhausted(said)
             }
+            StoreError::OtherRequest { .. } => Status::already_exists(said),
             StoreError::Damaged { .. } => Status::data_loss(said),
             StoreError::InUse { .. }
             | StoreError::NoDirectory(_)
@@ -78,6 +79,7 @@ impl IntoStatus for CampaignError {
             CampaignError::Query(error) => error.into_status(),
             CampaignError::Label(error) => error.into_status(),
             CampaignError::NotAllowed(_)
+            | CampaignError::NotDeleted(_)
             | CampaignError::NoEmbedding { .. }
             | CampaignError::OtherSimulator { .. }
             | CampaignError::NoEmbedder(_)
@@ -102,9 +104,13 @@ impl IntoStatus for LabelError {
             LabelError::Refused(Refusal::NoClass(_)) => Status::not_found(said),
             LabelError::Refused(Refusal::IntoItself(_)) => Status::invalid_argument(said),
             LabelError::Refused(Refusal::TooManyClasses(_)) => Status::resource_exhausted(said),
-            LabelError::Refused(Refusal::NothingToUndo(_) | Refusal::NothingToWithdraw { .. }) => {
-                Status::failed_precondition(said)
-            }
+            LabelError::Refused(
+                Refusal::NothingToUndo(_)
+                | Refusal::NothingToWithdraw { .. }
+                | Refusal::NotNewestChange(_)
+                | Refusal::NoComparison { .. }
+                | Refusal::NothingCompared(_),
+            ) => Status::failed_precondition(said),
         }
     }
 }

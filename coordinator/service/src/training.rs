@@ -10,10 +10,13 @@ use murmuration_dispatch::Trainers;
 use murmuration_engine::blocking::blocking;
 use murmuration_model::{CampaignRecord, NextTraining, TrainingPictures};
 use murmuration_proto::{Invalid, PART_BYTES, TRAINER_VERSION, Text, v1};
-use murmuration_store::{Store, StoreError};
+use murmuration_store::{RoundPictures, Store, StoreError};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
+
+/// Comparisons in a part: of at most 20 bytes each.
+const TRIPLETS: usize = PART_BYTES / 32;
 
 /// Implements `murmuration.v1.TrainerService`.
 #[derive(Debug, Clone)]
@@ -85,7 +88,7 @@ fn check_trainer(hello: &v1::Hello) -> Result<(), Status> {
     }
 }
 
-/// Sends pictures, then labelled ones, then what was put aside, until all is sent or nobody listens.
+/// Sends pictures, then labelled and compared ones, then what was put aside, until all is sent or nobody listens.
 fn send(
     store: &Store,
     record: &CampaignRecord,
@@ -104,17 +107,40 @@ fn send(
             return Ok(());
         }
     }
-    let labelled = match NextTraining::of(record) {
-        Some(NextTraining::FineTuning { cutoff, .. }) => store.round_pictures(record, cutoff)?.pictures,
-        Some(NextTraining::Pretraining) | None => Vec::new(),
+    let round = match NextTraining::of(record) {
+        Some(NextTraining::FineTuning { cutoff, .. }) => store.round_pictures(record, cutoff)?,
+        Some(NextTraining::Pretraining) | None => RoundPictures::default(),
     };
-    for part in labelled.chunks(each) {
+    for part in round.pictures.chunks(each) {
         let mut message = v1::LabelledPart::default();
         for &(picture, class) in part {
             message.classes.push(class);
             message.pictures.extend(store.round_image(record, picture)?);
         }
         if !send(Part::Labelled(message)) {
+            return Ok(());
+        }
+    }
+    for part in round.compared.pictures.chunks(each) {
+        let mut message = v1::ComparedPart::default();
+        for &picture in part {
+            message.pictures.extend(store.round_image(record, picture)?);
+        }
+        if !send(Part::Compared(message)) {
+            return Ok(());
+        }
+    }
+    for part in round.compared.triplets.chunks(TRIPLETS) {
+        let triplet = |&[anchor, nearer, farther]: &[u32; 3]| v1::ComparedTriplet {
+            anchor,
+            nearer,
+            farther,
+        };
+        let message = v1::ComparedPart {
+            triplets: part.iter().map(triplet).collect(),
+            ..v1::ComparedPart::default()
+        };
+        if !send(Part::Compared(message)) {
             return Ok(());
         }
     }

@@ -32,8 +32,8 @@ Accuracy is the share of correct triplets. A triplet (a, p, n) has an anchor a a
 n of another class; it is correct if a is nearer to p than to n. Triplets are counted with anchors of every class, and with \
 anchors of every class except `random`.
 
-The file needs the columns id and class. --features also needs the five features; simulating the pictures also needs seed, \
-v1, ... (docs/labels.md). Rows without a class, `not sure`, `skip` and the answers of the synthetic annotator are skipped.
+The file needs the columns index (or id) and class. --features also needs the five features; simulating the pictures also needs seed, \
+left_0, ... (docs/labels.md). Rows without a class, `not sure`, `skip` and the answers of the synthetic annotator are skipped.
 
 Examples:
   murmuration labels latest --csv labels.csv && murmuration accuracy --labels labels.csv --features

@@ -4,19 +4,25 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     error::atlas_folder,
-    follow::{Show, follow},
-    heard::{self, Heard as _, heard},
-    json, next_step,
+    follow::{Show, View},
+    heard::{self, heard},
+    json,
+    known_campaigns::{KnownCampaigns, begin, stopped, to_rest},
+    next_step,
     run::{InProcessArgs, read_spec},
 };
 use murmuration_link::{errln, outln, termination};
-use murmuration_proto::{
-    CampaignSpec, Controller, Enumeration, Features, Invalid, Verdict, counted, parts::whole, v1,
+use murmuration_proto::{CampaignSpec, Controller, Enumeration, Invalid, counted, v1};
+use murmuration_report::{
+    ReportError,
+    atlas::{self, Atlas, AtlasEntry, Layout, Tiles},
 };
-use murmuration_report::atlas::{self, Atlas, AtlasEntry, Layout, Tiles};
 use murmuration_search::filter::Score;
-use murmuration_store::{DataDirectory, StoreError};
-use std::path::{Path, PathBuf};
+use murmuration_service::report_data;
+use std::{
+    fs, io,
+    path::{Path, PathBuf},
+};
 
 /// Arguments of `atlas`.
 #[derive(Debug, clap::Args)]
@@ -56,7 +62,10 @@ impl AtlasCommand {
         let crew = self.crew.some()?;
         let make = async |connection: &mut Connection| {
             let begun = match source {
-                Source::Spec(spec) => begin(connection, *spec).await?,
+                Source::Spec(spec) => {
+                    let known = KnownCampaigns::list(&mut connection.client).await?.of(&spec);
+                    begin(&mut connection.client, &spec, known, "").await?
+                }
                 Source::Campaign(campaign) => {
                     let request = v1::GetCampaignRequest { campaign };
                     let campaign = heard(connection.client.get_campaign(request).await?)?;
@@ -65,20 +74,20 @@ impl AtlasCommand {
                     campaign
                 }
             };
-            let done = tokio::select! {
-                done = finish(connection, global, begun) => done?,
-                signal = termination() => return Err(CliError::Failed(format!(
+            let made = async {
+                let done = finish(connection, global, begun).await?;
+                self.write(connection, global, &done).await
+            };
+            tokio::select! {
+                made = made => made,
+                signal = termination() => Err(CliError::Failed(format!(
                     "{signal}; complete generations are kept, and the same command continues with them"
                 ))),
-            };
-            self.write(connection, global, &done).await
+            }
         };
-        let may_begin = global.coordinator.is_none() && self.is_file();
-        let made = match may_begin.then(|| DataDirectory::hold(&global.data)) {
-            Some(Ok(data)) => connection::with_own(global, data, crew, make).await?,
-            // Another process holds the data directory: it runs the campaign too.
-            Some(Err(StoreError::InUse { .. })) | None => connection::with(global, crew, make).await?,
-            Some(Err(error)) => return Err(error.into()),
+        let made = match self.is_file() {
+            true => connection::with_new(global, crew, make).await?,
+            false => connection::with(global, crew, make).await?,
         };
         let path = made.atlas.clone();
         if global.json {
@@ -123,17 +132,28 @@ impl AtlasCommand {
             .out
             .clone()
             .unwrap_or_else(|| atlas_folder(&global.data, &id));
-        let atlas = gather(connection, campaign, &folder).await?;
+        // An atlas that was there before stays until the new one is whole.
+        let unwritable = |error: io::Error| CliError::unwritable(&folder, &error);
+        fs::create_dir_all(&folder).map_err(unwritable)?;
+        let fresh = tempfile::Builder::new()
+            .prefix(".atlas-")
+            .tempdir_in(&folder)
+            .map_err(unwritable)?;
+        let atlas = gather(connection, campaign, fresh.path()).await?;
         let (digest, controllers) = (atlas.digest.clone(), atlas.entries.len() as u64);
-        let written = tokio::task::spawn_blocking(move || atlas::write(&atlas, &folder)).await;
-        let Ok(files) = written else {
+        let write = move || {
+            let page = atlas::write(&atlas, fresh.path())?.page;
+            atlas::replace(fresh.path(), &folder)?;
+            Ok::<_, ReportError>(folder.join(page.file_name().unwrap_or_default()))
+        };
+        let Ok(page) = tokio::task::spawn_blocking(write).await else {
             let said = "the atlas could not be written because of a bug";
             return Err(CliError::Failed(said.to_owned()));
         };
         Ok(json::Atlas {
             campaign: campaign.id.clone(),
             digest,
-            atlas: files?.page.display().to_string(),
+            atlas: page?.display().to_string(),
             controllers,
         })
     }
@@ -153,27 +173,6 @@ fn with_values(spec: &CampaignSpec, values: u32) -> Result<CampaignSpec, CliErro
     let search = message.search.get_or_insert_default();
     (search.population, search.generations) = (None, None);
     Ok(message.try_into()?)
-}
-
-/// The campaign of a specification: the newest that has not been cancelled, or else a new one.
-async fn begin(connection: &mut Connection, spec: CampaignSpec) -> Result<v1::Campaign, CliError> {
-    let listed = connection
-        .client
-        .list_campaigns(v1::ListCampaignsRequest {})
-        .await?;
-    let campaigns = whole(listed.into_inner()).await?.campaigns.heard()?;
-    let is_it = |campaign: &v1::Campaign| {
-        let of = campaign.spec.clone().map(CampaignSpec::try_from);
-        campaign.state() != v1::CampaignState::Cancelled && matches!(of, Some(Ok(of)) if of == spec)
-    };
-    if let Some(campaign) = campaigns.into_iter().rev().find(is_it) {
-        return Ok(campaign);
-    }
-    let request = v1::CreateCampaignRequest {
-        spec: Some((&spec).into()),
-        weight: None,
-    };
-    heard(connection.client.create_campaign(request).await?)
 }
 
 /// Refuses a specification whose trials nobody judges.
@@ -198,23 +197,17 @@ async fn finish(
         counted(begun.generations_done.into(), "generation"),
         begun.generations
     );
-    let id = begun.id.clone();
-    let last = match begun.state() {
-        v1::CampaignState::Completed | v1::CampaignState::Cancelled => begun,
-        state => {
-            if state != v1::CampaignState::Running || !begun.active {
-                let request = v1::ResumeCampaignRequest { campaign: id.clone() };
-                heard(connection.client.resume_campaign(request).await?)?;
-            }
-            follow(&mut connection.client, &id, Show::Person).await?
-        }
-    };
+    let mut view = View::new(Show::Person);
+    let last = to_rest(&mut connection.client, begun, |status| view.draw(status)).await;
+    view.end();
+    let last = last?;
     match last.state() {
         v1::CampaignState::Completed => Ok(last),
         v1::CampaignState::Failed => Err(next_step::failed(global, &last)),
-        _ => Err(CliError::Failed(format!(
-            "campaign {id} was stopped by another command"
-        ))),
+        _ => {
+            let next = next_step::what_next(global, &last);
+            Err(CliError::Failed(format!("{}; {next}", stopped(&last))))
+        }
     }
 }
 
@@ -265,23 +258,11 @@ async fn gather(
 
 fn entry(spec: &CampaignSpec, individual: &v1::Individual) -> Result<AtlasEntry, Invalid> {
     let controller = Controller::new(spec.model(), &individual.controller)?;
-    let verdicts: Vec<Verdict> = individual
-        .verdicts
-        .iter()
-        .map(|&verdict| Verdict::try_from(verdict))
-        .collect::<Result<_, _>>()?;
-    if verdicts.len() != spec.starts().get() {
-        let value = counted(verdicts.len() as u64, "verdict");
-        return Err(Invalid::new("verdicts", value, "one for each trial"));
-    }
-    let values = individual.features.as_slice();
-    let features = Features::try_from(values)
-        .map_err(|_| Invalid::new("features", counted(values.len() as u64, "value"), "5 values"))?;
     Ok(AtlasEntry {
         score: Score::of(&controller).total(),
         controller,
         seed: individual.seed,
-        verdicts,
-        features,
+        verdicts: report_data::verdicts_of(spec, individual)?,
+        features: report_data::features(&individual.features)?,
     })
 }

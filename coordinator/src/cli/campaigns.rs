@@ -9,12 +9,13 @@ use super::{
     next_step::{changed, failed, state, what_next},
     run::{InProcessArgs, go_on, read_spec},
     table::{Table, left, right},
+    taxonomy,
 };
 use crate::local::InProcess;
 use murmuration_link::{errln, outln, print};
 use murmuration_model::{Weight, generations_in_words};
 use murmuration_proto::{CampaignSpec, Controller, FEATURE_NAMES, counted, grouped, parts::whole, v1};
-use std::path::PathBuf;
+use std::{collections::BTreeMap, path::PathBuf};
 
 /// A campaign's name on the command line.
 #[derive(Debug, clap::Args)]
@@ -34,6 +35,14 @@ pub(super) struct Submit {
     /// Share of the workers relative to other running campaigns, 1 to 10,000
     #[arg(long, value_name = "N", default_value_t)]
     weight: Weight,
+}
+
+/// Arguments of `list`.
+#[derive(Debug, clap::Args)]
+pub(super) struct List {
+    /// List the campaigns of studies too
+    #[arg(long)]
+    studies: bool,
 }
 
 /// Arguments of `adopt`.
@@ -66,6 +75,16 @@ pub(super) struct Show {
     /// Show this individual of the archive instead of the campaign
     #[arg(long, value_name = "I")]
     index: Option<u64>,
+    /// Show the clusters of its taxonomy and their names instead of the campaign
+    #[arg(long, conflicts_with = "index")]
+    taxonomy: bool,
+}
+
+/// What `show` has asked for.
+enum Shown {
+    Campaign(v1::Campaign),
+    Individual(v1::Campaign, v1::Individual),
+    Taxonomy(v1::Campaign, v1::Taxonomy),
 }
 
 impl Submit {
@@ -79,6 +98,7 @@ impl Submit {
             let request = v1::CreateCampaignRequest {
                 spec: Some((&spec).into()),
                 weight: Some(self.weight.get()),
+                ..v1::CreateCampaignRequest::default()
             };
             heard(connection.client.create_campaign(request).await?)
         };
@@ -121,7 +141,7 @@ impl Refine {
         go_on(
             global,
             InProcessArgs::default().count(),
-            "learns from its labels",
+            "learns from its labels and comparisons",
             refine,
         )
         .await
@@ -156,15 +176,27 @@ pub(super) async fn watch(global: &Global, campaign: &str) -> Result<(), CliErro
     }
 }
 
-pub(super) async fn list(global: &Global) -> Result<(), CliError> {
+impl List {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let campaigns = listed(global).await?;
+        if global.json {
+            return Ok(json::print_all(campaigns.iter().map(json::Campaign::from))?);
+        }
+        show_list(global, campaigns, self.studies)
+    }
+}
+
+async fn listed(global: &Global) -> Result<Vec<v1::Campaign>, CliError> {
     let list = async |connection: &mut Connection| {
         let listed = connection.client.list_campaigns(v1::ListCampaignsRequest {});
         whole(listed.await?.into_inner()).await?.campaigns.heard()
     };
-    let campaigns = connection::with(global, InProcess::NONE, list).await?;
-    if global.json {
-        return Ok(json::print_all(campaigns.iter().map(json::Campaign::from))?);
-    }
+    connection::with(global, InProcess::NONE, list).await
+}
+
+/// The campaigns as a table; those of studies are only counted, unless the table has `studies`.
+fn show_list(global: &Global, campaigns: Vec<v1::Campaign>, studies: bool) -> Result<(), CliError> {
+    let mut folded: BTreeMap<String, u64> = BTreeMap::new();
     let mut table = Table::new([
         left("CAMPAIGN"),
         left("STATE"),
@@ -174,6 +206,10 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
         left("METHOD"),
     ]);
     for campaign in campaigns {
+        if !studies && !campaign.study.is_empty() {
+            *folded.entry(campaign.study).or_default() += 1;
+            continue;
+        }
         let Some(Ok(spec)) = campaign.spec.clone().map(CampaignSpec::try_from) else {
             continue;
         };
@@ -188,7 +224,12 @@ pub(super) async fn list(global: &Global) -> Result<(), CliError> {
             spec.method().name().to_owned(),
         ]);
     }
-    Ok(table.print()?)
+    table.print()?;
+    for (study, count) in folded {
+        let next = global.next("list --studies");
+        errln!("and {} of study {study}: {next}", counted(count, "campaign"));
+    }
+    Ok(())
 }
 
 /// The stage in a word, of a campaign that has not ended.
@@ -206,19 +247,24 @@ impl Show {
                 campaign: self.campaign,
             };
             let campaign = heard(connection.client.get_campaign(request).await?)?;
+            if self.taxonomy {
+                let found = taxonomy::of(connection, &campaign.id).await?;
+                return Ok(Shown::Taxonomy(campaign, found));
+            }
             let Some(index) = self.index else {
-                return Ok((campaign, None));
+                return Ok(Shown::Campaign(campaign));
             };
             let request = v1::GetIndividualRequest {
                 campaign: campaign.id.clone(),
                 index,
             };
             let individual = connection.client.get_individual(request).await?.into_inner();
-            Ok((campaign, Some(individual)))
+            Ok(Shown::Individual(campaign, individual))
         };
         match connection::with(global, InProcess::NONE, get).await? {
-            (campaign, Some(individual)) => show_individual(global, &campaign, &individual),
-            (campaign, None) => show_campaign(global, &campaign),
+            Shown::Campaign(campaign) => show_campaign(global, &campaign),
+            Shown::Individual(campaign, individual) => show_individual(global, &campaign, &individual),
+            Shown::Taxonomy(campaign, found) => taxonomy::show(global, &campaign.id, &found),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! How a command reaches a coordinator: one that runs, or one of its own over the data directory.
 //!
-//! Nothing but [`with`] and [`with_own`] opens a connection, so that no command can leave a coordinator that it started
+//! Nothing but [`with`], [`with_new`] and [`with_own`] opens a connection, so that no command can leave a coordinator that it started
 //! without an end.
 
 use super::{CliError, Global};
@@ -14,14 +14,19 @@ use murmuration_link::{Coordinator, Credentials};
 use murmuration_proto::v1::{
     campaign_service_client::CampaignServiceClient, checkpoint_service_client::CheckpointServiceClient,
     evaluation_service_client::EvaluationServiceClient, label_service_client::LabelServiceClient,
+    transfer_service_client::TransferServiceClient,
 };
 use murmuration_store::{DataDirectory, StoreError};
-use std::time::Duration;
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
 use tonic::service::interceptor::InterceptedService;
 
 pub(super) type Client = CampaignServiceClient<Coordinator>;
 pub(super) type CheckpointClient = CheckpointServiceClient<Coordinator>;
 pub(super) type EvaluationClient = EvaluationServiceClient<Coordinator>;
+pub(super) type TransferClient = TransferServiceClient<Coordinator>;
 pub(super) type LabelClient = LabelServiceClient<Coordinator>;
 
 /// A coordinator that answers, for as long as this value lives.
@@ -30,23 +35,39 @@ pub(super) struct Connection {
     pub(super) checkpoints: CheckpointClient,
     pub(super) evaluations: EvaluationClient,
     pub(super) labels: LabelClient,
+    pub(super) transfers: TransferClient,
     /// Present if this process had to start one.
     own: Option<LocalCluster>,
 }
 
+/// How long a process that holds the data directory may take to say its address, as a coordinator does once it listens.
+const ADDRESS_WAIT: Duration = Duration::from_secs(5);
+/// Pause between two looks for that address.
+const ADDRESS_PAUSE: Duration = Duration::from_millis(50);
+
 impl Connection {
-    async fn open(global: &Global, crew: InProcess) -> Result<Self, CliError> {
+    async fn open(
+        global: &Global,
+        crew: InProcess,
+        hold: fn(&Path) -> Result<DataDirectory, StoreError>,
+    ) -> Result<Self, CliError> {
         if let Some(url) = &global.coordinator {
             return Self::to(url, &global.credentials()?).await;
         }
-        match DataDirectory::hold_existing(&global.data) {
-            Ok(data) => Self::start(global, data, crew).await,
-            Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
-                let token = local_token(&global.data)?;
-                let credentials = token.map_or_else(Credentials::default, Credentials::token);
-                Self::to(&holder.address, &credentials).await
+        let begun = Instant::now();
+        loop {
+            match hold(&global.data) {
+                Ok(data) => return Self::start(global, data, crew).await,
+                Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => {
+                    let token = local_token(&global.data)?;
+                    let credentials = token.map_or_else(Credentials::default, Credentials::token);
+                    return Self::to(&holder.address, &credentials).await;
+                }
+                Err(StoreError::InUse { .. }) if begun.elapsed() < ADDRESS_WAIT => {
+                    tokio::time::sleep(ADDRESS_PAUSE).await;
+                }
+                Err(error) => return Err(error.into()),
             }
-            Err(error) => Err(error.into()),
         }
     }
 
@@ -80,7 +101,8 @@ impl Connection {
             client: Client::new(channel.clone()),
             checkpoints: CheckpointClient::new(channel.clone()),
             evaluations: EvaluationClient::new(channel.clone()),
-            labels: LabelClient::new(channel),
+            labels: LabelClient::new(channel.clone()),
+            transfers: TransferClient::new(channel),
             own: None,
         })
     }
@@ -114,7 +136,18 @@ pub(super) async fn with<T>(
     crew: InProcess,
     ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
 ) -> Result<T, CliError> {
-    Connection::open(global, crew).await?.asked(ask).await
+    let connection = Connection::open(global, crew, DataDirectory::hold_existing).await?;
+    connection.asked(ask).await
+}
+
+/// As [`with`]; a data directory that does not exist is created.
+pub(super) async fn with_new<T>(
+    global: &Global,
+    crew: InProcess,
+    ask: impl AsyncFnOnce(&mut Connection) -> Result<T, CliError>,
+) -> Result<T, CliError> {
+    let connection = Connection::open(global, crew, DataDirectory::hold).await?;
+    connection.asked(ask).await
 }
 
 /// Has `ask` ask a coordinator that is started, for as long as that takes, over a data directory that this process holds.
@@ -160,7 +193,7 @@ mod tests {
                 // It waits for workers, until it is told to stop.
                 let request = v1::CreateCampaignRequest {
                     spec: Some((&spec).into()),
-                    weight: None,
+                    ..v1::CreateCampaignRequest::default()
                 };
                 connection.client.create_campaign(request).await?;
                 assert!(connection.is_own() && log.exists());
@@ -176,10 +209,14 @@ mod tests {
                 fails.then(|| "as asked".to_owned())
             );
             assert!(!log.exists(), "the database is still open");
-            assert!(
-                DataDirectory::hold(&data).is_ok(),
-                "the data directory is still held"
-            );
+            // A program that a test beside this one starts holds the lock too, from its fork until its exec.
+            let is_free = async || {
+                while DataDirectory::hold(&data).is_err() {
+                    tokio::time::sleep(Duration::from_millis(5)).await;
+                }
+            };
+            let freed = tokio::time::timeout(Duration::from_secs(10), is_free()).await;
+            assert!(freed.is_ok(), "the data directory is still held");
         }
     }
 }

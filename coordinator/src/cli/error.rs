@@ -2,6 +2,7 @@
 
 use crate::server::ServerError;
 use murmuration_access::{ListenConfigError, TokensError};
+use murmuration_export::ExportError;
 use murmuration_link::{CredentialsError, OutputError, root_cause};
 use murmuration_model::{CampaignId, labels::LabelFileError};
 use murmuration_proto::{Invalid, SpecFileError, Text, text::masked_url};
@@ -130,6 +131,23 @@ impl From<PictureError> for CliError {
 impl From<ReportError> for CliError {
     fn from(error: ReportError) -> Self {
         Self::Failed(error.to_string())
+    }
+}
+
+impl From<ExportError> for CliError {
+    fn from(error: ExportError) -> Self {
+        let said = error.to_string();
+        match error {
+            ExportError::NotEmpty(_)
+            | ExportError::NoExport(_)
+            | ExportError::WorkingFolder(_)
+            | ExportError::Damaged { .. } => Self::Input(said),
+            ExportError::File { doing: "read", .. } => Self::Input(said),
+            ExportError::File { .. }
+            | ExportError::Aside { .. }
+            | ExportError::Answer(_)
+            | ExportError::Ended => Self::Failed(said),
+        }
     }
 }
 

@@ -4,12 +4,12 @@ use super::{
     CliError, Global,
     connection::{self, Connection},
     files::{Written, is_there, read, read_words},
-    json,
+    follow::Count,
+    genomes, json,
     run::InProcessArgs,
 };
 use crate::local::InProcess;
 use csv::Writer;
-use indicatif::{ProgressBar, ProgressStyle};
 use murmuration_link::{InputKind, OutputError, errln, termination};
 use murmuration_model::labels::{LabelFile, LabelFileError, Row};
 use murmuration_proto::{
@@ -36,7 +36,8 @@ const MAX_RESPONSE: usize = 128 << 20;
 #[command(after_help = "\
 For searches of your own: nothing is stored, and a controller has the same features and the same picture on every machine. The \
 table has a column for each gene, named as `murmuration robot` names it, and may have a column seed; other columns are passed \
-over, so that a report's archive.csv will do. Results are in the order of the rows.
+over, so that a report's archive.csv will do. A table without a header has the genes alone, in that order, as \
+RobotSwarmSimulator writes genomes. Results are in the order of the rows.
 
 Without a running coordinator and without a data directory the workers of this process do it.
 
@@ -97,6 +98,9 @@ impl Evaluate {
         let names = model.gene_names();
         let columns: Vec<&str> = names.iter().map(String::as_str).collect();
         let text = read(&self.controllers, InputKind::Labels)?;
+        if let Some(genomes) = genomes::read(&self.controllers, &text, &columns)? {
+            return self.tasks_of(spec, &genomes);
+        }
         let file = LabelFile::with_columns(&columns, &self.controllers, text)?;
         let has_seeds = file.has("seed");
         let task = |(row, place): (Row<'_>, u64)| {
@@ -105,7 +109,7 @@ impl Evaluate {
                 .map_err(|error| row.refused(error))?;
             let seed = match has_seeds {
                 true => row.seed()?,
-                false => RandomStream::derive(self.seed, Purpose::Start, place).bits(),
+                false => self.seed_at(place),
             };
             Ok((controller, seed))
         };
@@ -119,6 +123,24 @@ impl Evaluate {
             return Err(CliError::Input(empty));
         }
         Ok(tasks)
+    }
+
+    /// The controllers of a table without header, with the seeds of their starts.
+    fn tasks_of(&self, spec: &CampaignSpec, genomes: &[Vec<f64>]) -> Result<Tasks, CliError> {
+        let task = |(genes, place): (&Vec<f64>, u64)| {
+            let refused = |error| {
+                let row = place + 1;
+                CliError::Input(format!("{}: row {row}: {error}", self.controllers.display()))
+            };
+            let controller = Controller::new(spec.model().clone(), genes).map_err(refused)?;
+            Ok((controller, self.seed_at(place)))
+        };
+        genomes.iter().zip(0..).map(task).collect()
+    }
+
+    /// The seed of a row without one.
+    fn seed_at(&self, place: u64) -> u64 {
+        RandomStream::derive(self.seed, Purpose::Start, place).bits()
     }
 
     /// Has the controllers evaluated, and writes each result once it is there: to a table, or as JSON. The number of controllers
@@ -170,7 +192,7 @@ async fn evaluated(
     let mut client = client.max_decoding_message_size(MAX_RESPONSE);
     let requests = tokio_stream::iter(requests(spec, tasks));
     let mut responses = client.evaluate(requests).await?.into_inner();
-    let bar = bar(tasks.len() as u64);
+    let mut count = Count::of(tasks.len() as u64, "controller");
     let mut rows = tasks.iter().enumerate();
     let (mut failed, mut has_header) = (0, false);
     while let Some(response) = responses.next().await {
@@ -179,7 +201,7 @@ async fn evaluated(
                 let said = "more results came than there are controllers";
                 return Err(CliError::Failed(said.to_owned()));
             };
-            bar.inc(1);
+            count.add();
             if !result.failure.is_empty() {
                 failed += 1;
                 let failure = Text::line(&result.failure);
@@ -199,7 +221,7 @@ async fn evaluated(
             table.write_record(row(&evaluated)).map_err(unwritten)?;
         }
     }
-    bar.finish_and_clear();
+    count.end();
     if let Some(mut table) = table {
         table.flush().map_err(OutputError::from)?;
     }
@@ -253,15 +275,4 @@ fn unwritten(error: csv::Error) -> CliError {
         csv::ErrorKind::Io(error) => OutputError::from(error).into(),
         other => CliError::Failed(format!("the table cannot be written: {other:?}")),
     }
-}
-
-/// A bar on a terminal; nothing elsewhere.
-fn bar(len: u64) -> ProgressBar {
-    let bar = ProgressBar::new(len);
-    if let Ok(style) =
-        ProgressStyle::with_template("{wide_bar:.cyan/dim} {human_pos}/{human_len} controllers · {eta} left")
-    {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -39,6 +39,7 @@ pub(super) enum Written {
     Gif,
     Png,
     Svg,
+    Film,
     Header,
     Csv,
 }
@@ -50,6 +51,7 @@ impl Written {
             Self::Gif => ("an animated GIF", "gif"),
             Self::Png => ("a PNG picture", "png"),
             Self::Svg => ("an SVG picture", "svg"),
+            Self::Film => ("a film", "mp4"),
             Self::Header => ("a C header", "h"),
             Self::Csv => ("a table", "csv"),
         };

@@ -1,16 +1,20 @@
 //! Following a campaign: a bar on a terminal, plain lines elsewhere, JSON lines for programs.
 
+mod count;
 pub(super) mod status_line;
 
 use super::{CliError, connection::Client, heard::Heard as _, json};
-use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar};
 use murmuration_link::{OutputError, errln};
 use murmuration_proto::{counted, grouped, v1};
 use status_line::StatusLine;
-pub(super) use status_line::name as stage_name;
 use std::{
     io::IsTerminal as _,
     time::{Duration, Instant},
+};
+pub(super) use {
+    count::{Count, bar},
+    status_line::name as stage_name,
 };
 
 /// How progress is shown.
@@ -31,18 +35,28 @@ pub(super) async fn follow(
     campaign: &str,
     show: Show,
 ) -> Result<v1::Campaign, CliError> {
+    let mut view = View::new(show);
+    let last = follow_with(client, campaign, |status| view.draw(status)).await?;
+    view.end();
+    Ok(last)
+}
+
+/// Follows a campaign until it stops, and has each status drawn; the last one.
+pub(super) async fn follow_with(
+    client: &mut Client,
+    campaign: &str,
+    mut draw: impl FnMut(&v1::Campaign) -> Result<(), OutputError>,
+) -> Result<v1::Campaign, CliError> {
     let request = v1::WatchCampaignRequest {
         campaign: campaign.to_owned(),
     };
     let mut statuses = client.watch_campaign(request).await?.into_inner();
-    let mut view = View::new(show);
     let mut last = None;
     while let Some(status) = statuses.message().await? {
         let status = status.heard()?;
-        view.draw(&status)?;
+        draw(&status)?;
         last = Some(status);
     }
-    view.end();
     last.ok_or_else(|| {
         CliError::Failed(format!(
             "the coordinator sent no status of campaign {campaign}: try again, and look into its log"
@@ -51,7 +65,7 @@ pub(super) async fn follow(
 }
 
 /// What has been shown, and how.
-struct View {
+pub(super) struct View {
     to: Screen,
     /// The stage that was last heard of, and since when.
     stage: Option<(v1::CampaignStage, Instant)>,
@@ -70,10 +84,12 @@ enum Screen {
 }
 
 impl View {
-    fn new(show: Show) -> Self {
+    pub(super) fn new(show: Show) -> Self {
         let to = match show {
             Show::Lines => Screen::Json,
-            Show::Person if std::io::stderr().is_terminal() => Screen::Bar(bar()),
+            Show::Person if std::io::stderr().is_terminal() => {
+                Screen::Bar(bar(0, "{wide_bar:.cyan/dim} {prefix}\n{msg}"))
+            }
             Show::Person => Screen::Plain {
                 next: Instant::now(),
                 shown: None,
@@ -86,7 +102,7 @@ impl View {
         }
     }
 
-    fn draw(&mut self, status: &v1::Campaign) -> Result<(), OutputError> {
+    pub(super) fn draw(&mut self, status: &v1::Campaign) -> Result<(), OutputError> {
         let line = StatusLine::of(status);
         self.end_stage(status.stage());
         self.notice(&status.notices);
@@ -149,7 +165,7 @@ impl View {
         }
     }
 
-    fn end(self) {
+    pub(super) fn end(self) {
         if let Screen::Bar(bar) = self.to {
             bar.abandon();
         }
@@ -162,12 +178,4 @@ fn how_far(line: &StatusLine) -> String {
         return String::new();
     }
     format!("{}/{} · ", grouped(line.done), counted(line.total, line.unit))
-}
-
-fn bar() -> ProgressBar {
-    let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar:.cyan/dim} {prefix}\n{msg}") {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -59,6 +59,14 @@ impl Heard for v1::Campaign {
     }
 }
 
+impl Heard for v1::Taxonomy {
+    fn heard(mut self) -> Result<Self, CliError> {
+        let names = self.medoids.iter_mut().filter_map(|medoid| medoid.name.as_mut());
+        names.for_each(|name| clean(&mut name.name));
+        Ok(self)
+    }
+}
+
 impl Heard for v1::FindNearestResponse {
     fn heard(mut self) -> Result<Self, CliError> {
         let others = self.labelled.iter_mut().chain(&mut self.medoid);

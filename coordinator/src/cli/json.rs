@@ -4,6 +4,7 @@ mod campaign;
 mod checkpoints;
 mod data_directory;
 mod evaluated;
+mod export;
 mod kinds;
 mod labels;
 mod machines;
@@ -11,11 +12,13 @@ mod measures;
 mod recognised;
 mod robots;
 mod study;
+mod taxonomy;
 
-pub(super) use campaign::{Atlas, Campaign, Digest, Individual, Report, Run};
+pub(super) use campaign::{Atlas, Campaign, Deletion, Digest, Individual, Report, Run};
 pub(super) use checkpoints::Checkpoint;
 pub(super) use data_directory::{Backup, Doctor};
 pub(super) use evaluated::Evaluated;
+pub(super) use export::Export;
 pub(super) use kinds::Kind;
 pub(super) use labels::{AddedLabels, Agreement, Class, Label};
 pub(super) use machines::{
@@ -28,6 +31,7 @@ pub(super) use measures::{
 pub(super) use recognised::{Behaviour, Neighbour, Recognised};
 pub(super) use robots::{ExportedController, Robots};
 pub(super) use study::{ListedStudy, Study};
+pub(super) use taxonomy::Taxonomy;
 
 use murmuration_link::{OutputError, outln};
 use murmuration_model::Timestamp;

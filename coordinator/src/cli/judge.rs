@@ -19,7 +19,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The command simulates the labelled swarms and lets the rule-based judge name the class of each. The file needs the columns \
-id, class, v1 to v4 (or v1 to v8 and theta; or robots and a column for each gene), and seed unless starts are given; the paper's world is the default \
+index (or id), class, a column for each gene, robots unless they are the paper's, and seed unless starts are given; the paper's world is the default \
 (docs/labels.md). The answers of the synthetic annotator are skipped, because the synthetic annotator is this judge.
 
 Examples:

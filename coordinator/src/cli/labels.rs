@@ -23,8 +23,8 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 The option --csv reads people's answers from a file such as `murmuration labels --csv` writes (docs/labels.md). Its first line names the \
-columns. The columns id (index of the individual) and class (a class, `not sure` or `skip`) are required; annotator and time \
-(RFC 3339) are optional. The columns seed, v1, ..., if present, must match the individuals of the archive. Rows without a class \
+columns. The columns index (of the individual; also called id) and class (a class, `not sure` or `skip`) are required; annotator and time \
+(RFC 3339) are optional. The columns seed, left_0, ..., if present, must match the individuals of the archive. Rows without a class \
 are skipped. Either all rows are stored or none. A file with rows of the synthetic annotator is refused.
 
 The option --synthetic lets the rule-based judge answer instead, from the motion of each individual. Its answers carry the annotator \

@@ -11,16 +11,20 @@ mod certs;
 mod checkpoints;
 mod connection;
 mod controller;
+mod delete;
 mod error;
 mod evaluate;
 mod export;
 mod files;
+mod film;
 mod filter;
 mod follow;
+mod genomes;
 mod health;
 mod heard;
 mod json;
 mod judge;
+mod known_campaigns;
 mod labels;
 mod maintenance;
 mod next_step;
@@ -33,7 +37,10 @@ mod serve;
 mod simulate;
 mod study;
 mod table;
+mod taxonomy;
 mod token;
+mod transfer;
+mod world;
 
 pub use error::CliError;
 
@@ -43,7 +50,12 @@ use murmuration_link::{
     parse_arguments, print, telemetry,
 };
 use murmuration_proto::text::masked_url;
-use std::{future::ready, path::PathBuf, pin::Pin, process::ExitCode};
+use std::{
+    future::ready,
+    path::{Path, PathBuf},
+    pin::Pin,
+    process::ExitCode,
+};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -150,13 +162,15 @@ enum Command {
     /// Follow a campaign until it stops
     Watch(campaigns::Name),
     /// List the campaigns
-    List,
+    List(campaigns::List),
     /// Show a campaign, or one individual of its archive
     Show(campaigns::Show),
     /// Pause a campaign; `resume` continues it
     Pause(campaigns::Name),
     /// End a campaign permanently, and keep its archive
     Cancel(campaigns::Name),
+    /// Delete a campaign with its archive, labels and taxonomy
+    Delete(delete::Delete),
     /// Move a campaign to another checkpoint: embed and cluster its archive again
     Adopt(campaigns::Adopt),
     /// Fine-tune a campaign's embedder on its labels, and continue the search
@@ -165,6 +179,10 @@ enum Command {
     Digest(campaigns::Name),
     /// Write the report of a completed campaign
     Report(report::ReportCommand),
+    /// Export a campaign to a folder of open formats: Parquet, NPZ, ONNX, TOML
+    Export(transfer::Export),
+    /// Import a campaign that was exported
+    Import(transfer::Import),
     /// Run a study: a grid of campaigns with tables of what is measured of them
     #[command(subcommand)]
     Study(study::StudyCommand),
@@ -176,6 +194,8 @@ enum Command {
     Recognise(recognise::Recognise),
     /// Show the robots that a file describes: their sensors, drives and genes
     Robot(robots::ShowRobot),
+    /// Turn a world of RobotSwarmSimulator, JSON, into a campaign file
+    World(world::WorldCommand),
     /// Export a controller to real robots
     #[command(subcommand)]
     Controller(export::ControllerCommand),
@@ -214,6 +234,12 @@ enum Command {
         /// Kind of document
         #[arg(value_name = "DOCUMENT")]
         kind: json::Kind,
+    },
+    /// Write the pages of the manual, a file for each command
+    #[command(hide = true)]
+    Man {
+        /// Folder for the pages
+        folder: PathBuf,
     },
     /// Print a completion script for a shell
     Completions {
@@ -271,19 +297,23 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Certs(certs) => Box::pin(ready(certs.execute(global.json))),
         Command::Submit(submit) => Box::pin(submit.execute(global)),
         Command::Watch(name) => Box::pin(async move { campaigns::watch(global, &name.campaign).await }),
-        Command::List => Box::pin(campaigns::list(global)),
+        Command::List(list) => Box::pin(list.execute(global)),
         Command::Show(show) => Box::pin(show.execute(global)),
         Command::Pause(name) => Box::pin(async move { campaigns::pause(global, &name.campaign).await }),
         Command::Cancel(name) => Box::pin(async move { campaigns::cancel(global, &name.campaign).await }),
+        Command::Delete(delete) => Box::pin(delete.execute(global)),
         Command::Adopt(adopt) => Box::pin(adopt.execute(global)),
         Command::Refine(refine) => Box::pin(refine.execute(global)),
         Command::Digest(name) => Box::pin(async move { campaigns::digest(global, &name.campaign).await }),
         Command::Report(report) => Box::pin(report.execute(global)),
+        Command::Export(export) => Box::pin(export.execute(global)),
+        Command::Import(import) => Box::pin(import.execute(global)),
         Command::Study(study) => Box::pin(study.execute(global)),
         Command::Simulate(simulate) => Box::pin(ready(simulate.execute(global.json))),
         Command::Evaluate(evaluate) => Box::pin(evaluate.execute(global)),
         Command::Recognise(recognise) => Box::pin(recognise.execute(global)),
         Command::Robot(robot) => Box::pin(ready(robot.execute(global.json))),
+        Command::World(world) => Box::pin(ready(world.execute())),
         Command::Controller(controller) => Box::pin(controller.execute(global)),
         Command::Filter(filter) => Box::pin(ready(filter.execute(global.json))),
         Command::Checkpoints(checkpoints) => Box::pin(checkpoints.execute(global)),
@@ -300,6 +330,7 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
         Command::Quarantine(quarantine) => Box::pin(ready(quarantine.execute(global))),
         Command::Bench(bench) => Box::pin(bench.execute(global)),
         Command::Schema { kind } => Box::pin(ready(schema(kind))),
+        Command::Man { folder } => Box::pin(ready(manual(&folder))),
         Command::Completions { shell } => Box::pin(ready(completions(shell))),
     };
     done.await
@@ -307,6 +338,13 @@ async fn execute(Arguments { global, command }: Arguments) -> Result<(), CliErro
 
 fn schema(kind: json::Kind) -> Result<(), CliError> {
     Ok(outln!("{:#}", kind.schema().as_value())?)
+}
+
+/// Writes `murmuration.1`, and `murmuration-COMMAND.1` for each command.
+fn manual(folder: &Path) -> Result<(), CliError> {
+    let unwritable = |error: std::io::Error| CliError::unwritable(folder, &error);
+    std::fs::create_dir_all(folder).map_err(unwritable)?;
+    clap_mangen::generate_to(Arguments::command(), folder).map_err(unwritable)
 }
 
 fn completions(shell: clap_complete::Shell) -> Result<(), CliError> {

@@ -102,7 +102,7 @@ impl Run {
         let run = async |connection: &mut Connection| {
             let request = v1::CreateCampaignRequest {
                 spec: Some((&spec).into()),
-                weight: None,
+                ..v1::CreateCampaignRequest::default()
             };
             let campaign = heard(connection.client.create_campaign(request).await?)?;
             errln!(

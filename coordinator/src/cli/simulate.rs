@@ -3,7 +3,7 @@
 use super::{
     CliError, controller,
     files::{Written, read_words, write},
-    json,
+    film, json,
     robots::RobotArgs,
 };
 use murmuration_link::{InputKind, outln};
@@ -36,6 +36,8 @@ which --robot describes.
 Examples:
   murmuration simulate --controller -0.7,0.3,1,1 --gif pursuit.gif
   murmuration simulate --controller 0.8,0.5,0.6,-0.5,-0.5,0,-0.2,0.5,-pi/3 --seed 3 --png nested-cycle.png
+  murmuration simulate --controller -0.7,0.3,1,1 --svg pursuit.svg
+  murmuration simulate --controller=-0.7,0.3,1,1 --mp4 pursuit.mp4
   murmuration simulate --case tests/vectors/milling_s0.json --json
   murmuration simulate --case tests/vectors/robots/cyclone.feb2023.json --gif cyclone.gif")]
 pub(super) struct Simulate {
@@ -56,6 +58,12 @@ pub(super) struct Simulate {
     /// Write the trajectories of the last steps to this PNG, in colour
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
+    /// Write the trajectories of the last steps to this SVG, in colour, a unit for each world unit
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
+    /// Write the whole run to this film, MP4, which the program ffmpeg encodes
+    #[arg(long, value_name = "FILE")]
+    mp4: Option<PathBuf>,
     /// Write where each robot is before the first step and after every step to this CSV, as `recognise` reads it
     #[arg(long, value_name = "FILE", conflicts_with = "case")]
     tracks: Option<PathBuf>,
@@ -80,6 +88,8 @@ impl Simulate {
         let named = [
             (Written::Gif, "--gif", &self.gif),
             (Written::Png, "--png", &self.png),
+            (Written::Svg, "--svg", &self.svg),
+            (Written::Film, "--mp4", &self.mp4),
             (Written::Png, "--image", &self.image),
             (Written::Csv, "--tracks", &self.tracks),
         ];
@@ -135,6 +145,16 @@ impl Simulate {
                 path,
                 &picture::animation_gif(&motion, world, colouring, &animation)?,
             )?;
+        }
+        if let Some(path) = &self.mp4 {
+            let animation = Animation::default();
+            let motion = replay(every(animation.frames))?;
+            let film = picture::animation_film(&motion, world, colouring, &animation)?;
+            film::encode(film, animation.fps, path)?;
+        }
+        if let Some(path) = &self.svg {
+            let motion = replay(every(1200))?;
+            write(path, picture::trajectory_svg(&motion, world, colouring, window))?;
         }
         if let Some(path) = &self.png {
             let motion = replay(every(1200))?;

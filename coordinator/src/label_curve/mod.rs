@@ -1,14 +1,17 @@
-//! How accurate an embedding becomes with labels: accuracy against their number, query strategy by query strategy.
+//! How accurate an embedding becomes with answers: accuracy against their number, by what is asked and by query strategy.
 //!
 //! A labelled set stands for a person: whichever of its behaviours a strategy asks about, the set answers. Accuracy is
 //! measured on another set. [`Sets`] is the only way to have both, and does not come into being where they share a picture.
 
+mod comparisons;
 mod plot;
 mod pretrained;
+mod questions;
 mod sets;
 
 pub use plot::plot;
 pub use pretrained::Pretrained;
+pub use questions::Questions;
 pub use sets::{LabelledBehaviours, Overlap, Sets};
 
 use murmuration_accuracy::Accuracy;
@@ -23,23 +26,26 @@ use murmuration_search::{
     novelty::{self, Misfit},
 };
 use murmuration_trainer::{
+    compared_pictures::ComparedPicturesError,
     labelled_pictures::{LabelledPictures, LabelledPicturesError},
     network::Network,
     pictures::PicturesError,
-    training::{FineTuning, Training, TrainingError},
+    training::{FineTuning, Teaching, Training, TrainingError},
 };
 use std::{
     sync::Arc,
     time::{Duration, Instant},
 };
 
-/// What is measured after so many labels.
+/// What is measured after so many answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// How the behaviours to label were chosen.
-    pub strategy: Strategy,
-    /// Number of labels.
-    pub labels: usize,
+    /// What was asked, and how it was chosen.
+    pub questions: Questions,
+    /// Number of answers.
+    pub answers: usize,
+    /// Those of them that say something: all names, and comparisons in which one behaviour was more alike.
+    pub told: usize,
     /// Seed of dataset, embedder and fine-tuning.
     pub seed: u64,
     /// Correct triplets whose anchor is not random, percent; `None` if there is no such triplet.
@@ -65,6 +71,9 @@ pub enum CurveError {
     /// The labelled pictures are nothing to learn from.
     #[error("{0}")]
     Labelled(#[from] LabelledPicturesError),
+    /// The compared pictures are nothing to learn from.
+    #[error("{0}")]
+    Compared(#[from] ComparedPicturesError),
     /// The embedder cannot be trained.
     #[error("{0}")]
     Training(#[from] TrainingError),
@@ -119,14 +128,15 @@ impl Curves<'_> {
                     asked.push(index);
                 }
             }
-            if !asked.is_empty() {
-                embedder = self.fine_tuned(pretrained, &asked)?;
+            if let Some(labelled) = self.labelled(&asked)? {
+                embedder = self.fine_tuned(pretrained, labelled)?;
             }
             let took = begun.elapsed();
             let accuracy = self.accuracy(&embedder);
             told(Point {
-                strategy,
-                labels: asked.len(),
+                questions: Questions::Names(strategy),
+                answers: asked.len(),
+                told: asked.len(),
                 seed,
                 not_random: accuracy.anchor_not_random().percent(),
                 every: accuracy.every_anchor().percent(),
@@ -153,17 +163,21 @@ impl Curves<'_> {
         Ok(queries.into_iter().map(|query| query.index).collect())
     }
 
-    /// The embedder that has learned the classes of these behaviours; as it was where they are all of one.
-    fn fine_tuned(&self, pretrained: &Pretrained, asked: &[usize]) -> Result<Network, CurveError> {
+    /// The classes of these behaviours, with their pictures; `None` if they are all of one.
+    fn labelled(&self, asked: &[usize]) -> Result<Option<Teaching>, CurveError> {
         let train = self.sets.train();
         let (pictures, classes) = train.labelled_pictures(asked);
-        let labelled = match LabelledPictures::new(train.shape(), pictures, classes) {
-            Err(LabelledPicturesError::TooFewClasses(_)) => return Ok(pretrained.network.clone()),
-            labelled => Arc::new(labelled?.of_labels(asked.len())),
-        };
+        match LabelledPictures::new(train.shape(), pictures, classes) {
+            Err(LabelledPicturesError::TooFewClasses(_)) => Ok(None),
+            labelled => Ok(Some(Arc::new(labelled?.of_labels(asked.len())).into())),
+        }
+    }
+
+    /// The pretrained embedder after it has learned what was answered.
+    fn fine_tuned(&self, pretrained: &Pretrained, teaching: Teaching) -> Result<Network, CurveError> {
         let fine_tuning = FineTuning {
             parent: pretrained.network.clone(),
-            labelled,
+            teaching,
         };
         let configuration = pretrained.configuration.with_recipe(self.recipe.clone())?;
         let mut training =

@@ -103,6 +103,19 @@ impl LabelledBehaviours {
             .collect()
     }
 
+    /// All pictures of some of them, those from further starts included, one behaviour after the other, and how many each has: as many
+    /// as the one with the fewest.
+    pub(super) fn all_pictures(&self, which: &[usize]) -> (Vec<u8>, usize) {
+        let further = |index: &usize| self.further[*index].len();
+        let views = 1 + which.iter().map(further).min().unwrap_or(0);
+        let of = |&index: &usize| {
+            std::iter::once(&self.pictures[index])
+                .chain(&self.further[index])
+                .take(views)
+        };
+        (which.iter().flat_map(of).flatten().copied().collect(), views)
+    }
+
     /// What is learned of some of them: pictures, one after the other, and the [number](class_numbers) of the class of each.
     pub(super) fn labelled_pictures(&self, which: &[usize]) -> (Vec<u8>, Vec<u32>) {
         let numbers = class_numbers(self.classes());
@@ -148,5 +161,8 @@ mod tests {
         let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
         assert_eq!(greys, [3, 103, 4, 104]);
         assert_eq!(behaviours.pictures(&[2, 0]), [4, 4, 4, 4, 3, 3, 3, 3]);
+        let (pictures, views) = behaviours.all_pictures(&[2, 0]);
+        let greys: Vec<u8> = pictures.into_iter().step_by(4).collect();
+        assert_eq!((greys, views), (vec![4, 104, 3, 103], 2));
     }
 }

@@ -3,10 +3,10 @@
 use super::PREFIX;
 use murmuration_engine::{
     blocking::blocking,
-    campaign::{CampaignError, CampaignStatus, Campaigns},
+    campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
 };
 use murmuration_model::CampaignState;
-use murmuration_store::Store;
+use murmuration_store::{Store, StoreError};
 use prometheus_client::{
     metrics::{family::Family, gauge::Gauge},
     registry::Registry,
@@ -17,10 +17,14 @@ type ByCampaign = Family<[(&'static str, String); 1], Gauge>;
 /// As things stand now.
 pub(super) async fn observe(campaigns: &Campaigns, store: &Store) -> Result<Registry, CampaignError> {
     let store = store.clone();
-    let labels = blocking(move || store.count_labels()).await??;
-    let statuses = campaigns.list().await?;
+    let counted = move || Ok::<_, StoreError>((store.count_labels()?, store.count_individuals()?));
+    let (labels, archived) = blocking(counted).await??;
+    // Of those that are at work there are few; of all others the state will do.
+    let heads = campaigns.heads().await?;
+    let at_work = heads.iter().filter(|listed| listed.active);
+    let at_work = at_work.map(|listed| listed.head.id.clone()).collect();
+    let statuses = campaigns.statuses(at_work).await?;
     let mut registry = Registry::with_prefix(PREFIX);
-    let archived = statuses.iter().map(|status| status.record.individuals()).sum();
     for (name, help, value) in [
         (
             "archive_individuals",
@@ -37,20 +41,18 @@ pub(super) async fn observe(campaigns: &Campaigns, store: &Store) -> Result<Regi
         gauge.set(signed(value));
         registry.register(name, help, gauge);
     }
-    registry.register("campaigns", "Campaigns, by state", by_state(&statuses));
+    registry.register("campaigns", "Campaigns, by state", by_state(&heads));
     by_campaign(&statuses, &mut registry);
     Ok(registry)
 }
 
-fn by_state(statuses: &[CampaignStatus]) -> Family<[(&'static str, &'static str); 1], Gauge> {
+fn by_state(campaigns: &[ListedCampaign]) -> Family<[(&'static str, &'static str); 1], Gauge> {
     let states = Family::<_, Gauge>::default();
     for state in CampaignState::ALL {
         drop(states.get_or_create(&[("state", state.name())]));
     }
-    for status in statuses {
-        states
-            .get_or_create(&[("state", status.record.state.name())])
-            .inc();
+    for listed in campaigns {
+        states.get_or_create(&[("state", listed.head.state.name())]).inc();
     }
     states
 }

@@ -10,9 +10,12 @@ use murmuration_access::{
 use murmuration_proto::v1::{
     campaign_service_server::CampaignServiceServer, checkpoint_service_server::CheckpointServiceServer,
     evaluation_service_server::EvaluationServiceServer, label_service_server::LabelServiceServer,
-    trainer_service_server::TrainerServiceServer, worker_service_server::WorkerServiceServer,
+    trainer_service_server::TrainerServiceServer, transfer_service_server::TransferServiceServer,
+    worker_service_server::WorkerServiceServer,
 };
-use murmuration_service::{CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, WorkerApi};
+use murmuration_service::{
+    CampaignApi, CheckpointApi, EvaluationApi, LabelApi, TrainerApi, TransferApi, WorkerApi,
+};
 
 const VIEWER: Requirement = Requirement::VIEWER;
 const ANNOTATOR: Requirement = Requirement::ANNOTATOR;
@@ -26,6 +29,7 @@ const CAMPAIGNS: MethodRequirements = &[
     ("PauseCampaign", OPERATOR),
     ("ResumeCampaign", OPERATOR),
     ("CancelCampaign", OPERATOR),
+    ("DeleteCampaign", OPERATOR),
     ("AdoptCheckpoint", OPERATOR),
     ("RefineCampaign", OPERATOR),
     ("ListGenerations", VIEWER),
@@ -50,13 +54,20 @@ const LABELS: MethodRequirements = &[
     ("AppendLabels", ANNOTATOR),
     ("AppendSyntheticLabels", ANNOTATOR),
     ("UndoLabels", ANNOTATOR),
+    ("WithdrawLabels", ANNOTATOR),
     ("ListLabels", VIEWER),
     ("ListLabelEntries", VIEWER),
     ("ListClasses", VIEWER),
     ("ChangeClass", ANNOTATOR),
     ("NextQueries", ANNOTATOR),
+    ("NextComparison", ANNOTATOR),
+    ("AnswerComparison", ANNOTATOR),
+    ("WithdrawComparison", ANNOTATOR),
+    ("AppendSyntheticComparisons", ANNOTATOR),
     ("GetAgreement", VIEWER),
 ];
+
+const TRANSFERS: MethodRequirements = &[("ExportCampaign", VIEWER), ("ImportCampaign", OPERATOR)];
 
 const WORKERS: MethodRequirements = &[("Work", Machine(Worker))];
 
@@ -74,6 +85,7 @@ pub(super) struct Services {
     pub(super) labels: LabelApi,
     pub(super) workers: WorkerApi,
     pub(super) trainers: TrainerApi,
+    pub(super) transfers: TransferApi,
 }
 
 impl Services {
@@ -91,6 +103,8 @@ impl Services {
             WorkerServiceServer::new(self.workers).max_decoding_message_size(limits::MAX_WORKER_MESSAGE);
         let trainers =
             TrainerServiceServer::new(self.trainers).max_decoding_message_size(limits::MAX_MESSAGE);
+        let transfers =
+            TransferServiceServer::new(self.transfers).max_decoding_message_size(limits::MAX_MESSAGE);
         GuardedRouter::default()
             .service(campaigns, CAMPAIGNS)
             .service(checkpoints, CHECKPOINTS)
@@ -98,5 +112,6 @@ impl Services {
             .service(labels, LABELS)
             .service(workers, WORKERS)
             .service(trainers, TRAINERS)
+            .service(transfers, TRANSFERS)
     }
 }

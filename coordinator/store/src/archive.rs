@@ -1,18 +1,18 @@
-//! Rows of the archive: individuals, their images, generations, taxonomies.
+//! Rows of the archive: individuals, their images, generations.
 
 use super::{
     Provenance, Store, StoreError,
     campaigns::number_of,
     compression::Decompressor,
+    hidden::HIDDEN,
     individual::{ArchivedIndividual, compressed, read},
-    numbers::{blob_to_floats, clamped, floats_to_blob},
-    provenance::{ResultKind, add_provenance, suspects},
+    numbers::{clamped, floats_to_blob},
+    provenance::{ResultKind, add_provenance},
 };
-use murmuration_model::{CampaignId, CampaignState};
+use murmuration_model::CampaignId;
 use murmuration_proto::CapabilityModel;
-use murmuration_search::medoids::Clustering;
-use rusqlite::{OptionalExtension as _, Row, params};
-use std::ops::Range;
+use rusqlite::{Transaction, params};
+use std::{collections::BTreeSet, ops::Range};
 
 /// What a generation did, as it is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,53 +40,22 @@ impl GenerationRecord {
     }
 }
 
-/// A taxonomy as it is stored; everything else about it follows from the archive.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StoredTaxonomy {
-    /// Archive indices of the medoids, largest cluster first.
-    pub medoids: Vec<u64>,
-    /// For each individual, the place in `medoids` of the nearest.
-    pub clusters: Vec<u32>,
-    /// Sum of the distances to the nearest medoids.
-    pub loss: f64,
-    /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
-    pub measures: Vec<ClusterMeasures>,
-    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
-    /// have one trial.
-    pub robust_trials: Vec<u8>,
-}
-
-/// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ClusterMeasures {
-    /// Mean distance of its members, the medoid included, to the medoid.
-    pub mean_distance: f64,
-    /// Mean distance of the medoid to its nearest neighbours in the whole archive.
-    pub novelty: f64,
-}
-
-impl StoredTaxonomy {
-    /// Whether every cluster that is named has a medoid, and every medoid its measures.
-    fn is_whole(&self) -> bool {
-        let medoids = self.medoids.len();
-        let robust = self.robust_trials.len();
-        self.measures.len() == medoids
-            && (robust == 0 || robust == self.clusters.len())
-            && self.clusters.iter().all(|&cluster| (cluster as usize) < medoids)
-    }
-}
-
-impl From<StoredTaxonomy> for Clustering {
-    fn from(stored: StoredTaxonomy) -> Self {
-        Self {
-            medoids: stored.medoids.into_iter().map(|index| index as usize).collect(),
-            clusters: stored.clusters,
-            loss: stored.loss,
-        }
-    }
-}
-
 impl Store {
+    /// Individuals in the archives of all campaigns.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn count_individuals(&self) -> Result<u64, StoreError> {
+        self.read(|connection| {
+            // Places are numbered without gaps; to count them would read them all.
+            let individuals =
+                "SELECT coalesce(sum((SELECT max(place) + 1 FROM individuals WHERE campaign = number)), 0)
+                FROM campaigns WHERE state <> ?1";
+            let count: i64 = connection.query_row(individuals, [HIDDEN], |row| row.get(0))?;
+            Ok(count.unsigned_abs())
+        })
+    }
+
     /// Commits one complete generation: its record and its individuals, images, embeddings (by the campaign's checkpoint)
     /// and provenance included, in one transaction.
     ///
@@ -103,50 +72,10 @@ impl Store {
         let images = compressed(individuals)?;
         self.write(|transaction| {
             let number = number_of(transaction, campaign)?;
-            transaction.execute(
-                "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered)
-                 VALUES (?1, ?2, ?3, ?4, ?5)",
-                params![
-                    number,
-                    record.generation,
-                    record.best_novelty,
-                    record.mean_novelty,
-                    record.filtered as i64,
-                ],
-            )?;
+            insert_generation(transaction, number, record)?;
             let first = individuals.first().map_or(0, |individual| individual.index);
             add_provenance(transaction, number, (ResultKind::Evaluation, first), provenance)?;
-            let mut individual = transaction.prepare(
-                "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty, verdicts)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
-            )?;
-            let mut image =
-                transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
-            let mut embedding = transaction.prepare(
-                "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
-                 VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
-            )?;
-            for (row, images) in individuals.iter().zip(&images) {
-                let index = row.index as i64;
-                let (features, embeddings) = row.columns();
-                individual.execute(params![
-                    number,
-                    index,
-                    row.generation,
-                    floats_to_blob(row.controller.genes()),
-                    row.seed.cast_signed(),
-                    features,
-                    row.novelty,
-                    row.verdict_column(),
-                ])?;
-                if let Some(images) = images {
-                    image.execute(params![number, index, images])?;
-                }
-                if !embeddings.is_empty() {
-                    embedding.execute(params![number, index, embeddings])?;
-                }
-            }
-            Ok(())
+            insert_individuals(transaction, number, individuals, &images)
         })
     }
 
@@ -180,6 +109,33 @@ impl Store {
             let mut individuals = Vec::new();
             while let Some(row) = rows.next()? {
                 individuals.push(read(row, model, images.as_mut())?);
+            }
+            Ok(individuals)
+        })
+    }
+
+    /// The individuals with these indices, in order, as far as there are any; without images and embeddings.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn measured_individuals(
+        &self,
+        campaign: &CampaignId,
+        model: &CapabilityModel,
+        indices: &BTreeSet<u64>,
+    ) -> Result<Vec<ArchivedIndividual>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT place, generation, controller, seed, features, novelty, NULL, NULL, verdicts
+                 FROM individuals WHERE campaign = ?1 AND place = ?2",
+            )?;
+            let mut individuals = Vec::new();
+            for &index in indices {
+                let mut rows = statement.query(params![number, clamped(index)])?;
+                if let Some(row) = rows.next()? {
+                    individuals.push(read(row, model, None)?);
+                }
             }
             Ok(individuals)
         })
@@ -259,85 +215,91 @@ impl Store {
         })
     }
 
-    /// Stores the taxonomy, with what was measured of its clusters and individuals, and completes the campaign, in one transaction; whether it
-    /// did: not while something of the campaign rests on the word of workers that were found wrong.
+    /// The most novel individuals, each of another generation, by their novelty when evaluated: those of so many generations. Each
+    /// with its generation and novelty.
     ///
     /// # Errors
-    /// If it cannot be written.
-    pub fn complete(
-        &self,
-        campaign: &CampaignId,
-        taxonomy: &Clustering,
-        measures: &[ClusterMeasures],
-        robust_trials: &[u8],
-    ) -> Result<bool, StoreError> {
-        let medoids: Vec<u8> = taxonomy
-            .medoids
-            .iter()
-            .flat_map(|&index| (index as u64).to_le_bytes())
-            .collect();
-        let clusters: Vec<u8> = taxonomy
-            .clusters
-            .iter()
-            .flat_map(|place| place.to_le_bytes())
-            .collect();
-        let measures: Vec<f64> = measures
-            .iter()
-            .flat_map(|cluster| [cluster.mean_distance, cluster.novelty])
-            .collect();
-        let measures = floats_to_blob(&measures);
-        self.write(|transaction| {
-            let number = number_of(transaction, campaign)?;
-            if !suspects(transaction, number)?.is_empty() {
-                return Ok(false);
-            }
-            transaction.execute(
-                "INSERT OR REPLACE INTO taxonomies (campaign, medoids, clusters, loss, measures, robust_trials)
-                 VALUES (?1, ?2, ?3, ?4, ?5, ?6)",
-                params![number, medoids, clusters, taxonomy.loss, measures, robust_trials],
-            )?;
-            transaction.execute(
-                "UPDATE campaigns SET state = ?2, error = '' WHERE number = ?1",
-                params![number, CampaignState::Completed.name()],
-            )?;
-            Ok(true)
-        })
-    }
-
-    /// The taxonomy of a completed campaign; `None` before that.
-    ///
-    /// # Errors
-    /// If it cannot be read, or its parts do not fit each other.
-    pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
+    /// If they cannot be read.
+    pub fn most_novel(&self, campaign: &CampaignId, count: u32) -> Result<Vec<(u64, u32, f64)>, StoreError> {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
-            let query = "SELECT medoids, clusters, loss, measures, robust_trials FROM taxonomies WHERE campaign = ?1";
-            let stored = connection.query_row(query, [number], stored_taxonomy).optional()?;
-            match stored {
-                Some(stored) if !stored.is_whole() => Err(StoreError::damaged(format!(
-                    "the taxonomy of campaign {campaign}: its clusters, medoids and measures do not fit each other"
-                ))),
-                stored => Ok(stored),
-            }
+            let mut statement = connection.prepare_cached(
+                // The generations first: the individuals of one are sorted, and there may be many generations.
+                "SELECT (SELECT place FROM individuals i WHERE i.campaign = ?1 AND i.place BETWEEN
+                        g.generation * p.size AND (g.generation + 1) * p.size - 1 ORDER BY novelty DESC, place LIMIT 1),
+                    g.generation, g.best_novelty
+                 FROM (SELECT generation, best_novelty FROM generations WHERE campaign = ?1
+                        ORDER BY best_novelty DESC, generation LIMIT ?2) g,
+                    (SELECT (SELECT max(place) + 1 FROM individuals WHERE campaign = ?1)
+                        / (SELECT max(generation) + 1 FROM generations WHERE campaign = ?1) AS size) p
+                 ORDER BY g.best_novelty DESC, g.generation",
+            )?;
+            let rows = statement.query_map(params![number, count], |row| {
+                Ok((row.get::<_, Option<i64>>(0)?, row.get(1)?, row.get(2)?))
+            })?;
+            let found = rows.collect::<Result<Vec<(Option<i64>, u32, f64)>, _>>()?.into_iter();
+            Ok(found
+                .filter_map(|(place, generation, novelty)| Some((place?.unsigned_abs(), generation, novelty)))
+                .collect())
         })
     }
 }
 
-fn stored_taxonomy(row: &Row<'_>) -> rusqlite::Result<StoredTaxonomy> {
-    let blob = |column| row.get::<_, Vec<u8>>(column);
-    let measures = blob_to_floats(&blob(3)?);
-    let measured = |&[mean_distance, novelty]: &[f64; 2]| ClusterMeasures {
-        mean_distance,
-        novelty,
-    };
-    let (medoids, clusters) = (blob(0)?, blob(1)?);
-    let medoids = medoids.as_chunks().0.iter();
-    let clusters = clusters.as_chunks().0.iter();
-    Ok(StoredTaxonomy {
-        medoids: medoids.map(|bytes| u64::from_le_bytes(*bytes)).collect(),
-        clusters: clusters.map(|bytes| u32::from_le_bytes(*bytes)).collect(),
-        loss: row.get(2)?,
-        measures: measures.as_chunks().0.iter().map(measured).collect(),
-        robust_trials: blob(4)?,
-    })
+/// Adds the record of a generation.
+pub(super) fn insert_generation(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    record: &GenerationRecord,
+) -> Result<(), StoreError> {
+    transaction.execute(
+        "INSERT INTO generations (campaign, generation, best_novelty, mean_novelty, filtered)
+         VALUES (?1, ?2, ?3, ?4, ?5)",
+        params![
+            campaign,
+            record.generation,
+            record.best_novelty,
+            record.mean_novelty,
+            record.filtered as i64,
+        ],
+    )?;
+    Ok(())
+}
+
+/// Adds individuals with their images, which are compressed already, and their embeddings.
+pub(super) fn insert_individuals(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    individuals: &[ArchivedIndividual],
+    images: &[Option<Vec<u8>>],
+) -> Result<(), StoreError> {
+    let mut individual = transaction.prepare(
+        "INSERT INTO individuals (campaign, place, generation, controller, seed, features, novelty, verdicts)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",
+    )?;
+    let mut image = transaction.prepare("INSERT INTO images (campaign, place, image) VALUES (?1, ?2, ?3)")?;
+    let mut embedding = transaction.prepare(
+        "INSERT INTO embeddings (campaign, checkpoint, place, embedding)
+         VALUES (?1, (SELECT checkpoint FROM campaigns WHERE number = ?1), ?2, ?3)",
+    )?;
+    for (row, images) in individuals.iter().zip(images) {
+        let index = row.index as i64;
+        let (features, embeddings) = row.columns();
+        individual.execute(params![
+            campaign,
+            index,
+            row.generation,
+            floats_to_blob(row.controller.genes()),
+            row.seed.cast_signed(),
+            features,
+            row.novelty,
+            row.verdict_column(),
+        ])?;
+        if let Some(images) = images {
+            image.execute(params![campaign, index, images])?;
+        }
+        if !embeddings.is_empty() {
+            embedding.execute(params![campaign, index, embeddings])?;
+        }
+    }
+    Ok(())
 }

@@ -1,8 +1,10 @@
 //! Backups: a data directory copied at one instant, whoever works on it, and put back.
 //!
 //! A backup is a folder like a data directory, so that the doctor can look at it, with a manifest beside. It appears under
-//! its name once it is whole, checked and on disk. Limits: caches and reports are made anew, and a bucket of checkpoints is
-//! backed up where it is.
+//! its name once it is whole, checked and on disk. Limits: caches, reports and what was measured of studies are made anew, and
+//! a bucket of checkpoints is backed up where it is.
+
+mod studies;
 
 use crate::{
     DataDirectory, Store, StoreError,
@@ -13,6 +15,7 @@ use crate::{
 };
 use bytes::Bytes;
 use murmuration_link::{InputKind, read_bytes};
+use murmuration_model::study_files::STUDIES;
 use murmuration_proto::CheckpointDigest;
 use serde::{Deserialize, Serialize};
 use std::{
@@ -154,7 +157,7 @@ async fn put_back(from: &Path, data: &Path, manifest: &Manifest) -> Result<(), B
     let location = manifest.checkpoint_store.as_deref();
     copy(from, location, &arriving).await?;
     check(&arriving, location, from).await?;
-    for name in [BlobStore::FOLDER, Store::FILE] {
+    for name in [BlobStore::FOLDER, STUDIES, Store::FILE] {
         let (copied, place) = (arriving.join(name), data.join(name));
         if is_there(&copied).map_err(failed("find", &copied))? {
             fs::rename(&copied, &place).map_err(failed("write", &place))?;
@@ -180,7 +183,8 @@ fn clear(folder: &Path, and_folder: bool) -> io::Result<()> {
     }
 }
 
-/// Copies a database, then every checkpoint that the copy names; their digests. Checkpoints never go, so those are there.
+/// Copies a database, then every checkpoint that the copy names, and the studies; the digests of the checkpoints. Checkpoints
+/// never go, so those are there.
 async fn copy(
     data: &Path,
     location: Option<&str>,
@@ -214,6 +218,7 @@ async fn copy(
         }
         sync(&folder.join(BlobStore::FOLDER))?;
     }
+    studies::copy(data, folder)?;
     sync(folder)?;
     Ok(digests)
 }

@@ -1,15 +1,29 @@
 //! Rows of campaigns.
 
 use super::{Store, StoreError};
-use crate::checkpoint_rows::checkpoint_number;
-use murmuration_model::{ArchiveEmbedder, CampaignId, CampaignRecord, CampaignState, Rounds, Weight};
-use murmuration_proto::{CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text};
+use crate::{checkpoint_rows::checkpoint_number, hidden::HIDDEN, numbers::now_ms};
+use murmuration_model::{
+    ArchiveEmbedder, CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Rounds, Weight,
+    labels::RequestId, study_name,
+};
+use murmuration_proto::{
+    CampaignName, CampaignSpec, CheckpointDigest, EmbedderSource, Invalid, SIMULATOR_VERSION, Text,
+};
 use rusqlite::{Connection, OptionalExtension as _, Params, Row, params};
+
+/// A campaign that was asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Started {
+    /// The campaign.
+    pub id: CampaignId,
+    /// Whether it was started now, and not when its request came before.
+    pub is_new: bool,
+}
 
 /// The columns that [`record`] maps, by name.
 const SELECT: &str = "
     SELECT c.id, c.spec, c.state, c.error, c.created_ms, c.simulator_version, c.weight, c.rollbacks, c.decisions, c.rounds,
-           c.label_cutoff, c.last_label_cutoff, l.best_novelty, l.mean_novelty,
+           c.label_cutoff, c.last_label_cutoff, c.study, c.ended_ms, l.best_novelty, l.mean_novelty,
            (SELECT coalesce(max(generation) + 1, 0) FROM generations g WHERE g.campaign = c.number) AS generations_done,
            (SELECT digest FROM checkpoints k WHERE k.number = c.checkpoint) AS checkpoint,
            (SELECT digest FROM checkpoints k WHERE k.number = c.next_checkpoint) AS next_checkpoint,
@@ -19,23 +33,45 @@ const SELECT: &str = "
     FROM campaigns c LEFT JOIN generations l ON l.campaign = c.number
         AND l.generation = (SELECT max(generation) FROM generations g WHERE g.campaign = c.number)";
 
+/// A specification begins with its fields that are in no table.
+const HEADS: &str = "
+    SELECT id, study, state, substr(spec, 1, instr(spec || char(10) || '[', char(10) || '[')) AS opening
+    FROM campaigns WHERE state <> ?1 ORDER BY number";
+
 impl Store {
-    /// Stores a new, running campaign and names it `NAME-N`. One that searches with a published checkpoint moves to that
-    /// first.
+    /// Stores a new, running campaign of no study.
     ///
     /// # Errors
-    /// [`StoreError::NoCheckpoint`] if there is no such checkpoint, or if it cannot be written.
+    /// As [`Store::start_campaign`].
     pub fn create_campaign(
         &self,
         spec: &CampaignSpec,
         weight: Weight,
         created_ms: u64,
     ) -> Result<CampaignId, StoreError> {
+        let new = NewCampaign {
+            weight,
+            ..spec.clone().into()
+        };
+        Ok(self.start_campaign(&new, created_ms)?.id)
+    }
+
+    /// Stores a new, running campaign and names it `NAME-N`, or finds the one that its request started before. One that searches
+    /// with a published checkpoint moves to that first.
+    ///
+    /// # Errors
+    /// [`StoreError::OtherRequest`] if its request started another campaign before, [`StoreError::NoCheckpoint`] if there is no
+    /// such checkpoint, or if it cannot be written.
+    pub fn start_campaign(&self, new: &NewCampaign, created_ms: u64) -> Result<Started, StoreError> {
+        let spec = &new.spec;
+        let request = new.request.as_ref().map(ToString::to_string);
         self.write(|transaction| {
-            let number: i64 =
-                transaction.query_row("SELECT coalesce(max(number), 0) + 1 FROM campaigns", [], |row| {
-                    row.get(0)
-                })?;
+            if let Some(request) = &new.request
+                && let Some(id) = started_by(transaction, request, new)?
+            {
+                return Ok(Started { id, is_new: false });
+            }
+            let number = next_number(transaction)?;
             let id = format!("{}-{number}", spec.name().as_str());
             let next_checkpoint = match spec.embedder() {
                 Some(EmbedderSource::Published(digest)) => Some(checkpoint_number(transaction, *digest)?),
@@ -43,8 +79,8 @@ impl Store {
             };
             transaction.execute(
                 "INSERT INTO campaigns
-                    (number, id, spec, simulator_version, state, error, created_ms, next_checkpoint, weight)
-                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6, ?7, ?8)",
+                    (number, id, spec, simulator_version, state, error, created_ms, next_checkpoint, weight, study, request)
+                 VALUES (?1, ?2, ?3, ?4, ?5, '', ?6, ?7, ?8, ?9, ?10)",
                 params![
                     number,
                     id,
@@ -53,25 +89,24 @@ impl Store {
                     CampaignState::Running.name(),
                     created_ms as i64,
                     next_checkpoint,
-                    weight.get(),
+                    new.weight.get(),
+                    new.study.as_ref().map_or("", CampaignName::as_str),
+                    request,
                 ],
             )?;
-            Ok(CampaignId::from_store(id))
+            Ok(Started {
+                id: CampaignId::from_store(id),
+                is_new: true,
+            })
         })
     }
 
-    /// The campaign of that id; `latest` is the newest.
+    /// The campaign of that id; `latest` is the newest that was started for no study.
     ///
     /// # Errors
     /// [`StoreError::NoCampaign`], or if it cannot be read.
     pub fn campaign(&self, id: &str) -> Result<CampaignRecord, StoreError> {
-        self.read(|connection| {
-            let found = match id {
-                "latest" => records(connection, "ORDER BY c.number DESC LIMIT 1", []),
-                id => records(connection, "WHERE c.id = ?1", [id]),
-            };
-            found?.pop().ok_or_else(|| StoreError::NoCampaign(id.to_owned()))
-        })
+        self.read(|connection| campaign(connection, id))
     }
 
     /// Every campaign, oldest first.
@@ -79,7 +114,43 @@ impl Store {
     /// # Errors
     /// If they cannot be read.
     pub fn campaigns(&self) -> Result<Vec<CampaignRecord>, StoreError> {
-        self.read(|connection| records(connection, "ORDER BY c.number", []))
+        self.read(|connection| records(connection, "TRUE ORDER BY c.number", []))
+    }
+
+    /// Every campaign, oldest first, as far as a list is searched by it.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn campaign_heads(&self) -> Result<Vec<CampaignHead>, StoreError> {
+        self.read(|connection| {
+            let mut statement = connection.prepare_cached(HEADS)?;
+            let head = |row: &Row<'_>| -> Result<CampaignHead, StoreError> {
+                let (study, state): (String, String) = (row.get("study")?, row.get("state")?);
+                let known = CampaignState::from_name(&state);
+                Ok(CampaignHead {
+                    id: CampaignId::from_store(row.get("id")?),
+                    study: study_name(study).map_err(|error| StoreError::damaged(error.to_string()))?,
+                    state: known.ok_or_else(|| StoreError::damaged(format!("state {state:?}")))?,
+                    opening: row.get("opening")?,
+                })
+            };
+            statement.query_and_then([HIDDEN], head)?.collect()
+        })
+    }
+
+    /// The medoid of the largest cluster of a campaign's taxonomy; `None` without one.
+    ///
+    /// # Errors
+    /// If it cannot be read.
+    pub fn first_medoid(&self, campaign: &CampaignId) -> Result<Option<u64>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let first = "SELECT substr(medoids, 1, 8) FROM taxonomies WHERE campaign = ?1 AND stands";
+            let first: Option<[u8; 8]> = connection
+                .query_row(first, [number], |row| row.get(0))
+                .optional()?;
+            Ok(first.map(u64::from_le_bytes))
+        })
     }
 
     /// Moves a campaign to `state`, with why it failed if it did.
@@ -90,12 +161,49 @@ impl Store {
         self.write(|transaction| {
             let number = number_of(transaction, id)?;
             transaction.execute(
-                "UPDATE campaigns SET state = ?2, error = ?3 WHERE number = ?1",
-                params![number, state.name(), error],
+                "UPDATE campaigns SET state = ?2, error = ?3, ended_ms = ?4 WHERE number = ?1",
+                params![number, state.name(), error, ended_ms(state)],
             )?;
             Ok(())
         })
     }
+}
+
+/// The campaign that a request started before, which must have asked for the same.
+fn started_by(
+    connection: &Connection,
+    request: &RequestId,
+    new: &NewCampaign,
+) -> Result<Option<CampaignId>, StoreError> {
+    let id = "SELECT id FROM campaigns WHERE request = ?1";
+    let id: Option<String> = connection
+        .query_row(id, [request.as_str()], |row| row.get(0))
+        .optional()?;
+    let Some(started) = id.map(|id| campaign(connection, &id)).transpose()? else {
+        return Ok(None);
+    };
+    let is_same = started.spec.to_toml() == new.spec.to_toml()
+        && started.weight == new.weight
+        && started.study == new.study;
+    match is_same {
+        true => Ok(Some(started.id)),
+        false => Err(StoreError::OtherRequest {
+            request: request.clone(),
+            campaign: started.id,
+        }),
+    }
+}
+
+/// When a campaign ends that comes to this state now; nothing of one that runs.
+pub(super) fn ended_ms(state: CampaignState) -> Option<i64> {
+    (state != CampaignState::Running).then(now_ms)
+}
+
+/// The number of the next campaign: larger than that of any that there is, or was.
+pub(super) fn next_number(connection: &Connection) -> Result<i64, StoreError> {
+    let next = "SELECT coalesce(max(number), 0) + 1 FROM
+        (SELECT max(number) AS number FROM campaigns UNION SELECT max(number) FROM deleted)";
+    Ok(connection.query_row(next, [], |row| row.get(0))?)
 }
 
 /// The key of a campaign's rows.
@@ -110,12 +218,22 @@ pub(super) fn number_of(connection: &Connection, id: &CampaignId) -> Result<i64,
         .ok_or_else(|| StoreError::NoCampaign(id.as_str().to_owned()))
 }
 
+/// The campaign of that id; `latest` is the newest that was started for no study.
+pub(super) fn campaign(connection: &Connection, id: &str) -> Result<CampaignRecord, StoreError> {
+    let found = match id {
+        "latest" => records(connection, "c.study = '' ORDER BY c.number DESC LIMIT 1", []),
+        id => records(connection, "c.id = ?1", [id]),
+    };
+    found?.pop().ok_or_else(|| StoreError::NoCampaign(id.to_owned()))
+}
+
+/// The campaigns of which the condition `which` holds, apart from those that nobody sees.
 fn records(
     connection: &Connection,
     which: &str,
     parameters: impl Params,
 ) -> Result<Vec<CampaignRecord>, StoreError> {
-    let mut statement = connection.prepare(&format!("{SELECT} {which}"))?;
+    let mut statement = connection.prepare(&format!("{SELECT} WHERE c.state <> '{HIDDEN}' AND {which}"))?;
     statement.query_and_then(parameters, record)?.collect()
 }
 
@@ -137,10 +255,12 @@ fn record(row: &Row<'_>) -> Result<CampaignRecord, StoreError> {
     Ok(CampaignRecord {
         spec: CampaignSpec::from_toml(&spec).map_err(|error| damaged(error.to_string()))?,
         weight: Weight::try_from(row.get::<_, u32>("weight")?).map_err(invalid)?,
+        study: study_name(row.get("study")?).map_err(invalid)?,
         state: CampaignState::from_name(&state).ok_or_else(|| damaged(format!("state {state:?}")))?,
         // Earlier versions stored the words of workers as they came.
         error: Text::line(&row.get::<_, String>("error")?).into(),
         created_ms: count("created_ms")?,
+        ended_ms: row.get::<_, Option<i64>>("ended_ms")?.map(i64::unsigned_abs),
         rollbacks: count("rollbacks")?,
         decisions: count("decisions")?,
         simulator_version: row.get("simulator_version")?,

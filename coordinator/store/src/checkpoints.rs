@@ -4,7 +4,10 @@ mod blob_store;
 
 pub use blob_store::{BlobStore, Condition};
 
-use crate::{CheckpointRecord, Store, StoreError};
+use crate::{
+    CheckpointRecord, Store, StoreError,
+    blocking::{Broken, blocking},
+};
 use bytes::Bytes;
 use murmuration_model::EmbedderRef;
 use murmuration_proto::{
@@ -89,6 +92,12 @@ pub enum CheckpointError {
     Broken,
 }
 
+impl From<Broken> for CheckpointError {
+    fn from(_: Broken) -> Self {
+        Self::Broken
+    }
+}
+
 impl Checkpoints {
     /// Keeps checkpoints on the [`BlobStore`] at `location`.
     ///
@@ -161,6 +170,14 @@ impl Checkpoints {
         .await
     }
 
+    /// Keeps the bytes of a checkpoint of this digest, of which there is no description yet; on disk when this returns.
+    ///
+    /// # Errors
+    /// If they cannot be stored.
+    pub(crate) async fn keep(&self, digest: CheckpointDigest, bytes: Bytes) -> Result<(), CheckpointError> {
+        self.blob_store.put(digest, bytes).await
+    }
+
     /// The description of a checkpoint.
     ///
     /// # Errors
@@ -215,8 +232,7 @@ impl Checkpoints {
         query: impl FnOnce(&Store) -> Result<T, StoreError> + Send + 'static,
     ) -> Result<T, CheckpointError> {
         let store = self.store.clone();
-        let answer = tokio::task::spawn_blocking(move || query(&store)).await;
-        Ok(answer.map_err(|_| CheckpointError::Broken)??)
+        Ok(blocking(move || query(&store)).await??)
     }
 }
 

@@ -1,6 +1,6 @@
 //! The digest of an archive: what two runs of one specification must have in common.
 
-use crate::{Store, StoreError};
+use crate::{ArchivedIndividual, Store, StoreError};
 use murmuration_model::CampaignId;
 use murmuration_proto::CapabilityModel;
 
@@ -16,6 +16,44 @@ pub struct ArchiveDigest {
     pub evaluations: u64,
 }
 
+/// Digests an archive whose individuals are added in index order, with their pictures.
+#[derive(Debug)]
+pub struct ArchiveHasher(blake3::Hasher);
+
+impl Default for ArchiveHasher {
+    fn default() -> Self {
+        Self(blake3::Hasher::new_derive_key("murmuration archive v1"))
+    }
+}
+
+impl ArchiveHasher {
+    /// Adds the next individual.
+    pub fn add(&mut self, individual: &ArchivedIndividual) {
+        let Self(hasher) = self;
+        for value in individual.controller.genes() {
+            hasher.update(&value.to_le_bytes());
+        }
+        for trial in &individual.trials {
+            for value in trial.features {
+                hasher.update(&value.to_le_bytes());
+            }
+            hasher.update(trial.image.as_deref().unwrap_or_default());
+            for value in &trial.embedding {
+                hasher.update(&value.to_le_bytes());
+            }
+            if let Some(verdict) = trial.verdict {
+                hasher.update(&[verdict.number()]);
+            }
+        }
+    }
+
+    /// BLAKE3 of what was added, 64 hexadecimal digits.
+    #[must_use]
+    pub fn digest(&self) -> String {
+        self.0.finalize().to_hex().to_string()
+    }
+}
+
 /// Digests the archive as far as it is complete: for each individual in index order its genes and the features
 /// (f64, little-endian), image, embedding (f32, little-endian; if it has one) and verdict (its number in messages, a byte; if it has
 /// one) of each of its trials. Names, times, seeds and novelty are left out: they follow from the
@@ -28,33 +66,17 @@ pub fn digest(
     campaign: &CampaignId,
     model: &CapabilityModel,
 ) -> Result<ArchiveDigest, StoreError> {
-    let mut hasher = blake3::Hasher::new_derive_key("murmuration archive v1");
+    let mut hasher = ArchiveHasher::default();
     let mut evaluations = 0;
     loop {
         let chunk = store.individuals(campaign, model, evaluations..evaluations + CHUNK, true)?;
         if chunk.is_empty() {
             return Ok(ArchiveDigest {
-                digest: hasher.finalize().to_hex().to_string(),
+                digest: hasher.digest(),
                 evaluations,
             });
         }
-        for individual in &chunk {
-            for value in individual.controller.genes() {
-                hasher.update(&value.to_le_bytes());
-            }
-            for trial in &individual.trials {
-                for value in trial.features {
-                    hasher.update(&value.to_le_bytes());
-                }
-                hasher.update(trial.image.as_deref().unwrap_or_default());
-                for value in &trial.embedding {
-                    hasher.update(&value.to_le_bytes());
-                }
-                if let Some(verdict) = trial.verdict {
-                    hasher.update(&[verdict.number()]);
-                }
-            }
-        }
+        chunk.iter().for_each(|individual| hasher.add(individual));
         evaluations += chunk.len() as u64;
     }
 }

@@ -5,6 +5,7 @@ use super::{
     campaigns::number_of,
     numbers::{clamped, numbers_to_blob},
     provenance::{ResultKind, add_provenance},
+    taxonomies::retire_taxonomy,
 };
 use crate::checkpoint_rows::checkpoint_number;
 use murmuration_model::{CampaignId, CampaignState};
@@ -60,7 +61,7 @@ impl Store {
     }
 
     /// Switches a campaign's archive to the next checkpoint, in one transaction: its embeddings and all that was
-    /// measured with the former ones. The taxonomy, if there was one, goes.
+    /// measured with the former ones. The taxonomy, if there was one, stays as a former version.
     ///
     /// # Errors
     /// If it cannot be written; then nothing has changed.
@@ -93,7 +94,7 @@ impl Store {
                     AND checkpoint <> (SELECT checkpoint FROM campaigns WHERE number = ?1)",
                 [number],
             )?;
-            transaction.execute("DELETE FROM taxonomies WHERE campaign = ?1", [number])?;
+            retire_taxonomy(transaction, number)?;
             transaction.execute("DELETE FROM trainings WHERE campaign = ?1", [number])?;
             Ok(())
         })
@@ -131,7 +132,7 @@ pub(super) fn begin_move(
 ) -> Result<(), StoreError> {
     let next = checkpoint_number(transaction, checkpoint)?;
     transaction.execute(
-        "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '' WHERE number = ?1",
+        "UPDATE campaigns SET next_checkpoint = ?2, state = ?3, error = '', ended_ms = NULL WHERE number = ?1",
         params![number, next, CampaignState::Running.name()],
     )?;
     // Of a move that never ended.

@@ -2,7 +2,7 @@
 //!
 //! Limits: tells what the disk refuses for now ([`StoreError::may_pass`]) from what is wrong for good.
 
-use murmuration_model::CampaignId;
+use murmuration_model::{CampaignId, labels::RequestId};
 use rusqlite::{ErrorCode, ffi};
 use std::{
     io,
@@ -114,6 +114,16 @@ pub enum StoreError {
         index: u64,
         /// Individuals in the archive.
         len: u64,
+    },
+    /// A former request of the same id asked for another campaign.
+    #[error(
+        "request \"{request}\" was made before, asked for something else and started campaign {campaign}: use another request id"
+    )]
+    OtherRequest {
+        /// The request.
+        request: RequestId,
+        /// What it started.
+        campaign: CampaignId,
     },
     /// A run of a campaign is over, and may not change it any more.
     #[error("campaign {0} was paused, cancelled or told something else meanwhile: its former run ends")]

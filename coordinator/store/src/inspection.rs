@@ -1,6 +1,6 @@
 //! What can be said of a database whose rows may be damaged: nothing here trusts one row for what it says of another.
 
-use super::{Store, StoreError, campaigns::number_of, labels, open};
+use super::{Store, StoreError, campaigns::number_of, hidden::HIDDEN, labels, open};
 use murmuration_model::{CampaignId, labels::Labels};
 use murmuration_proto::counted;
 use rusqlite::{Connection, OpenFlags, params};
@@ -57,8 +57,9 @@ impl Store {
     /// If not even that can be read.
     pub(crate) fn campaign_ids(&self) -> Result<Vec<CampaignId>, StoreError> {
         self.read(|connection| {
-            let mut statement = connection.prepare("SELECT id FROM campaigns ORDER BY number")?;
-            let rows = statement.query_map([], |row| Ok(CampaignId::from_store(row.get(0)?)))?;
+            let mut statement =
+                connection.prepare("SELECT id FROM campaigns WHERE state <> ?1 ORDER BY number")?;
+            let rows = statement.query_map([HIDDEN], |row| Ok(CampaignId::from_store(row.get(0)?)))?;
             Ok(rows.collect::<Result<_, _>>()?)
         })
     }

@@ -73,6 +73,13 @@ impl<V: Default> Kept<V> {
         }
     }
 
+    /// Forgets a campaign that is no more.
+    pub fn forget(&self, campaign: &CampaignId) {
+        let mut entries = self.lock();
+        let gone = entries.by_campaign.remove(campaign);
+        entries.bytes -= gone.map_or(0, |entry| entry.bytes);
+    }
+
     fn lock(&self) -> MutexGuard<'_, Entries<V>> {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -4,12 +4,17 @@ mod followed;
 mod rows;
 
 pub(super) use followed::Followed;
-pub(super) use rows::{entries, insert};
+pub(super) use rows::{entries, entries_with_requests, insert};
 
-use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
+use super::{
+    Store, StoreError,
+    campaigns::{campaign, number_of},
+    hidden::HIDDEN,
+    numbers::clamped,
+};
 use murmuration_model::{
-    CampaignId,
-    labels::{Action, Annotator, Change, Entry, Label, Labels, Refusal, RequestId},
+    CampaignId, CampaignRecord,
+    labels::{Action, Annotator, Change, Entry, Label, Labels, Preference, Refusal, RequestId, Triple},
 };
 use rusqlite::{Connection, Transaction, params};
 
@@ -36,6 +41,17 @@ pub struct Undone {
     pub answer: Label,
 }
 
+/// A comparison that was withdrawn.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WithdrawnComparison {
+    /// The entry that withdraws it.
+    pub entry: Entry,
+    /// What was asked.
+    pub triple: Triple,
+    /// What was answered.
+    pub preference: Preference,
+}
+
 impl Store {
     /// The whole log of a campaign, in order.
     ///
@@ -50,14 +66,18 @@ impl Store {
     /// # Errors
     /// If it cannot be read.
     pub fn label_entries(&self, campaign: &CampaignId) -> Result<u64, StoreError> {
+        self.read(|connection| entries_of(connection, number_of(connection, campaign)?))
+    }
+
+    /// The campaign of that id (or `latest`), and the number of entries of its label log at the same instant.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    pub(crate) fn campaign_and_label_entries(&self, id: &str) -> Result<(CampaignRecord, u64), StoreError> {
         self.read(|connection| {
-            let number = number_of(connection, campaign)?;
-            let count: i64 = connection.query_row(
-                "SELECT coalesce(max(entry) + 1, 0) FROM labels WHERE campaign = ?1",
-                [number],
-                |row| row.get(0),
-            )?;
-            Ok(count.unsigned_abs())
+            let record = campaign(connection, id)?;
+            let entries = entries_of(connection, number_of(connection, &record.id)?)?;
+            Ok((record, entries))
         })
     }
 
@@ -70,8 +90,8 @@ impl Store {
             // Entries are numbered without gaps; to count them would read them all.
             let entries =
                 "SELECT coalesce(sum((SELECT max(entry) + 1 FROM labels WHERE campaign = number)), 0)
-                FROM campaigns";
-            let count: i64 = connection.query_row(entries, [], |row| row.get(0))?;
+                FROM campaigns WHERE state <> ?1";
+            let count: i64 = connection.query_row(entries, [HIDDEN], |row| row.get(0))?;
             Ok(count.unsigned_abs())
         })
     }
@@ -88,8 +108,8 @@ impl Store {
         self.read(|connection| made(connection, number_of(connection, campaign)?, request))
     }
 
-    /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A request
-    /// that was made before adds nothing: the entries are those that it added then.
+    /// Adds what a request says to a campaign's log, all of it or nothing, in one transaction; the new entries. A class that is
+    /// given the name that it has makes none. A request that was made before adds nothing: the entries are those that it added then.
     ///
     /// # Errors
     /// [`LabelError`]; [`StoreError::NoIndividual`] where an answer is about one that the archive does not hold. Nothing
@@ -138,6 +158,64 @@ impl Store {
             Ok(entries.into_iter().filter_map(undone).collect())
         })
     }
+
+    /// Withdraws the newest comparison of an annotator that stands. A request that was made before withdraws nothing: the
+    /// comparison is the one that it withdrew then. `time_ms` is when, milliseconds since 1970-01-01 UTC.
+    ///
+    /// # Errors
+    /// [`LabelError`]; [`Refusal::NothingCompared`] where none of their comparisons stands. Nothing has changed then.
+    pub fn withdraw_comparison(
+        &self,
+        campaign: &CampaignId,
+        request: &RequestId,
+        annotator: &Annotator,
+        time_ms: u64,
+    ) -> Result<WithdrawnComparison, LabelError> {
+        self.add_to_log(campaign, |transaction, number, labels| {
+            let before = made(transaction, number, request)?;
+            let (entry, withdrawn) = match before.as_slice() {
+                [] => {
+                    let nothing = || Refusal::NothingCompared(annotator.clone());
+                    let newest = labels.newest_comparison(annotator).ok_or_else(nothing)?;
+                    let entry = labels.record(Change {
+                        annotator: annotator.clone(),
+                        time_ms,
+                        action: Action::WithdrawComparison { entry: newest },
+                    })?;
+                    insert(transaction, number, request, std::slice::from_ref(&entry))?;
+                    (entry, newest)
+                }
+                [entry] => match entry.change.action {
+                    Action::WithdrawComparison { entry: withdrawn }
+                        if entry.change.annotator == *annotator =>
+                    {
+                        (entry.clone(), withdrawn)
+                    }
+                    _ => return Err(LabelError::OtherRequest(request.clone())),
+                },
+                _ => return Err(LabelError::OtherRequest(request.clone())),
+            };
+            let withdrawn = entries(transaction, "AND entry = ?2", params![number, clamped(withdrawn)])?;
+            match withdrawn.first().map(|entry| &entry.change.action) {
+                Some(&Action::Compare { triple, preference }) => Ok(WithdrawnComparison {
+                    entry,
+                    triple,
+                    preference,
+                }),
+                _ => Err(StoreError::damaged("the comparison that was withdrawn is none".to_owned()).into()),
+            }
+        })
+    }
+}
+
+/// Number of entries of a log.
+pub(super) fn entries_of(connection: &Connection, number: i64) -> Result<u64, StoreError> {
+    let count: i64 = connection.query_row(
+        "SELECT coalesce(max(entry) + 1, 0) FROM labels WHERE campaign = ?1",
+        [number],
+        |row| row.get(0),
+    )?;
+    Ok(count.unsigned_abs())
 }
 
 /// As many undo entries as the last act of their annotator has answers that stand.
@@ -190,10 +268,12 @@ pub(super) fn add(
         };
     }
     check_individuals(transaction, campaign, number, &changes)?;
-    let added = changes
-        .into_iter()
-        .map(|change| labels.record(change))
-        .collect::<Result<Vec<Entry>, Refusal>>()?;
+    let mut added = Vec::new();
+    for change in changes {
+        if !labels.is_idle(&change.action) {
+            added.push(labels.record(change)?);
+        }
+    }
     insert(transaction, number, request, &added)?;
     Ok(added)
 }
@@ -221,9 +301,7 @@ fn check_individuals(
     )?;
     let len = len.unsigned_abs();
     for change in changes {
-        if let Action::Answer { index, .. } = change.action
-            && index >= len
-        {
+        if let Some(index) = about(&change.action).into_iter().find(|&index| index >= len) {
             return Err(StoreError::NoIndividual {
                 campaign: campaign.as_str().to_owned(),
                 index,
@@ -232,6 +310,15 @@ fn check_individuals(
         }
     }
     Ok(())
+}
+
+/// The individuals that an answer is about.
+fn about(action: &Action) -> Vec<u64> {
+    match action {
+        Action::Answer { index, .. } => vec![*index],
+        Action::Compare { triple, .. } => triple.individuals().into(),
+        _ => Vec::new(),
+    }
 }
 
 /// The log from entry `from` on.

@@ -5,16 +5,20 @@
 
 mod archive;
 pub mod backup;
+pub mod blocking;
 mod campaigns;
 mod checkpoint_rows;
 pub mod checkpoints;
 mod compression;
 mod data_directory;
+mod deletion;
 pub mod digest;
 pub mod doctor;
 mod embeddings;
+mod epochs;
 mod error;
 pub mod files;
+mod hidden;
 mod individual;
 mod inspection;
 pub mod kept;
@@ -34,21 +38,27 @@ mod runs;
 mod salvage;
 mod schema;
 mod target;
+mod taxonomies;
+pub mod transfer;
 
-pub use archive::{ClusterMeasures, GenerationRecord, StoredTaxonomy};
+pub use archive::GenerationRecord;
+pub use campaigns::Started;
 pub use checkpoint_rows::CheckpointRecord;
 pub use data_directory::DataDirectory;
+pub use deletion::{Deletion, DeletionError};
 pub use embeddings::Switch;
+pub use epochs::EpochRecord;
 pub use error::StoreError;
 pub use individual::{ArchivedIndividual, Trial};
-pub use labels::{LabelError, Undone};
+pub use labels::{LabelError, Undone, WithdrawnComparison};
 pub use lock_holder::LockHolder;
 pub use pictures::Picture;
 pub use provenance::{Notice, Provenance, Suspect, Suspects};
-pub use round_pictures::{FurtherStart, RoundPicture, RoundPictures};
+pub use round_pictures::{FurtherStart, RoundComparisons, RoundPicture, RoundPictures};
 pub use runs::{Decision, DecisionError};
 pub use salvage::Recoverable;
 pub use target::TargetError;
+pub use taxonomies::{ClusterMeasures, StoredTaxonomy, TaxonomyVersion};
 
 use crate::files::is_there;
 use murmuration_model::RunId;
@@ -96,10 +106,12 @@ impl Store {
         }
         let connection = open::to_write(&path)?;
         let readers = Arc::new(Readers::open(&path)?);
-        Ok(Self {
+        let store = Self {
             readers: Some(readers),
             ..Self::over(connection, &path)
-        })
+        };
+        transfer::remove_leftovers(&store, directory.path());
+        Ok(store)
     }
 
     /// Opens the database in `folder` to look at it, and says which version its schema is of; nothing can be changed through

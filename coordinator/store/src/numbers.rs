@@ -1,5 +1,7 @@
 //! Numbers as they stand in columns.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 /// SQLite's integers end at 2^63 - 1.
 pub(super) fn clamped(index: u64) -> i64 {
     i64::try_from(index).unwrap_or(i64::MAX)
@@ -27,4 +29,11 @@ pub(super) fn blob_to_numbers(blob: &[u8]) -> Vec<f32> {
         .iter()
         .map(|bytes| f32::from_le_bytes(*bytes))
         .collect()
+}
+
+/// The time, milliseconds since 1970-01-01 UTC.
+pub(super) fn now_ms() -> i64 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |age| age.as_millis() as i64)
 }

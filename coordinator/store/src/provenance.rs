@@ -1,14 +1,14 @@
 //! Where results come from, and what befell a campaign: who did what, whom to mistrust, and notices.
 
-use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
+use super::{
+    Store, StoreError,
+    campaigns::number_of,
+    numbers::{clamped, now_ms},
+};
 use murmuration_model::{CampaignId, MachineId, Maker, Quarantined};
 use murmuration_proto::{EmbeddingKind, Text};
 use rusqlite::{Connection, Transaction, params};
-use std::{
-    collections::BTreeMap,
-    iter::repeat,
-    time::{SystemTime, UNIX_EPOCH},
-};
+use std::{collections::BTreeMap, iter::repeat};
 
 /// Notices of a campaign that are told; older ones stay in the store.
 const MOST_NOTICES: u32 = 50;
@@ -34,6 +34,8 @@ pub struct Notice {
     pub time_ms: u64,
     /// What, for people.
     pub text: String,
+    /// How many complete generations there were then; `None` where nobody noted it.
+    pub generations: Option<u32>,
 }
 
 /// What is kept with who did it.
@@ -197,13 +199,14 @@ impl Store {
         self.read(|connection| {
             let number = number_of(connection, campaign)?;
             let mut statement = connection.prepare_cached(
-                "SELECT number, time_ms, text FROM notices WHERE campaign = ?1 ORDER BY number DESC LIMIT ?2",
+                "SELECT number, time_ms, text, generations FROM notices WHERE campaign = ?1 ORDER BY number DESC LIMIT ?2",
             )?;
             let rows = statement.query_map(params![number, MOST_NOTICES], |row| {
                 Ok(Notice {
                     number: row.get::<_, i64>(0)?.unsigned_abs(),
                     time_ms: row.get::<_, i64>(1)?.unsigned_abs(),
                     text: Text::line(&row.get::<_, String>(2)?).into(),
+                    generations: row.get(3)?,
                 })
             })?;
             let mut notices = rows.collect::<Result<Vec<_>, _>>()?;
@@ -339,18 +342,14 @@ pub(super) fn add_notices(
     campaign: i64,
     notices: &[String],
 ) -> Result<(), StoreError> {
-    let mut statement =
-        transaction.prepare_cached("INSERT INTO notices (campaign, time_ms, text) VALUES (?1, ?2, ?3)")?;
+    let mut statement = transaction.prepare_cached(
+        "INSERT INTO notices (campaign, time_ms, text, generations)
+         VALUES (?1, ?2, ?3, (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = ?1))",
+    )?;
     for text in notices {
         statement.execute(params![campaign, now_ms(), text])?;
     }
     Ok(())
-}
-
-pub(super) fn now_ms() -> i64 {
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .map_or(0, |age| age.as_millis() as i64)
 }
 
 #[cfg(test)]

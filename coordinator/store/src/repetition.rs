@@ -22,10 +22,12 @@ impl Store {
         let mut rounds = Vec::new();
         let (mut first, mut lineage) = (checkpoint, self.checkpoint(checkpoint)?.lineage);
         while let Some(parent) = lineage.parent.filter(|_| Some(first) != given) {
+            let count = |metric: &str| lineage.metrics.get(metric).map_or(0, |&count| count as u64);
             rounds.push(Round {
                 parent,
                 checkpoint: first,
-                labels: lineage.metrics.get("labels").map_or(0, |&labels| labels as u64),
+                labels: count("labels"),
+                comparisons: count("comparisons"),
                 label_digest: lineage.label_digest,
             });
             (first, lineage) = (parent, self.checkpoint(parent)?.lineage);

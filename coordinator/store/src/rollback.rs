@@ -5,12 +5,13 @@ use super::{
     LabelError, Store, StoreError,
     campaigns::number_of,
     labels::insert,
-    numbers::clamped,
-    provenance::{ResultKind, add_notices, now_ms},
+    numbers::{clamped, now_ms},
+    provenance::{ResultKind, add_notices},
+    taxonomies::withdraw_taxonomies,
 };
 use murmuration_model::{
     CampaignId,
-    labels::{Action, Change, Labels, RequestId},
+    labels::{Action, Change, Comparison, Labels, RequestId},
 };
 use rusqlite::{Transaction, params};
 
@@ -51,6 +52,7 @@ impl Store {
             if let Some(generation) = first {
                 delete_generations(transaction, number, labels, generation)?;
             }
+            withdraw_taxonomies(transaction, number)?;
             transaction.execute("DELETE FROM embeddings WHERE campaign = ?1", [number])?;
             forget(transaction, number, ResultKind::Embedding, 0)?;
             transaction.execute(
@@ -74,7 +76,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         self.roll_back(campaign, |transaction, number, labels| {
             delete_generations(transaction, number, labels, 0)?;
-            for table in ["embeddings", "trainings"] {
+            for table in ["embeddings", "trainings", "epochs"] {
                 transaction.execute(&format!("DELETE FROM {table} WHERE campaign = ?1"), [number])?;
             }
             forget(transaction, number, ResultKind::Embedding, 0)?;
@@ -153,8 +155,7 @@ fn delete_generations(
         let of_generation = format!("DELETE FROM {table} WHERE campaign = ?1 AND generation >= ?2");
         transaction.execute(&of_generation, params![number, generation])?;
     }
-    transaction.execute("DELETE FROM taxonomies WHERE campaign = ?1", [number])?;
-    Ok(())
+    withdraw_taxonomies(transaction, number)
 }
 
 /// The individuals from `first` on will be others: nobody has said anything about them.
@@ -164,7 +165,9 @@ fn withdraw_answers(
     labels: &mut Labels,
     first: u64,
 ) -> Result<(), StoreError> {
-    let about: Vec<_> = labels.standing().filter(|label| label.index >= first).collect();
+    // Those of a class that was deleted would stand again if somebody reverted that.
+    let said = labels.standing().chain(labels.set_aside());
+    let about: Vec<_> = said.filter(|label| label.index >= first).collect();
     let withdrawn = about.into_iter().map(|label| {
         labels.record(Change {
             annotator: label.annotator,
@@ -172,9 +175,22 @@ fn withdraw_answers(
             action: Action::Withdraw { index: label.index },
         })
     });
-    let withdrawn: Vec<_> = withdrawn
+    let mut withdrawn: Vec<_> = withdrawn
         .collect::<Result<_, _>>()
         .map_err(|refusal| StoreError::damaged(refusal.to_string()))?;
+    let is_about = |comparison: &&Comparison| comparison.triple.individuals().iter().any(|&one| one >= first);
+    let compared: Vec<_> = labels.comparisons().filter(is_about).cloned().collect();
+    for comparison in compared {
+        let change = Change {
+            annotator: comparison.annotator,
+            time_ms: now_ms().unsigned_abs(),
+            action: Action::WithdrawComparison {
+                entry: comparison.entry,
+            },
+        };
+        let recorded = labels.record(change);
+        withdrawn.push(recorded.map_err(|refusal| StoreError::damaged(refusal.to_string()))?);
+    }
     insert(transaction, number, &RequestId::of_withdrawal(), &withdrawn)
 }
 

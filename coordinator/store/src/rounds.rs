@@ -5,6 +5,7 @@ use super::{
     campaigns::number_of,
     embeddings::begin_move,
     labels::{self, LabelError},
+    round_pictures::learnable,
 };
 use murmuration_model::{
     CampaignId, CampaignRecord, CampaignState, TrainingPictures,
@@ -12,7 +13,7 @@ use murmuration_model::{
 };
 use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
-use std::ops::Range;
+use std::{collections::BTreeMap, ops::Range};
 
 impl Store {
     /// Begins a round: the campaign is to be fine-tuned on the first `cutoff` entries of its label log, from its first
@@ -54,6 +55,21 @@ impl Store {
             .follow(log)
             .map_err(|error| StoreError::damaged(error.to_string()))?;
         Ok(labels)
+    }
+
+    /// What the campaign's embedder has learned from labels: the individuals that had a class when the last round began, and the
+    /// numbers of their classes, as in [`Labels::numbered_classes`]; none before the first round, and none if they were of one
+    /// class, from which a round with comparisons learns nothing.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn learned_classes(&self, record: &CampaignRecord) -> Result<BTreeMap<usize, u32>, StoreError> {
+        let learned = self.labels_until(&record.id, record.rounds.last_cutoff)?;
+        let (classes, _) = learnable(&learned);
+        Ok(classes
+            .into_iter()
+            .map(|(index, class)| (index as usize, class))
+            .collect())
     }
 
     /// Ends a round: the campaign moves to the checkpoint that was fine-tuned.
@@ -98,7 +114,7 @@ impl Store {
 
 pub(super) fn begin(transaction: &Transaction<'_>, number: i64, cutoff: u64) -> Result<(), StoreError> {
     transaction.execute(
-        "UPDATE campaigns SET label_cutoff = ?2, state = ?3, error = '' WHERE number = ?1",
+        "UPDATE campaigns SET label_cutoff = ?2, state = ?3, error = '', ended_ms = NULL WHERE number = ?1",
         params![
             number,
             super::numbers::clamped(cutoff),

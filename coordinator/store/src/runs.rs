@@ -5,7 +5,13 @@
 //! makes sure first that the campaign still runs, and that no decision has been made since. So what was acknowledged to a
 //! person is what the disk says, even if a run of before goes on computing.
 
-use super::{Store, StoreError, campaigns::number_of, embeddings::begin_move, numbers::clamped, rounds};
+use super::{
+    Store, StoreError,
+    campaigns::{ended_ms, number_of},
+    embeddings::begin_move,
+    numbers::clamped,
+    rounds,
+};
 use murmuration_model::{CampaignId, CampaignState, Change, NotAllowed, RunId};
 use murmuration_proto::CheckpointDigest;
 use rusqlite::{Transaction, params};
@@ -85,8 +91,10 @@ impl Store {
                 return Ok(Err(NotAllowed { id, change, state }));
             };
             transaction.execute(
-                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1 WHERE number = ?1",
-                params![number, after.name()],
+                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1,
+                    ended_ms = CASE WHEN ?3 IS NULL THEN NULL ELSE coalesce(ended_ms, ?3) END
+                 WHERE number = ?1",
+                params![number, after.name(), ended_ms(after)],
             )?;
             match decision {
                 Decision::Adopt(checkpoint) => begin_move(transaction, number, checkpoint)?,
@@ -105,7 +113,7 @@ impl Store {
     pub fn reopen(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
         self.write(|transaction| {
             let reopened = transaction.execute(
-                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1
+                "UPDATE campaigns SET state = ?2, error = '', decisions = decisions + 1, ended_ms = NULL
                  WHERE number = ?1 AND state = ?3",
                 params![
                     number_of(transaction, campaign)?,
@@ -138,7 +146,7 @@ impl Store {
     }
 }
 
-fn state(transaction: &Transaction<'_>, number: i64) -> Result<CampaignState, StoreError> {
+pub(super) fn state(transaction: &Transaction<'_>, number: i64) -> Result<CampaignState, StoreError> {
     let name: String =
         transaction.query_row("SELECT state FROM campaigns WHERE number = ?1", [number], |row| {
             row.get(0)

@@ -1,6 +1,10 @@
 //! Taking over what remains of a damaged store, into a new one.
 
-use super::{Store, StoreError, campaigns::number_of, numbers::clamped};
+use super::{
+    Store, StoreError,
+    campaigns::{ended_ms, number_of},
+    numbers::clamped,
+};
 use murmuration_model::{CampaignId, CampaignState};
 use rusqlite::{Connection, Params, Transaction, params, params_from_iter, types::Value};
 
@@ -15,8 +19,10 @@ pub struct Recoverable {
     pub individuals: u64,
     /// Entries of its label log.
     pub labels: u64,
-    /// Its taxonomy.
+    /// The version of its taxonomy that stands.
     pub taxonomy: bool,
+    /// The numbers of the former versions of its taxonomy.
+    pub former_taxonomies: Vec<u32>,
 }
 
 impl Store {
@@ -29,6 +35,7 @@ impl Store {
         from.read(|source| {
             self.write(|target| {
                 copy(source, target, "quarantined", "ORDER BY machine", [])?;
+                copy(source, target, "deleted", "ORDER BY number", [])?;
                 copy(source, target, "checkpoints", "ORDER BY number", [])
             })
         })
@@ -77,15 +84,26 @@ impl Store {
                     params![number, individuals],
                 )?;
                 if remains.taxonomy {
-                    copy(source, target, "taxonomies", "WHERE campaign = ?1", [number])?;
+                    let standing = "WHERE campaign = ?1 AND stands";
+                    copy(source, target, "taxonomies", standing, [number])?;
+                }
+                for version in &remains.former_taxonomies {
+                    let former = "WHERE campaign = ?1 AND version = ?2";
+                    copy(source, target, "taxonomies", former, params![number, version])?;
                 }
                 copy(source, target, "trainings", "WHERE campaign = ?1", [number])?;
+                copy(source, target, "epochs", "WHERE campaign = ?1", [number])?;
                 copy(source, target, "notices", "WHERE campaign = ?1", [number])?;
                 copy(source, target, "provenance", "WHERE campaign = ?1", [number])?;
                 if let Some(why) = cut {
                     target.execute(
-                        "UPDATE campaigns SET state = ?2, error = ?3 WHERE number = ?1",
-                        params![number, CampaignState::Failed.name(), why],
+                        "UPDATE campaigns SET state = ?2, error = ?3, ended_ms = ?4 WHERE number = ?1",
+                        params![
+                            number,
+                            CampaignState::Failed.name(),
+                            why,
+                            ended_ms(CampaignState::Failed)
+                        ],
                     )?;
                 }
                 Ok(())

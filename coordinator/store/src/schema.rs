@@ -135,6 +135,56 @@ const TABLES: &str = "
 const MIGRATIONS: &[&str] = &[
     // What the judge said of each trial, a byte each; empty where nobody asked it.
     "ALTER TABLE individuals ADD COLUMN verdicts BLOB NOT NULL DEFAULT x''",
+    // Which study a campaign was started for, by which request, and when it stopped; what each epoch of a training measured;
+    // how many generations there were when something was noted. Numbers of deleted campaigns are not given again, and labels
+    // go only with a campaign that nobody sees any more.
+    "ALTER TABLE campaigns ADD COLUMN study TEXT NOT NULL DEFAULT '';
+     ALTER TABLE campaigns ADD COLUMN request TEXT;
+     ALTER TABLE campaigns ADD COLUMN ended_ms INTEGER;
+     ALTER TABLE notices ADD COLUMN generations INTEGER;
+     CREATE UNIQUE INDEX campaigns_by_request ON campaigns (request) WHERE request IS NOT NULL;
+     CREATE TABLE epochs (
+         campaign INTEGER NOT NULL REFERENCES campaigns (number),
+         round INTEGER NOT NULL,
+         epoch INTEGER NOT NULL,
+         generations INTEGER NOT NULL,
+         loss REAL,
+         accuracy REAL,
+         PRIMARY KEY (campaign, round, epoch)
+     ) STRICT, WITHOUT ROWID;
+     CREATE TABLE deleted (
+         number INTEGER PRIMARY KEY
+     ) STRICT;
+     DROP TRIGGER labels_remain;
+     CREATE TRIGGER labels_remain BEFORE DELETE ON labels
+         WHEN EXISTS (SELECT 1 FROM campaigns WHERE number = OLD.campaign AND state <> 'hidden')
+         BEGIN SELECT RAISE (ABORT, 'labels are never deleted'); END",
+    // Taxonomies stay as versions, each with what it was made of and where its individuals were on the map.
+    "CREATE TABLE versions (
+         campaign INTEGER NOT NULL REFERENCES campaigns (number),
+         version INTEGER NOT NULL,
+         stands INTEGER NOT NULL,
+         made_ms INTEGER,
+         checkpoint INTEGER REFERENCES checkpoints (number),
+         rounds INTEGER NOT NULL,
+         generations INTEGER NOT NULL,
+         medoids BLOB NOT NULL,
+         clusters BLOB NOT NULL,
+         loss REAL NOT NULL,
+         measures BLOB NOT NULL,
+         robust_trials BLOB NOT NULL,
+         points BLOB NOT NULL,
+         PRIMARY KEY (campaign, version)
+     ) STRICT;
+     INSERT INTO versions
+         SELECT t.campaign, 1, 1, c.ended_ms, c.checkpoint, c.rounds,
+             (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = t.campaign),
+             t.medoids, t.clusters, t.loss, t.measures, t.robust_trials, x''
+         FROM taxonomies t JOIN campaigns c ON c.number = t.campaign;
+     DROP TABLE taxonomies;
+     ALTER TABLE versions RENAME TO taxonomies",
+    // The label log may hold comparisons, in the columns that it has: an older murmuration, which could not read them, is kept away.
+    "-- no table changes",
 ];
 
 /// The newest version.

@@ -2,6 +2,7 @@
 
 mod size;
 mod switches;
+mod taxonomies;
 
 use super::*;
 use murmuration_model::{CampaignId, CampaignState, MachineId, Maker, Quarantined, SavedTraining, Weight};
@@ -140,6 +141,47 @@ fn a_committed_generation_reads_back_to_the_bit() {
 }
 
 #[test]
+fn the_most_novel_are_each_of_another_generation() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    assert_eq!(store.most_novel(&id, 3).unwrap(), []);
+    for generation in 0..3 {
+        commit(&store, &id, generation).unwrap();
+    }
+    // Of equal generations the earlier ones; in each the individual of the higher novelty.
+    assert_eq!(store.most_novel(&id, 2).unwrap(), [(1, 0, 2.0), (3, 1, 2.0)]);
+}
+
+#[test]
+fn the_most_novel_are_found_where_each_generation_is_more_novel() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 7).unwrap();
+    store
+        .write(|transaction| {
+            for generation in 0..50_i64 {
+                let novelty = generation as f64;
+                transaction.execute(
+                    "INSERT INTO generations VALUES (1, ?1, ?2, 0.0, 0)",
+                    rusqlite::params![generation, novelty],
+                )?;
+                for place in [0, 1] {
+                    transaction.execute(
+                        "INSERT INTO individuals VALUES (1, ?1, ?2, x'00', 5, x'', ?3, x'')",
+                        rusqlite::params![2 * generation + place, generation, novelty - place as f64],
+                    )?;
+                }
+            }
+            Ok(())
+        })
+        .unwrap();
+    assert_eq!(
+        store.most_novel(&id, 2).unwrap(),
+        [(98, 49, 49.0), (96, 48, 48.0)]
+    );
+    assert_eq!(store.most_novel(&id, 99).unwrap().len(), 50);
+}
+
+#[test]
 fn a_generation_is_committed_whole_or_not_at_all() {
     let (_folder, store) = open();
     let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
@@ -201,7 +243,7 @@ fn a_taxonomy_completes_its_campaign() {
         mean_distance,
         novelty,
     });
-    store.complete(&id, &clustering, &measures, &[3, 0]).unwrap();
+    store.complete(&id, &clustering, &measures, &[3, 0], &[]).unwrap();
     let stored = StoredTaxonomy {
         medoids: vec![1, 0],
         clusters: vec![1, 0],
@@ -356,6 +398,19 @@ fn a_campaign_cannot_have_a_checkpoint_that_is_not_there() {
         Some(digest)
     );
     assert_eq!(store.campaigns().unwrap().len(), 1);
+}
+
+#[test]
+fn individuals_are_found_by_their_indices_without_their_pictures() {
+    let (_folder, store) = open();
+    let id = store.create_campaign(&spec(), Weight::default(), 0).unwrap();
+    (0..2).for_each(|generation| commit(&store, &id, generation).unwrap());
+    let found = store.measured_individuals(&id, spec().model(), &[3, 0, 99].into());
+    let found = found.unwrap();
+    assert_eq!(found.iter().map(|one| one.index).collect::<Vec<_>>(), [0, 3]);
+    let whole = store.individual(&id, spec().model(), 3).unwrap();
+    assert_eq!(found[1].features(), whole.features());
+    assert!(whole.image().is_some() && found[1].image().is_none());
 }
 
 #[test]

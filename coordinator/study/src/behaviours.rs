@@ -1,19 +1,16 @@
 //! The paper's count of behaviours (section "Evolving New Behaviors"): the classes among the medoids of the last generations.
 
 use crate::{
+    behaviours_error::BehavioursError,
     measured::{JudgedBehaviours, JudgedIndividual, MedoidsOf},
     study::{Measures, RandomBatches},
 };
 use murmuration_judge::{frames, judge};
-use murmuration_proto::{CampaignSpec, Controller, Invalid, Method, Purpose, RandomStream};
-use murmuration_search::{
-    interrupt::{Interrupt, Interrupted},
-    medoids,
-    novelty::{Behaviours, Misfit},
-};
+use murmuration_proto::{CampaignSpec, Controller, Method, Purpose, RandomStream};
+use murmuration_search::{interrupt::Interrupt, medoids, novelty::Behaviours};
 use murmuration_worker::{replay::replay_frames, simulate::Start};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// An individual of an archive.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,28 +23,8 @@ pub struct Individual {
     pub seed: u64,
     /// Its place in the behaviour space.
     pub behaviour: Vec<f64>,
-}
-
-/// Why behaviours cannot be counted.
-#[derive(Debug, thiserror::Error)]
-pub enum BehavioursError {
-    /// The archive holds vectors that cannot be compared.
-    #[error("the archive holds vectors that cannot be compared: {0}")]
-    Misfit(#[from] Misfit),
-    /// The figures are not wanted any more.
-    #[error("{0}")]
-    Interrupted(#[from] Interrupted),
-    /// A swarm cannot be simulated again.
-    #[error("individual {index} cannot be simulated: {error}")]
-    Simulation {
-        /// Its index.
-        index: u64,
-        /// What is wrong.
-        error: Invalid,
-    },
-    /// The archive is empty.
-    #[error("the archive is empty")]
-    Empty,
+    /// Number of the class by which the campaign's embedder learned from it, if it did.
+    pub class: Option<u32>,
 }
 
 /// Judges the last taxonomies of an archive, which is in the order of its individuals. The taxonomy of a generation is that of
@@ -111,11 +88,16 @@ fn last_taxonomies(
     let taxonomy = |generation: u32| -> Result<MedoidsOf, BehavioursError> {
         let until = archive.partition_point(|individual| individual.generation <= generation);
         let mut behaviours = Behaviours::new(archive.first().map_or(0, |first| first.behaviour.len()));
-        for individual in &archive[..until] {
+        let mut labelled = BTreeMap::new();
+        for (index, individual) in archive[..until].iter().enumerate() {
             behaviours.push(&individual.behaviour)?;
+            let class = individual.class.filter(|_| spec.medoids_by_class());
+            labelled.extend(class.map(|class| (index, class)));
         }
         let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
-        let clustering = medoids::cluster(&behaviours, spec.medoids() as usize, &mut stream, interrupt)?;
+        let count = spec.medoids() as usize;
+        let clustering =
+            medoids::cluster_by_class(&behaviours, &labelled, count, &mut stream, interrupt, &|_| {})?;
         Ok(MedoidsOf {
             generation,
             medoids: clustering.medoids.iter().map(|&medoid| medoid as u64).collect(),
@@ -155,6 +137,7 @@ mod tests {
             controller: Controller::new(spec.model(), &[0.0; 4]).unwrap(),
             seed: index as u64,
             behaviour: vec![index as f64 * index as f64],
+            class: None,
         };
         (0..count).map(individual).collect()
     }

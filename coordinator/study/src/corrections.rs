@@ -1,14 +1,15 @@
 //! The classes that people give to behaviours instead of the judge.
 
 use crate::measured::Measured;
-use csv::{ReaderBuilder, StringRecord};
-use murmuration_proto::Class;
+use csv::{ReaderBuilder, StringRecord, Writer};
+use murmuration_model::labels::{Annotator, of_cell, to_cell};
+use murmuration_proto::{Class, Invalid};
 use std::collections::BTreeMap;
 
 /// Who is said to have named a behaviour if the file does not say.
 const SOMEBODY: &str = "a person";
 /// Whose word the classes of `medoids.csv` are.
-pub(crate) const JUDGE: &str = "judge";
+pub const JUDGE: &str = "judge";
 /// Most characters that are kept of a name.
 const NAME_CHARS: usize = 64;
 
@@ -78,6 +79,48 @@ impl Corrections {
         Ok(Self { by_individual })
     }
 
+    /// Gives an individual of the cell with this digest a class by a person's word, or with `None` the judge's word again. The name
+    /// of the judge is no person's.
+    ///
+    /// # Errors
+    /// If the name is empty, the judge's, or too long.
+    pub fn set(&mut self, cell: &str, index: u64, class: Option<Class>, by: &str) -> Result<(), Invalid> {
+        let name: Annotator = by.trim().parse()?;
+        let name = name.as_str();
+        if name.eq_ignore_ascii_case(JUDGE) {
+            let allowed = format!("a person's name, other than \"{JUDGE}\"");
+            return Err(Invalid::new("by", format!("{name:?}"), allowed));
+        }
+        let place = (cell.to_owned(), index);
+        match class {
+            Some(class) => drop(self.by_individual.insert(place, (class, name.to_owned()))),
+            None => drop(self.by_individual.remove(&place)),
+        }
+        Ok(())
+    }
+
+    /// These, and of individuals that they have no class for, those of `others`.
+    #[must_use]
+    pub fn or(mut self, others: Self) -> Self {
+        for (place, given) in others.by_individual {
+            self.by_individual.entry(place).or_insert(given);
+        }
+        self
+    }
+
+    /// The table that [`Corrections::parse`] reads, a row an individual.
+    #[must_use]
+    pub fn to_csv(&self) -> String {
+        let mut table = Writer::from_writer(Vec::new());
+        // Writing to memory cannot fail, and each row has as many cells.
+        let _ = table.write_record(["cell", "index", "class", "by"]);
+        for ((cell, index), (class, by)) in &self.by_individual {
+            let _ = table.write_record([cell.as_str(), &index.to_string(), class.name(), &to_cell(by)]);
+        }
+        let bytes = table.into_inner().unwrap_or_default();
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+
     /// The class that a person gave to an individual of a cell, and the person; `None` if the judge's word stands.
     #[must_use]
     pub fn of(&self, cell: &Measured, index: u64) -> Option<(Class, &str)> {
@@ -128,7 +171,11 @@ impl Columns {
             )
         })?;
         let by = self.by.map(cell).filter(|by| !by.is_empty()).unwrap_or(SOMEBODY);
-        let by = by.chars().filter(|c| !c.is_control()).take(NAME_CHARS).collect();
+        let by = of_cell(by)
+            .chars()
+            .filter(|c| !c.is_control())
+            .take(NAME_CHARS)
+            .collect();
         Ok(Some(((cell(self.cell).to_owned(), index), (class, by))))
     }
 }

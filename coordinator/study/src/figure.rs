@@ -1,7 +1,6 @@
 //! What is measured of a cell, and the figures that come of it.
 
-use murmuration_proto::Class;
-use murmuration_proto::Invalid;
+use murmuration_proto::{Class, Invalid, Pattern};
 use std::{fmt, str::FromStr};
 
 /// What is measured of a cell.
@@ -9,23 +8,43 @@ use std::{fmt, str::FromStr};
 pub enum Measure {
     /// The classes of the behaviours that its last taxonomies consist of.
     Behaviours,
+    /// The classes of all trials of its archive, which its workers judged.
+    Shares,
     /// The accuracy of its embedding on labelled sets.
     Accuracy,
     /// How its search and its taxonomy ended.
     Search,
+    /// Which share of what an atlas holds it finds.
+    Recall,
+    /// How many behaviours there are, estimated from how often it met each.
+    Richness,
+    /// Maps of its controllers and behaviours; they are pictures, not figures.
+    Maps,
 }
 
 impl Measure {
     /// Every measure.
-    pub const ALL: [Self; 3] = [Self::Behaviours, Self::Accuracy, Self::Search];
+    pub const ALL: [Self; 7] = [
+        Self::Behaviours,
+        Self::Shares,
+        Self::Accuracy,
+        Self::Search,
+        Self::Recall,
+        Self::Richness,
+        Self::Maps,
+    ];
 
     /// Its name in study files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Behaviours => "behaviours",
+            Self::Shares => "shares",
             Self::Accuracy => "accuracy",
             Self::Search => "search",
+            Self::Recall => "recall",
+            Self::Richness => "richness",
+            Self::Maps => "maps",
         }
     }
 
@@ -34,8 +53,12 @@ impl Measure {
     pub const fn title(self) -> &'static str {
         match self {
             Self::Behaviours => "Behaviours discovered",
+            Self::Shares => "Shares of all trials",
             Self::Accuracy => "Embedding accuracy",
             Self::Search => "Search",
+            Self::Recall => "Recall",
+            Self::Richness => "How many behaviours there are",
+            Self::Maps => "Maps",
         }
     }
 
@@ -47,8 +70,28 @@ impl Measure {
                 let classes = Class::ALL.map(Figure::Class);
                 [Figure::Distinct].into_iter().chain(classes).collect()
             }
+            // Random first, which is what most is said of in the paper.
+            Self::Shares => {
+                let classes = Class::ALL.into_iter().filter(|class| *class != Class::Random);
+                let classes = [Class::Random].into_iter().chain(classes).map(Figure::Share);
+                classes.chain(Pattern::ALL.map(Figure::PatternShare)).collect()
+            }
             Self::Accuracy => vec![Figure::Accuracy, Figure::AccuracyOfEveryAnchor],
             Self::Search => vec![Figure::Loss, Figure::Novelty],
+            Self::Recall => {
+                let classes = Class::ALL.map(Figure::Reached);
+                let of_all = [Figure::NichesReached, Figure::VerdictsFound];
+                of_all.into_iter().chain(classes).collect()
+            }
+            Self::Richness => vec![
+                Figure::NichesSeen,
+                Figure::NichesChao1,
+                Figure::NichesAce,
+                Figure::VerdictsSeen,
+                Figure::VerdictsChao1,
+                Figure::VerdictsAce,
+            ],
+            Self::Maps => Vec::new(),
         }
     }
 }
@@ -72,6 +115,10 @@ pub enum Figure {
     Distinct,
     /// Medoids of a class, the mean over the last taxonomies.
     Class(Class),
+    /// Percentage of all trials that are of a class.
+    Share(Class),
+    /// Percentage of all trials that have a pattern; they are of the class `random` too.
+    PatternShare(Pattern),
     /// Percentage of correct triplets whose anchor is not `random`.
     Accuracy,
     /// Percentage of correct triplets.
@@ -80,6 +127,24 @@ pub enum Figure {
     Loss,
     /// Mean novelty of the last generation when it was evaluated, units of the behaviour space.
     Novelty,
+    /// Niches of the reference that were reached, percent.
+    NichesReached,
+    /// Classes and patterns of the reference that were found, percent.
+    VerdictsFound,
+    /// Niches of a class that were reached, percent.
+    Reached(Class),
+    /// Niches of the reference that were met.
+    NichesSeen,
+    /// Niches that there are, by Chao1.
+    NichesChao1,
+    /// Niches that there are, by ACE.
+    NichesAce,
+    /// Classes and patterns that were met.
+    VerdictsSeen,
+    /// Classes and patterns that there are, by Chao1.
+    VerdictsChao1,
+    /// Classes and patterns that there are, by ACE.
+    VerdictsAce,
 }
 
 impl Figure {
@@ -89,10 +154,23 @@ impl Figure {
         match self {
             Self::Distinct => "distinct",
             Self::Class(class) => class.name(),
+            Self::Share(class) => share_of(class),
+            Self::PatternShare(Pattern::SmallClusters) => "share_small_clusters",
+            Self::PatternShare(Pattern::Chain) => "share_chain",
+            Self::PatternShare(Pattern::MovingClumps) => "share_moving_clumps",
             Self::Accuracy => "accuracy",
             Self::AccuracyOfEveryAnchor => "accuracy_of_every_anchor",
             Self::Loss => "loss",
             Self::Novelty => "novelty",
+            Self::NichesReached => "niches_reached",
+            Self::VerdictsFound => "verdicts_found",
+            Self::Reached(class) => reached(class),
+            Self::NichesSeen => "niches_seen",
+            Self::NichesChao1 => "niches_chao1",
+            Self::NichesAce => "niches_ace",
+            Self::VerdictsSeen => "verdicts_seen",
+            Self::VerdictsChao1 => "verdicts_chao1",
+            Self::VerdictsAce => "verdicts_ace",
         }
     }
 
@@ -105,9 +183,47 @@ impl Figure {
     #[must_use]
     pub const fn decimals(self) -> usize {
         match self {
+            Self::Share(_) | Self::PatternShare(_) => 1,
             Self::Distinct | Self::Class(_) | Self::Accuracy | Self::AccuracyOfEveryAnchor | Self::Loss => 2,
             Self::Novelty => 4,
+            Self::NichesReached
+            | Self::VerdictsFound
+            | Self::Reached(_)
+            | Self::NichesSeen
+            | Self::NichesChao1
+            | Self::NichesAce
+            | Self::VerdictsSeen
+            | Self::VerdictsChao1
+            | Self::VerdictsAce => 1,
         }
+    }
+}
+
+/// The name of the share of a class.
+const fn share_of(class: Class) -> &'static str {
+    match class {
+        Class::CyclicPursuit => "share_cyclic_pursuit",
+        Class::Milling => "share_milling",
+        Class::Aggregation => "share_aggregation",
+        Class::Dispersal => "share_dispersal",
+        Class::WallFollowing => "share_wall_following",
+        Class::NestedCycle => "share_nested_cycle",
+        Class::ConcavePath => "share_concave_path",
+        Class::Random => "share_random",
+    }
+}
+
+/// The name of the share of a class's niches.
+const fn reached(class: Class) -> &'static str {
+    match class {
+        Class::CyclicPursuit => "reached_cyclic_pursuit",
+        Class::Milling => "reached_milling",
+        Class::Aggregation => "reached_aggregation",
+        Class::Dispersal => "reached_dispersal",
+        Class::WallFollowing => "reached_wall_following",
+        Class::NestedCycle => "reached_nested_cycle",
+        Class::ConcavePath => "reached_concave_path",
+        Class::Random => "reached_random",
     }
 }
 
@@ -117,6 +233,17 @@ impl fmt::Display for Figure {
             Self::Distinct => f.pad("distinct behaviours"),
             Self::AccuracyOfEveryAnchor => f.pad("accuracy, every anchor"),
             Self::Novelty => f.pad("mean novelty"),
+            Self::Share(class) => f.pad(&format!("{}, %", class.words())),
+            Self::PatternShare(pattern) => f.pad(&format!("{}, %", pattern.words())),
+            Self::NichesReached => f.pad("niches reached, %"),
+            Self::VerdictsFound => f.pad("classes and patterns found, %"),
+            Self::Reached(class) => f.pad(&format!("{}, %", class.words())),
+            Self::NichesSeen => f.pad("niches met"),
+            Self::NichesChao1 => f.pad("niches, Chao1"),
+            Self::NichesAce => f.pad("niches, ACE"),
+            Self::VerdictsSeen => f.pad("classes and patterns met"),
+            Self::VerdictsChao1 => f.pad("classes and patterns, Chao1"),
+            Self::VerdictsAce => f.pad("classes and patterns, ACE"),
             other => f.pad(&other.name().replace('_', " ")),
         }
     }
@@ -134,5 +261,29 @@ impl FromStr for Figure {
                 format!("one of {}", names.join(", ")),
             )
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn names_are_different_and_read_back() {
+        let names: BTreeSet<&str> = Figure::all().map(Figure::name).collect();
+        assert_eq!(names.len(), Figure::all().count());
+        for figure in Figure::all() {
+            assert_eq!(figure.name().parse(), Ok(figure));
+        }
+        for class in Class::ALL {
+            assert_eq!(Figure::Share(class).name(), format!("share_{class}"));
+        }
+        for pattern in Pattern::ALL {
+            assert_eq!(
+                Figure::PatternShare(pattern).name(),
+                format!("share_{}", pattern.name())
+            );
+        }
     }
 }

@@ -1,18 +1,22 @@
 //! Study files.
 
 mod message;
+mod numbers;
+mod recall;
 #[cfg(test)]
 mod tests;
 
 use crate::{
     figure::Measure,
     overlay::lay_over,
-    study::{Axis, Cell, Measures, Published, RandomBatches, Study},
+    study::{Axis, Cell, Measures, Phase, Published, RandomBatches, Study},
 };
-use message::{AxisMessage, PublishedMessage, Seeds, StudyMessage};
+use message::{AxisMessage, PhaseMessage, PublishedMessage, Seeds, StudyMessage};
+use murmuration_model::labels::to_cell;
 use murmuration_proto::{
     CampaignName, CampaignSpec, Invalid, Preset, SpecFileError, Text, TomlError, read_toml, text,
 };
+use numbers::NumberAxis;
 use std::{
     collections::{BTreeMap, BTreeSet},
     num::NonZeroU32,
@@ -27,7 +31,7 @@ const MOST_AXES: usize = 8;
 const MOST_VALUES: usize = 64;
 const MOST_REPLICATES: u64 = 1000;
 /// Names that tables have for other columns.
-const TAKEN: [&str; 12] = [
+const TAKEN: [&str; 26] = [
     "cell",
     "campaign",
     "archive_digest",
@@ -39,7 +43,22 @@ const TAKEN: [&str; 12] = [
     "class",
     "pattern",
     "by",
+    "start_seed",
     "controller",
+    // Of richness.csv and maps.csv.
+    "of",
+    "seen",
+    "chao1",
+    "standard_error",
+    "low",
+    "high",
+    "ace",
+    "in_atlas",
+    "heuristic_score",
+    "controller_x",
+    "controller_y",
+    "behaviour_x",
+    "behaviour_y",
 ];
 
 /// Why a study file cannot be used.
@@ -74,18 +93,27 @@ impl Study {
         let embedders = embedders(message.embedders, seeds.len())?;
         let mut study = Self {
             name: CampaignName::try_from(message.name.clone())?,
-            measures: measures(&message, folder)?,
+            measures: Measures {
+                recall: recall::plan(&message)?,
+                ..measures(&message, folder)?
+            },
             published: message
                 .published
                 .iter()
                 .map(|published| self::published(published, &axes))
                 .collect::<Result<_, _>>()?,
+            phase: message
+                .phase
+                .as_ref()
+                .map(|given| phase(given, &axes, message.measures.as_deref()))
+                .transpose()?,
             axes,
             seeds,
             embedders,
             cells: Vec::new(),
         };
         study.cells = cells(&study, &message)?;
+        recall::check(&study)?;
         Ok(study)
     }
 }
@@ -122,17 +150,7 @@ fn cell(
     table: &Table,
     (replicate, seed): (usize, u64),
 ) -> Result<Cell, StudyError> {
-    let failed = |error: SpecFileError| {
-        let named = study.axes.iter().zip(study.names(values));
-        let mut words: Vec<String> = named
-            .map(|(axis, value)| format!("{} = {value}", axis.name))
-            .collect();
-        words.push(format!("seed = {seed}"));
-        StudyError::Cell {
-            cell: words.join(", "),
-            error: Box::new(error),
-        }
-    };
+    let failed = |error| cell_error(study, values, seed, error);
     for field in ["seed", "name"] {
         if table.contains_key(field) {
             let allowed = match field {
@@ -145,11 +163,29 @@ fn cell(
     let mut table = table.clone();
     table.insert("name".to_owned(), study.name.as_str().into());
     table.insert("seed".to_owned(), toml::Value::Integer(seed.cast_signed()));
+    let spec = CampaignSpec::from_table(table).map_err(failed)?;
+    if study.measures.which.contains(&Measure::Shares) && !spec.judges() {
+        let allowed = "true: the measure \"shares\" counts what workers judged";
+        return Err(failed(Invalid::new("evaluation.judge", "false", allowed).into()));
+    }
     Ok(Cell {
         values: values.to_vec(),
         replicate,
-        spec: CampaignSpec::from_table(table).map_err(failed)?,
+        spec,
     })
+}
+
+/// What is wrong with a cell, which is named.
+fn cell_error(study: &Study, values: &[usize], seed: u64, error: SpecFileError) -> StudyError {
+    let named = study.axes.iter().zip(study.names(values));
+    let mut words: Vec<String> = named
+        .map(|(axis, value)| format!("{} = {value}", axis.name))
+        .collect();
+    words.push(format!("seed = {seed}"));
+    StudyError::Cell {
+        cell: words.join(", "),
+        error: Box::new(error),
+    }
 }
 
 fn axes(messages: &[AxisMessage]) -> Result<Vec<Axis>, Invalid> {
@@ -177,15 +213,71 @@ fn axes(messages: &[AxisMessage]) -> Result<Vec<Axis>, Invalid> {
         let mut values = Vec::new();
         for value in &message.values {
             let value = text::name("axes.values.name", &value.name, NAME_CHARS[1])?;
+            if message.about.is_none() && to_cell(&value) != value {
+                let allowed =
+                    "a text that no spreadsheet takes for a formula: not with = + - @ at its beginning";
+                return Err(Invalid::new("axes.values.name", text::quoted(&value), allowed));
+            }
             if values.contains(&value) {
                 let allowed = format!("there once on the axis {name}");
                 return Err(Invalid::new("axes.values.name", text::quoted(&value), allowed));
             }
             values.push(value);
         }
-        axes.push(Axis { name, values });
+        let about = message.about.as_ref();
+        let field = about.map(|about| about.field());
+        if let Some((field, other)) = field.zip(axes.iter().find_map(|axis| same_field(axis, field))) {
+            let allowed = format!("a field that the axis {other} does not set too");
+            return Err(Invalid::new("axes.field", text::quoted(field), allowed));
+        }
+        axes.push(Axis {
+            name,
+            values,
+            field: about.map(|about| about.field().to_owned()),
+            numbers: about.map(NumberAxis::numbers).unwrap_or_default(),
+        });
     }
     Ok(axes)
+}
+
+/// The name of an axis that sets this field too, or a table that it is in, or one that is in it.
+fn same_field<'a>(axis: &'a Axis, field: Option<&str>) -> Option<&'a str> {
+    let (own, field) = (axis.field.as_deref()?, field?);
+    let is_in = |inner: &str, outer: &str| {
+        inner
+            .strip_prefix(outer)
+            .is_some_and(|rest| rest.starts_with('.'))
+    };
+    (own == field || is_in(own, field) || is_in(field, own)).then_some(axis.name.as_str())
+}
+
+/// The axes of phase diagrams, which are of shares.
+fn phase(message: &PhaseMessage, axes: &[Axis], measures: Option<&[String]>) -> Result<Phase, Invalid> {
+    let shares = Measure::Shares.name();
+    if !measures
+        .unwrap_or_default()
+        .iter()
+        .any(|measure| measure == shares)
+    {
+        let allowed = "absent: a study with phase diagrams has the measure \"shares\"";
+        return Err(Invalid::new("phase", "given", allowed));
+    }
+    let place = |field: &str, name: &str| {
+        let place = axes
+            .iter()
+            .position(|axis| axis.name == name && axis.field.is_some());
+        place.ok_or_else(|| {
+            let allowed = "the name of an axis with numbers";
+            Invalid::new(format!("phase.{field}"), text::quoted(name), allowed)
+        })
+    };
+    let x = place("x", &message.x)?;
+    let y = message.y.as_deref().map(|name| place("y", name)).transpose()?;
+    if y == Some(x) {
+        let allowed = "another axis than phase.x";
+        return Err(Invalid::new("phase.y", text::quoted(&message.x), allowed));
+    }
+    Ok(Phase { x, y })
 }
 
 /// A name that can be a column of a table.
@@ -277,6 +369,7 @@ fn measures(message: &StudyMessage, folder: &Path) -> Result<Measures, Invalid> 
             .ok_or_else(|| Invalid::new("behaviours.generations", given, "a whole number from 1 to 1000"))?,
         random,
         labelled,
+        recall: None,
     })
 }
 

@@ -1,25 +1,29 @@
 //! The folder of a study in a data directory: its file, the embedders that its cells share, and what was measured.
 
-use crate::{file::StudyError, identity::cell_digest, measured::Measured, study::Study};
+use crate::{
+    corrections::Corrections, file::StudyError, identity::cell_digest, maps::Maps, measured::Measured,
+    outcome::Outcome, reference::Reference, study::Study,
+};
+use murmuration_model::study_files::{STUDIES, STUDY_CLASSES, STUDY_EMBEDDERS, STUDY_FILE, STUDY_ORIGIN};
 use murmuration_proto::{CheckpointDigest, Invalid};
 use murmuration_report::{Folder, ReportError};
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{
     collections::BTreeMap,
-    fs, io,
+    fs,
+    io::{self, Read as _},
     path::{Path, PathBuf},
 };
 
-/// The folder of all studies in a data directory.
-const STUDIES: &str = "studies";
-/// The study file, as it was when the study was last run.
-const FILE: &str = "study.toml";
-/// How it was run.
-const ORIGIN: &str = "origin.json";
-/// The checkpoints that cells share.
-const EMBEDDERS: &str = "embedders.json";
+/// The file in the folder of all studies that is locked while a campaign of a study is looked for and begun.
+const BEGINNING: &str = ".beginning";
+/// What the atlas of the study holds.
+const REFERENCE: &str = "reference.json";
 /// Most bytes of a file in the folder.
 const MOST_BYTES: u64 = 256 << 20;
+
+/// Bytes at the beginning of the file of a cell that say which cell it is, and how it was measured.
+const BEGINS: u64 = 512;
 
 /// Why the folder of a study cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -98,7 +102,7 @@ pub fn studies(data: &Path) -> Result<Vec<String>, FolderError> {
     let mut names = Vec::new();
     for entry in entries {
         let entry = entry.map_err(|error| unreadable(&folder, error))?;
-        if entry.path().join(FILE).is_file()
+        if entry.path().join(STUDY_FILE).is_file()
             && let Ok(name) = entry.file_name().into_string()
         {
             names.push(name);
@@ -106,6 +110,39 @@ pub fn studies(data: &Path) -> Result<Vec<String>, FolderError> {
     }
     names.sort();
     Ok(names)
+}
+
+/// Has nobody else of this data directory look for campaigns, or begin them, until the file is dropped: two studies that run at once
+/// would both begin a campaign that both have not found. Waits for others.
+///
+/// # Errors
+/// [`FolderError::Unreadable`].
+pub fn lock_beginning(data: &Path) -> Result<fs::File, FolderError> {
+    let folder = data.join(STUDIES);
+    let path = folder.join(BEGINNING);
+    let options = || {
+        fs::File::options()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(&path)
+    };
+    let locked = fs::create_dir_all(&folder)
+        .and_then(|()| options())
+        .and_then(|file| file.lock().map(|()| file));
+    locked.map_err(|source| unreadable(&path, source))
+}
+
+impl KeptStudy {
+    /// The study with what was measured of it, and with these classes instead of the judge's.
+    ///
+    /// # Errors
+    /// As [`StudyFolder::all_measured`] and [`StudyFolder::reference`].
+    pub fn outcome(self, corrections: Corrections) -> Result<Outcome, FolderError> {
+        let measured = self.folder.all_measured(&self.study, &self.measures)?;
+        let reference = self.folder.reference(&self.measures)?;
+        Ok(Outcome::new(self.study, measured, corrections).with_reference(reference))
+    }
 }
 
 impl StudyFolder {
@@ -131,10 +168,10 @@ impl StudyFolder {
         let folder = Self {
             path: data.join(STUDIES).join(name),
         };
-        let path = folder.path.join(FILE);
+        let path = folder.path.join(STUDY_FILE);
         let text = read(&path)?;
         let text = String::from_utf8(text).map_err(|error| unreadable(&path, error))?;
-        let origin: Origin = folder.json(ORIGIN)?.unwrap_or_default();
+        let origin: Origin = folder.json(STUDY_ORIGIN)?.unwrap_or_default();
         let study = Study::from_toml(&text, &origin.folder, origin.quick);
         Ok(KeptStudy {
             study: study.map_err(|error| FolderError::Study { path, error })?,
@@ -165,8 +202,8 @@ impl StudyFolder {
             measures: measures.to_owned(),
         };
         let mut files = Folder::create(&self.path)?;
-        files.bytes(ORIGIN, &json_bytes(&origin))?;
-        files.text(FILE, text)?;
+        files.bytes(STUDY_ORIGIN, &json_bytes(&origin))?;
+        files.text(STUDY_FILE, text)?;
         Ok(())
     }
 
@@ -175,7 +212,7 @@ impl StudyFolder {
     /// # Errors
     /// [`FolderError::Unreadable`].
     pub fn embedders(&self) -> Result<BTreeMap<String, CheckpointDigest>, FolderError> {
-        let kept: BTreeMap<String, String> = self.json(EMBEDDERS)?.unwrap_or_default();
+        let kept: BTreeMap<String, String> = self.json(STUDY_EMBEDDERS)?.unwrap_or_default();
         let parsed = |(cell, digest): (String, String)| Ok((cell, digest.parse()?));
         kept.into_iter().map(parsed).collect()
     }
@@ -189,7 +226,52 @@ impl StudyFolder {
             .iter()
             .map(|(cell, digest)| (cell, digest.to_string()))
             .collect();
-        Folder::create(&self.path)?.bytes(EMBEDDERS, &json_bytes(&kept))?;
+        Folder::create(&self.path)?.bytes(STUDY_EMBEDDERS, &json_bytes(&kept))?;
+        Ok(())
+    }
+
+    /// Keeps what the atlas of the study holds.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`].
+    pub fn keep_reference(&self, reference: &Reference) -> Result<(), FolderError> {
+        Folder::create(&self.path)?.bytes(REFERENCE, &json_bytes(reference))?;
+        Ok(())
+    }
+
+    /// What the atlas of the study holds, made for cells that are measured in this way; `None` if there is none, or one made in
+    /// another way, or if the file is damaged: then it is made again.
+    ///
+    /// # Errors
+    /// [`FolderError::Unreadable`].
+    pub fn reference(&self, measures: &str) -> Result<Option<Reference>, FolderError> {
+        let path = self.path.join(REFERENCE);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let reference: Option<Reference> = serde_json::from_slice(&read(&path)?).ok();
+        Ok(reference.filter(|reference| reference.measures == measures && reference.is_sound()))
+    }
+
+    /// The classes that people gave on the page of the study.
+    ///
+    /// # Errors
+    /// [`FolderError::Unreadable`] names a file that cannot be read, and the line that is wrong.
+    pub fn classes(&self) -> Result<Corrections, FolderError> {
+        let path = self.path.join(STUDY_CLASSES);
+        if !path.is_file() {
+            return Ok(Corrections::default());
+        }
+        let text = String::from_utf8(read(&path)?).map_err(|error| unreadable(&path, error))?;
+        Corrections::parse(&text).map_err(|error| unreadable(&path, error))
+    }
+
+    /// Keeps the classes that people gave.
+    ///
+    /// # Errors
+    /// [`FolderError::Write`].
+    pub fn keep_classes(&self, classes: &Corrections) -> Result<(), FolderError> {
+        Folder::create(&self.path)?.text(STUDY_CLASSES, &classes.to_csv())?;
         Ok(())
     }
 
@@ -215,7 +297,27 @@ impl StudyFolder {
             return Ok(None);
         }
         let measured: Option<Measured> = serde_json::from_slice(&read(&path)?).ok();
-        Ok(measured.filter(|measured| measured.cell == cell && measured.measures == measures))
+        let is_this = |measured: &Measured| measured.cell == cell && measured.measures == measures;
+        let is_sound = |measured: &Measured| measured.maps.as_ref().is_none_or(Maps::is_sound);
+        Ok(measured.filter(|measured| is_this(measured) && is_sound(measured)))
+    }
+
+    /// Whether the cell with this digest was measured in this way, by the beginning of its file alone: the rest of it may be damaged.
+    ///
+    /// # Errors
+    /// [`FolderError::Unreadable`].
+    pub fn is_measured(&self, cell: &str, measures: &str) -> Result<bool, FolderError> {
+        let path = self.path.join(of_cell(cell));
+        let mut beginning = Vec::new();
+        let read = fs::File::open(&path).and_then(|file| file.take(BEGINS).read_to_end(&mut beginning));
+        match read {
+            Ok(_) => {}
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
+            Err(error) => return Err(unreadable(&path, error)),
+        }
+        let beginning = String::from_utf8_lossy(&beginning);
+        let says = |field: &str, value: &str| beginning.contains(&format!("\"{field}\": \"{value}\""));
+        Ok(says("cell", cell) && says("measures", measures))
     }
 
     /// What was measured of each cell of a study in this way, in the order of the cells.
@@ -263,5 +365,54 @@ fn unreadable(path: &Path, reason: impl ToString) -> FolderError {
     FolderError::Unreadable {
         path: path.to_owned(),
         reason: reason.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{maps::MappedIndividual, sample};
+
+    #[test]
+    fn a_cell_is_measured_if_its_file_says_so_and_can_be_drawn() {
+        let data = tempfile::tempdir().unwrap();
+        let study = sample::study();
+        let folder = StudyFolder::of(data.path(), &study);
+        let mut measured = sample::measured(&study, 0, &[&["milling"]]);
+        let cell = measured.cell.clone();
+        assert!(!folder.is_measured(&cell, "so").unwrap());
+        folder.keep(&measured).unwrap();
+        assert!(folder.is_measured(&cell, "so").unwrap());
+        assert!(!folder.is_measured(&cell, "otherwise").unwrap());
+        assert_eq!(folder.measured(&cell, "so").unwrap(), Some(measured.clone()));
+        let individuals = vec![MappedIndividual {
+            index: 0,
+            class: "milling".to_owned(),
+            score: 1e300,
+            controller: [0.0; 2],
+            behaviour: [0.0; 2],
+        }];
+        measured.maps = Some(Maps { individuals });
+        folder.keep(&measured).unwrap();
+        assert_eq!(folder.measured(&cell, "so").unwrap(), None);
+    }
+
+    #[test]
+    fn one_at_a_time_begins_campaigns() {
+        let data = tempfile::tempdir().unwrap();
+        let held = lock_beginning(data.path()).unwrap();
+        let (sender, receiver) = std::sync::mpsc::channel();
+        let folder = data.path().to_owned();
+        let other = std::thread::spawn(move || {
+            let held = lock_beginning(&folder).unwrap();
+            sender.send(()).unwrap();
+            drop(held);
+        });
+        let waited = receiver.recv_timeout(std::time::Duration::from_millis(200));
+        assert!(waited.is_err(), "two hold it");
+        drop(held);
+        receiver.recv_timeout(std::time::Duration::from_secs(60)).unwrap();
+        other.join().unwrap();
+        assert_eq!(studies(data.path()).unwrap(), Vec::<String>::new());
     }
 }

@@ -7,7 +7,7 @@ use murmuration_proto::{
 use std::{collections::BTreeMap, fmt::Write as _};
 
 /// Version of what is measured; it rises when the same campaign would have other figures.
-const MEASURES_VERSION: u32 = 1;
+const MEASURES_VERSION: u32 = 2;
 
 /// The digest of a specification without its name: 64 hexadecimal digits.
 #[must_use]
@@ -31,6 +31,15 @@ pub fn measures_digest(measures: &Measures, contents: &[&[u8]]) -> String {
         RandomBatches::Medoids => "medoids",
     };
     let _ = write!(words, " {} {random}", measures.generations);
+    if let Some(recall) = &measures.recall {
+        let _ = write!(
+            words,
+            " {} {} {:?}",
+            cell_digest(&recall.atlas),
+            recall.niches,
+            recall.at
+        );
+    }
     for content in contents {
         let _ = write!(words, " {}", blake3::hash(content).to_hex());
     }
@@ -55,7 +64,10 @@ pub fn embedder_spec(spec: &CampaignSpec, seed: u64) -> Result<Option<CampaignSp
         generations: Some(1),
         ..v1::Search::default()
     });
-    message.taxonomy = Some(v1::TaxonomyFormat { medoids: Some(1) });
+    message.taxonomy = Some(v1::TaxonomyFormat {
+        medoids: Some(1),
+        by_class: None,
+    });
     message.evaluation = None;
     message.feedback = None;
     if let Some(controllers) = &mut message.controllers {
@@ -186,6 +198,33 @@ mod tests {
         assert!(
             digests[0] != digests[1] && digests[0] != digests[2],
             "{digests:?}"
+        );
+    }
+
+    #[test]
+    fn recall_by_another_atlas_or_at_other_numbers_has_another_digest() {
+        let digest = |recall: &str| {
+            let text = format!(
+                "name = \"s\"\nmeasures = [\"recall\"]\n[recall]\n{recall}\n[campaign]\nmodel = \"single-sensor\"\n\
+                 method = \"random\"\nevaluation.judge = true"
+            );
+            let study = crate::Study::from_toml(&text, std::path::Path::new(""), false).unwrap();
+            measures_digest(study.measures(), &[])
+        };
+        let atlas =
+            |more: &str| format!("atlas = {{ model = \"single-sensor\", method = \"exhaustive\"{more} }}");
+        let digests = [
+            atlas(""),
+            atlas(", controllers.step = 0.5"),
+            format!("{}\nat = [10]", atlas("")),
+            format!("{}\nniches = 30", atlas("")),
+        ];
+        let different: std::collections::BTreeSet<String> =
+            digests.iter().map(|recall| digest(recall)).collect();
+        assert_eq!(different.len(), 4);
+        assert_eq!(
+            digest(&atlas("")),
+            digest(&format!("{}\nniches = 500", atlas("")))
         );
     }
 }

@@ -2,11 +2,10 @@
 //!
 //! What the judge says of a behaviour and what people say of it differ ([`JudgeErrors`]). A resampling draws the labelled
 //! behaviours, the replicates and, for each individual that the judge named, the class that people give to what the judge so
-//! names. The figures of many resamplings spread as far as judge and replicates leave them open.
+//! names; of shares also the trials. The figures of many resamplings spread as far as judge, replicates and trials leave them open.
 
-use crate::{figure::Figure, measured::JudgedBehaviours};
-use murmuration_proto::Class;
-use murmuration_proto::{CapabilityModel, Preset, Purpose, RandomStream};
+use crate::{figure::Figure, measured::JudgedBehaviours, shares::JudgedTrials};
+use murmuration_proto::{CapabilityModel, Class, Preset, Purpose, RandomStream};
 use std::collections::BTreeMap;
 
 /// Number of classes. A class is counted at its place in [`Class::ALL`], which is its number.
@@ -14,6 +13,10 @@ const CLASSES: usize = Class::ALL.len();
 
 /// How often figures are resampled.
 const RESAMPLINGS: usize = 1000;
+
+/// Most trials that are drawn one by one: of more, chance moves a share by less than two points. Trials of a replicate then stay
+/// as they are, and those of a class are shared out as the drawn behaviours are.
+const MOST_DRAWN: u64 = 1000;
 
 /// How many labelled behaviours of a class (row) the judge says to be of a class (column); both in the order of [`Class::ALL`].
 type Counts = [[u16; CLASSES]; CLASSES];
@@ -119,6 +122,39 @@ impl JudgeErrors {
         figures.zip(means).collect()
     }
 
+    /// The shares of classes among the trials of replicates, resampled, percent. Of the same replicates and `row` they are
+    /// the same.
+    pub(crate) fn resampled_shares(
+        &self,
+        replicates: &[&JudgedTrials],
+        row: u64,
+    ) -> Vec<BTreeMap<Figure, f64>> {
+        let mut stream = RandomStream::derive(0, Purpose::Resample, row);
+        let judged = replicates
+            .iter()
+            .map(|trials| Class::ALL.map(|class| trials.of_class(class)));
+        let replicates: Vec<[u64; CLASSES]> = judged
+            .filter(|counts| counts.iter().any(|&count| count > 0))
+            .collect();
+        if replicates.is_empty() {
+            return Vec::new();
+        }
+        let mut one = || {
+            let given = self.drawn_labels(&mut stream);
+            let mut sums = [0.0; CLASSES];
+            for _ in &replicates {
+                let judged = &replicates[stream.below(replicates.len() as u64) as usize];
+                let trials = judged.iter().sum::<u64>() as f64;
+                let named = renamed(&redrawn(judged, &mut stream), &given, &mut stream);
+                for (sum, count) in sums.iter_mut().zip(named) {
+                    *sum += 100.0 * count / trials / replicates.len() as f64;
+                }
+            }
+            Class::ALL.map(Figure::Share).into_iter().zip(sums).collect()
+        };
+        (0..RESAMPLINGS).map(|_| one()).collect()
+    }
+
     /// As many labelled behaviours as there are, drawn with replacement: by the judge's class, the classes that people gave.
     fn drawn_labels(&self, stream: &mut RandomStream) -> [Vec<usize>; CLASSES] {
         let mut given: [Vec<usize>; CLASSES] = Default::default();
@@ -128,6 +164,49 @@ impl JudgeErrors {
         }
         given
     }
+}
+
+/// As many trials as were judged, drawn from them with replacement: how many the judge calls by each class.
+fn redrawn(judged: &[u64; CLASSES], stream: &mut RandomStream) -> [u64; CLASSES] {
+    let trials = judged.iter().sum();
+    if trials > MOST_DRAWN {
+        return *judged;
+    }
+    let mut drawn = [0; CLASSES];
+    for _ in 0..trials {
+        let mut at = stream.below(trials);
+        for (count, drawn) in judged.iter().zip(&mut drawn) {
+            if at < *count {
+                *drawn += 1;
+                break;
+            }
+            at -= count;
+        }
+    }
+    drawn
+}
+
+/// How many trials people would call by each class, of so many that the judge calls by each: each gets the class of one of the
+/// behaviours that `given` has for the judge's.
+fn renamed(
+    judged: &[u64; CLASSES],
+    given: &[Vec<usize>; CLASSES],
+    stream: &mut RandomStream,
+) -> [f64; CLASSES] {
+    let mut named = [0.0; CLASSES];
+    for (class, (&count, classes)) in judged.iter().zip(given).enumerate() {
+        if classes.is_empty() {
+            // Nobody knows how often this word is wrong.
+            named[class] += count as f64;
+        } else if count > MOST_DRAWN {
+            let part = count as f64 / classes.len() as f64;
+            classes.iter().for_each(|&class| named[class] += part);
+        } else {
+            let drawn = (0..count).map(|_| classes[stream.below(classes.len() as u64) as usize]);
+            drawn.for_each(|class| named[class] += 1.0);
+        }
+    }
+    named
 }
 
 /// The individuals of a replicate by their place among them, for counting them many times.
@@ -165,5 +244,43 @@ impl Named {
                 *sum += share * f64::from(count);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tables::Resampled;
+    use murmuration_proto::Verdict;
+
+    /// So many trials each of milling and of dispersal.
+    fn halves(count: usize) -> JudgedTrials {
+        let both = [Class::Milling, Class::Dispersal].into_iter();
+        both.flat_map(|class| std::iter::repeat_n(Verdict::Class(class), count))
+            .collect()
+    }
+
+    /// The share of milling, resampled with a judge that never errs.
+    fn milling(replicates: &[&JudgedTrials]) -> Resampled {
+        let mut counts = [[0; CLASSES]; CLASSES];
+        (0..CLASSES).for_each(|class| counts[class][class] = 10);
+        let resampled = JudgeErrors::of_counts(&counts).resampled_shares(replicates, 0);
+        let shares = resampled.iter().map(|of| of[&Figure::Share(Class::Milling)]);
+        Resampled::of(shares.collect()).unwrap()
+    }
+
+    #[test]
+    fn few_trials_of_one_replicate_spread_as_a_binomial_does() {
+        let of = milling(&[&halves(8)]);
+        assert!((of.mean - 50.0).abs() < 2.0, "{of:?}");
+        // 16 trials: a standard error of 12.5 points, 1.64 of which are 20.6.
+        let spread = (of.high - of.low) / 2.0;
+        assert!((15.0..26.0).contains(&spread), "{of:?}");
+    }
+
+    #[test]
+    fn many_trials_stay_as_they_are() {
+        let of = milling(&[&halves(501)]);
+        assert!((of.high - of.low).abs() < 1e-9, "{of:?}");
     }
 }

@@ -8,35 +8,59 @@
 #![deny(missing_docs)]
 
 mod behaviours;
+mod behaviours_error;
+mod contours;
 mod corrections;
 mod figure;
 mod file;
 mod folder;
 mod identity;
 mod judge_errors;
+mod map_files;
+mod maps;
 mod measured;
 mod outcome;
 mod overlay;
 mod page;
+mod phase;
+mod phase_picture;
 mod pictures;
 mod plot;
+mod recall;
+mod recall_curve;
+mod reference;
 mod report;
+mod report_error;
+mod richness;
+mod share_bars;
+mod shares;
 mod study;
 mod tables;
+mod wide;
 mod written;
 
 #[cfg(test)]
 mod sample;
 
-pub use behaviours::{BehavioursError, Individual, measure_behaviours};
-pub use corrections::{Corrections, CorrectionsError};
+pub use behaviours::{Individual, measure_behaviours};
+pub use behaviours_error::BehavioursError;
+pub use corrections::{Corrections, CorrectionsError, JUDGE};
 pub use figure::{Figure, Measure};
 pub use file::StudyError;
-pub use folder::{FolderError, KeptStudy, StudyFolder, studies};
+pub use folder::{FolderError, KeptStudy, StudyFolder, lock_beginning, studies};
 pub use identity::{cell_digest, embedder_spec, measures_digest, with_checkpoint};
 pub use judge_errors::JudgeErrors;
+pub use maps::{MappedIndividual, Maps, measure_maps};
 pub use measured::{AccuracyFigures, JudgedBehaviours, JudgedIndividual, Measured, MedoidsOf, SearchFigures};
 pub use outcome::{MeasuredCell, Outcome};
-pub use report::{ReportError, ReportFiles, write_report};
-pub use study::{Axis, Cell, LabelledSets, Measures, Published, RandomBatches, Study};
+pub use page::{TABLES_STYLE, tables_and_plots};
+pub use phase::PhaseDiagram;
+pub use recall::{RecallCounts, RecallPlan, RecallStage, measure_recall};
+pub use reference::{Judged, Niche, Reference, ReferenceError};
+pub use report::{ReportFiles, report_page, write_report};
+pub use report_error::ReportError;
+pub use richness::Richness;
+pub use shares::JudgedTrials;
+pub use study::{Axis, Cell, LabelledSets, Measures, Phase, Published, RandomBatches, Study};
 pub use tables::{Entry, Resampled, Row, Table};
+pub use wide::wide;

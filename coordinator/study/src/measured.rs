@@ -1,6 +1,6 @@
 //! What was measured of a cell, as it is kept.
 
-use crate::figure::Figure;
+use crate::{figure::Figure, maps::Maps, recall::RecallCounts, shares::JudgedTrials};
 use murmuration_proto::Class;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -23,10 +23,18 @@ pub struct Measured {
     pub evaluations: u64,
     /// The behaviours that were judged, if they were.
     pub behaviours: Option<JudgedBehaviours>,
+    /// The verdicts of its trials, if they were counted.
+    pub shares: Option<JudgedTrials>,
     /// The accuracy of the embedding; `None` if it was not measured or the cell has none.
     pub accuracy: Option<AccuracyFigures>,
     /// How the search ended, if that was measured.
     pub search: Option<SearchFigures>,
+    /// What its first individuals were, if recall or richness was measured.
+    #[serde(default)]
+    pub recall: Option<RecallCounts>,
+    /// The maps of its first generation, if they were made.
+    #[serde(default)]
+    pub maps: Option<Maps>,
 }
 
 /// The last taxonomies of a cell, judged.

@@ -8,6 +8,8 @@ use crate::{
     figure::{Figure, Measure},
     judge_errors::JudgeErrors,
     measured::{JudgedBehaviours, Measured},
+    recall::RecallStage,
+    reference::Reference,
     study::{Cell, Study},
     tables::{Entry, Resampled, Row, Table},
 };
@@ -16,16 +18,18 @@ use murmuration_proto::Class;
 use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::OnceLock,
+    sync::{Arc, OnceLock},
 };
 
-/// A study with what was measured of its cells so far.
+/// A study with what was measured of its cells so far; cheap to clone, but for the corrections and the tables.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    study: Study,
+    study: Arc<Study>,
     /// By the place of the cell.
-    measured: Vec<Option<Measured>>,
+    measured: Arc<[Option<Measured>]>,
     corrections: Corrections,
+    /// What there is to find, if recall or richness is measured and the atlas is there.
+    reference: Option<Arc<Reference>>,
     /// Resampling takes seconds.
     tables: OnceLock<Vec<Table>>,
 }
@@ -46,28 +50,85 @@ impl Outcome {
     pub fn new(study: Study, mut measured: Vec<Option<Measured>>, corrections: Corrections) -> Self {
         measured.resize(study.cells().len(), None);
         Self {
-            study,
-            measured,
+            study: Arc::new(study),
+            measured: measured.into(),
             corrections,
+            reference: None,
             tables: OnceLock::new(),
         }
     }
 
+    /// The same with other classes that people gave. Tables that rest on no such class are not computed again.
+    #[must_use]
+    pub fn with_corrections(&self, corrections: Corrections) -> Self {
+        let corrected = Self {
+            study: Arc::clone(&self.study),
+            measured: Arc::clone(&self.measured),
+            corrections,
+            reference: self.reference.clone(),
+            tables: OnceLock::new(),
+        };
+        if let Some(tables) = self.tables.get() {
+            let table = |table: &Table| match table.measure {
+                Measure::Behaviours => corrected.table(Measure::Behaviours),
+                Measure::Shares
+                | Measure::Accuracy
+                | Measure::Search
+                | Measure::Recall
+                | Measure::Richness
+                | Measure::Maps => table.clone(),
+            };
+            let tables: Vec<Table> = tables.iter().map(table).collect();
+            // Nobody else has it yet.
+            let _ = corrected.tables.set(tables);
+        }
+        corrected
+    }
+
+    /// The same with what there is to find, which recall is measured by.
+    #[must_use]
+    pub fn with_reference(self, reference: Option<Reference>) -> Self {
+        Self {
+            reference: reference.map(Arc::new),
+            tables: OnceLock::new(),
+            ..self
+        }
+    }
+
+    /// What there is to find; `None` if neither recall nor richness is measured, or not yet.
+    #[must_use]
+    pub fn reference(&self) -> Option<&Reference> {
+        self.reference.as_deref()
+    }
+
     /// The study.
     #[must_use]
-    pub const fn study(&self) -> &Study {
+    pub fn study(&self) -> &Study {
         &self.study
     }
 
     /// The cells that were measured, in the study's order.
     pub fn cells(&self) -> impl Iterator<Item = MeasuredCell<'_>> {
-        let cells = self.study.cells().iter().zip(&self.measured);
+        let cells = self.study.cells().iter().zip(self.measured.iter());
         cells.filter_map(|(cell, measured)| {
             Some(MeasuredCell {
                 cell,
                 measured: measured.as_ref()?,
             })
         })
+    }
+
+    /// The cell with this digest, if it was measured.
+    #[must_use]
+    pub fn cell(&self, digest: &str) -> Option<MeasuredCell<'_>> {
+        self.cells().find(|cell| cell.measured.cell == digest)
+    }
+
+    /// The campaign of each cell, in the study's order; `None` of those that were not measured.
+    #[must_use]
+    pub fn campaigns(&self) -> Vec<Option<String>> {
+        let campaign = |measured: &Option<Measured>| Some(measured.as_ref()?.campaign.clone());
+        self.measured.iter().map(campaign).collect()
     }
 
     /// The class of an individual of a cell, and whose word it is.
@@ -106,6 +167,9 @@ impl Outcome {
         if let Some(behaviours) = &cell.behaviours {
             figures = behaviours.figures(|index| self.class_of(cell, index).0);
         }
+        if let Some(trials) = &cell.shares {
+            figures.extend(trials.figures());
+        }
         if let Some(accuracy) = &cell.accuracy {
             figures.insert(Figure::Accuracy, accuracy.anchor_not_random);
             figures.insert(Figure::AccuracyOfEveryAnchor, accuracy.every_anchor);
@@ -113,6 +177,25 @@ impl Outcome {
         if let Some(search) = &cell.search {
             figures.insert(Figure::Loss, search.loss);
             figures.insert(Figure::Novelty, search.novelty);
+        }
+        let last = cell.recall.as_ref().and_then(|counts| counts.stages.last());
+        figures.extend(
+            last.map(|stage| self.stage_figures(cell, stage))
+                .unwrap_or_default(),
+        );
+        figures
+    }
+
+    /// Recall and richness of a cell at a number of evaluations, where they are measured.
+    pub(crate) fn stage_figures(&self, cell: &Measured, stage: &RecallStage) -> BTreeMap<Figure, f64> {
+        let has = |measure| self.study.measures().which.contains(&measure);
+        let mut figures = BTreeMap::new();
+        if let (Some(reference), true) = (self.reference(), has(Measure::Recall)) {
+            figures.extend(stage.recall(reference));
+        }
+        let is_independent = cell.recall.as_ref().is_some_and(|counts| counts.is_independent);
+        if is_independent && has(Measure::Richness) {
+            figures.extend(stage.richness());
         }
         figures
     }
@@ -128,14 +211,25 @@ impl Outcome {
 
     fn table(&self, measure: Measure) -> Table {
         let rows: Vec<_> = self.study.rows().into_iter().enumerate().collect();
-        let row = |(number, values): (usize, Vec<usize>)| self.row(measure, values, number as u64);
+        // What people named alone has no errors of the judge.
+        let has_errors = measure != Measure::Behaviours || self.is_any_by_judge();
+        let row =
+            |(number, values): (usize, Vec<usize>)| self.row(measure, values, number as u64, has_errors);
         Table {
             measure,
             rows: rows.into_par_iter().map(row).collect(),
         }
     }
 
-    fn row(&self, measure: Measure, values: Vec<usize>, number: u64) -> Row {
+    /// Whether the judge's word stands of some individual.
+    fn is_any_by_judge(&self) -> bool {
+        self.cells().any(|MeasuredCell { measured, .. }| {
+            let mut individuals = measured.behaviours.iter().flat_map(|of| of.individuals.keys());
+            individuals.any(|&index| self.class_of(measured, index).1 == JUDGE)
+        })
+    }
+
+    fn row(&self, measure: Measure, values: Vec<usize>, number: u64, has_errors: bool) -> Row {
         let cells: Vec<MeasuredCell<'_>> = self.cells().filter(|cell| cell.cell.values == values).collect();
         let mut seen = BTreeSet::new();
         let counted = cells
@@ -147,8 +241,14 @@ impl Outcome {
             });
         let figures: Vec<BTreeMap<Figure, f64>> = counted.map(|cell| self.figures(cell.measured)).collect();
         let mut resampled = match measure {
-            Measure::Behaviours => self.resampled(&cells, number),
-            Measure::Accuracy | Measure::Search => BTreeMap::new(),
+            Measure::Behaviours if has_errors => self.resampled(&cells, number),
+            Measure::Shares => resampled_shares(&cells, number),
+            Measure::Behaviours
+            | Measure::Accuracy
+            | Measure::Search
+            | Measure::Recall
+            | Measure::Richness
+            | Measure::Maps => BTreeMap::new(),
         };
         let mut entry = |figure: Figure| {
             let values_of: Vec<f64> = figures.iter().filter_map(|of| of.get(&figure).copied()).collect();
@@ -171,10 +271,6 @@ impl Outcome {
 
     /// The figures of a row with the judge's errors.
     fn resampled(&self, cells: &[MeasuredCell<'_>], row: u64) -> BTreeMap<Figure, Resampled> {
-        if !self.named_by().contains_key(JUDGE) {
-            // What people named has no errors of the judge.
-            return BTreeMap::new();
-        }
         let judged = |cell: &MeasuredCell<'_>| cell.measured.behaviours.is_some();
         let cells: Vec<&MeasuredCell<'_>> = cells.iter().filter(|cell| judged(cell)).collect();
         let Some(first) = cells.first() else {
@@ -189,15 +285,7 @@ impl Outcome {
             let (class, by) = self.class_of(cells[replicate].measured, index);
             (by != JUDGE).then_some(class)
         };
-        let resampled = errors.resampled(&behaviours, known, row);
-        let of = |figure: Figure| {
-            let values = resampled
-                .iter()
-                .filter_map(|of| of.get(&figure).copied())
-                .collect();
-            Some((figure, Resampled::of(values)?))
-        };
-        Measure::Behaviours.figures().into_iter().filter_map(of).collect()
+        summarised(Measure::Behaviours, &errors.resampled(&behaviours, known, row))
     }
 
     /// Where the published figures of the study come from, each once.
@@ -210,4 +298,24 @@ impl Outcome {
             .map(|published| published.source.as_str());
         sources.filter(|source| !source.is_empty()).collect()
     }
+}
+
+/// The shares of a row with the judge's errors.
+fn resampled_shares(cells: &[MeasuredCell<'_>], row: u64) -> BTreeMap<Figure, Resampled> {
+    let Some(first) = cells.first() else {
+        return BTreeMap::new();
+    };
+    let errors = JudgeErrors::of_model(first.cell.spec.model());
+    let trials = cells.iter().filter_map(|cell| cell.measured.shares.as_ref());
+    let resampled = errors.resampled_shares(&trials.collect::<Vec<_>>(), row);
+    summarised(Measure::Shares, &resampled)
+}
+
+/// The figures of a measure over all resamplings.
+fn summarised(measure: Measure, resampled: &[BTreeMap<Figure, f64>]) -> BTreeMap<Figure, Resampled> {
+    let of = |figure: Figure| {
+        let values = resampled.iter().filter_map(|of| of.get(&figure).copied());
+        Some((figure, Resampled::of(values.collect())?))
+    };
+    measure.figures().into_iter().filter_map(of).collect()
 }

@@ -3,50 +3,75 @@
 use crate::{
     corrections::JUDGE,
     figure::{Figure, Measure},
+    map_files::{self, RowMaps},
     outcome::{MeasuredCell, Outcome},
+    phase_picture,
     pictures::CellPictures,
     plot::dots,
+    recall_curve, share_bars,
     tables::{Entry, Row, Table},
+    wide::wide,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
-use murmuration_model::colours;
-use murmuration_proto::Class;
+use maud::{Markup, PreEscaped, html};
+use murmuration_model::colours::{self, class_colour};
 use murmuration_proto::{counted, grouped};
+use murmuration_report::Document;
+use std::collections::BTreeMap;
 
-const STYLE: &str = include_str!("page.css");
+const STYLE: &str = concat!(include_str!("page.css"), include_str!("tables.css"));
 
-/// The page loads nothing, sends nothing, and embeds nothing of another site.
-const POLICY: &str =
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'";
+/// The style sheet of [`tables_and_plots`], for a page that has the colours `--ink`, `--muted`, `--line` and `--accent`, and
+/// `--warm` for what was published.
+pub const TABLES_STYLE: &str = include_str!("tables.css");
 
-/// The whole document; `pictures` has those of each measured cell, in order.
-pub(crate) fn render(outcome: &Outcome, tables: &[Table], pictures: &[CellPictures]) -> String {
+/// What a page shows besides tables.
+#[derive(Clone, Copy)]
+pub(crate) struct Drawn<'a> {
+    /// The phase diagrams, if there are any.
+    pub(crate) phase: Option<&'a str>,
+    /// The pictures of each measured cell, in order.
+    pub(crate) behaviours: &'a [CellPictures],
+    /// The maps of each row that has some.
+    pub(crate) maps: &'a [RowMaps],
+    /// Whether the tables and pictures of the report are files beside the page.
+    pub(crate) files_beside: bool,
+}
+
+/// The whole document.
+pub(crate) fn render(outcome: &Outcome, tables: &[Table], drawn: Drawn<'_>) -> String {
     let study = outcome.study();
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                meta name="generator" content="Murmuration";
-                title { "Study " (study.name().as_str()) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                (header(outcome))
-                main {
-                    @for table in tables { (section(outcome, table)) }
-                    (behaviours(outcome, pictures))
-                    (cells(outcome))
-                    (commands(outcome))
-                }
-            }
-        }
+    let title = format!("Study {}", study.name().as_str());
+    let document = Document {
+        title: &title,
+        style: STYLE,
+        scripts: false,
+        pictures_beside: false,
     };
-    page.into_string()
+    document.with(&html! {
+        (header(outcome))
+        main.study {
+            @if let Some(picture) = drawn.phase { (phase_diagrams(picture, drawn.files_beside)) }
+            @for table in tables {
+                @if table.measure == Measure::Maps { (mapped(outcome, drawn)) }
+                @else { (section(outcome, table, drawn.files_beside)) }
+            }
+            (behaviours(outcome, drawn))
+            (cells(outcome))
+            (commands(outcome, drawn.files_beside))
+        }
+    })
+}
+
+/// The tables and plots of a study as they stand, without the maps: for a page in whose style sheets are [`TABLES_STYLE`].
+#[must_use]
+pub fn tables_and_plots(outcome: &Outcome) -> Markup {
+    let phase = phase_picture::svg(outcome.study().name().as_str(), &outcome.phase_diagrams());
+    let tables = outcome.tables().iter();
+    html! {
+        @if let Some(picture) = &phase { (phase_diagrams(picture, false)) }
+        @for table in tables.filter(|table| table.measure != Measure::Maps) { (section(outcome, table, false)) }
+    }
 }
 
 fn header(outcome: &Outcome) -> Markup {
@@ -71,16 +96,30 @@ fn header(outcome: &Outcome) -> Markup {
     }
 }
 
-fn section(outcome: &Outcome, table: &Table) -> Markup {
+fn phase_diagrams(picture: &str, files_beside: bool) -> Markup {
+    html! {
+        section #phase {
+            h2 { "Phase diagrams" }
+            p.lead {
+                "Percentage of the trials of each cell that the rule-based judge gave a class: the stronger the colour, the larger. Thin \
+                 lines are at 25 and 75 percent, the thick one at 50. Classes that no cell shows in a tenth of its trials are left out."
+                @if files_beside { " The figures are in cells.csv, the picture is phase.svg." }
+            }
+            (wide("Phase diagrams", &PreEscaped(picture.to_owned())))
+        }
+    }
+}
+
+fn section(outcome: &Outcome, table: &Table, files_beside: bool) -> Markup {
     let figures = table.figures();
     let main = figures.first().copied();
     html! {
         section id=(table.measure.name()) {
             h2 { (table.measure.title()) }
-            p.lead { (explained(outcome, table.measure)) }
+            p.lead { (explained(outcome, table.measure, files_beside)) }
             @if figures.is_empty() { p.lead { "Nothing is measured yet." } }
             @else {
-                div.wide {
+                (wide(&format!("Table: {}", table.measure.title()), &html! {
                     table {
                         thead { tr {
                             @for axis in outcome.study().axes() { th { (axis.name) } }
@@ -89,15 +128,23 @@ fn section(outcome: &Outcome, table: &Table) -> Markup {
                         } }
                         tbody { @for row in &table.rows { (line(outcome, row, &figures)) } }
                     }
-                }
-                @if let Some(main) = main {
-                    (dots(&table.rows, main, |row| named(outcome, row)))
+                }))
+                @if table.measure == Measure::Shares {
+                    (wide(&plot_of(table), &share_bars::bars(&table.rows, |row| outcome.study().row_in_words(&row.values))))
+                    p.legend {
+                        (share_bars::legend(&table.rows))
+                        @if any(table, |entry| entry.published.is_some()) { span.key-published { "published: random" } }
+                    }
+                } @else if table.measure == Measure::Recall {
+                    (recall(outcome))
+                } @else if let Some(main) = main {
+                    (wide(&plot_of(table), &dots(&table.rows, main, |row| outcome.study().row_in_words(&row.values))))
                     p.legend {
                         span.key-mean { "mean and standard deviation" }
-                        @if table.rows.iter().flat_map(|row| row.entries.values()).any(|entry| entry.resampled.is_some()) {
+                        @if any(table, |entry| entry.resampled.is_some()) {
                             span.key-judge { "with the judge's errors (5th to 95th percentile)" }
                         }
-                        @if table.rows.iter().flat_map(|row| row.entries.values()).any(|entry| entry.published.is_some()) {
+                        @if any(table, |entry| entry.published.is_some()) {
                             span.key-published { "published" }
                         }
                     }
@@ -107,12 +154,34 @@ fn section(outcome: &Outcome, table: &Table) -> Markup {
     }
 }
 
-/// A row in words.
-fn named(outcome: &Outcome, row: &Row) -> String {
-    let names: Vec<&str> = outcome.study().names(&row.values).collect();
-    match names.is_empty() {
-        true => outcome.study().name().as_str().to_owned(),
-        false => names.join(" · "),
+fn plot_of(table: &Table) -> String {
+    format!("Plot: {}", table.measure.title())
+}
+
+/// Whether some figure of a table has this.
+fn any(table: &Table, has: impl Fn(&Entry) -> bool) -> bool {
+    table.rows.iter().flat_map(|row| row.entries.values()).any(has)
+}
+
+/// The maps of controllers and behaviours.
+fn mapped(outcome: &Outcome, drawn: Drawn<'_>) -> Markup {
+    html! {
+        section #maps {
+            h2 { (Measure::Maps.title()) }
+            p.lead { (explained(outcome, Measure::Maps, drawn.files_beside)) }
+            @if drawn.maps.is_empty() { p.lead { "Nothing is measured yet." } }
+            (map_files::shown(drawn.maps))
+        }
+    }
+}
+
+/// Recall over evaluations.
+fn recall(outcome: &Outcome) -> Markup {
+    let stages = recall_curve::stages(outcome);
+    html! {
+        (wide("Plot: recall over evaluations", &recall_curve::plot(outcome, &stages)))
+        p.legend { span { "Mean over the replicates and standard deviation, over evaluations on a logarithmic scale." } }
+        (recall_curve::table(outcome, &stages))
     }
 }
 
@@ -149,7 +218,7 @@ fn shown(entry: &Entry, figure: Figure) -> Markup {
     }
 }
 
-fn explained(outcome: &Outcome, measure: Measure) -> Markup {
+fn explained(outcome: &Outcome, measure: Measure, files_beside: bool) -> Markup {
     match measure {
         Measure::Behaviours => {
             let named = outcome.named_by();
@@ -157,16 +226,19 @@ fn explained(outcome: &Outcome, measure: Measure) -> Markup {
                 "Medoids of each class and distinct classes: the mean over the last "
                 (outcome.study().measures().generations)
                 " taxonomies of a replicate, then mean ± sample standard deviation over the replicates. "
-                @for (by, count) in &named {
-                    @let who = if by == JUDGE { "The rule-based judge" } else { by.as_str() };
-                    (who) " named " (counted(*count as u64, "individual")) ". "
-                }
+                (judged_by(&named)) " "
                 @if named.contains_key(JUDGE) {
                     "The second line has the judge's errors: mean, 5th and 95th percentile of 1,000 resamplings of the replicates and of \
                      the classes that people give to what the judge so names."
                 }
             }
         }
+        Measure::Shares => html! {
+            "Percentage of all trials of a replicate's archive that the rule-based judge gave each class, then mean ± sample standard \
+             deviation over the replicates. Small clusters, chains and moving clumps are patterns among the random trials. The second \
+             line has the judge's errors: mean, 5th and 95th percentile of 1,000 resamplings of the replicates and of the classes that \
+             people give to what the judge so names, on the labelled sets."
+        },
         Measure::Accuracy => html! {
             "Share of labelled triplets in which the anchor is nearer to the positive than to the negative, percent; n counts \
              different embeddings. The first column leaves out anchors of the class random."
@@ -175,17 +247,64 @@ fn explained(outcome: &Outcome, measure: Measure) -> Markup {
             "Loss of the last taxonomy, and mean novelty of the last generation. Both are in units of the behaviour space: compare \
              them only within a method."
         },
+        Measure::Recall => html! {
+            @if let (Some(reference), Some(plan)) = (outcome.reference(), &outcome.study().measures().recall) {
+                "Of what the atlas (campaign " (reference.campaign) ") holds, the share that the first individuals of each archive \
+                 find. Its behaviours, in the five features divided by their standard deviations, are "
+                (counted(reference.niches.len() as u64, "niche")) " of about equal size; a niche is reached if an individual lies in it, \
+                 and of the class that most of its controllers are of. A class or pattern is found if a trial was judged so; the \
+                 atlas has " (reference.verdicts.len()) ". The table is of "
+                (grouped(plan.at.last().map_or(0, |at| u64::from(at.get())))) " evaluations."
+            }
+        },
+        Measure::Richness => html! {
+            @if let Some(reference) = outcome.reference() {
+                "How many niches of the behaviour space, and how many classes and patterns, there are by Chao1 and ACE, from how often \
+                 each was met: of the method random alone, since both take draws to be independent. The atlas has "
+                (counted(reference.niches.len() as u64, "niche")) " and " (reference.verdicts.len())
+                " classes and patterns. Mean ± sample standard deviation over the replicates"
+                @if files_beside { "; richness.csv has the 95 % interval of each" } "."
+            }
+        },
+        Measure::Maps => html! {
+            "Behaviours and controllers of the first generation of the first replicate of each row, placed by t-SNE, in the colours of \
+             the class that the judge gave most trials. Neighbours are alike; the distances between groups mean nothing. The histogram has the \
+             heuristic scores of the same controllers."
+        },
     }
 }
 
-fn behaviours(outcome: &Outcome, pictures: &[CellPictures]) -> Markup {
+/// Who judged the medoids: `Judged by: the rule-based judge; 37 of 320 medoids by ann.`
+fn judged_by(named: &BTreeMap<String, usize>) -> String {
+    let all: usize = named.values().sum();
+    let people = named.iter().filter(|(by, _)| *by != JUDGE);
+    let people = people.map(|(by, count)| {
+        let medoids = counted(all as u64, "medoid");
+        format!("{} of {medoids} by {by}", grouped(*count as u64))
+    });
+    let judge = named
+        .contains_key(JUDGE)
+        .then(|| "the rule-based judge".to_owned());
+    let said: Vec<String> = judge.into_iter().chain(people).collect();
+    match said.is_empty() {
+        true => String::new(),
+        false => format!("Judged by: {}.", said.join("; ")),
+    }
+}
+
+fn behaviours(outcome: &Outcome, drawn: Drawn<'_>) -> Markup {
+    let pictures = drawn.behaviours;
     html! {
-        @if !pictures.is_empty() {
+        @if pictures.iter().any(|cell| !cell.medoids.is_empty()) {
             section #medoids {
                 h2 { "The medoids" }
                 p.lead {
                     "The last taxonomy of each cell: the paths of the last steps, and the class that it was given. To name them \
-                     yourself, edit the columns class and by of medoids.csv and write the report again with --classes."
+                     yourself, use the study's page of a coordinator"
+                    @if drawn.files_beside {
+                        "; or edit the columns class and by of medoids.csv and write the report again with --classes"
+                    }
+                    "."
                 }
                 @for (cell, pictures) in outcome.cells().zip(pictures) { (cell_medoids(outcome, &cell, pictures)) }
             }
@@ -201,10 +320,10 @@ fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &CellPictu
                 div.medoids {
                     @for (index, png) in &pictures.medoids {
                         @let (class, by) = outcome.class_of(cell.measured, *index);
-                        figure style={ "--class:" (colour(class)) } {
+                        figure style={ "--class:" (colours::hex(class_colour(class))) } {
                             img loading="lazy" alt={ "Individual " (index) } src={ "data:image/png;base64," (STANDARD.encode(png)) };
                             figcaption {
-                                b { (class.name().replace('_', " ")) }
+                                b { (class.words()) }
                                 " " (grouped(*index))
                                 @if by != JUDGE { " (" (by) ")" }
                             }
@@ -216,18 +335,12 @@ fn cell_medoids(outcome: &Outcome, cell: &MeasuredCell<'_>, pictures: &CellPictu
     }
 }
 
-/// The colour of a class, the same in every report.
-fn colour(class: Class) -> String {
-    let place = Class::ALL.into_iter().position(|known| known == class);
-    colours::hex(colours::cluster(place.unwrap_or_default()))
-}
-
 fn cells(outcome: &Outcome) -> Markup {
     html! {
         section #cells {
             h2 { "The cells" }
             p.lead { "Each is a campaign. Two runs of its specification have the same digest." }
-            div.wide {
+            (wide("Table: the cells", &html! {
                 table {
                     thead { tr {
                         th { "cell" } th { "campaign" } th.number { "evaluations" } th { "digest of the archive" } th { "checkpoint" }
@@ -244,12 +357,12 @@ fn cells(outcome: &Outcome) -> Markup {
                         }
                     }
                 }
-            }
+            }))
         }
     }
 }
 
-fn commands(outcome: &Outcome) -> Markup {
+fn commands(outcome: &Outcome, files_beside: bool) -> Markup {
     let name = outcome.study().name().as_str();
     html! {
         section #commands {
@@ -260,7 +373,9 @@ fn commands(outcome: &Outcome) -> Markup {
                 "murmuration study report " (name) " --classes medoids.csv\n"
                 "murmuration report CAMPAIGN                 # the report of one cell"
             }
-            p.lead { "cells.csv has the figures of each cell; medoids.csv has each judged individual. Every table here follows from them." }
+            @if files_beside {
+                p.lead { "cells.csv has the figures of each cell; medoids.csv has each judged individual. Every table here follows from them." }
+            }
         }
     }
 }

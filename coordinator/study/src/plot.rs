@@ -7,12 +7,12 @@ use crate::{
 use maud::{Markup, html};
 
 /// Width of the plot and of the names of its rows; height of a row and of the axis; pixels.
-const WIDTH: f64 = 900.0;
-const NAMES: f64 = 330.0;
-const ROW: f64 = 30.0;
-const AXIS: f64 = 46.0;
+pub(crate) const WIDTH: f64 = 900.0;
+pub(crate) const NAMES: f64 = 330.0;
+pub(crate) const ROW: f64 = 30.0;
+pub(crate) const AXIS: f64 = 46.0;
 /// Free pixels beside the smallest and the largest value.
-const MARGIN: f64 = 24.0;
+pub(crate) const MARGIN: f64 = 24.0;
 
 /// The plot of a figure; nothing if no row has it. `name` names a row.
 pub(crate) fn dots(rows: &[Row], figure: Figure, name: impl Fn(&Row) -> String) -> Markup {

@@ -1,32 +1,29 @@
 //! Writes the report of a study: one self-contained page, and the tables that it follows from.
 
 use crate::{
+    figure::Measure,
+    map_files::{self, RowMaps},
     outcome::{MeasuredCell, Outcome},
-    page,
+    page::{self, Drawn},
+    phase_picture,
     pictures::CellPictures,
+    recall_curve,
+    report_error::ReportError,
     written,
 };
 use murmuration_report::Folder;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// Why a report cannot be written.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// A file or folder cannot be written.
-    #[error("{0}")]
-    Write(#[from] murmuration_report::ReportError),
-    /// A medoid cannot be simulated or drawn.
-    #[error("cannot draw individual {index} of campaign {campaign}: {reason}")]
-    Picture {
-        /// Its index.
-        index: u64,
-        /// Its campaign.
-        campaign: String,
-        /// What is wrong.
-        reason: String,
-    },
-}
+/// Files that not every report has.
+const OPTIONAL: [&str; 6] = [
+    "phase.svg",
+    "recall.svg",
+    "recall.csv",
+    "richness.csv",
+    "niches.csv",
+    "maps.csv",
+];
 
 /// The files that were written.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,23 +34,95 @@ pub struct ReportFiles {
     pub cells: PathBuf,
     /// The judged individuals.
     pub medoids: PathBuf,
+    /// The phase diagrams, if the study has any.
+    pub phase: Option<PathBuf>,
 }
 
-/// Writes `report.html`, `cells.csv` and `medoids.csv` into `folder`, which is made if it does not exist. Every file is
-/// complete or absent; the page is written last.
+/// Writes `report.html`, `cells.csv` and `medoids.csv` into `folder`, which is made if it does not exist; for a study with phase
+/// diagrams, also `phase.svg`; where recall was measured, also `recall.svg` and `recall.csv`; where richness was, `richness.csv`;
+/// with either, `niches.csv`; where maps were made, also `maps.csv` and the folder `maps`. Every file is complete or absent; the page is
+/// written last, and then such files of an earlier report are removed that this one does not have.
 ///
 /// # Errors
 /// See [`ReportError`].
 pub fn write_report(outcome: &Outcome, folder: &Path) -> Result<ReportFiles, ReportError> {
-    let cells: Vec<MeasuredCell<'_>> = outcome.cells().collect();
-    let pictures: Vec<CellPictures> = cells.par_iter().map(drawn).collect::<Result<_, _>>()?;
-    let page = page::render(outcome, outcome.tables(), &pictures);
+    let pictures = Pictures::draw(outcome)?;
+    let page = page::render(outcome, outcome.tables(), pictures.shown(true));
+    let Pictures { phase, maps, .. } = pictures;
     let mut files = Folder::create(folder)?;
-    Ok(ReportFiles {
+    if outcome.reference().is_some() {
+        write_recall(outcome, &mut files)?;
+    }
+    if !maps.is_empty() {
+        map_files::write(outcome, &maps, &mut files)?;
+    }
+    let page_files = ReportFiles {
         cells: files.write("cells.csv", |file| written::cells(outcome, file))?,
         medoids: files.write("medoids.csv", |file| written::medoids(outcome, file))?,
+        phase: phase
+            .map(|picture| files.text("phase.svg", &picture))
+            .transpose()?,
         page: files.text("report.html", &page)?,
-    })
+    };
+    // What an earlier report of other measures or rows left here is not this one's.
+    files.remove_unless_written(
+        OPTIONAL
+            .map(str::to_owned)
+            .into_iter()
+            .chain(map_files::earlier(folder)),
+    )?;
+    Ok(page_files)
+}
+
+/// The page of [`write_report`] alone, which names no file beside it.
+///
+/// # Errors
+/// See [`ReportError`].
+pub fn report_page(outcome: &Outcome) -> Result<String, ReportError> {
+    let pictures = Pictures::draw(outcome)?;
+    Ok(page::render(outcome, outcome.tables(), pictures.shown(false)))
+}
+
+/// What is drawn for a report.
+struct Pictures {
+    phase: Option<String>,
+    behaviours: Vec<CellPictures>,
+    maps: Vec<RowMaps>,
+}
+
+impl Pictures {
+    fn draw(outcome: &Outcome) -> Result<Self, ReportError> {
+        let cells: Vec<MeasuredCell<'_>> = outcome.cells().collect();
+        Ok(Self {
+            behaviours: cells.par_iter().map(drawn).collect::<Result<_, _>>()?,
+            phase: phase_picture::svg(outcome.study().name().as_str(), &outcome.phase_diagrams()),
+            maps: map_files::draw(outcome)?,
+        })
+    }
+
+    /// For the page.
+    fn shown(&self, files_beside: bool) -> Drawn<'_> {
+        Drawn {
+            phase: self.phase.as_deref(),
+            behaviours: &self.behaviours,
+            maps: &self.maps,
+            files_beside,
+        }
+    }
+}
+
+fn write_recall(outcome: &Outcome, files: &mut Folder) -> Result<(), ReportError> {
+    let has = |measure| outcome.study().measures().which.contains(&measure);
+    files.write("niches.csv", |file| recall_curve::niches_csv(outcome, file))?;
+    if has(Measure::Recall) {
+        let stages = recall_curve::stages(outcome);
+        files.text("recall.svg", &recall_curve::plot(outcome, &stages).into_string())?;
+        files.write("recall.csv", |file| recall_curve::recall_csv(outcome, file))?;
+    }
+    if has(Measure::Richness) {
+        files.write("richness.csv", |file| recall_curve::richness_csv(outcome, file))?;
+    }
+    Ok(())
 }
 
 fn drawn(cell: &MeasuredCell<'_>) -> Result<CellPictures, ReportError> {
@@ -63,4 +132,23 @@ fn drawn(cell: &MeasuredCell<'_>) -> Result<CellPictures, ReportError> {
         reason,
     };
     CellPictures::of(cell).map_err(failed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Corrections, sample, tables_and_plots};
+
+    #[test]
+    fn only_the_page_of_a_folder_names_the_files_beside_it() {
+        let study = sample::study();
+        let measured = sample::measured(&study, 0, &[&["milling", "random"]]);
+        let outcome = Outcome::new(study, vec![Some(measured)], Corrections::default());
+        let alone = report_page(&outcome).unwrap();
+        assert!(!alone.contains("cells.csv has"));
+        assert!(!tables_and_plots(&outcome).into_string().contains(".csv"));
+        let folder = tempfile::tempdir().unwrap();
+        let beside = write_report(&outcome, folder.path()).unwrap().page;
+        assert!(std::fs::read_to_string(beside).unwrap().contains("cells.csv has"));
+    }
 }

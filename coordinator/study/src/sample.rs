@@ -45,6 +45,7 @@ pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> M
         checkpoint: String::new(),
         evaluations: 10_000,
         behaviours: Some(behaviours),
+        shares: None,
         accuracy: Some(AccuracyFigures {
             embedding: "features".to_owned(),
             anchor_not_random: 83.25,
@@ -54,6 +55,8 @@ pub(crate) fn measured(study: &Study, place: usize, taxonomies: &[&[&str]]) -> M
             loss: place as f64,
             novelty: 0.5,
         }),
+        recall: None,
+        maps: None,
         cell,
     }
 }

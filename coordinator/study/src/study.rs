@@ -1,6 +1,9 @@
 //! A study, and the cells of its grid.
 
-use crate::figure::{Figure, Measure};
+use crate::{
+    figure::{Figure, Measure},
+    recall::RecallPlan,
+};
 use murmuration_proto::{CampaignName, CampaignSpec};
 use std::{collections::BTreeMap, num::NonZeroU32, path::PathBuf};
 
@@ -12,17 +15,22 @@ pub struct Study {
     pub(crate) seeds: Vec<u64>,
     pub(crate) embedders: Option<NonZeroU32>,
     pub(crate) measures: Measures,
+    pub(crate) phase: Option<Phase>,
     pub(crate) published: Vec<Published>,
     pub(crate) cells: Vec<Cell>,
 }
 
 /// What differs between cells, besides the seed.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
     /// Its name: 1 to 32 lower-case letters, digits, `-` and `_`.
     pub name: String,
     /// The names of its values, 1 to 64, all different.
     pub values: Vec<String>,
+    /// The path of the field that an axis of numbers is about, such as `world.agents`; `None` of other axes.
+    pub field: Option<String>,
+    /// Of an axis of numbers the number of each value; empty of other axes.
+    pub numbers: Vec<f64>,
 }
 
 /// A campaign of the grid.
@@ -36,8 +44,17 @@ pub struct Cell {
     pub spec: CampaignSpec,
 }
 
+/// The axes that a study lays its phase diagrams over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Phase {
+    /// The place of the axis from left to right; it has numbers.
+    pub x: usize,
+    /// The place of the axis from bottom to top; it has numbers. `None` if there is one axis alone.
+    pub y: Option<usize>,
+}
+
 /// What is measured of each cell.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Measures {
     /// Which measures, each once, in the order of [`Measure::ALL`].
     pub which: Vec<Measure>,
@@ -47,6 +64,8 @@ pub struct Measures {
     pub random: RandomBatches,
     /// The labelled sets of the accuracy, by the name of a capability model: files, as the study file names them.
     pub labelled: BTreeMap<String, LabelledSets>,
+    /// How recall and richness are measured; present where they are.
+    pub recall: Option<RecallPlan>,
 }
 
 /// The label files of a capability model, joined.
@@ -106,6 +125,12 @@ impl Study {
         &self.measures
     }
 
+    /// The axes of its phase diagrams; `None` if it has none.
+    #[must_use]
+    pub const fn phase(&self) -> Option<Phase> {
+        self.phase
+    }
+
     /// Its cells: the values of the last axis vary fastest, then those of the others; the replicates of a row are together.
     #[must_use]
     pub fn cells(&self) -> &[Cell] {
@@ -124,6 +149,16 @@ impl Study {
     pub fn names<'a>(&'a self, values: &'a [usize]) -> impl Iterator<Item = &'a str> {
         let named = self.axes.iter().zip(values);
         named.filter_map(|(axis, &place)| axis.values.get(place).map(String::as_str))
+    }
+
+    /// A row in words: `single sensor · latent`; the name of the study if it has no axes.
+    #[must_use]
+    pub fn row_in_words(&self, values: &[usize]) -> String {
+        let names: Vec<&str> = self.names(values).collect();
+        match names.is_empty() {
+            true => self.name.as_str().to_owned(),
+            false => names.join(" · "),
+        }
     }
 
     /// A cell in words: `single sensor · latent · seed 3`.

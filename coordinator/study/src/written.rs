@@ -2,6 +2,7 @@
 
 use crate::{figure::Figure, outcome::Outcome};
 use csv::Writer;
+use murmuration_model::labels::to_cell;
 use std::io::{self, Write};
 
 /// One row a measured cell.
@@ -71,7 +72,7 @@ pub(crate) fn medoids(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()>
                 let rest = [
                     class.name().to_owned(),
                     individual.pattern.clone(),
-                    by.to_owned(),
+                    to_cell(by).into_owned(),
                     individual.seed.to_string(),
                     genes.join(" "),
                 ];

@@ -1,6 +1,6 @@
 //! What lies between a film and the world that it is of: its pace and its units.
 
-use murmuration_proto::{Boundary, Invalid, World};
+use murmuration_proto::{Invalid, World};
 
 /// How a world was filmed.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,6 +68,11 @@ impl<'a> Filmed<'a> {
         self.scale
     }
 
+    /// The world that was filmed.
+    pub(crate) const fn world(&self) -> &World {
+        self.world
+    }
+
     /// Frames from one step to the next.
     pub(crate) const fn frames_a_step(&self) -> f64 {
         self.frames_a_step
@@ -77,18 +82,6 @@ impl<'a> Filmed<'a> {
     pub(crate) fn place(&self, at: [f64; 2]) -> [f64; 2] {
         // A scale of 1 without an offset leaves every bit as it is.
         [0, 1].map(|axis| self.origin[axis] + self.scale * at[axis])
-    }
-
-    /// The way from one place of the world to another: on a torus the shorter way around.
-    pub(crate) fn way(&self, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
-        let sides = [self.world.width(), self.world.height()];
-        [0, 1].map(|axis| {
-            let way = to[axis] - from[axis];
-            match self.world.boundary() {
-                Boundary::Torus => way - sides[axis] * (way / sides[axis]).round(),
-                Boundary::Walls | Boundary::Open => way,
-            }
-        })
     }
 
     /// Distance from which on a motion is no jitter of the camera, world units: a fifth of the largest radius.

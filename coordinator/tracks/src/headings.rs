@@ -25,7 +25,7 @@ fn direction(path: &[Sighting], step: usize, filmed: &Filmed<'_>) -> Option<f64>
     (1..=MOST_STEPS).find_map(|steps| {
         let before = path[step.saturating_sub(steps)];
         let after = path[(step + steps).min(path.len() - 1)];
-        let [x, y] = filmed.way(before.at, after.at);
+        let [x, y] = filmed.world().way(before.at, after.at);
         (x.hypot(y) > filmed.still()).then(|| y.atan2(x))
     })
 }

@@ -110,7 +110,7 @@ fn seen(sightings: &BTreeMap<u32, Sighting>, moment: f64, filmed: &Filmed<'_>) -
     };
     let share = (moment - f64::from(before.0)) / (f64::from(after.0) - f64::from(before.0));
     let (before, after) = (placed(before.1), placed(after.1));
-    let way = filmed.way(before.at, after.at);
+    let way = filmed.world().way(before.at, after.at);
     let turned = |from: f64, to: f64| {
         let turn = to - from;
         from + share * (turn - TAU * (turn / TAU).round())

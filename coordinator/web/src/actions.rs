@@ -1,37 +1,10 @@
 //! The actions behind the buttons.
 
-use super::{Web, examples::EXAMPLES, page_error::PageError};
+use super::{Web, page_error::PageError};
 use axum::{
-    Form,
     extract::{Path, State},
     response::Redirect,
 };
-use murmuration_model::Weight;
-use murmuration_proto::{CampaignSpec, Invalid, SpecFileError};
-use serde::Deserialize;
-
-/// The form that starts an example.
-#[derive(Debug, Deserialize)]
-pub(super) struct Start {
-    example: String,
-}
-
-pub(super) async fn start(
-    State(web): State<Web>,
-    Form(Start { example }): Form<Start>,
-) -> Result<Redirect, PageError> {
-    let found = EXAMPLES.iter().find(|(name, _, _)| *name == example);
-    let (_, _, text) = found.ok_or_else(|| {
-        let names = EXAMPLES.map(|(name, _, _)| name).join(", ");
-        Invalid::new("example", format!("{example:?}"), format!("one of {names}"))
-    })?;
-    let spec = CampaignSpec::from_toml(text).map_err(|error| match error {
-        SpecFileError::Value(invalid) => invalid,
-        SpecFileError::Syntax(error) => Invalid::new("example", example, error.to_string()),
-    })?;
-    let created = web.campaigns.create(spec, Weight::default()).await?;
-    Ok(page_of(created.record.id.as_str()))
-}
 
 pub(super) async fn pause(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
     let paused = web.campaigns.pause(&id).await?;

@@ -1,6 +1,6 @@
 //! Response headers that tell browsers what a page may load, which sites may embed it, and whether to keep it.
 
-use super::archived;
+use super::{archived, page_error::negotiated};
 use axum::{
     extract::{Request, State},
     http::{
@@ -21,7 +21,8 @@ const POLICY: &str = "default-src 'none'; style-src 'self'; script-src 'self'; i
 /// Sets these headers on every response but those of gRPC. Behind a log-in only responses that are
 /// [archived](super::archived) may be kept.
 pub(super) async fn protect(State(door): State<Arc<Door>>, request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
+    let accepts = request.headers().clone();
+    let mut response = negotiated(next.run(request).await, &accepts);
     let is_for_anybody = response.extensions().get() == Some(&Requirement::Nothing);
     let headers = response.headers_mut();
     let kind = headers.get(CONTENT_TYPE).map(HeaderValue::as_bytes);

@@ -25,6 +25,7 @@ pub(super) async fn one(
     let content = html! {
         div.wide-bar {
             h1 { "What does this swarm do?" }
+            (parts::keys(&[&parts::PALETTE_KEYS[..], &NO_CLASS_KEYS, &parts::PLAYER_KEYS].concat()))
             p.counted.once-named.scripted {
                 progress #share max="1" value="0" aria-label="Answered by you" {}
                 span #count { "…" }
@@ -33,19 +34,24 @@ pub(super) async fn one(
         }
         (parts::who())
         div.columns.once-named {
-            section.watch.scripted aria-label="The behaviour" { (parts::stage("Motion of the behaviour")) }
+            section.watch.scripted aria-label="The behaviour" { (parts::stage("Motion of the behaviour", record.spec.world())) }
             section.side aria-label="Your answer" {
                 div.seen.scripted {
-                    img #picture width="150" height="150" alt="";
+                    figure { canvas #paths role="img" aria-label="Paths of the robots" {} figcaption { "The paths" } }
+                    figure { img #picture width="150" height="150" alt=""; figcaption { @if record.spec.method().embeds() { "What the network sees" } @else { "The stored picture" } } }
                     div aria-live="polite" { p #which { strong { "…" } } p #reason.reason {} }
                 }
-                (parts::palette(true))
+                (parts::palette(record.spec.world(), true))
                 (parts::status_line())
                 (parts::learn(&record))
+                @if record.spec.method().embeds() {
+                    p.reason { "You need no names to " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } "." }
+                }
+                (parts::downloads(&record))
             }
         }
         details.settings.once-named.scripted {
-            summary { "Settings and keys" }
+            summary { "Settings" }
             div.choices {
                 label { "Ask " select #strategy {
                     @for (strategy, said) in STRATEGIES {
@@ -61,9 +67,6 @@ pub(super) async fn one(
                 label { input #agreement type="checkbox"; " Ask what others have answered, to measure agreement" }
                 (parts::rename())
             }
-            dl.keys {
-                @for (key, what) in KEYS { div { dt { kbd { (key) } } dd { (what) } } }
-            }
         }
     };
     Ok(campaign_page(&record, Part::Label, &visitor, "label.js", content))
@@ -75,16 +78,14 @@ const STRATEGIES: [(Strategy, &str); 2] = [
     (Strategy::Random, "at random"),
 ];
 
-const KEYS: [(&str, &str); 9] = [
-    ("1 … 9", "the class with that number"),
-    ("n", "name a class, new or existing"),
-    ("?", "not sure"),
-    ("s", "skip"),
-    ("u", "undo the last answer"),
-    ("Space", "play or pause"),
-    ("← →", "a few steps back or forward"),
-    ("- +", "slower or faster"),
-    ("r", "restart the motion"),
+/// The keys for answers that name no class.
+const NO_CLASS_KEYS: [(&str, &str); 2] = [("0", "not sure"), ("s", "skip")];
+
+/// The keys of the sheet besides those of its palette.
+const SHEET_KEYS: [(&str, &str); 3] = [
+    ("← →", "the previous or next cluster"),
+    ("Tab", "go from picture to picture, and play its motion"),
+    ("Space", "mark the picture as different, or unmark it"),
 ];
 
 /// A cluster at once.
@@ -97,6 +98,7 @@ pub(super) async fn sheet(
     let content = html! {
         div.wide-bar {
             h1 { "Which of these differ?" }
+            (parts::keys(&[&parts::PALETTE_KEYS[..], &SHEET_KEYS].concat()))
             div.choices.once-named.scripted {
                 button.plain #before type="button" { "Previous " kbd { "←" } }
                 label { "Cluster " select #cluster {} }
@@ -109,18 +111,18 @@ pub(super) async fn sheet(
             "rest. The behaviours that you mark stay unnamed and are shown again later. " span #so-far role="status" {} " "
             button.plain #fresh type="button" hidden { "Show the new clusters" }
         }
-        div.columns.once-named {
+        div.columns.sheeted.once-named {
             section.sheet.scripted aria-label="Members of the cluster" {
                 div #sheet {}
                 canvas #over aria-hidden="true" {}
                 p.empty hidden {}
             }
             section.side aria-label="Your answer" {
+                (parts::stage("Motion of the behaviour under the pointer", record.spec.world()))
                 p #rest.reason.scripted { "…" }
-                (parts::palette(false))
+                (parts::palette(record.spec.world(), false))
                 (parts::status_line())
                 (parts::learn(&record))
-                (parts::stage("Motion of the behaviour under the pointer"))
             }
         }
     };

@@ -3,28 +3,51 @@
 use super::visitor::Visitor;
 use maud::{DOCTYPE, Markup, html};
 use murmuration_model::CampaignRecord;
+use murmuration_report::atlas::Layout;
 
 /// The title of the page on which people play.
 const PLAY: &str = "Play";
+/// The title of the page that explains the words of the others.
+pub(super) const GLOSSARY: &str = "Glossary";
+/// The title of the list of studies.
+pub(super) const STUDIES: &str = "Studies";
 
 /// The pages of a campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
     Progress,
     Label,
+    Comparisons,
     Sheet,
     Map,
+    Answers,
+    Classes,
     Taxonomy,
+    Atlas,
 }
 
 impl Part {
-    const ALL: [(Self, &str, &str); 5] = [
+    const ALL: [(Self, &str, &str); 9] = [
         (Self::Progress, "", "Progress"),
         (Self::Label, "/label", "Label"),
+        (Self::Comparisons, "/comparisons", "Comparisons"),
         (Self::Sheet, "/sheet", "Sheet"),
         (Self::Map, "/map", "Map"),
+        (Self::Answers, "/answers", "Answers"),
+        (Self::Classes, "/classes", "Classes"),
         (Self::Taxonomy, "/taxonomy", "Taxonomy"),
+        (Self::Atlas, "/atlas", "Atlas"),
     ];
+
+    /// Whether a campaign has this page.
+    fn is_of(self, record: &CampaignRecord) -> bool {
+        self != Self::Atlas || atlas_of(record).is_some()
+    }
+}
+
+/// The layout of the atlas of a campaign; `None` if it has none.
+pub(super) fn atlas_of(record: &CampaignRecord) -> Option<Layout> {
+    Layout::of(&record.spec).filter(|_| record.spec.judges())
 }
 
 /// A whole page around `content`.
@@ -37,12 +60,32 @@ pub(super) fn layout(title: &str, visitor: &Visitor, content: Markup) -> Markup 
     )
 }
 
+/// A whole page around `content`, with these scripts.
+pub(super) fn layout_with(title: &str, visitor: &Visitor, scripts: &[&str], content: Markup) -> Markup {
+    document(
+        title,
+        visitor.account(),
+        scripts,
+        html! { main #content { (content) } },
+    )
+}
+
 /// The page on which people play, with its script.
 pub(super) fn play_page(visitor: &Visitor, content: Markup) -> Markup {
     document(
         PLAY,
         visitor.account(),
         &["play.js"],
+        html! { main #content { (content) } },
+    )
+}
+
+/// The page of a study, with its script.
+pub(super) fn study_page(name: &str, visitor: &Visitor, content: Markup) -> Markup {
+    document(
+        &format!("Study {name}"),
+        visitor.account(),
+        &["study.js"],
         html! { main #content { (content) } },
     )
 }
@@ -64,7 +107,7 @@ pub(super) fn campaign_page(
     let links = html! {
         span.campaign { (id) }
         nav aria-label="Campaign" {
-            @for (other, path, name) in Part::ALL {
+            @for (other, path, name) in Part::ALL.into_iter().filter(|(part, ..)| part.is_of(record)) {
                 a href={ "/campaigns/" (id) (path) } aria-current=[(other == part).then_some("page")] { (name) }
             }
         }
@@ -91,7 +134,7 @@ fn without_scripts(record: &CampaignRecord, part: Part) -> Markup {
                 "Without JavaScript the motions cannot be played and the behaviours cannot be named here. The report shows its "
                 "pictures and numbers without JavaScript."
             },
-            Part::Label | Part::Sheet | Part::Map => {
+            Part::Label | Part::Comparisons | Part::Sheet | Part::Map | Part::Answers | Part::Classes | Part::Atlas => {
                 "This page needs JavaScript, which is not running in this browser. Without JavaScript, see the "
                 (page("", "progress")) " and the " (page("/taxonomy", "taxonomy")) " of the campaign, or read answers from a "
                 "file with the command " code { "murmuration label " (record.id) " --csv FILE" } "."
@@ -113,6 +156,11 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 link rel="stylesheet" href="/assets/style.css";
                 link rel="stylesheet" href="/assets/teach.css";
                 link rel="stylesheet" href="/assets/play.css";
+                @if scripts.contains(&"atlas.js") { link rel="stylesheet" href="/assets/atlas.css"; }
+                @if scripts.contains(&"study.js") {
+                    link rel="stylesheet" href="/assets/tables.css";
+                    link rel="stylesheet" href="/assets/study.css";
+                }
                 noscript { link rel="stylesheet" href="/assets/noscript.css"; }
                 @for script in scripts { script type="module" src={ "/assets/" (script) } {} }
             }
@@ -121,6 +169,8 @@ fn document(title: &str, links: Markup, scripts: &[&str], main: Markup) -> Marku
                 header {
                     a.home href="/" { "Murmuration" }
                     a.site href="/play" aria-current=[(title == PLAY).then_some("page")] { (PLAY) }
+                    a.site href="/studies" aria-current=[(title == STUDIES).then_some("page")] { (STUDIES) }
+                    a.site href="/glossary" aria-current=[(title == GLOSSARY).then_some("page")] { (GLOSSARY) }
                     (links)
                 }
                 p.stale-note role="status" hidden {}

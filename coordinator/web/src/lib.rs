@@ -5,26 +5,42 @@
 //! request on to the services, which validate and decide.
 
 mod actions;
+mod answers;
 mod archived;
 mod assets;
+mod atlas;
+mod classes;
+mod comparisons;
+mod delete;
+mod downloads;
 mod examples;
+mod found;
+mod glossary;
 mod guard;
 mod label;
 mod layout;
+mod list;
 mod live;
 mod login;
+mod machines;
 mod map;
 mod motion;
+mod named;
+mod new;
 mod page_error;
 mod pages;
 mod parts;
 mod play;
+mod progress;
 mod refused;
+mod side_by_side;
+mod studies;
 mod taxonomy;
 mod teach;
 mod time_limit;
 mod visitor;
 
+pub use atlas::DrawnAtlas;
 use axum::{
     http::{HeaderMap, HeaderValue, Uri, header::CONTENT_TYPE},
     middleware,
@@ -41,6 +57,8 @@ use murmuration_store::Store;
 use page_error::PageError;
 pub use play::Playground;
 use std::sync::Arc;
+pub use studies::Studies;
+pub use taxonomy::Judged;
 use tonic::{Status, service::Routes};
 
 const VIEWER: Requirement = Requirement::VIEWER;
@@ -62,6 +80,12 @@ pub struct Web {
     pub labels: LabelApi,
     /// Where swarms are simulated for people who play.
     pub play: Playground,
+    /// The studies of the data directory.
+    pub studies: Studies,
+    /// The atlases that were drawn last.
+    pub atlas: DrawnAtlas,
+    /// What the judge has said of medoids lately.
+    pub judged: Judged,
 }
 
 /// The pages and probes beside the gRPC services, on one port.
@@ -89,8 +113,11 @@ pub fn show_refusal(refusal: Refusal, uri: &Uri, headers: &HeaderMap) -> Respons
 /// Every page, and every asset and request of their scripts.
 fn pages() -> GuardedRouter<Web> {
     GuardedRouter::default()
-        .get("/", VIEWER, pages::campaigns)
-        .post("/", OPERATOR, actions::start)
+        .get("/", VIEWER, list::page)
+        .get("/new", VIEWER, new::page)
+        .post("/new", OPERATOR, new::submitted)
+        .get("/compare", VIEWER, side_by_side::page)
+        .get("/glossary", VIEWER, glossary::page)
         .get("/login", Nothing, login::page)
         .post("/login", Nothing, login::log_in)
         .post("/logout", Nothing, login::log_out)
@@ -100,17 +127,46 @@ fn pages() -> GuardedRouter<Web> {
         .post("/play/motion", VIEWER, play::motion)
         .post("/play/like", VIEWER, play::like)
         .post("/play/search", OPERATOR, play::search)
+        .get("/studies", VIEWER, studies::list)
+        .get("/studies/{name}", VIEWER, studies::page)
+        .get("/studies/{name}/events", VIEWER, studies::events)
+        .get("/studies/{name}/tables", VIEWER, studies::current_tables)
+        .get("/studies/{name}/report", VIEWER, studies::export)
+        .get(
+            "/studies/{name}/medoids/{cell}",
+            VIEWER,
+            studies::medoids::of_cell,
+        )
+        .post("/studies/{name}/classes", ANNOTATOR, studies::medoids::judge)
         .get("/campaigns/{id}", VIEWER, pages::campaign)
         .get("/campaigns/{id}/events", VIEWER, live::campaign)
+        .get("/campaigns/{id}/generations", VIEWER, progress::generations)
+        .get("/campaigns/{id}/epochs", VIEWER, progress::epochs)
+        .get("/campaigns/{id}/shown", VIEWER, progress::shown)
+        .get("/campaigns/{id}/robot", VIEWER, pages::robot)
+        .get("/campaigns/{id}/behaviour", VIEWER, list::behaviour)
         .get("/campaigns/{id}/individuals/{index}", VIEWER, pages::image)
         .post("/campaigns/{id}/pause", OPERATOR, actions::pause)
         .post("/campaigns/{id}/resume", OPERATOR, actions::resume)
         .post("/campaigns/{id}/cancel", OPERATOR, actions::cancel)
         .post("/campaigns/{id}/refine", OPERATOR, actions::refine)
+        .get("/campaigns/{id}/delete", OPERATOR, delete::page)
+        .post("/campaigns/{id}/delete", OPERATOR, delete::delete)
         .get("/campaigns/{id}/label", VIEWER, label::one)
         .get("/campaigns/{id}/sheet", VIEWER, label::sheet)
         .get("/campaigns/{id}/map", VIEWER, map::page)
         .get("/campaigns/{id}/taxonomy", VIEWER, taxonomy::page)
+        .get(
+            "/campaigns/{id}/taxonomy/changes",
+            VIEWER,
+            taxonomy::changes::page,
+        )
+        .get("/campaigns/{id}/taxonomy/map.png", VIEWER, taxonomy::map::picture)
+        .get("/campaigns/{id}/atlas", VIEWER, atlas::page)
+        .get("/campaigns/{id}/atlas/data", VIEWER, atlas::data)
+        .get("/campaigns/{id}/atlas/map.png", VIEWER, atlas::picture)
+        // Changes nothing, as the motion of the page Play.
+        .post("/campaigns/{id}/pieces", VIEWER, play::pieces)
         .get("/campaigns/{id}/report", VIEWER, taxonomy::export)
         .get("/campaigns/{id}/changes", VIEWER, live::changes)
         .get(
@@ -118,11 +174,50 @@ fn pages() -> GuardedRouter<Web> {
             VIEWER,
             motion::motion,
         )
+        .get(
+            "/campaigns/{id}/individuals/{index}/motion.gif",
+            VIEWER,
+            motion::gif,
+        )
+        .get(
+            "/campaigns/{id}/individuals/{index}/paths.svg",
+            VIEWER,
+            motion::svg,
+        )
+        .get(
+            "/campaigns/{id}/individuals/{index}/starts",
+            VIEWER,
+            taxonomy::starts::page,
+        )
+        .get(
+            "/campaigns/{id}/individuals/{index}/starts/{place}",
+            VIEWER,
+            taxonomy::starts::picture,
+        )
         .get("/campaigns/{id}/labels", VIEWER, teach::labels)
         .post("/campaigns/{id}/labels", ANNOTATOR, teach::answer)
         .post("/campaigns/{id}/questions", ANNOTATOR, teach::ask)
         .post("/campaigns/{id}/undo", ANNOTATOR, teach::undo)
-        .post("/campaigns/{id}/classes", ANNOTATOR, teach::create)
+        .get("/campaigns/{id}/answers", VIEWER, answers::page)
+        .get("/campaigns/{id}/answers/standing", VIEWER, answers::standing)
+        .post("/campaigns/{id}/withdraw", ANNOTATOR, answers::withdraw)
+        .get("/campaigns/{id}/comparisons", VIEWER, comparisons::page)
+        .post("/campaigns/{id}/comparisons", ANNOTATOR, comparisons::answer)
+        .post(
+            "/campaigns/{id}/comparisons/question",
+            ANNOTATOR,
+            comparisons::ask,
+        )
+        .post(
+            "/campaigns/{id}/comparisons/withdraw",
+            ANNOTATOR,
+            comparisons::withdraw,
+        )
+        .get("/campaigns/{id}/classes", VIEWER, classes::page)
+        .get("/campaigns/{id}/classes/details", VIEWER, classes::details)
+        .post("/campaigns/{id}/classes", ANNOTATOR, classes::change)
+        .get("/campaigns/{id}/labels.csv", VIEWER, downloads::labels)
+        .get("/campaigns/{id}/archive.csv", VIEWER, downloads::archive)
         .get("/campaigns/{id}/points", VIEWER, map::points)
         .get("/campaigns/{id}/points/axes", VIEWER, map::axes)
         .get("/campaigns/{id}/points/neighbours", VIEWER, map::neighbours)

@@ -1,10 +1,11 @@
 //! The event streams of pages: parts of a page are sent again whenever they change.
 
-use super::{Web, page_error::PageError, pages};
+use super::{Web, found::Wanted, list, page_error::PageError, pages};
 use axum::{
-    extract::{Path, State},
+    extract::{Path, Query, State},
     response::sse::{Event, KeepAlive, Sse},
 };
+use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
 use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_service::Permit;
@@ -16,13 +17,16 @@ use tokio_stream::wrappers::ReceiverStream;
 /// Least time between two messages to one page.
 const INTERVAL: Duration = Duration::from_millis(250);
 
-type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
+pub(super) type Events = Sse<axum::response::sse::KeepAliveStream<ReceiverStream<Result<Event, Infallible>>>>;
 
-pub(super) async fn campaigns(State(web): State<Web>) -> Result<Events, PageError> {
+pub(super) async fn campaigns(
+    State(web): State<Web>,
+    Query(wanted): Query<Wanted>,
+) -> Result<Events, PageError> {
     let permit = permit(&web)?;
     let look = move || {
-        let web = web.clone();
-        async move { Ok(pages::table(&web.campaigns.list().await?).into_string()) }
+        let (web, wanted) = (web.clone(), wanted.clone());
+        async move { Ok::<_, CampaignError>(list::table(&web, &wanted).await?.into_string()) }
     };
     Ok(follow(permit, look))
 }
@@ -35,22 +39,27 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
         let (web, id, latest) = (web.clone(), id.clone(), latest.clone());
         async move {
             let status = web.campaigns.status(id.as_str()).await?;
-            let state = ArchiveState::of(&status.record);
+            let (store, of) = (web.store.clone(), status.record.id.clone());
+            let entries = blocking(move || store.label_entries(&of)).await??;
+            let state = (ArchiveState::of(&status.record), entries);
             let mut latest = latest.lock().await;
             let taxonomy = match latest.take() {
                 Some((rendered, taxonomy)) if rendered == state => taxonomy,
-                _ => pages::taxonomy(&web, &status.record).await?.into_string(),
+                _ => pages::taxonomy(&web, &status.record).await?,
             };
-            let part = format!("{}{taxonomy}", pages::figures(&status).into_string());
-            *latest = Some((state, taxonomy));
-            Ok(part)
+            *latest = Some((state, taxonomy.clone()));
+            let slots = pages::Slots {
+                taxonomy,
+                ..pages::Slots::of(&web, &status).await
+            };
+            Ok::<_, CampaignError>(slots.sent())
         }
     };
     Ok(follow(permit, look))
 }
 
-/// The markup of a taxonomy, and the state of the archive that it was rendered from.
-type RenderedTaxonomy = (ArchiveState, String);
+/// The markup of a taxonomy, and what it was rendered from: the state of the archive, and the length of the label log.
+type RenderedTaxonomy = ((ArchiveState, u64), Markup);
 
 /// The state of an archive: a page that shows the archive is loaded again when the state changes.
 #[derive(PartialEq, Eq)]
@@ -89,23 +98,24 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
                 "labels": entries,
                 "doing": doing,
             });
-            Ok(seen.to_string())
+            Ok::<_, CampaignError>(seen.to_string())
         }
     };
     Ok(follow(permit, look))
 }
 
-fn permit(web: &Web) -> Result<Permit, PageError> {
+pub(super) fn permit(web: &Web) -> Result<Permit, PageError> {
     let permit = web.archive.permits.watch();
     permit.map_err(|status| PageError::Busy(status.message().to_owned()))
 }
 
 /// Sends the result of `look` whenever it changes, for as long as the client listens. `look` runs several times a second, so
 /// what it reads must not grow with the archive.
-fn follow<Look, Looked>(permit: Permit, look: Look) -> Events
+pub(super) fn follow<Look, Looked, E>(permit: Permit, look: Look) -> Events
 where
     Look: Fn() -> Looked + Send + 'static,
-    Looked: Future<Output = Result<String, CampaignError>> + Send,
+    Looked: Future<Output = Result<String, E>> + Send,
+    E: Send,
 {
     let (events, stream) = mpsc::channel(1);
     tokio::spawn(async move {

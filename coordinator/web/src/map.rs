@@ -15,12 +15,31 @@ use axum::{
     response::{IntoResponse, Response},
 };
 use maud::{Markup, html};
-use murmuration_engine::blocking::blocking;
+use murmuration_engine::{
+    blocking::blocking,
+    taxonomy::{ClusterName, Names, Origin},
+};
 use murmuration_model::colours;
-use murmuration_report::picture::columns::{column, span, spread};
+use murmuration_report::{
+    picture::columns::{column, span, spread},
+    scripts,
+};
 use murmuration_search::medoids::Clustering;
 use murmuration_service::OrStatus as _;
 use serde_json::{Value, json};
+
+/// The keys of the map itself, while it has the focus, and of the selection.
+const KEYS: [(&str, &str); 6] = [
+    ("arrows", "on the map: go from one behaviour to the next"),
+    ("Enter", "on the map: play the behaviour"),
+    (
+        "Space",
+        "on the map: select the behaviour, or take it out of the selection",
+    ),
+    ("+ - Home", "on the map: zoom in, zoom out, show the whole map"),
+    ("Escape", "select nothing"),
+    ("Delete", "on a picture of the selection: take it out"),
+];
 
 /// The page.
 pub(super) async fn page(
@@ -32,6 +51,7 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Map" }
+            (parts::keys(&[&KEYS[..], &parts::PALETTE_KEYS, &parts::PLAYER_KEYS].concat()))
             div.choices.scripted {
                 label { "Layout " select #projection {
                     option value="axes" { "principal axes" }
@@ -45,30 +65,56 @@ pub(super) async fn page(
                 } }
             }
         }
-        (parts::who())
+        dialog.introduction aria-label="Your name" { (parts::who()) }
         div.columns {
             div.sight.scripted {
                 section.plane aria-label="Behaviours" {
                     canvas #points aria-hidden="true" {}
                     canvas #over tabindex="0" role="application" aria-describedby="how"
                         aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
+                    div.zoom role="group" aria-label="Zoom" {
+                        button #move type="button" aria-pressed="false" { "Move" }
+                        (scripts::zoom_buttons())
+                    }
                     div #tip.tip hidden { img alt="" width="100" height="100"; p {} }
                     p.empty hidden { "The map is empty until the first generation is complete." }
                 }
-                ul #legend.legend aria-label="Colours" {}
+                ul #legend.legend aria-label="Colours: each button hides and shows its individuals" {}
+                div.choices {
+                    label { "Generations from " input #from type="number" min="0" step="1" size="6"; }
+                    label { "to " input #to type="number" min="0" step="1" size="6"; }
+                    label { "Cluster " select #of-cluster { option value="" { "any" } } }
+                    label { "Answers by " select #answered-by { option value="" { "anybody or nobody" } } }
+                    button #show-all.plain type="button" hidden { "Show all" }
+                    span #shown.reason role="status" {}
+                }
                 p #distances.reason role="status" {}
                 p #how.reason {
                     "Point at a behaviour to see its picture, and click it to play its motion. Draw a line around behaviours "
-                    "to select them (Shift adds to the selection, Escape clears it), then press the number of a class."
+                    "to select them (Shift adds to the selection, Escape clears it), then press the number of a class. "
+                    "The wheel, two fingers or + and − zoom; Ctrl and a drag, or the button Move, move the map. Rings are the medoids. A "
+                    "click on a colour hides its individuals, and with Shift all others."
                 }
             }
             section.side aria-label="Selection" {
-                (parts::stage("Motion of the behaviour that you clicked"))
+                (parts::stage("Motion of the behaviour that you clicked", record.spec.world()))
                 p #chosen.reason.scripted { "Click a behaviour to play its motion." }
                 p #selected.reason.scripted { "Draw a line around behaviours to label them." }
-                (parts::palette(false))
+                div #gallery.gallery.scripted role="group" aria-label="Pictures of the selection" hidden {}
+                p #gallery-line.reason.scripted hidden {}
+                (parts::palette(record.spec.world(), false))
                 (parts::status_line())
                 (parts::learn(&record))
+                (parts::downloads(&record))
+            }
+        }
+        dialog #overwrite aria-labelledby="overwrite-title" {
+            h2 #overwrite-title { "Replace earlier classes?" }
+            p {}
+            form method="dialog" {
+                button.plain value="" { "Cancel" }
+                button.plain value="rest" { "Name only the others" }
+                button value="all" { "Name all" }
             }
         }
     };
@@ -80,9 +126,16 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
     let record = web.campaigns.status(&id).await.or_status()?.record;
     let (individuals, population) = (record.individuals(), record.spec.search().population());
     let starts = record.spec.starts().get();
-    let queries = web.labels.queries;
+    let (queries, store, id) = (web.labels.queries, web.store, record.id.clone());
     let clustered = blocking(move || queries.clusters(&record)).await.or_status()?;
     let clustered = clustered.or_status()?;
+    let names = match clustered.is_taxonomy {
+        true => blocking(move || Names::standing(&store, &id))
+            .await
+            .or_status()?
+            .or_status()?,
+        false => Names::default(),
+    };
     let Clustering {
         medoids, clusters, ..
     } = &clustered.clustering;
@@ -95,8 +148,19 @@ pub(super) async fn points(State(web): State<Web>, Path(id): Path<String>) -> Re
         "starts": starts,
         "robust": column(clustered.robust_trials.iter().map(|&robust| [robust])),
         "cluster": column(clusters.iter().map(|cluster| (*cluster as u16).to_le_bytes())),
+        "clusterNames": names.names.iter().map(|name| name.as_ref().map(in_words)).collect::<Vec<_>>(),
         "clusterColours": (0..medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
     })))
+}
+
+/// The name of a cluster, with a word about where it comes from unless a person gave it to the medoid.
+fn in_words(name: &ClusterName) -> String {
+    let shown = name.class.shown();
+    match name.origin {
+        Origin::Person => shown,
+        Origin::Judge => format!("{shown} (by the rule-based judge)"),
+        Origin::Carried { version, .. } => format!("{shown} (carried over from version {version})"),
+    }
 }
 
 /// Places on the principal axes.

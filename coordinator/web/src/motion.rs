@@ -1,19 +1,23 @@
-//! The motion of an individual, for a script to draw.
+//! The motion of an individual: for a script to draw, and as a file to download.
 
-use super::{Web, archived::Created, refused::Refused};
+use super::{Web, archived::Created, page_error::PageError, refused::Refused};
 use axum::{
     Json,
     extract::{Path, Query, State},
+    http::{
+        HeaderName,
+        header::{CONTENT_DISPOSITION, CONTENT_TYPE},
+    },
     response::IntoResponse,
 };
 use murmuration_engine::blocking::blocking;
-use murmuration_model::colours;
+use murmuration_model::{CampaignRecord, colours};
 use murmuration_proto::{
-    Frames, Replay,
+    Controller, Frames, Replay,
     parts::whole,
     v1::{self, campaign_service_server::CampaignService as _},
 };
-use murmuration_report::picture::{Bodies, columns};
+use murmuration_report::picture::{self, Animation, Bodies, columns};
 use murmuration_service::OrStatus as _;
 use serde_json::json;
 use std::time::Duration;
@@ -24,30 +28,111 @@ const MOTION_BYTES: usize = 2 << 20;
 /// How long a script waits for a worker; then it is told that they have other work, and may ask again.
 pub(super) const REPLAY_TIMEOUT: Duration = Duration::from_secs(20);
 
-pub(super) async fn motion(
-    State(web): State<Web>,
-    Path((campaign, index)): Path<(String, u64)>,
-    Query(created): Query<Created>,
-) -> Result<impl IntoResponse, Refused> {
-    let record = web.campaigns.status(&campaign).await.or_status()?.record;
+/// An individual that a worker has simulated again.
+struct Simulated {
+    record: CampaignRecord,
+    controller: Controller,
+    replay: Replay,
+}
+
+async fn simulated(web: &Web, campaign: &str, index: u64) -> Result<Simulated, Status> {
+    let record = web.campaigns.status(campaign).await.or_status()?.record;
     web.archive.dispatch.check_staffed().or_status()?;
-    let world = record.spec.world().clone();
     let request = v1::GetReplayRequest {
         campaign: record.id.to_string(),
         index,
-        stride: Frames::to_watch(&world).stride().get(),
+        stride: Frames::to_watch(record.spec.world()).stride().get(),
     };
     let replay = tokio::time::timeout(REPLAY_TIMEOUT, web.archive.get_replay(Request::new(request)));
     let late = || Status::unavailable("the workers have not simulated this yet");
     let replay = whole(replay.await.map_err(|_| late())??.into_inner()).await?;
     let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
     let individual = blocking(move || store.individual(&id, &model, index)).await;
-    let individual = individual.or_status()?.or_status()?;
-    let bodies = Bodies::of(&individual.controller, &world);
+    Ok(Simulated {
+        controller: individual.or_status()?.or_status()?.controller,
+        replay: Replay::try_from(replay)?,
+        record,
+    })
+}
+
+/// The motion, for a script.
+pub(super) async fn motion(
+    State(web): State<Web>,
+    Path((campaign, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
+) -> Result<impl IntoResponse, Refused> {
+    let Simulated {
+        record,
+        controller,
+        replay,
+    } = simulated(&web, &campaign, index).await?;
+    let world = record.spec.world();
+    let bodies = Bodies::of(&controller, world);
     let told = json!({
-        "world": columns::world(&world),
+        "world": columns::world(world),
         "colours": colours::AGENTS.map(colours::hex),
-        "run": columns::motion(&Replay::try_from(replay)?, &world, bodies.colouring(), MOTION_BYTES),
+        "run": columns::motion(&replay, world, bodies.colouring(), MOTION_BYTES),
     });
     Ok(([created.keep(&record)], Json(told)))
+}
+
+/// The whole motion as an animated GIF to download. An error is answered with a page.
+pub(super) async fn gif(
+    State(web): State<Web>,
+    Path((campaign, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
+) -> Result<impl IntoResponse, PageError> {
+    let permit = web.play.enter()?;
+    let simulated = simulated(&web, &campaign, index).await?;
+    let headers = file(&simulated.record, index, ("image/gif", "gif"), &created);
+    let drawn = blocking(move || {
+        let _permit = permit;
+        let world = simulated.record.spec.world();
+        let bodies = Bodies::of(&simulated.controller, world);
+        picture::animation_gif(
+            &simulated.replay,
+            world,
+            bodies.colouring(),
+            &Animation::default(),
+        )
+    });
+    Ok((headers, drawn.await??))
+}
+
+/// The paths of the last steps, which its picture shows, as an SVG to download. An error is answered with a page.
+pub(super) async fn svg(
+    State(web): State<Web>,
+    Path((campaign, index)): Path<(String, u64)>,
+    Query(created): Query<Created>,
+) -> Result<impl IntoResponse, PageError> {
+    let simulated = simulated(&web, &campaign, index).await?;
+    let headers = file(&simulated.record, index, ("image/svg+xml", "svg"), &created);
+    let drawn = blocking(move || {
+        let (world, window) = (
+            simulated.record.spec.world(),
+            simulated.record.spec.image().window(),
+        );
+        let bodies = Bodies::of(&simulated.controller, world);
+        picture::trajectory_svg(&simulated.replay, world, bodies.colouring(), window)
+    });
+    Ok((headers, drawn.await?))
+}
+
+/// The headers of a file about an individual.
+fn file(
+    record: &CampaignRecord,
+    index: u64,
+    (kind, ending): (&str, &str),
+    created: &Created,
+) -> [(HeaderName, String); 3] {
+    let (kept, how) = created.keep(record);
+    let name = format!(
+        "attachment; filename=\"{}-individual-{index}.{ending}\"",
+        record.id
+    );
+    [
+        (CONTENT_TYPE, kind.to_owned()),
+        (CONTENT_DISPOSITION, name),
+        (kept, how.to_owned()),
+    ]
 }

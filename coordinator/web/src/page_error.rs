@@ -2,6 +2,7 @@
 
 use super::{layout::layout, refused, visitor::Visitor};
 use axum::{
+    Json,
     http::{HeaderMap, StatusCode, header::ACCEPT},
     response::{IntoResponse, Response},
 };
@@ -11,6 +12,7 @@ use murmuration_engine::{blocking::Broken, campaign::CampaignError};
 use murmuration_proto::Invalid;
 use murmuration_report::picture::PictureError;
 use murmuration_store::StoreError;
+use serde_json::json;
 use tonic::Status;
 
 /// Why a page cannot be shown.
@@ -28,7 +30,8 @@ pub(super) enum PageError {
     /// It would take too long.
     #[error(
         "this took longer than {} seconds and was given up, because the workers or the coordinator are busy: try again \
-         later, or use the command `murmuration report`, which waits for as long as a report takes",
+         later, or use a command, which waits for as long as a report takes: `murmuration report` for that of a campaign, \
+         `murmuration study report` for that of a study",
         murmuration_access::limits::PAGE_LIMIT.as_secs()
     )]
     Late,
@@ -61,6 +64,30 @@ impl PageError {
         }
     }
 
+    /// The whole response, as a page.
+    fn page(&self) -> Response {
+        let title = self.title();
+        let is_missing = self.status() == StatusCode::NOT_FOUND;
+        let page = layout(
+            title,
+            &Visitor::ANYBODY,
+            html! {
+                h1 { (title) }
+                p.lead { (self.to_string()) }
+                @if is_missing { p { "Its address may have been typed wrongly, or what it shows was deleted." } }
+                ul.ways {
+                    li { a href="/" { "All campaigns" } }
+                    @if is_missing {
+                        li { a href="/new" { "Start a new campaign" } }
+                        li { a href="/play" { "Play with a swarm" } }
+                    }
+                }
+                @if let Self::Refused(Refusal::Role { .. }) = self { p { a href="/login" { "Log in with another token" } } }
+            },
+        );
+        (self.status(), page).into_response()
+    }
+
     const fn title(&self) -> &'static str {
         match self {
             Self::NoPage => "Page not found",
@@ -83,6 +110,7 @@ impl PageError {
             )) => StatusCode::NOT_FOUND,
             Self::Campaign(
                 CampaignError::NotAllowed(_)
+                | CampaignError::NotDeleted(_)
                 | CampaignError::NoEmbedding { .. }
                 | CampaignError::NoEmbedder(_)
                 | CampaignError::TooFewClasses { .. },
@@ -120,17 +148,30 @@ impl From<StoreError> for PageError {
 
 impl IntoResponse for PageError {
     fn into_response(self) -> Response {
-        let title = self.title();
-        let page = layout(
-            title,
-            &Visitor::ANYBODY,
-            html! {
-                h1 { (title) }
-                p.lead { (self.to_string()) }
-                p { a href="/" { "All campaigns" } }
-                @if let Self::Refused(Refusal::Role { .. }) = self { p { a href="/login" { "Log in with another token" } } }
-            },
-        );
-        (self.status(), page).into_response()
+        let mut response = self.page();
+        if response.status() == StatusCode::NOT_FOUND {
+            response.extensions_mut().insert(NotFound(self.to_string()));
+        }
+        response
+    }
+}
+
+/// What was not found, in words: for the clients that show no pages.
+#[derive(Debug, Clone)]
+struct NotFound(String);
+
+/// A response as its client wants it: that something is not there is said in a page to browsers, and in JSON or a line of text to
+/// programs.
+pub(super) fn negotiated(response: Response, headers: &HeaderMap) -> Response {
+    let Some(NotFound(text)) = response.extensions().get().cloned() else {
+        return response;
+    };
+    if wants_page(headers) {
+        return response;
+    }
+    let accepts = headers.get(ACCEPT).and_then(|accepts| accepts.to_str().ok());
+    match accepts.is_some_and(|kinds| kinds.contains("application/json")) {
+        true => (StatusCode::NOT_FOUND, Json(json!({ "error": text }))).into_response(),
+        false => (StatusCode::NOT_FOUND, text + "\n").into_response(),
     }
 }

@@ -1,11 +1,14 @@
-//! The pages themselves.
+//! A campaign's page, and its pictures.
 
 use super::{
     Web,
     archived::{self, Created},
-    examples::EXAMPLES,
-    layout::{Part, campaign_page, layout},
+    delete,
+    layout::{Part, campaign_page},
+    machines,
+    named::NamedTaxonomy,
     page_error::PageError,
+    parts,
     visitor::Visitor,
 };
 use axum::{
@@ -17,65 +20,17 @@ use maud::{Markup, html};
 use murmuration_engine::{
     blocking::blocking,
     campaign::{CampaignError, CampaignStatus},
-    taxonomy::Taxonomy,
 };
 use murmuration_model::{CampaignRecord, CampaignState, Change, Stage, generations_in_words};
-use murmuration_proto::{EmbedderSource, Feedback, counted, figure, grouped};
-use murmuration_report::picture::image_png;
+use murmuration_proto::{EmbedderSource, Feedback, World, counted, figure, grouped};
+use murmuration_report::picture::{image_png, robot_svg};
 
-/// Pixels of the page for one of a picture.
-const SCALE: u32 = 3;
+/// What somebody is told before a campaign is cancelled.
+const CANCELLING: &str = "Cancelling ends this campaign for good: it cannot be resumed. Its archive and its labels stay. To stop it for a while, \
+                          pause it.";
 
-/// The list of campaigns, and the buttons that start one.
-pub(super) async fn campaigns(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
-    let listed = web.campaigns.list().await?;
-    Ok(layout(
-        "Campaigns",
-        &visitor,
-        html! {
-            h1 { "Campaigns" }
-            p.lead { "Each campaign searches for the collective behaviours that a swarm of simple robots can show." }
-            noscript { p.scriptless {
-                "Without JavaScript this list does not update. Reload the page to see the current state."
-            } }
-            section aria-label="Campaigns" data-live="/events" { (table(&listed)) }
-            section aria-labelledby="start" {
-                h2 #start { "Start from an example" }
-                ul.examples {
-                    @for (name, what, _) in EXAMPLES {
-                        li {
-                            form method="post" action="/" {
-                                input type="hidden" name="example" value=(name);
-                                button { "Start " (name) }
-                                span { (what) }
-                            }
-                        }
-                    }
-                }
-            }
-        },
-    ))
-}
-
-/// The part of the list that changes, newest first.
-pub(super) fn table(campaigns: &[CampaignStatus]) -> Markup {
-    html! {
-        @if campaigns.is_empty() {
-            p { "There are no campaigns yet." }
-        } @else {
-            ul.campaigns {
-                @for status in campaigns.iter().rev() {
-                    @let id = status.record.id.as_str();
-                    li {
-                        a id={ "campaign-" (id) } href={ "/campaigns/" (id) } { (id) }
-                        span.about { (status.record.spec.model()) " · " (status.record.spec.method()) }
-                        (progress(status))
-                    }
-                }
-            }
-        }
-    }
-}
+/// Behaviours of each kind that a campaign shows while it searches.
+pub(super) const SHOWN: usize = 3;
 
 /// A campaign: its status, the buttons that steer it, and its specification.
 pub(super) async fn campaign(
@@ -85,20 +40,32 @@ pub(super) async fn campaign(
 ) -> Result<Markup, PageError> {
     let status = web.campaigns.status(&id).await?;
     let id = status.record.id.as_str();
+    let running = status.record.state == CampaignState::Running;
+    let slots = Slots {
+        taxonomy: taxonomy(&web, &status.record).await?,
+        ..Slots::of(&web, &status).await
+    };
     Ok(campaign_page(
         &status.record,
         Part::Progress,
         &visitor,
-        "live.js",
+        "progress.js",
         html! {
             p.eyebrow { (status.record.spec.model()) " · " (status.record.spec.method()) }
             h1 { (id) }
-            section aria-label="Status" data-live={ "/campaigns/" (id) "/events" } {
-                (figures(&status))
-                (taxonomy(&web, &status.record).await?)
+            div data-live={ "/campaigns/" (id) "/events" } {
+                section aria-label="Status" data-slot="status" { (slots.status) }
+                div #found {
+                    div data-slot="taxonomy" { (slots.taxonomy) }
+                    (found(running, status.record.spec.world()))
+                }
+                (curve("novelty", "Novelty", running || status.record.generations_done > 1))
+                (curve("training", "Training", trains(&status.record)))
+                div data-slot="around" { (slots.around) }
             }
             section aria-labelledby="specification" {
                 h2 #specification { "Specification" }
+                p { a href={ "/new?from=" (id) } { "Start a campaign with this specification, changed or not" } }
                 details { summary { "All fields" } pre tabindex="0" { code { (status.record.spec.to_toml()) } } }
             }
         },
@@ -107,29 +74,114 @@ pub(super) async fn campaign(
 
 /// The taxonomy on a campaign's page; nothing before there is one.
 pub(super) async fn taxonomy(web: &Web, record: &CampaignRecord) -> Result<Markup, CampaignError> {
-    let (store, of) = (web.store.clone(), record.clone());
-    let taxonomy = blocking(move || Taxonomy::read(&store, &of.id, &of.spec)).await??;
-    Ok(taxonomy.map_or_else(Markup::default, |taxonomy| behaviours(record, &taxonomy)))
+    let named = NamedTaxonomy::read(web, record).await?;
+    Ok(named.map_or_else(Markup::default, |named| behaviours(record, &named)))
 }
 
-/// The part of a campaign's page that changes while it runs: progress, current figures, and buttons.
-pub(super) fn figures(status: &CampaignStatus) -> Markup {
+/// Where behaviours move as they are found, until there is a taxonomy in their place: as large from the beginning.
+fn found(running: bool, world: &World) -> Markup {
+    html! {
+        section.scripted #shown aria-label="Behaviours as they are found" hidden[!running] {
+            div.heading { h2 { "Behaviours as they are found" } button.plain #rest type="button" aria-pressed="false" { "Pause the motions" } }
+            @for (id, title) in [("newest", "The newest"), ("novel", "The most novel, each of another generation")] {
+                h3 { (title) }
+                ul.moving #(id) { @for _ in 0..SHOWN { li.player {
+                    div.stage { (parts::shape(world)) img alt="" hidden; canvas role="img" aria-label="No behaviour yet" {} p.waiting { "None yet" } }
+                    p.reason {}
+                } } }
+            }
+        }
+    }
+}
+
+/// The place of a curve, which a script draws; as large before there is anything to draw.
+fn curve(id: &str, title: &str, shown: bool) -> Markup {
+    html! {
+        section.scripted #(id) aria-label=(title) hidden[!shown] {
+            h2 { (title) }
+            div.chart { div.reason.none { "The curve begins with its second point." } }
+        }
+    }
+}
+
+/// Whether a campaign has trainings to draw: its own embedder's, or that of a round.
+fn trains(record: &CampaignRecord) -> bool {
+    matches!(record.spec.embedder(), Some(EmbedderSource::Trained { .. })) || record.rounds.done > 0
+}
+
+/// The parts of a campaign's page that change while it runs, by the names of their places.
+#[derive(Debug, Default)]
+pub(super) struct Slots {
+    /// Progress, figures and buttons.
+    pub(super) status: Markup,
+    /// The behaviours of the taxonomy; nothing before there is one.
+    pub(super) taxonomy: Markup,
+    /// Who works, and what was noticed.
+    pub(super) around: Markup,
+}
+
+impl Slots {
+    /// Those of a campaign as it is, without the taxonomy, which takes longer to read.
+    pub(super) async fn of(web: &Web, status: &CampaignStatus) -> Self {
+        let running = status.record.state == CampaignState::Running;
+        let (workers, trainers) = match running {
+            true => web.campaigns.machines().await,
+            false => Default::default(),
+        };
+        Self {
+            status: figures(status),
+            taxonomy: Markup::default(),
+            around: html! {
+                (machines::table(&workers, &trainers))
+                @if !status.notices.is_empty() {
+                    section aria-labelledby="noticed" {
+                        h2 #noticed { "Notices" }
+                        ul.notices { @for notice in &status.notices { li { (notice.text) } } }
+                    }
+                }
+            },
+        }
+    }
+
+    /// What a script puts into the places of the page.
+    pub(super) fn sent(&self) -> String {
+        let slots = [
+            ("status", &self.status),
+            ("taxonomy", &self.taxonomy),
+            ("around", &self.around),
+        ];
+        let slots = html! { @for (name, content) in slots { div data-slot=(name) { (content) } } };
+        slots.into_string()
+    }
+}
+
+/// Progress, current figures, and buttons.
+fn figures(status: &CampaignStatus) -> Markup {
     let id = status.record.id.as_str();
     html! {
         (progress(status))
-        (facts(status))
         @if !status.record.error.is_empty() { p.error role="alert" { (status.record.error) } }
         @if let Some(waiting) = &status.waiting { p.error role="alert" { (waiting) } }
         div.actions {
             @for change in [Change::Pause, Change::Resume, Change::Cancel] {
                 @if offered(status, change) {
-                    form method="post" action={ "/campaigns/" (id) "/" (change.name()) } {
-                        button id=(change.name()) { (capitalised(change.name())) }
+                    @let for_good = change == Change::Cancel;
+                    form method="post" action={ "/campaigns/" (id) "/" (change.name()) } data-ask=[for_good.then_some(CANCELLING)]
+                        data-yes=[for_good.then_some("Cancel the campaign")] {
+                        button id=(change.name()) class=[for_good.then_some("danger")] { (capitalised(change.name())) }
                     }
                 }
             }
+            (delete::button(&status.record))
         }
+        // Last, because it becomes shorter when the campaign ends.
+        (facts(status))
     }
+}
+
+/// Whether generations are evaluated now.
+fn searches(status: &CampaignStatus) -> bool {
+    status.active && status.stage == Stage::Evolve
 }
 
 /// Whether to show a button: the state allows the change, and a running campaign is not resumed.
@@ -146,22 +198,26 @@ fn capitalised(word: &str) -> String {
         .unwrap_or_default()
 }
 
-/// The progress of a campaign, as a bar and in words.
-fn progress(status: &CampaignStatus) -> Markup {
-    let amount = amount(status);
-    let (done, total) = amount.map_or((0, 1), |(done, total, _)| (done, total.max(1)));
-    let state = match status.record.state {
+/// The state of a campaign in words; of one that runs, its stage.
+pub(super) fn state_name(status: &CampaignStatus) -> &'static str {
+    match status.record.state {
         CampaignState::Running if !status.active => "interrupted",
         CampaignState::Running if status.waiting.is_some() => "waiting",
         CampaignState::Running => stage(status.stage),
         state => state.name(),
-    };
+    }
+}
+
+/// The progress of a campaign, as a bar and in words.
+pub(super) fn progress(status: &CampaignStatus) -> Markup {
+    let amount = amount(status);
+    let (done, total) = amount.map_or((0, 1), |(done, total, _)| (done, total.max(1)));
     html! {
         div.progress {
             progress value=(done) max=(total) aria-label={ "Progress of " (status.record.id) } {}
             span.figures {
-                strong { (state) }
-                @if let Some((done, total, unit)) = amount { " · " (grouped(done)) " of " (counted(total, unit)) }
+                strong.stands { (state_name(status)) }
+                @if let Some((done, total, unit)) = amount { (grouped(done)) " of " (counted(total, unit)) }
             }
         }
     }
@@ -217,61 +273,82 @@ fn amount(status: &CampaignStatus) -> Option<(u64, u64, &'static str)> {
     Some((done.min(total), total, unit))
 }
 
-/// Current figures.
+/// Current figures. While a campaign runs, those that are not known yet have their places too, so that nothing below them moves.
 fn facts(status: &CampaignStatus) -> Markup {
-    let fact = |name: &str, value: String| html! { div { dt { (name) } dd { (value) } } };
     let record = &status.record;
+    let running = record.state == CampaignState::Running;
+    let fact = |name: &str, value: Option<String>| {
+        html! { @if running || value.is_some() { div { dt { (name) } dd { (value.as_deref().unwrap_or("–")) } } } }
+    };
     let generations = record.generations();
     let why = generations_in_words(&record.spec, generations, record.rounds.done);
     let why = why.map_or_else(String::new, |why| format!(": {why}"));
+    let done = format!(
+        "{} of {}{why}",
+        grouped(record.generations_done.into()),
+        grouped(generations.into())
+    );
+    let training = status.training;
+    let accuracy = training.and_then(|training| training.triplet_accuracy);
+    let rate = Some(status.per_second).filter(|&rate| rate > 0.0);
+    let checkpoint = record.embedder.checkpoint();
     html! {
-        dl.facts {
-            (fact("Generations", format!(
-                "{} of {}{why}",
-                grouped(record.generations_done.into()),
-                grouped(generations.into())
-            )))
-            @if let Some((best, mean)) = status.record.last_novelty {
-                (fact("Best novelty of the last generation", figure(best)))
-                (fact("Mean novelty of the last generation", figure(mean)))
+        dl.facts data-generations=(record.generations_done) data-epoch=[training.map(|training| training.epoch)]
+            data-notices=(status.notices.last().map_or(0, |notice| notice.number))
+            data-searching=[searches(status).then_some("yes")] {
+            (fact("Generations", Some(done)))
+            @if record.spec.method().has_novelty() {
+                (fact("Best novelty of the last generation", record.last_novelty.map(|(best, _)| figure(best))))
+                (fact("Mean novelty of the last generation", record.last_novelty.map(|(_, mean)| figure(mean))))
             }
-            @if let Some(training) = status.training {
-                @if let Some(loss) = training.loss { (fact("Loss", figure(loss))) }
-                @if let Some(share) = training.triplet_accuracy {
-                    (fact("Accuracy on held-out triplets", format!("{:.1} %", 100.0 * share)))
-                }
+            @if trains(record) {
+                (fact("Loss", training.and_then(|training| training.loss).map(figure)))
+                (fact("Accuracy on held-out triplets", accuracy.map(|share| format!("{:.1} %", 100.0 * share))))
             }
-            @if status.per_second > 0.0 { (fact("Rate", format!("{} per second", grouped(status.per_second.round() as u64)))) }
-            (fact("Workers", status.workers.to_string()))
-            (fact("Trainers", status.trainers.to_string()))
-            @if let Some(checkpoint) = status.record.embedder.checkpoint() {
-                (fact("Checkpoint", checkpoint.to_string().chars().take(12).collect()))
-            }
-        }
-        @if !status.notices.is_empty() {
-            ul.notices aria-label="Notices" {
-                @for notice in &status.notices { li { (notice.text) } }
+            (fact("Time left in this stage", time_left(status)))
+            (fact("Rate", rate.map(|rate| format!("{} per second", grouped(rate.round() as u64)))))
+            (fact("Workers", Some(status.workers.to_string())))
+            (fact("Trainers", Some(status.trainers.to_string())))
+            @if record.spec.method().embeds() {
+                (fact("Checkpoint", checkpoint.map(|checkpoint| checkpoint.to_string().chars().take(12).collect())))
             }
         }
     }
 }
 
+/// How long the stage still takes, if that can be told.
+fn time_left(status: &CampaignStatus) -> Option<String> {
+    let seconds = match (status.training, amount(status)) {
+        _ if !status.active => None,
+        (Some(training), _) => training.seconds_left,
+        (None, Some((done, total, _))) if status.per_second > 0.0 => {
+            Some((total - done) as f64 / status.per_second)
+        }
+        (None, _) => None,
+    }?;
+    Some(match seconds {
+        under if under < 60.0 => "under a minute".to_owned(),
+        under if under < 3600.0 => format!("about {}", counted((under / 60.0).ceil() as u64, "minute")),
+        hours => format!("about {}", counted((hours / 3600.0).round() as u64, "hour")),
+    })
+}
+
 /// The medoids, largest cluster first.
-fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
-    let all = taxonomy.clusters.len().max(1) as f64;
+fn behaviours(record: &CampaignRecord, named: &NamedTaxonomy) -> Markup {
+    let medoids = &named.taxonomy.medoids;
     html! {
-        h2 { (counted(taxonomy.medoids.len() as u64, "behaviour")) }
+        h2 { (counted(medoids.len() as u64, "behaviour")) }
         p.lead {
             "Each picture shows the last steps of the swarm at the centre of a cluster. "
             a href={ "/campaigns/" (record.id) "/taxonomy" } { "Watch and name the behaviours" }
         }
         ul.behaviours {
-            @for (place, medoid) in taxonomy.medoids.iter().enumerate() {
+            @for (place, medoid) in medoids.iter().enumerate() {
                 @let index = medoid.individual.index;
                 li {
                     img src=(archived::picture(record, index)) width="150" height="150" loading="lazy"
                         alt={ "Paths of behaviour " (place + 1) ", individual " (index) };
-                    p title={ "cluster of " (grouped(medoid.cluster_size)) } { strong { (place + 1) } " · " (format!("{:.1} %", 100.0 * medoid.cluster_size as f64 / all)) }
+                    p { (named.caption(place)) }
                     p { code { (medoid.individual.controller) } }
                 }
             }
@@ -279,7 +356,18 @@ fn behaviours(record: &CampaignRecord, taxonomy: &Taxonomy) -> Markup {
     }
 }
 
-/// An individual's picture, as a PNG.
+/// A drawing of the robots of a campaign's first species.
+pub(super) async fn robot(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let species = record.spec.model().species().first().ok_or(PageError::NoPage)?;
+    let drawing = robot_svg(species.robot(), None).into_string();
+    Ok(([(CONTENT_TYPE, "image/svg+xml")], drawing))
+}
+
+/// An individual's picture, as a PNG of its own size: browsers enlarge it sooner than this encodes a larger one.
 pub(super) async fn image(
     State(web): State<Web>,
     Path((id, index)): Path<(String, u64)>,
@@ -290,6 +378,6 @@ pub(super) async fn image(
     let kept = created.keep(&record);
     let individual = blocking(move || web.store.individual(&record.id, record.spec.model(), index)).await??;
     let pixels = individual.into_image().ok_or(PageError::NoPage)?;
-    let file = image_png(&pixels, shape, SCALE)?;
+    let file = image_png(&pixels, shape, 1)?;
     Ok(([(CONTENT_TYPE, "image/png"), kept], file))
 }

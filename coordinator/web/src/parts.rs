@@ -2,13 +2,38 @@
 
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
-use murmuration_model::{CampaignRecord, CampaignState};
+use murmuration_model::{CampaignRecord, CampaignState, Timestamp};
+use murmuration_proto::{Class, Feedback, World, counted};
 
-/// A canvas on which a motion is played, and its controls.
-pub(super) fn stage(label: &str) -> Markup {
+/// The paper's classes that robots with either of its capability models can show, the one for everything else last.
+const OFFERED: [Class; 6] = [
+    Class::CyclicPursuit,
+    Class::Milling,
+    Class::Aggregation,
+    Class::Dispersal,
+    Class::WallFollowing,
+    Class::Random,
+];
+
+/// A point in time to the minute, given in milliseconds since 1970-01-01 UTC.
+pub(super) fn moment(ms: u64) -> Markup {
+    let text = Timestamp::from_ms(ms).to_string();
+    // 2026-11-21T12:00:00.5Z
+    let minute = text.get(..16).unwrap_or(&text).replace('T', " ");
+    html! { time datetime=(text) { (minute) " UTC" } }
+}
+
+/// Gives a stage the shape of `world` before a motion is there, so that no motion that arrives moves the page. It is an empty
+/// drawing, because the pages' policy refuses styles in attributes.
+pub(super) fn shape(world: &World) -> Markup {
+    html! { svg.shape viewBox={ "0 0 " (world.width()) " " (world.height()) } aria-hidden="true" {} }
+}
+
+/// A canvas on which a motion of `world` is played, and its controls.
+pub(super) fn stage(label: &str, world: &World) -> Markup {
     html! {
         div.player.scripted {
-            div.stage { canvas role="img" aria-label=(label) {} p.waiting hidden {} }
+            div.stage { (shape(world)) canvas role="img" aria-label=(label) {} p.waiting hidden {} }
             div.transport {
                 button.toggle type="button" aria-label="Play" disabled {}
                 input.scrub type="range" min="0" max="1" value="0" aria-label="Step" disabled;
@@ -30,11 +55,53 @@ pub(super) fn speeds() -> Markup {
     }
 }
 
-/// Buttons for the classes, which a script adds, and for other answers; `single` where the page asks about one behaviour.
-pub(super) fn palette(single: bool) -> Markup {
+/// The button that shows the keys of a page, and the list, which the key `?` shows too.
+pub(super) fn keys(keys: &[(&str, &str)]) -> Markup {
     html! {
-        div.palette.scripted aria-label="Classes" role="group" {
+        button.plain.scripted.once-named type="button" data-do="keys" { "Keys " kbd { "?" } }
+        dialog #keys aria-labelledby="keys-title" {
+            h2 #keys-title { "Keys of this page" }
+            dl.keys {
+                @for (key, what) in keys { div { dt { kbd { (key) } } dd { (what) } } }
+                div { dt { kbd { "?" } } dd { "show these keys" } }
+            }
+            form method="dialog" { button.plain { "Close" } }
+        }
+    }
+}
+
+/// The keys of every palette.
+pub(super) const PALETTE_KEYS: [(&str, &str); 3] = [
+    (
+        "1 … z",
+        "the class with that key, as its button shows; choose keys on the page Classes",
+    ),
+    ("n", "name a class, new or existing"),
+    ("u", "undo your last answer"),
+];
+
+/// The keys of every player.
+pub(super) const PLAYER_KEYS: [(&str, &str); 4] = [
+    ("Space", "play or pause"),
+    ("← →", "a few steps back or forward"),
+    ("- +", "slower or faster"),
+    ("r", "restart the motion"),
+];
+
+/// Buttons for the classes, which a script adds, and for other answers; `single` where the page asks about one behaviour. The
+/// paper's classes are offered, those that have a meaning in `world`.
+pub(super) fn palette(world: &World, single: bool) -> Markup {
+    let offered = OFFERED
+        .iter()
+        .filter(|class| class.without_meaning(world).is_none());
+    let offered: Vec<&str> = offered.map(|class| class.name()).collect();
+    html! {
+        div.palette.scripted aria-label="Classes" role="group" data-offered=(offered.join(" ")) {
             div.classes {}
+            div.offered hidden {
+                p.reason { "A dashed line is around classes of the paper that no answer names yet." }
+                button.plain type="button" data-do="own" { "Hide these" }
+            }
             form.naming.new {
                 label { span.unseen { "Class" }
                     input name="class" list="known" maxlength="64" autocomplete="off" placeholder="A class";
@@ -44,7 +111,7 @@ pub(super) fn palette(single: bool) -> Markup {
             }
             div.others {
                 @if single {
-                    button.plain type="button" data-answer="not sure" { "Not sure " kbd { "?" } }
+                    button.plain type="button" data-answer="not sure" { "Not sure " kbd { "0" } }
                     button.plain type="button" data-answer="skip" { "Skip " kbd { "s" } }
                 }
                 button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
@@ -61,17 +128,32 @@ pub(super) fn palette(single: bool) -> Markup {
     }
 }
 
-/// The button that has the campaign learn from its labels; nothing where the campaign has no embedding.
+/// The button that has the campaign learn from its labels and comparisons; nothing where the campaign has no embedding.
 pub(super) fn learn(record: &CampaignRecord) -> Markup {
     let offered = record.spec.method().embeds() && record.state != CampaignState::Cancelled;
     html! {
         @if offered {
-            form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } {
-                button { "Learn from all labels" }
+            form.learn method="post" action={ "/campaigns/" (record.id) "/refine" } data-ask=(learning(record)) {
+                button { "Learn from all answers" }
                 p #doing.reason role="status" {}
             }
         }
     }
+}
+
+/// What learning does to a campaign, for somebody who is about to begin it.
+fn learning(record: &CampaignRecord) -> String {
+    let further = record.spec.feedback().map_or(0, Feedback::generations);
+    let search = match further {
+        0 => String::new(),
+        further => format!(", searches for {} more", counted(further.into(), "generation")),
+    };
+    format!(
+        "The campaign fine-tunes its embedder on all labels and comparisons, embeds its {} again{search}, and clusters them anew. That \
+         takes from seconds to some minutes; Progress shows how far it is, and can pause it. The clusters and their order change; your \
+         labels and comparisons stay.",
+        counted(record.individuals(), "individual")
+    )
 }
 
 /// The form that asks for the annotator's name until the browser knows it; until then, parts with the class `once-named`
@@ -95,4 +177,29 @@ pub(super) fn rename() -> Markup {
 /// The line on which the script reports what is saved, and errors.
 pub(super) fn status_line() -> Markup {
     html! { p #status.status role="status" {} }
+}
+
+/// The dialog in which a script asks before it replaces or withdraws several answers.
+pub(super) fn confirm() -> Markup {
+    html! {
+        dialog #confirm aria-labelledby="confirm-title" {
+            h2 #confirm-title {}
+            p {}
+            form method="dialog" {
+                button.plain value="" { "Go back" }
+                button value="yes" { "Yes" }
+            }
+        }
+    }
+}
+
+/// The tables that can be downloaded.
+pub(super) fn downloads(record: &CampaignRecord) -> Markup {
+    html! {
+        p.reason {
+            "Download as CSV: "
+            a href={ "/campaigns/" (record.id) "/labels.csv" } download { "labels" } ", "
+            a href={ "/campaigns/" (record.id) "/archive.csv" } download { "archive" }
+        }
+    }
 }

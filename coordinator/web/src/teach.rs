@@ -6,7 +6,7 @@ use axum::{
     extract::{Path, State},
 };
 use murmuration_engine::blocking::blocking;
-use murmuration_model::labels::{ClassName, Labels};
+use murmuration_model::labels::{Annotator, Class, ClassName};
 use murmuration_proto::{
     Strategy,
     parts::whole,
@@ -14,10 +14,9 @@ use murmuration_proto::{
 };
 use murmuration_report::picture::columns::column;
 use murmuration_service::OrStatus as _;
-use murmuration_store::StoreError;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::{collections::BTreeMap, sync::Arc};
+use std::collections::BTreeMap;
 use tonic::Request;
 
 type Told = Result<Json<Value>, Refused>;
@@ -120,33 +119,8 @@ pub(super) async fn undo(
     Ok(Json(told))
 }
 
-/// A class to add.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Create {
-    request_id: String,
-    annotator: String,
-    class: String,
-}
-
-pub(super) async fn create(
-    State(web): State<Web>,
-    Path(campaign): Path<String>,
-    Json(said): Json<Create>,
-) -> Told {
-    let request = v1::ChangeClassRequest {
-        campaign: campaign.clone(),
-        request_id: said.request_id,
-        annotator: said.annotator,
-        change: Some(v1::change_class_request::Change::Create(v1::CreateClass {
-            class: said.class,
-        })),
-    };
-    web.labels.change_class(Request::new(request)).await?;
-    classes(&web, campaign).await
-}
-
-async fn classes(web: &Web, campaign: String) -> Told {
+/// The classes as they stand.
+pub(super) async fn classes(web: &Web, campaign: String) -> Told {
     let request = v1::ListClassesRequest { campaign };
     let classes = web
         .labels
@@ -154,21 +128,30 @@ async fn classes(web: &Web, campaign: String) -> Told {
         .await?
         .into_inner()
         .classes;
-    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "labels": class.labels, "near": class.near });
+    let class = |class: &v1::LabelClass| json!({ "name": class.name, "colour": class.colour, "shortcut": class.shortcut, "labels": class.labels, "near": class.near });
     Ok(Json(
         json!({ "classes": classes.iter().map(class).collect::<Vec<_>>() }),
     ))
+}
+
+/// A class for a script.
+pub(super) fn class(class: &Class) -> Value {
+    let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
+    json!({
+        "name": class.name.as_str(),
+        "colour": class.colour.to_string(),
+        "shortcut": class.shortcut.map(|key| key.to_string()),
+        "labels": class.labels,
+        "near": near,
+    })
 }
 
 /// The classes, and as columns the index of each individual with a class, the place of its class, and whether only the
 /// rule-based judge gave it.
 pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>) -> Told {
     let store = web.store.clone();
-    let labels =
-        blocking(move || -> Result<Arc<Labels>, StoreError> { store.labels(&store.campaign(&campaign)?.id) })
-            .await
-            .or_status()?
-            .or_status()?;
+    let read = move || store.labels_of(&campaign);
+    let labels = blocking(read).await.or_status()?.or_status()?;
     let classes = labels.classes();
     let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
     let given = labels.given_classes();
@@ -176,12 +159,12 @@ pub(super) async fn labels(State(web): State<Web>, Path(campaign): Path<String>)
         .iter()
         .filter_map(|(index, given)| Some((*index, *place.get(&given.class)?, given.by_machine)))
         .collect();
-    let class = |class: &murmuration_model::labels::Class| {
-        let near: Vec<&str> = class.near.iter().map(ClassName::as_str).collect();
-        json!({ "name": class.name.as_str(), "colour": class.colour.to_string(), "labels": class.labels, "near": near })
-    };
+    let people = labels
+        .annotators()
+        .filter(|annotator| labels.answered_by(annotator) > 0);
     Ok(Json(json!({
         "classes": classes.iter().map(class).collect::<Vec<_>>(),
+        "annotators": people.map(Annotator::as_str).collect::<Vec<_>>(),
         "individual": column(placed.iter().map(|(index, ..)| (*index as u32).to_le_bytes())),
         "class": column(placed.iter().map(|(_, class, _)| class.to_le_bytes())),
         "machine": column(placed.iter().map(|(.., by_machine)| [u8::from(*by_machine)])),

@@ -164,6 +164,21 @@ fn species_are_read_and_written() {
 }
 
 #[test]
+fn medoids_by_class_take_an_embedding_that_learns() {
+    let latent = MINIMAL.replace("hand-crafted", "latent");
+    let by_class = "[taxonomy]\nby_class = true";
+    let spec = CampaignSpec::from_toml(&format!("{latent}{by_class}")).unwrap();
+    assert!(spec.medoids_by_class());
+    assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
+    let without = CampaignSpec::from_toml(&format!("{latent}[taxonomy]\nby_class = false")).unwrap();
+    assert!(!without.medoids_by_class() && !without.to_toml().contains("by_class"));
+    check_refused(
+        &format!("{MINIMAL}{by_class}"),
+        "taxonomy.by_class = true: must be false: the method \"",
+    );
+}
+
+#[test]
 fn what_cannot_be_held_at_once_is_refused_with_the_sum() {
     let large = "[world]\nwidth = 1000\nheight = 1000\n";
     check_refused(
@@ -292,7 +307,7 @@ fn a_first_generation_may_begin_with_named_controllers() {
     assert_eq!(CampaignSpec::from_toml(&spec.to_toml()).unwrap(), spec);
     check_refused(
         &named("[[1, 1, 2, 0]]", ""),
-        "controllers.initial[0][2] = 2: must be a number from -1 to 1",
+        "controllers.initial[0].left_1 = 2: must be a number from -1 to 1",
     );
     check_refused(
         &named("[[1, 1, 0]]", ""),

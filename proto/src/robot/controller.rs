@@ -33,17 +33,20 @@ impl Controller {
             return Err(Invalid::new("controller", format!("{genes:?}"), allowed));
         }
         let mut checked = Vec::with_capacity(genes.len());
-        for species in model.species() {
-            let own = &genes[checked.len()..][..species.robot().genes()];
-            check_genes(species.robot(), own, &mut checked)?;
+        match check_all(&model, genes, &mut checked) {
+            Ok(()) => Ok(Self {
+                model,
+                genes: checked.into(),
+            }),
+            Err(error) => {
+                let names = model.gene_names();
+                let gene = names.get(checked.len()).map_or("", String::as_str);
+                Err(Invalid {
+                    field: format!("controller.{gene}"),
+                    ..error
+                })
+            }
         }
-        if let Some(&ratio) = genes.get(checked.len()) {
-            checked.push(check_ratio(checked.len(), ratio, model.ratios().len())?);
-        }
-        Ok(Self {
-            model,
-            genes: checked.into(),
-        })
     }
 
     /// The capability model of the swarm.
@@ -136,29 +139,37 @@ impl fmt::Display for Controller {
     }
 }
 
+/// Appends all genes to `checked`, up to the first that is out of range.
+fn check_all(model: &CapabilityModel, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
+    for species in model.species() {
+        let own = &genes[checked.len()..][..species.robot().genes()];
+        check_genes(species.robot(), own, checked)?;
+    }
+    if let Some(&ratio) = genes.get(checked.len()) {
+        checked.push(check_ratio(ratio, model.ratios().len())?);
+    }
+    Ok(())
+}
+
 /// Appends the genes of one robot to `checked`, which has those of the robots before.
 fn check_genes(robot: &Robot, genes: &[f64], checked: &mut Vec<f64>) -> Result<(), Invalid> {
     let (speeds, angles) = genes.split_at(robot.speeds());
     for (i, &speed) in speeds.iter().enumerate() {
         let limit = robot.drive().limits()[i % 2];
-        checked.push(invalid::real(&field(checked.len()), speed, -limit..=limit)? + 0.0);
+        checked.push(invalid::real("controller", speed, -limit..=limit)? + 0.0);
     }
     for ((_, free), &angle) in robot.free_angles().zip(angles) {
-        checked.push(free.chosen(&field(checked.len()), angle)?);
+        checked.push(free.chosen("controller", angle)?);
     }
     Ok(())
 }
 
-fn check_ratio(place: usize, ratio: f64, ratios: usize) -> Result<f64, Invalid> {
+fn check_ratio(ratio: f64, ratios: usize) -> Result<f64, Invalid> {
     if ratio >= 0.0 && ratio < ratios as f64 && ratio.fract() == 0.0 {
         return Ok(ratio + 0.0);
     }
     let allowed = format!("the place of a ratio: a whole number from 0 to {}", ratios - 1);
-    Err(Invalid::new(field(place), ratio, allowed))
-}
-
-fn field(gene: usize) -> String {
-    format!("controller[{gene}]")
+    Err(Invalid::new("controller", ratio, allowed))
 }
 
 #[cfg(test)]
@@ -179,7 +190,7 @@ mod tests {
     fn a_gene_out_of_range_or_not_a_number_is_named() {
         for bad in [1.1, f64::NAN, f64::INFINITY] {
             let error = Controller::new(Preset::SingleSensor, &[0.0, bad, 0.0, 0.0]).unwrap_err();
-            assert_eq!(error.field, "controller[1]");
+            assert_eq!(error.field, "controller.right_0");
         }
     }
 

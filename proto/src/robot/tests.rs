@@ -235,11 +235,11 @@ fn a_controller_keeps_to_the_limits_of_its_robot() {
     let check = |genes: &[f64], expected: &str| refused(Controller::new(Preset::Flockbots, genes), expected);
     check(
         &[20.0, 2.0, -20.0, 2.1],
-        "controller[3] = 2.1: must be a number from -2 to 2",
+        "controller.turn_1 = 2.1: must be a number from -2 to 2",
     );
     check(
         &[21.0, 2.0, -20.0, 2.0],
-        "controller[0] = 21: must be a number from -20 to 20",
+        "controller.speed_0 = 21: must be a number from -20 to 20",
     );
     let genes = [0.1, -0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, -1.5];
     let controller = Controller::new(Preset::TwoSensor, &genes).unwrap();
@@ -257,7 +257,10 @@ fn a_controller_keeps_to_the_limits_of_its_robot() {
     assert_eq!(controller.genes(), twice);
     assert!(controller.robots().all(|robot| robot.genes() == genes));
     twice[17] = 4.0;
-    assert_eq!(Controller::new(both, &twice).unwrap_err().field, "controller[17]");
+    assert_eq!(
+        Controller::new(both, &twice).unwrap_err().field,
+        "controller.b.angle_2"
+    );
 }
 
 #[test]

@@ -178,3 +178,18 @@ fn a_torus_is_a_boundary() {
         "must be \"walls\" or \"open\" or \"torus\"",
     );
 }
+
+#[test]
+fn the_way_around_a_torus_is_the_shorter_one() {
+    let check = |boundary: &str, expected: [f64; 2]| {
+        let text = format!("[world]\nwidth = 100\nheight = 60\nboundary = \"{boundary}\"\nagents = 2\n");
+        assert_eq!(
+            world(&text).unwrap().way([95.0, 5.0], [5.0, 40.0]),
+            expected,
+            "{boundary}"
+        );
+    };
+    check("torus", [10.0, -25.0]);
+    check("open", [-90.0, 35.0]);
+    check("walls", [-90.0, 35.0]);
+}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from . import _tables as tables
-from ._errors import CampaignError
+from ._errors import CampaignError, NotFoundError
 from ._html import taxonomy_page
 from ._progress import Bar
 from .v1 import campaign_pb2 as v1
@@ -58,7 +58,8 @@ class Taxonomy:
 
     Attributes:
         medoids: The individuals at the centres of the clusters, largest cluster first: `index`, `cluster_size`,
-            `mean_distance`, `novelty`, `class`, `genes`, `seed`.
+            `mean_distance`, `novelty`, `class`, `cluster_name` (the class, or the name from an earlier version),
+            `genes`, `seed`.
         pictures: Their pictures, as from `Campaign.pictures`.
         clusters: The row of `medoids` that each individual of the archive belongs to; uint32 (individuals,).
         loss: Sum of the distances of all individuals to their nearest medoids, in units of the behaviour space.
@@ -346,6 +347,45 @@ class Campaign:
         """
         return Path(self._client.command("report", self.id, "--out", os.fspath(folder))["report"])
 
+    def embedder(self, file: str | os.PathLike[str]) -> Path:
+        """Writes the network that embeds the campaign's pictures, and returns the path of its file.
+
+        Args:
+            file: The ONNX file to write. Its input `images` is float32 (n, channels, side, side), grey values from 0 to
+                255, column by column; its output `embeddings` is float32 (n, dimensions).
+
+        Raises:
+            NotFoundError: If the campaign has no embedder, or none yet.
+            ProgramError: If the file cannot be written.
+        """
+        checkpoint = self.status().checkpoint
+        if not checkpoint:
+            raise NotFoundError(f"campaign {self.id} has no embedder")
+        self._client.command("checkpoints", "export", checkpoint, os.fspath(file))
+        return Path(file)
+
+    def export(self, folder: str | os.PathLike[str], *, csv: bool = False) -> Path:
+        """Writes everything of the campaign to a folder of open formats, also while it runs, and returns the folder.
+
+        It has the tables of individuals, labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX,
+        the specification, a README about every column, and a datasheet. `Client.import_campaign` takes it back.
+
+        Args:
+            folder: A new folder.
+            csv: Whether to add every table as CSV.
+
+        Raises:
+            InvalidError: If the folder is not empty.
+            ProgramError: If the folder cannot be written.
+
+        Example:
+            >>> import pyarrow.parquet as pq
+            >>> pq.read_table(campaign.export("exported") / "individuals.parquet").num_rows
+            100
+        """
+        more = ["--csv"] if csv else []
+        return Path(self._client.command("export", self.id, os.fspath(folder), *more)["folder"])
+
     def pause(self) -> None:
         """Stops the campaign at its last complete generation.
 
@@ -376,7 +416,8 @@ class Campaign:
         Follow it with `wait`.
 
         Raises:
-            RefusedError: If the campaign has no embedder, or its labels name fewer than two classes.
+            RefusedError: If the campaign has no embedder, or its labels name fewer than two classes and no comparison
+                says anything.
         """
         self._client.rpc.call("CampaignService/RefineCampaign", v1.RefineCampaignRequest(campaign=self.id), v1.Campaign)
 

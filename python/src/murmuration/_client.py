@@ -168,10 +168,47 @@ class Client:
         listed = self.rpc.whole("CampaignService/ListCampaigns", request, v1.ListCampaignsResponse)
         return [Campaign(self, one.id) for one in listed.campaigns]
 
+    def import_campaign(self, folder: str | os.PathLike[str]) -> Campaign:
+        """Takes a campaign that was exported into the coordinator's store, to the same digest, with its id.
+
+        Every file and every value is checked first. A campaign that was running is paused.
+
+        Args:
+            folder: A folder that `Campaign.export` or `murmuration export` wrote.
+
+        Raises:
+            InvalidError: If a file was changed, or there is a campaign of that id already.
+
+        Example:
+            >>> folder = campaign.export("elsewhere")
+            >>> with mm.local(workers=0) as other:
+            ...     other.import_campaign(folder).digest() == campaign.digest()
+            True
+        """
+        return Campaign(self, self.command("import", os.fspath(folder))["campaign"])
+
     def command(self, *words: str) -> dict[str, Any]:
         """Runs a command of the program `murmuration` on this coordinator, and returns what it prints with `--json`.
 
-        Only commands that print one document can be run. `murmuration schema` describes the documents.
+        `murmuration schema` describes the documents. Of a command that prints none, such as `checkpoints export`, the
+        document is empty.
+
+        Raises:
+            InvalidError: If the command refuses its input, or prints several documents: `documents` returns them.
+            NotFoundError: If what the command is asked about does not exist.
+            ProgramError: If the program cannot be found, or fails.
+
+        Example:
+            >>> client.command("digest", "example-1")["evaluations"]
+            100
+        """
+        documents = self.documents(*words)
+        if len(documents) > 1:
+            raise InvalidError(f"`murmuration {' '.join(words)}` prints {len(documents)} documents: use `documents`")
+        return documents[0] if documents else {}
+
+    def documents(self, *words: str) -> list[dict[str, Any]]:
+        """Runs a command that prints any number of documents, such as `list`, and returns them.
 
         Raises:
             InvalidError: If the command refuses its input.
@@ -179,8 +216,8 @@ class Client:
             ProgramError: If the program cannot be found, or fails.
 
         Example:
-            >>> client.command("digest", "example-1")["evaluations"]
-            100
+            >>> client.documents("list")[0]["campaign"]
+            'example-1'
         """
         trust = ["--ca", os.fspath(self._ca)] if self._ca else []
         variables = {"MURMURATION_TOKEN": self._token} if self._token else {}

@@ -39,7 +39,7 @@ def taxonomy_page(pictures: npt.NDArray[np.uint8], medoids: Sequence[Mapping[str
 
 def _figure(picture: npt.NDArray[np.uint8], medoid: Mapping[str, Any]) -> str:
     data = base64.b64encode(png(picture)).decode()
-    named = html.escape(medoid["class"] or "")
+    named = html.escape(medoid["cluster_name"] or medoid["class"] or "")
     words = f"{medoid['index']}<br>{medoid['cluster_size']} in its cluster<br>{named}"
     image = f'<img width="{_SHOWN_SIDE}" style="image-rendering:pixelated" src="data:image/png;base64,{data}">'
     return f'<figure style="margin:0;font-size:small">{image}<figcaption>{words}</figcaption></figure>'

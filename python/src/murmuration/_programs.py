@@ -63,8 +63,8 @@ def _onnxruntime() -> Path | None:
     return None
 
 
-def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> dict[str, Any]:
-    """Runs a command of `murmuration` that prints one JSON document, and returns the document.
+def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> list[dict[str, Any]]:
+    """Runs a command of `murmuration`, and returns the JSON documents that it prints, one after the other.
 
     Raises:
         InvalidError: If the command refuses its input.
@@ -80,5 +80,10 @@ def run(program: Path, words: Sequence[str], variables: dict[str, str]) -> dict[
         if done.returncode == _WRONG_INPUT:
             raise NotFoundError(said) if said.startswith("there is no ") else InvalidError(said)
         raise ProgramError(said)
-    document: dict[str, Any] = json.loads(done.stdout)
-    return document
+    documents = []
+    left = done.stdout.strip()
+    while left:
+        document, end = json.JSONDecoder().raw_decode(left)
+        documents.append(document)
+        left = left[end:].lstrip()
+    return documents

@@ -93,6 +93,12 @@ def medoids(taxonomy: v1.Taxonomy, classes: Mapping[int, str]) -> pa.Table:
         _column(
             "class", pa.string(), (classes.get(one.index) for one in individuals), about="null where there is none"
         ),
+        _column(
+            "cluster_name",
+            pa.string(),
+            (medoid.name.name or None for medoid in ours),
+            about="the class of the medoid, or the name from an earlier version; null where there is none",
+        ),
         _lists("genes", pa.float64(), [one.controller for one in individuals], len(individuals[0].controller)),
         _column("seed", pa.uint64(), (one.seed for one in individuals), about="of the first start"),
     ]

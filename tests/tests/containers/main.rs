@@ -23,7 +23,7 @@ fn main() -> ExitCode {
 /// A campaign whose every stage takes long enough to be met in it, also on a machine that has nothing else to do.
 const SPEC: &str = "name = \"contained\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\n\
     [dataset]\ncontrollers = 4000\n[training.recipe.in-batch]\nepochs = 6\npatience = 6\n\
-    [world]\nhorizon = 400\n[search]\npopulation = 100\ngenerations = 200\n[taxonomy]\nmedoids = 8\n";
+    [world]\nhorizon = 1600\n[search]\npopulation = 100\ngenerations = 200\n[taxonomy]\nmedoids = 8\n";
 
 /// Compose reads the file without an engine.
 fn every_profile_is_valid_and_names_its_images() {

@@ -29,6 +29,7 @@ pub const FLOORS: &[(&str, u8)] = &[
     ("coordinator/store", 4),
     ("coordinator/dispatch", 5),
     ("coordinator/report", 5),
+    ("coordinator/export", 5),
     ("coordinator/access", 5),
     ("coordinator/engine", 6),
     ("coordinator/study", 6),

@@ -8,22 +8,36 @@ use crate::{
     },
 };
 
-const PAGES: [&str; 7] = [
+const PAGES: [&str; 11] = [
     "README.md",
+    "docs/first-campaign.md",
+    "docs/labelling.md",
+    "docs/clusters.md",
     "docs/commands.md",
     "docs/performance.md",
     "docs/operations.md",
     "docs/security.md",
     "docs/data-directory.md",
+    "docs/export.md",
     "docs/results.md",
 ];
 
 const LONG: &str = "it takes half an hour and more";
 const NO_TRAINING_LABELS: &str = "the labels for training are not in the repository";
 
+/// Writes a table of answers.
+const ANSWERS: &str = "printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv";
+
 /// Writes a table of controllers.
 pub const CONTROLLERS: &str =
     "printf 'left_0,right_0,left_1,right_1\\n-0.7,0.3,1,1\\n1,1,1,1\\n' >controllers.csv";
+
+/// Writes a world as the authors' simulator saves it.
+pub const SAVED_WORLD: &str = r#"echo '{"w": 500, "h": 500, "population_size": 24, "padding": 15, "agent_config": {"type": "DiffDriveAgentConfig", "dt": 1.0, "agent_radius": 5, "wheel_radius": 2.0, "controller": [-0.7, 0.3, 1.0, 1.0], "sensors": {"sensors": [{"type": "BinaryLOSSensor", "angle": 0}]}}, "collide_walls": true, "stop_at": null, "agent_init": null}' >cyclone.json"#;
+
+/// A line that makes a film.
+pub const FILM: &str = "murmuration simulate --controller=-0.7,0.3,1,1 --mp4";
+pub const NO_ENCODER: &str = "ffmpeg need not be there";
 
 pub fn of_the_readme() {
     let port = free_port();
@@ -37,6 +51,43 @@ pub fn of_the_readme() {
             "make ",
             NotRun("it builds and tests everything, which this test is a part of"),
         )
+        .rule("murmuration serve", Stays("pages:"))
+        .rule("murmuration-worker", Stays("connected"))
+        .rule("murmuration-trainer", Stays("connected"))
+        .run();
+}
+
+pub fn of_the_page_on_a_first_campaign() {
+    Script::of("docs/first-campaign.md")
+        .rule(
+            "murmuration run mine.toml",
+            Before("cp docs/example-report/campaign.toml mine.toml"),
+        )
+        .run();
+}
+
+pub fn of_the_page_on_labelling() {
+    let port = free_port();
+    Script::of("docs/labelling.md")
+        .replace(
+            "murmuration serve",
+            format!("murmuration serve --listen 127.0.0.1:{port}"),
+        )
+        .replace("examples/quick-latent.toml", "small.toml")
+        .rule("murmuration serve", Stays("pages:"))
+        .rule("murmuration label latest", Before(ANSWERS))
+        .run();
+}
+
+pub fn of_the_page_on_clusters() {
+    let port = free_port();
+    Script::of("docs/clusters.md")
+        .replace(
+            "murmuration serve --workers 0",
+            format!("murmuration serve --workers 0 --listen 127.0.0.1:{port}"),
+        )
+        .replace("127.0.0.1:7700", format!("127.0.0.1:{port}"))
+        .replace("examples/quick.toml", "small.toml")
         .rule("murmuration serve", Stays("pages:"))
         .rule("murmuration-worker", Stays("connected"))
         .rule("murmuration-trainer", Stays("connected"))
@@ -59,8 +110,14 @@ pub fn of_the_page_on_commands() {
             Before(CONTROLLERS),
         )
         .rule(
+            "murmuration delete",
+            NotRun("the campaign of that number is another one here"),
+        )
+        .rule("murmuration world", Before(SAVED_WORLD))
+        .rule(FILM, NotRun(NO_ENCODER))
+        .rule(
             "murmuration label latest --csv",
-            Before("printf 'id,class\\n0,ring\\n1,ring\\n2,clump\\n3,clump\\n' >my.csv"),
+            Before(ANSWERS),
         )
         // What a person wrote is as it was.
         .rule(
@@ -131,6 +188,12 @@ pub fn of_the_page_on_the_data_directory() {
         .run();
 }
 
+pub fn of_the_page_on_exports() {
+    Script::of("docs/export.md")
+        .rule("murmuration export latest", Before("murmuration run small.toml"))
+        .run();
+}
+
 pub fn of_the_page_on_results() {
     Script::of("docs/results.md")
         .rule(
@@ -142,6 +205,11 @@ pub fn of_the_page_on_results() {
             NotRun(LONG),
         )
         .rule("murmuration run", NotRun(LONG))
+        .rule(
+            "murmuration study run",
+            NotRun("tests/tests/single_node/studies.rs runs smaller ones"),
+        )
+        .rule("murmuration study report recall", NotRun("the study before it was not run"))
         .rule("murmuration checkpoints list", NotRun("it lists what the campaign before it trained"))
         .rule("murmuration bench labels", NotRun(NO_TRAINING_LABELS))
         .run();
@@ -158,8 +226,17 @@ pub fn of_the_page_on_performance() {
 pub fn of_every_other_page() {
     for (name, text) in pages() {
         let has_commands = blocks(&text).iter().any(|(language, _)| language == "sh");
-        if has_commands && !PAGES.contains(&name.as_str()) {
-            Script::of(&name).run();
+        if !has_commands || PAGES.contains(&name.as_str()) {
+            continue;
         }
+        let script = Script::of(&name);
+        let script = match text.contains("murmuration serve --data atlas-data") {
+            true => script.rule("murmuration serve", Stays("pages:")).replace(
+                "serve --data atlas-data",
+                "serve --data atlas-data --listen 127.0.0.1:0",
+            ),
+            false => script,
+        };
+        script.run();
     }
 }

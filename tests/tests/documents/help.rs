@@ -1,7 +1,7 @@
 //! The help of every command: its examples are run, and its text is checked.
 
 use crate::{
-    commands::CONTROLLERS,
+    commands::{CONTROLLERS, FILM, NO_ENCODER, SAVED_WORLD},
     script::{
         Rule::{Before, NotRun, Stays},
         Script, free_port,
@@ -96,6 +96,7 @@ pub fn every_example_works() {
         )
         .replace("--values 7", "--values 7 --data atlas-data")
         .replace("atlas latest --out", "atlas latest --data atlas-data --out")
+        .replace("delete two-sensor-3", "delete small-1")
         .replace("/backups/", "backups/")
         .replace("single_sensor/", "tests/labelled/single_sensor/")
         .replace("two_sensor/", "tests/labelled/two_sensor/")
@@ -142,6 +143,17 @@ pub fn every_example_works() {
                  rm -f labels.csv",
             ),
         )
+        .rule(
+            "murmuration export",
+            Before("test -e murmuration-data || murmuration run small.toml"),
+        )
+        .rule(
+            "murmuration import my-campaign",
+            // Into a data directory that has it not yet; those of the commands that follow stay.
+            Before("test -e data-of-the-export || mv murmuration-data data-of-the-export"),
+        )
+        .rule(FILM, NotRun(NO_ENCODER))
+        .rule("murmuration world", Before(SAVED_WORLD))
         .rule("murmuration evaluate", Before(CONTROLLERS))
         .rule(
             "murmuration filter --file",

@@ -45,7 +45,8 @@ stay() { # the log's name, and the sign
     stays+=("$!")
 }
 leave() {
-    for process in "${stays[@]}"; do kill "$process"; wait "$process"; done
+    # One may have ended because another did.
+    for process in "${stays[@]}"; do kill "$process" 2>&- || true; wait "$process"; done
     stays=()
 }
 not_run() { # the line
@@ -53,6 +54,7 @@ not_run() { # the line
         murmuration() { understood murmuration "$@"; }
         make() { command make --dry-run "$@" >/dev/null; }
         docker() { :; }
+        pip() { :; }
         kubectl() {
             for word in "$@"; do
                 case "$word" in

@@ -187,6 +187,54 @@ async fn people_teach_as_often_as_they_like() {
     cluster.stop().await;
 }
 
+/// The class of most of the five labelled individuals nearest to one: that of the nearest where two have as many.
+fn elected(archive: &[v1::Individual], classes: &[&str], place: usize) -> String {
+    if let Some(own) = classes.get(place) {
+        return (*own).to_owned();
+    }
+    let squared = |other: usize| -> f64 {
+        let pairs = archive[place].embedding.iter().zip(&archive[other].embedding);
+        pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum()
+    };
+    let mut voters: Vec<usize> = (0..classes.len()).collect();
+    voters.sort_by(|&one, &other| squared(one).total_cmp(&squared(other)));
+    voters.truncate(5);
+    let votes = |class: &str| voters.iter().filter(|&&voter| classes[voter] == class).count();
+    let most = voters.iter().rev().max_by_key(|&&voter| votes(classes[voter]));
+    classes[*most.unwrap()].to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn each_class_that_was_learned_has_a_medoid_where_the_specification_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let mut table: toml::Table = taught(0).to_toml().parse().unwrap();
+    table["taxonomy"]
+        .as_table_mut()
+        .unwrap()
+        .insert("by_class".into(), true.into());
+    let spec = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
+    let id = cluster.create(&spec).await;
+    completed(&mut cluster, &id).await;
+    // Three individuals, whatever they are, are all that there is of the last three classes.
+    let mut classes = vec!["ring"; 17];
+    classes.extend(["wall", "clump", "gap"]);
+    label(&cluster, "all", &classes).await;
+    refine(&mut cluster, &id).await.unwrap();
+    completed(&mut cluster, &id).await;
+
+    let archive = cluster.archive(&id).await;
+    let taxonomy = cluster.taxonomy(&id).await;
+    let medoids = taxonomy.medoids.iter().flat_map(|medoid| &medoid.individual);
+    let elected = medoids.map(|medoid| elected(&archive, &classes, medoid.index as usize));
+    let elected: std::collections::BTreeSet<String> = elected.collect();
+    assert_eq!(
+        elected,
+        ["clump", "gap", "ring", "wall"].map(str::to_owned).into()
+    );
+    cluster.stop().await;
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_was_trained_elsewhere_is_taught_on_the_pictures_of_the_archive() {
     let folder = tempfile::tempdir().unwrap();
@@ -243,5 +291,105 @@ async fn the_judge_labels_when_asked_and_once_for_a_request() {
     // Nobody is asked twice: 40 of the 100 are left.
     assert_eq!(ask("b", 60).await.unwrap().len(), 40);
     assert!(ask("c", 60).await.unwrap().is_empty());
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_learns_from_comparisons_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let id = cluster.create(&taught(0)).await;
+    let pretrained = completed(&mut cluster, &id).await;
+    let mut client = labels(&cluster).await;
+    let next = v1::NextComparisonRequest {
+        campaign: id.clone(),
+        annotator: "ana".to_owned(),
+    };
+    let question = |asked: v1::NextComparisonResponse| asked.triple.unwrap();
+    let mut asked = Vec::new();
+    for place in 0..8 {
+        let triple = question(client.next_comparison(next.clone()).await.unwrap().into_inner());
+        assert!(!asked.contains(&triple), "{triple:?} was asked before");
+        asked.push(triple);
+        let request = v1::AnswerComparisonRequest {
+            campaign: id.clone(),
+            request_id: format!("compare-{place}"),
+            annotator: "ana".to_owned(),
+            comparison: Some(v1::Comparison {
+                triple: Some(triple),
+                preference: v1::Preference::Left.into(),
+            }),
+            time_ms: 1,
+        };
+        // A request that is made again adds nothing.
+        let [one, again] = [
+            client
+                .answer_comparison(request.clone())
+                .await
+                .unwrap()
+                .into_inner(),
+            client.answer_comparison(request).await.unwrap().into_inner(),
+        ];
+        assert_eq!(one, again);
+    }
+    let request = v1::WithdrawComparisonRequest {
+        campaign: id.clone(),
+        request_id: "withdraw".to_owned(),
+        annotator: "ana".to_owned(),
+    };
+    let withdrawn = client.withdraw_comparison(request).await.unwrap().into_inner();
+    let last = asked[7];
+    assert_eq!(withdrawn.withdrawn.unwrap().triple, Some(last));
+    // What was withdrawn is asked again.
+    let again = client.next_comparison(next).await.unwrap().into_inner();
+    assert_eq!((again.triple, again.own), (Some(last), 7));
+    let request = v1::AnswerComparisonRequest {
+        campaign: id.clone(),
+        request_id: "wrong".to_owned(),
+        annotator: "ana".to_owned(),
+        comparison: Some(v1::Comparison {
+            triple: Some(v1::Triple {
+                reference: 1,
+                left: 1,
+                right: 2,
+            }),
+            preference: v1::Preference::Left.into(),
+        }),
+        time_ms: 0,
+    };
+    let refused = client.answer_comparison(request).await.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument);
+    assert!(refused.message().contains("comparison.triple.left"), "{refused}");
+
+    refine(&mut cluster, &id).await.unwrap();
+    let learned = completed(&mut cluster, &id).await;
+    let tuned = checkpoint(&cluster, &learned.checkpoint).await;
+    assert_eq!(tuned.parent, pretrained.checkpoint);
+    assert_eq!(tuned.metrics["comparisons"], 7.0);
+    assert!(!tuned.metrics.contains_key("labels"));
+
+    let request = v1::AppendSyntheticComparisonsRequest {
+        campaign: id.clone(),
+        request_id: "judge".to_owned(),
+        count: 5,
+    };
+    let compared = client
+        .append_synthetic_comparisons(request.clone())
+        .await
+        .unwrap();
+    let compared = whole(compared.into_inner()).await.unwrap();
+    assert_eq!(compared.entries.len(), 5);
+    let again = client
+        .append_synthetic_comparisons(request.clone())
+        .await
+        .unwrap();
+    assert_eq!(whole(again.into_inner()).await.unwrap(), compared);
+    // The id of another request is refused.
+    let other = v1::AppendSyntheticComparisonsRequest {
+        request_id: "compare-0".to_owned(),
+        ..request
+    };
+    let refused = client.append_synthetic_comparisons(other).await.unwrap_err();
+    assert_eq!(refused.code(), Code::AlreadyExists);
     cluster.stop().await;
 }

@@ -134,7 +134,7 @@ async fn a_campaign_can_start_from_a_checkpoint() {
     let absent = CampaignSpec::from_toml(&toml::to_string(&table).unwrap()).unwrap();
     let request = v1::CreateCampaignRequest {
         spec: Some((&absent).into()),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     };
     let refused = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(refused.code(), Code::NotFound, "{refused}");

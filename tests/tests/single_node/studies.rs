@@ -1,6 +1,9 @@
 //! Studies: each cell runs once, a study that was killed goes on, and its tables are those of its campaigns.
 
+use murmuration_judge::{frames, judge};
+use murmuration_proto::{Class, Controller, Preset, World, v1};
 use murmuration_tests::{Murmuration, small_latent_spec};
+use murmuration_worker::{replay::replay_frames, simulate::Start};
 use serde_json::Value;
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -83,6 +86,50 @@ fn cells_run_once_and_a_changed_study_runs_only_what_is_new() {
     let listed = murmuration.run(&["study", "list", "--json"]).lines();
     let names: Vec<&str> = listed.iter().filter_map(|line| line["study"].as_str()).collect();
     assert_eq!(names, ["other", "pair"]);
+}
+
+#[test]
+fn a_study_that_is_run_twice_at_once_begins_each_cell_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let murmuration = Murmuration::over(&data);
+    let file = written(folder.path(), STUDY);
+    let (server, _) = murmuration.serve("127.0.0.1:0", &["--workers", "1"]);
+    let runs = [(); 2].map(|()| murmuration.start(&["study", "run", &file]));
+    for run in runs {
+        assert_eq!(run.wait(), Some(0));
+    }
+    assert_eq!(campaigns(&murmuration).len(), 4);
+    drop(server);
+}
+
+#[test]
+fn a_damaged_study_hides_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let murmuration = Murmuration::over(&data);
+    let file = written(folder.path(), STUDY);
+    run(&murmuration, &file);
+    let damaged = data.join("studies/damaged");
+    fs::create_dir(&damaged).unwrap();
+    fs::write(damaged.join("study.toml"), "seeds = \"many\"").unwrap();
+    let listed = murmuration.run(&["study", "list", "--json"]).lines();
+    assert_eq!(listed.len(), 2);
+    assert!(
+        listed[0]["problem"]
+            .as_str()
+            .unwrap()
+            .contains("damaged/study.toml"),
+        "{listed:?}"
+    );
+    assert_eq!(listed[1]["measured"], 4);
+    let table = murmuration.run(&["study", "list"]);
+    assert_eq!(table.code, Some(0));
+    assert!(
+        table.stdout.contains("pair") && table.stderr.contains("damaged is damaged"),
+        "{}",
+        table.stderr
+    );
 }
 
 #[test]
@@ -169,7 +216,7 @@ fn killed_and_run_again_it_comes_to_the_same_figures() {
     for done in 0..2 {
         let mut process = killed.start(&["study", "run", &file, "--workers", "1", "--at-once", "2"]);
         process.wait_for("campaign pair-");
-        killed.latest_when(|latest| latest["generations_done"].as_u64() > Some(done));
+        killed.campaign_when("pair-2", |cell| cell["generations_done"].as_u64() > Some(done));
         process.kill();
     }
     let shown = killed.run(&["study", "show", "pair", "--json"]).last_line();
@@ -218,4 +265,91 @@ fn replicates_that_share_an_embedder_have_its_checkpoint_and_the_archive_of_thei
         .last_line();
     assert_eq!(trained["digest"], cells[0]["archive_digest"]);
     assert_ne!(cells[0]["archive_digest"], cells[1]["archive_digest"]);
+}
+
+/// The paper's cyclic pursuit in small and in usual swarms, each from three starts.
+const PHASE: &str = "name = \"phase\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
+    axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 24] }]\n\
+    [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\n\
+    controllers.initial = [[-0.7, 0.3, 1.0, 1.0]]\nsearch = { population = 1, generations = 1 }\n\
+    taxonomy.medoids = 1\nevaluation = { starts = 3, judge = true }\n";
+
+#[test]
+fn shares_are_of_what_workers_judged_of_that_controller_alone_and_diagrams_show_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let study = run(&murmuration, &written(folder.path(), PHASE));
+    let page = PathBuf::from(study["report"].as_str().unwrap());
+    let controller = Controller::new(Preset::SingleSensor, &[-0.7, 0.3, 1.0, 1.0]).unwrap();
+    for cell in rows(page.with_file_name("cells.csv")) {
+        assert_eq!(cell["evaluations"], "1");
+        let out = folder.path().join(&cell["campaign"]);
+        let report = murmuration.run(&["report", &cell["campaign"], "--out", &out.display().to_string()]);
+        assert_eq!(report.code, Some(0), "{}", report.stderr);
+        let world = World::try_from(v1::World {
+            agents: Some(cell["robots"].parse().unwrap()),
+            ..v1::World::default()
+        });
+        let world = world.unwrap();
+        let trials = rows(out.join("trials.csv"));
+        assert_eq!(trials.len(), 3);
+        let mut shares = Class::ALL.map(|class| (class, 0.0));
+        for trial in trials {
+            let start = Start::seeded(trial["seed"].parse().unwrap());
+            let motion = replay_frames(&controller, &world, &start, &frames(&world)).unwrap();
+            shares[judge(&motion, &world).class() as usize].1 += 100.0 / 3.0;
+        }
+        for (class, share) in shares {
+            let said: f64 = cell[&format!("share_{class}")].parse().unwrap();
+            assert!((said - share).abs() < 1e-9, "{class}: {said}, not {share}");
+        }
+    }
+    let picture = fs::read_to_string(page.with_file_name("phase.svg")).unwrap();
+    assert!(picture.starts_with("<svg") && picture.contains("cyclic pursuit"));
+    assert!(
+        fs::read_to_string(&page).unwrap().contains(&picture),
+        "the page has it too"
+    );
+}
+
+/// Searches in small and in usual swarms.
+const SEARCHES: &str = "name = \"searches\"\nmeasures = [\"shares\"]\nphase.x = \"robots\"\n\
+    axes = [{ name = \"robots\", field = \"world.agents\", numbers = [4, 12] }]\n\
+    [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
+    search = { population = 20, generations = 2 }\ntaxonomy.medoids = 4\nevaluation.judge = true\n";
+
+#[test]
+fn a_phase_diagram_of_searches_shows_the_shares_of_their_archives() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let study = run(&murmuration, &written(folder.path(), SEARCHES));
+    let page = PathBuf::from(study["report"].as_str().unwrap());
+    let cells = rows(page.with_file_name("cells.csv"));
+    assert_eq!(cells.len(), 2);
+    for cell in cells {
+        assert_eq!(cell["evaluations"], "40");
+        let shares = Class::ALL.map(|class| cell[&format!("share_{class}")].parse::<f64>().unwrap());
+        // Of 40 individuals with a trial each.
+        assert!(
+            shares.iter().all(|share| (share / 2.5).fract() == 0.0),
+            "{shares:?}"
+        );
+        assert_eq!(shares.iter().sum::<f64>(), 100.0);
+        let shown = murmuration.run(&["show", &cell["campaign"], "--taxonomy", "--json"]);
+        assert_eq!(shown.last_line()["clusters"].as_array().unwrap().len(), 4);
+    }
+    let picture = fs::read_to_string(page.with_file_name("phase.svg")).unwrap();
+    assert!(picture.starts_with("<svg"), "{picture}");
+}
+
+#[test]
+fn shares_of_cells_that_nobody_judges_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let murmuration = Murmuration::over(&folder.path().join("data"));
+    let file = written(folder.path(), &PHASE.replace("judge = true", "judge = false"));
+    let refused = murmuration.run(&["study", "run", &file]);
+    assert_eq!(refused.code, Some(2));
+    let said = "the campaign with robots = 4, seed = 1: evaluation.judge = false: must be true";
+    assert!(refused.stderr.contains(said), "{}", refused.stderr);
+    assert!(!folder.path().join("data").exists(), "nothing ran");
 }

@@ -1,5 +1,8 @@
 //! The pages over HTTP, on the port of gRPC.
 
+mod managing;
+mod taxonomy;
+
 use murmuration_proto::{
     parts::whole,
     v1::{self, label_service_client::LabelServiceClient},
@@ -61,74 +64,18 @@ impl Browser {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_finished_campaign_shows_its_behaviours() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut cluster = Cluster::start(folder.path(), 2).await;
-    let browser = Browser::at(&cluster);
-    assert!(browser.page("/").await.contains("There are no campaigns yet"));
-    let id = cluster.create(&small_spec("")).await;
-    cluster.finish(&id).await;
-    let list = browser.page("/").await;
-    assert!(
-        list.contains("/campaigns/small-1") && list.contains("100 of 100 evaluations"),
-        "{list}"
-    );
-    let page = browser.page("/campaigns/small-1").await;
-    assert!(
-        page.contains("<dt>Best novelty of the last generation</dt>"),
-        "{page}"
-    );
-    assert!(
-        page.contains("4 behaviours") && page.contains("<strong>completed</strong>"),
-        "{page}"
-    );
-
-    let request = v1::GetTaxonomyRequest { campaign: id };
-    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
-    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
-    // The novelty of its day is of an archive that was emptier.
-    let cards = browser.page("/campaigns/small-1/taxonomy").await;
-    for medoid in &taxonomy.medoids {
-        let size = format!("cluster of {}<", medoid.cluster_size);
-        assert!(cards.contains(&size), "{size} {cards}");
-        let shown = format!("<dt>Novelty</dt><dd>{:.4}</dd>", medoid.novelty);
-        assert!(cards.contains(&shown), "{shown} {cards}");
-    }
-    let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
-    // Under an address that a campaign of another data directory will not have, it may be kept for ever.
-    let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
-    let created = cluster.status("small-1").await.created_ms;
-    let lasting = format!("{path}?created={created}");
-    assert!(page.contains(&lasting), "{page}");
-    for (path, kept) in [
-        (&lasting, "private, max-age=31536000, immutable"),
-        (&path, "private, no-cache"),
-        (&format!("{path}?created=1"), "private, no-cache"),
-        (&format!("{path}/motion"), "private, no-cache"),
-    ] {
-        assert_eq!(browser.get(path).await.headers()["cache-control"], kept, "{path}");
-    }
-    let picture = browser.get(&lasting).await;
-    assert_eq!(picture.headers()["content-type"], "image/png");
-    let bytes = picture.bytes().await.unwrap();
-    let decoder = png::Decoder::new(std::io::Cursor::new(bytes))
-        .read_info()
-        .unwrap();
-    assert_eq!(decoder.info().size(), (150, 150));
-    cluster.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn a_campaign_is_started_and_cancelled_with_buttons() {
     let folder = tempfile::tempdir().unwrap();
     let mut cluster = Cluster::start(folder.path(), 1).await;
     let browser = Browser::at(&cluster);
     let own = Some(browser.url.clone());
-    let started = browser
-        .post("/", &[("example", "quick-latent")], own.as_deref())
-        .await;
+    let started = browser.post("/new", &QUICK, own.as_deref()).await;
     assert_eq!(started.status(), StatusCode::SEE_OTHER);
     assert_eq!(started.headers()["location"], "/campaigns/quick-latent-1");
+    // A second click starts nothing.
+    let again = browser.post("/new", &QUICK, own.as_deref()).await;
+    assert_eq!(again.headers()["location"], "/campaigns/quick-latent-1");
+    assert_eq!(cluster.campaigns().await.len(), 1);
     let page = browser.page("/campaigns/quick-latent-1").await;
     assert!(
         page.contains("Pause") && page.contains("Cancel") && !page.contains("Resume"),
@@ -144,10 +91,26 @@ async fn a_campaign_is_started_and_cancelled_with_buttons() {
         .post("/campaigns/quick-latent-1/pause", &[], own.as_deref())
         .await;
     assert_eq!(again.status(), StatusCode::CONFLICT);
-    let unknown = browser.post("/", &[("example", "nothing")], own.as_deref()).await;
+    // A form that was changed in between starts another.
+    let mut changed = QUICK;
+    changed[2] = ("name", "other");
+    let other = browser.post("/new", &changed, own.as_deref()).await;
+    assert_eq!(other.headers()["location"], "/campaigns/other-2");
+    let unknown = browser.get("/new?example=nothing").await;
     assert_eq!(unknown.status(), StatusCode::BAD_REQUEST);
     cluster.stop().await;
 }
+
+/// The form of a new campaign, filled in.
+const QUICK: [(&str, &str); 7] = [
+    ("step", "start"),
+    ("request", "1"),
+    ("name", "quick-latent"),
+    ("model", "single-sensor"),
+    ("method", "latent"),
+    ("search.population", "50"),
+    ("search.generations", "1,000"),
+];
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_scripts_say_is_checked_and_said_once() {
@@ -183,7 +146,7 @@ async fn what_scripts_say_is_checked_and_said_once() {
         (&undone["individuals"], &undone["classes"]),
         (&serde_json::json!([3]), &serde_json::json!([]))
     );
-    let wall = r#"{"request_id":"4","annotator":"ana","class":"wall"}"#;
+    let wall = r#"{"request_id":"4","annotator":"ana","change":{"create":{"class":"wall"}}}"#;
     let made = browser.tell("classes", wall, StatusCode::OK).await;
     assert_eq!(made["classes"][0]["name"], "wall");
     let asked = browser
@@ -226,7 +189,7 @@ async fn what_scripts_say_is_checked_and_said_once() {
         ("questions", &ask("clairvoyance", ""), StatusCode::BAD_REQUEST),
         (
             "classes",
-            r#"{"request_id":"3","annotator":"ana","class":"Wall"}"#,
+            r#"{"request_id":"3","annotator":"ana","change":{"create":{"class":"Wall"}}}"#,
             StatusCode::CONFLICT,
         ),
     ];
@@ -365,7 +328,7 @@ async fn other_sites_change_nothing() {
     let mut cluster = Cluster::start(folder.path(), 0).await;
     let browser = Browser::at(&cluster);
     for origin in [None, Some("http://evil.example"), Some("null")] {
-        let answer = browser.post("/", &[("example", "quick-latent")], origin).await;
+        let answer = browser.post("/new", &QUICK, origin).await;
         assert_eq!(answer.status(), StatusCode::FORBIDDEN, "{origin:?}");
         assert!(
             answer.headers()["content-security-policy"]
@@ -388,8 +351,19 @@ async fn what_is_not_there_is_said() {
         "/campaigns/nobody-7",
         "/campaigns/nobody-7/individuals/0",
     ] {
-        let answer = browser.get(path).await;
-        assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+        for (accepts, begins) in [
+            ("text/html,*/*", "<!DOCTYPE html>"),
+            ("application/json", "{\"error\":\"there is no "),
+            ("*/*", "there is no "),
+        ] {
+            let request = browser.client.get(format!("{}{path}", browser.url));
+            let answer = request.header("Accept", accepts).send().await.unwrap();
+            assert_eq!(answer.status(), StatusCode::NOT_FOUND, "{path}");
+            let told = answer.text().await.unwrap();
+            assert!(told.starts_with(begins), "{path}: {told}");
+            let has_ways = told.contains("href=\"/new\"");
+            assert_eq!(has_ways, accepts.contains("html"), "{path}");
+        }
     }
     cluster.stop().await;
 }

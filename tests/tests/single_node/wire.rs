@@ -236,6 +236,7 @@ async fn a_campaign_says_why_its_work_was_given_back() {
     let request = v1::CreateCampaignRequest {
         spec: Some((&small_spec("")).into()),
         weight: Some(250),
+        ..v1::CreateCampaignRequest::default()
     };
     let created = cluster
         .client
@@ -330,7 +331,7 @@ async fn clients_are_told_which_field_is_wrong() {
     spec.search.as_mut().unwrap().population = Some(0);
     let request = v1::CreateCampaignRequest {
         spec: Some(spec),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
@@ -342,6 +343,7 @@ async fn clients_are_told_which_field_is_wrong() {
     let request = v1::CreateCampaignRequest {
         spec: Some((&small_spec("")).into()),
         weight: Some(0),
+        ..v1::CreateCampaignRequest::default()
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(

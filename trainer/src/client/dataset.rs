@@ -1,11 +1,17 @@
-//! Fetches the inputs of a training from the coordinator: pictures, labelled pictures, the network to train further, and the
-//! snapshot.
+//! Fetches the inputs of a training from the coordinator: pictures, labelled and compared pictures, the network to train
+//! further, and the snapshot.
 
 use super::{
     event::Undone,
-    task::{FineTuningTask, Task},
+    task::{ComparedTask, FineTuningTask, Task},
 };
-use crate::{labelled_pictures::LabelledPictures, onnx, pictures::Pictures, training::FineTuning};
+use crate::{
+    compared_pictures::{ComparedPictures, ComparedTriplet},
+    labelled_pictures::LabelledPictures,
+    onnx,
+    pictures::Pictures,
+    training::{FineTuning, Teaching},
+};
 use murmuration_link::{Coordinator, attempts, fetch_checkpoint, for_lease};
 use murmuration_proto::{
     CheckpointDigest,
@@ -32,30 +38,57 @@ struct Parts {
     pictures: Vec<u8>,
     labelled: Vec<u8>,
     classes: Vec<u32>,
+    compared: Vec<u8>,
+    triplets: Vec<ComparedTriplet>,
     saved: Vec<u8>,
 }
 
 /// Fetches the inputs of `task`.
 pub(super) async fn fetch(task: &Task, coordinator: &Coordinator) -> Result<TrainingInputs, Undone> {
-    let parts = attempts(|| receive(task, coordinator.clone()))
+    let mut parts = attempts(|| receive(task, coordinator.clone()))
         .await
         .map_err(|status| Undone::call("the training's dataset cannot be fetched", &status))?;
-    let pictures = Pictures::new(task.pictures, task.views, parts.pictures).map_err(Undone::fatal)?;
+    let pictures = Pictures::new(task.pictures, task.views, std::mem::take(&mut parts.pictures))
+        .map_err(Undone::fatal)?;
     let fine_tuning = match &task.fine_tuning {
         None => None,
-        Some(fine_tuning) => {
-            let labelled = LabelledPictures::new(task.pictures, parts.labelled, parts.classes);
-            Some(FineTuning {
-                parent: parent(task, fine_tuning, coordinator).await?,
-                labelled: Arc::new(labelled.map_err(Undone::fatal)?.of_labels(fine_tuning.labels)),
-            })
-        }
+        Some(fine_tuning) => Some(FineTuning {
+            teaching: teaching(task, fine_tuning, &mut parts)?,
+            parent: parent(task, fine_tuning, coordinator).await?,
+        }),
     };
     Ok(TrainingInputs {
         pictures: Arc::new(pictures),
         fine_tuning,
         saved: parts.saved,
     })
+}
+
+/// What people said, made of the parts that came.
+fn teaching(task: &Task, fine_tuning: &FineTuningTask, parts: &mut Parts) -> Result<Teaching, Undone> {
+    let (labelled, classes) = (
+        std::mem::take(&mut parts.labelled),
+        std::mem::take(&mut parts.classes),
+    );
+    let labelled = match fine_tuning.bytes {
+        0 => None,
+        _ => {
+            let labelled = LabelledPictures::new(task.pictures, labelled, classes).map_err(Undone::fatal)?;
+            Some(Arc::new(labelled.of_labels(fine_tuning.labels)))
+        }
+    };
+    let (bytes, triplets) = (
+        std::mem::take(&mut parts.compared),
+        std::mem::take(&mut parts.triplets),
+    );
+    let compared = match &fine_tuning.compared {
+        None => None,
+        Some(ComparedTask { views, .. }) => {
+            let compared = ComparedPictures::new(task.pictures, *views, bytes, triplets);
+            Some(Arc::new(compared.map_err(Undone::fatal)?))
+        }
+    };
+    Ok(Teaching { labelled, compared })
 }
 
 /// The network of the checkpoint to train further.
@@ -86,6 +119,11 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
         .fine_tuning
         .as_ref()
         .map_or(0, |fine_tuning| fine_tuning.bytes);
+    let compared = task
+        .fine_tuning
+        .as_ref()
+        .and_then(|fine_tuning| fine_tuning.compared.as_ref());
+    let (compared_bytes, comparisons) = compared.map_or((0, 0), |task| (task.bytes, task.comparisons));
     let mut messages = TrainerServiceClient::new(coordinator)
         .fetch_training(for_lease(request, task.lease))
         .await?
@@ -107,6 +145,16 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
                 )?;
                 append(&mut parts.classes, &labelled.classes, "classes", labelled_bytes)?;
             }
+            Some(Part::Compared(part)) => {
+                append(
+                    &mut parts.compared,
+                    &part.pictures,
+                    "compared pictures",
+                    compared_bytes,
+                )?;
+                let triplets: Vec<_> = part.triplets.into_iter().map(triplet).collect();
+                append(&mut parts.triplets, &triplets, "comparisons", comparisons)?;
+            }
             Some(Part::Saved(bytes)) => {
                 append(&mut parts.saved, &bytes, "a saved training", MAX_SAVED_BYTES)?
             }
@@ -115,7 +163,22 @@ async fn receive(task: &Task, coordinator: Coordinator) -> Result<Parts, Status>
     }
     check_whole(&parts.pictures, "pictures", task.bytes)?;
     check_whole(&parts.labelled, "labelled pictures", labelled_bytes)?;
-    Ok(parts)
+    check_whole(&parts.compared, "compared pictures", compared_bytes)?;
+    match parts.triplets.len() {
+        came if came == comparisons => Ok(parts),
+        came => {
+            let said = format!("{came} comparisons came, not {comparisons}");
+            Err(Status::data_loss(said))
+        }
+    }
+}
+
+const fn triplet(message: v1::ComparedTriplet) -> ComparedTriplet {
+    ComparedTriplet {
+        anchor: message.anchor,
+        nearer: message.nearer,
+        farther: message.farther,
+    }
 }
 
 fn append<T: Copy>(all: &mut Vec<T>, part: &[T], what: &str, most: usize) -> Result<(), Status> {

@@ -38,3 +38,63 @@ pub(crate) fn loss<T: Real>(
     }
     total
 }
+
+/// The mean of the losses of triplets whose loss is over 0 (0 if there are none). `embeddings` and `gradient` are as in [`loss`],
+/// but the gradient is that of the mean.
+pub(crate) fn mean_of_violated<T: Real>(
+    embeddings: &[T],
+    dimensions: usize,
+    margin: f64,
+    gradient: &mut [T],
+) -> f64 {
+    let third = embeddings.len() / 3;
+    let violated = (0..third).step_by(dimensions).filter(|&at| {
+        let [a, p, n] = [0, 1, 2].map(|part| &embeddings[part * third + at..][..dimensions]);
+        is_violated(distance(a, p) - distance(a, n) + margin)
+    });
+    let violated = violated.count().max(1);
+    loss(embeddings, dimensions, margin, violated, gradient) / violated as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_proto::{Purpose, RandomStream};
+
+    #[test]
+    fn only_violated_triplets_count() {
+        // Two anchors at 0: the nearer ones at 1 and 1, the farther ones at 9 and 1.5.
+        let embeddings = [0.0, 0.0, 1.0, 1.0, 9.0, 1.5];
+        let mut gradient = [7.0; 6];
+        let mean = mean_of_violated(&embeddings, 1, 1.0, &mut gradient);
+        assert!((mean - 0.5).abs() < 1e-5, "{mean}");
+        assert_eq!([gradient[0], gradient[2], gradient[4]], [0.0; 3]);
+        assert_eq!(mean_of_violated(&embeddings, 1, 0.1, &mut gradient), 0.0);
+        assert_eq!(gradient, [0.0; 6]);
+        assert_eq!(mean_of_violated::<f64>(&[], 1, 1.0, &mut []), 0.0);
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_mean() {
+        const STEP: f64 = 1e-6;
+        let mut stream = RandomStream::derive(1, Purpose::Train, 0);
+        let mut embeddings: Vec<f64> = (0..3 * 5 * 2).map(|_| stream.between(-1.0, 1.0)).collect();
+        let mut gradient = vec![0.0; embeddings.len()];
+        let of = |embeddings: &[f64], gradient: &mut [f64]| mean_of_violated(embeddings, 2, 0.3, gradient);
+        of(&embeddings, &mut gradient);
+        for i in 0..embeddings.len() {
+            let value = embeddings[i];
+            let [above, below] = [STEP, -STEP].map(|step| {
+                embeddings[i] = value + step;
+                of(&embeddings, &mut [0.0; 30])
+            });
+            embeddings[i] = value;
+            let slope = (above - below) / (2.0 * STEP);
+            assert!(
+                (gradient[i] - slope).abs() < 1e-7,
+                "{i}: {}, not {slope}",
+                gradient[i]
+            );
+        }
+    }
+}

@@ -1,7 +1,7 @@
-//! Fine-tuning: training a trained network further, on labels.
+//! Fine-tuning: training a trained network further, on labels and comparisons.
 
-use super::{Training, TrainingError};
-use crate::{labelled_pictures::LabelledPictures, network::Network, onnx, pictures::Pictures};
+use super::{Teaching, Training, TrainingError};
+use crate::{network::Network, onnx, pictures::Pictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration};
 use std::sync::Arc;
 
@@ -10,37 +10,40 @@ use std::sync::Arc;
 pub struct FineTuning {
     /// The network to train further, of the configuration's architecture: an [imported](onnx::import) checkpoint.
     pub parent: Network,
-    /// The labelled pictures, of the same shape as the other pictures.
-    pub labelled: Arc<LabelledPictures>,
+    /// What people said, about pictures of the same shape as the other pictures.
+    pub teaching: Teaching,
 }
 
 /// The part that a training keeps.
 #[derive(Debug)]
 pub(crate) struct FineTuned {
-    pub(crate) labelled: Arc<LabelledPictures>,
+    pub(crate) teaching: Teaching,
     pub(crate) parent: CheckpointDigest,
 }
 
 impl Training {
-    /// A training on labels before its first epoch. `pictures` are behaviours without labels. The `labelled` recipe learns
+    /// A training on labels, comparisons or both before its first epoch. `pictures` are behaviours without labels. The `labelled` recipe learns
     /// from some of them too, and held-out ones measure the quality of the embedding and determine its scale.
     ///
     /// # Errors
     /// If the recipe is not for labels, the network does not fit the pictures, the parent is of another
-    /// architecture, or the labelled pictures have another shape.
+    /// architecture, nobody has said anything, or the labelled or compared pictures have another shape.
     pub fn fine_tune(
         configuration: &Configuration,
         pictures: Arc<Pictures>,
         fine_tuning: FineTuning,
     ) -> Result<Self, TrainingError> {
-        let FineTuning { parent, labelled } = fine_tuning;
+        let FineTuning { parent, teaching } = fine_tuning;
         if !configuration.recipe().is_labelled() {
             return Err(TrainingError::NoUseForLabels(configuration.recipe().name()));
         }
-        if labelled.shape() != pictures.shape() {
+        if teaching.answers() == 0 {
+            return Err(TrainingError::NothingTaught);
+        }
+        if let Some(labelled) = teaching.shapes().find(|&shape| shape != pictures.shape()) {
             return Err(TrainingError::LabelledShape {
                 shape: pictures.shape(),
-                labelled: labelled.shape(),
+                labelled,
             });
         }
         let architecture = Self::architecture(configuration, &pictures)?;
@@ -48,7 +51,7 @@ impl Training {
             return Err(TrainingError::OtherParent);
         }
         let fine_tuned = FineTuned {
-            labelled,
+            teaching,
             parent: CheckpointDigest::of(&onnx::export(&parent)),
         };
         Ok(Self::starting_with(

@@ -1,7 +1,8 @@
-//! An epoch of the labelled recipe: steps with equally many pictures of every class, and unlabelled pairs.
+//! An epoch of the labelled recipe: steps with equally many pictures of every class, compared triplets, and unlabelled pairs.
 
 use super::{
-    EpochLoss, Training,
+    EpochLoss, Teaching, Training,
+    compared::ComparedDeck,
     in_batch::{self, CHUNK},
 };
 use crate::{
@@ -18,16 +19,23 @@ use std::ops::Range;
 
 pub(super) fn epoch(
     training: &mut Training,
-    labelled: &LabelledPictures,
+    taught: &Teaching,
     recipe: &Labelled,
     stream: &mut RandomStream,
 ) -> EpochLoss {
-    let recipe = &recipe.for_labels(labelled.labels());
-    let mut deck = Deck::new(labelled, recipe, stream);
+    let recipe = &recipe.for_labels(taught.answers());
+    let labelled = taught.labelled.as_deref();
+    let mut deck = labelled.map(|labelled| Deck::new(labelled, recipe, stream));
+    let compared = taught.compared.as_deref();
+    let mut compared = compared.map(|compared| ComparedDeck::new(compared, stream));
     let mut unlabelled = training.held_out.trained_on().to_vec();
     stream.shuffle(&mut unlabelled);
     let pairs = recipe.unlabelled.min(unlabelled.len());
     let mut left = unlabelled.iter().copied().cycle();
+    let augmentation = Augmentation {
+        crop: recipe.crop,
+        symmetries: Symmetries::All,
+    };
     let mut sum = EpochLoss {
         mean: 0.0,
         triplets: 0,
@@ -36,29 +44,46 @@ pub(super) fn epoch(
         let done = training.state.epoch as f64 + step as f64 / recipe.steps as f64;
         let rate = recipe.learning_rate * (1.0 - done / recipe.epochs as f64);
         training.state.schedule.set_learning_rate(rate);
-        let Dealt {
-            pictures: dealt,
-            shares,
-        } = deck.deal(recipe, stream);
-        let weights = Weights::of_classes(&shares);
+        let mut images = Vec::new();
+        let mut parts = StepParts {
+            labelled: 0,
+            weights: None,
+            compared: 0,
+        };
+        let dealt = deck.as_mut().map(|deck| deck.deal(recipe, stream));
         let behaviours: Vec<usize> = left.by_ref().take(pairs).collect();
-        let mut images = augmented(labelled, &dealt, recipe, stream);
+        if let (Some(labelled), Some(Dealt { pictures, shares })) = (labelled, dealt) {
+            parts.labelled = pictures.len();
+            parts.weights = Some(Weights::of_classes(&shares));
+            images = augmented(labelled, &pictures, augmentation, stream);
+            let others = pictures.len() - recipe.per_class;
+            sum.triplets += (pictures.len() * (recipe.per_class - 1) * others) as u64;
+        }
+        if let Some(deck) = &mut compared {
+            let dealt = deck.deal(recipe.compared, stream);
+            parts.compared = dealt.len();
+            images.extend(deck.augmented(&dealt, augmentation, stream));
+            sum.triplets += (dealt.len() / 3) as u64;
+        }
         images.extend(in_batch::augmented(training, &behaviours, stream));
-        sum.mean += self::step(training, recipe, dealt.len(), &weights, &images) / recipe.steps as f64;
-        let triplets = dealt.len() * (recipe.per_class - 1) * (dealt.len() - recipe.per_class);
-        sum.triplets += (triplets + pairs * (pairs - 1)) as u64;
+        sum.mean += self::step(training, recipe, &parts, &images) / recipe.steps as f64;
+        sum.triplets += (pairs * (pairs - 1)) as u64;
     }
     sum
 }
 
-/// One step of the optimiser on `images`, of which the first `labelled` have labels; returns its loss.
-fn step(
-    training: &mut Training,
-    recipe: &Labelled,
+/// What the first images of a step are; unlabelled ones follow.
+struct StepParts {
+    /// Images with a label.
     labelled: usize,
-    weights: &Weights,
-    images: &[f32],
-) -> f64 {
+    /// The weights of their classes; `None` if there is no such image.
+    weights: Option<Weights>,
+    /// Images of compared triplets, behind them.
+    compared: usize,
+}
+
+/// One step of the optimiser on `images`; returns its loss.
+fn step(training: &mut Training, recipe: &Labelled, parts: &StepParts, images: &[f32]) -> f64 {
     let state = &mut training.state;
     let dimensions = state.network.architecture().dimensions();
     let loss = training.shards.gradient_at_once(
@@ -66,20 +91,34 @@ fn step(
         images,
         CHUNK,
         |embeddings, gradient| {
-            let ours = labelled * dimensions;
-            let (by_labelled, by_unlabelled) = gradient.split_at_mut(ours);
             let margin = recipe.margin;
-            let named = loss::labelled::loss(&embeddings[..ours], dimensions, weights, margin, by_labelled);
-            let unnamed = loss::in_batch::loss(&embeddings[ours..], dimensions, margin, by_unlabelled);
-            for slope in by_unlabelled {
-                *slope *= recipe.unlabelled_weight as f32;
+            let (named, embeddings) = embeddings.split_at(parts.labelled * dimensions);
+            let (by_named, gradient) = gradient.split_at_mut(named.len());
+            let (compared, unnamed) = embeddings.split_at(parts.compared * dimensions);
+            let (by_compared, by_unnamed) = gradient.split_at_mut(compared.len());
+            let mut total = 0.0;
+            if let Some(weights) = &parts.weights {
+                total += loss::labelled::loss(named, dimensions, weights, margin, by_named);
             }
-            named + recipe.unlabelled_weight * unnamed
+            if !compared.is_empty() {
+                let violated = loss::triplets::mean_of_violated(compared, dimensions, margin, by_compared);
+                total += weighed(violated, recipe.compared_weight, by_compared);
+            }
+            let unlabelled = loss::in_batch::loss(unnamed, dimensions, margin, by_unnamed);
+            total + weighed(unlabelled, recipe.unlabelled_weight, by_unnamed)
         },
         &mut training.gradient,
     );
     state.descend(&training.gradient, recipe.weight_decay);
     loss
+}
+
+/// A loss and its gradient times their weight.
+fn weighed(loss: f64, weight: f64, gradient: &mut [f32]) -> f64 {
+    for slope in gradient {
+        *slope *= weight as f32;
+    }
+    weight * loss
 }
 
 /// The labelled pictures of each class in random order. Steps take them in turn: no picture repeats before all others of its
@@ -150,14 +189,10 @@ impl Deck {
 fn augmented(
     labelled: &LabelledPictures,
     dealt: &[usize],
-    recipe: &Labelled,
+    augmentation: Augmentation,
     stream: &mut RandomStream,
 ) -> Vec<f32> {
     let shape = labelled.shape();
-    let augmentation = Augmentation {
-        crop: recipe.crop,
-        symmetries: Symmetries::All,
-    };
     let key = stream.bits();
     let mut images = vec![0.0; dealt.len() * shape.bytes()];
     let places = images.par_chunks_mut(shape.bytes()).zip(dealt).enumerate();

@@ -1,27 +1,62 @@
-//! An epoch of the paper's recipe on labels: new random triplets of labelled pictures.
+//! An epoch of the paper's recipe on labels: new random triplets of labelled pictures, and what comparisons say.
 
 use super::{
-    EpochLoss, Training,
+    EpochLoss, Teaching, Training,
     triplets::{Triplet, learn},
 };
-use crate::labelled_pictures::LabelledPictures;
+use crate::{compared_pictures::ComparedPictures, labelled_pictures::LabelledPictures};
 use murmuration_proto::{RandomStream, training::PaperLabelled};
 
 pub(super) fn epoch(
     training: &mut Training,
-    labelled: &LabelledPictures,
+    taught: &Teaching,
     recipe: &PaperLabelled,
     stream: &mut RandomStream,
 ) -> EpochLoss {
     let mut total = 0.0;
     for _ in 0..recipe.steps {
-        let drawn = (0..recipe.batch).map(|_| Drawn::draw(labelled, recipe.augmented, stream));
-        let triplets: Vec<Triplet> = drawn.map(|drawn| drawn.of(labelled)).collect();
+        let drawn = (0..recipe.batch).filter_map(|_| draw(taught, recipe.augmented, stream));
+        let triplets: Vec<Triplet> = drawn.collect();
         total += learn(training, &recipe.triplets(), &triplets, stream.bits());
     }
     EpochLoss {
         mean: total / recipe.steps as f64,
         triplets: (recipe.steps * recipe.batch) as u64,
+    }
+}
+
+/// A triplet of what people said: labels and comparisons are drawn in proportion to their numbers. `None` if nobody said anything.
+fn draw<'a>(taught: &'a Teaching, augmented: f64, stream: &mut RandomStream) -> Option<Triplet<'a>> {
+    let named = |labelled: &'a LabelledPictures, stream: &mut RandomStream| {
+        Drawn::draw(labelled, augmented, stream).of(labelled)
+    };
+    match (taught.labelled.as_deref(), taught.compared.as_deref()) {
+        (None, None) => None,
+        (Some(labelled), None) => Some(named(labelled, stream)),
+        (None, Some(compared)) => Some(draw_compared(compared, stream)),
+        (Some(labelled), Some(compared)) => {
+            let place = stream.below(taught.answers() as u64) as usize;
+            Some(if place < taught.comparisons() {
+                draw_compared(compared, stream)
+            } else {
+                named(labelled, stream)
+            })
+        }
+    }
+}
+
+/// What a comparison says, each behaviour by any of its views.
+fn draw_compared<'a>(compared: &'a ComparedPictures, stream: &mut RandomStream) -> Triplet<'a> {
+    let triplets = compared.triplets();
+    let triplet = triplets[stream.below(triplets.len() as u64) as usize];
+    let [anchor, nearer, farther] = triplet.behaviours().map(|behaviour| {
+        let view = stream.below(compared.views() as u64) as usize;
+        compared.picture(behaviour, view)
+    });
+    Triplet {
+        anchor,
+        positive: Some(nearer),
+        negative: farther,
     }
 }
 

@@ -1,5 +1,6 @@
 //! A training, run one epoch at a time. It can be saved after any epoch, and resumed.
 
+mod compared;
 mod fine_tuning;
 mod held_out;
 mod in_batch;
@@ -9,6 +10,7 @@ mod progress;
 mod random_triplets;
 mod saved;
 mod schedule;
+mod teaching;
 #[cfg(test)]
 mod tests;
 mod triplets;
@@ -31,6 +33,7 @@ use std::{sync::Arc, time::Instant};
 pub(crate) use fine_tuning::FineTuned;
 pub use fine_tuning::FineTuning;
 pub use progress::{Ending, Progress};
+pub use teaching::Teaching;
 
 /// A training with all its inputs. On one kind of CPU, configuration, pictures and epoch determine every bit of it. The
 /// number of threads of the rayon pool does not matter.
@@ -88,10 +91,13 @@ pub enum TrainingError {
     /// The recipe learns from labels, and there are none.
     #[error("the recipe \"{0}\" needs labels")]
     NoLabels(&'static str),
+    /// There are neither labels nor comparisons to learn from.
+    #[error("there are neither labels nor comparisons to learn from")]
+    NothingTaught,
     /// The recipe learns without labels, and there are some.
     #[error("the recipe \"{0}\" has no use for labels")]
     NoUseForLabels(&'static str),
-    /// Labelled pictures have another size or other channels than the others.
+    /// Labelled or compared pictures have another size or other channels than the others.
     #[error("labelled pictures are of {labelled}, unlabelled ones of {shape}")]
     LabelledShape {
         /// The shape of the pictures.
@@ -215,18 +221,16 @@ impl Training {
         }
         let started = Instant::now();
         let mut stream = RandomStream::derive(self.configuration.seed(), Purpose::Train, self.state.epoch);
-        let labelled = self
+        let taught = self
             .fine_tuned
             .as_ref()
-            .map(|fine_tuned| Arc::clone(&fine_tuned.labelled));
-        let loss = match (self.configuration.recipe().clone(), labelled) {
+            .map(|fine_tuned| fine_tuned.teaching.clone());
+        let loss = match (self.configuration.recipe().clone(), taught) {
             (Recipe::Paper(recipe), _) => random_triplets::epoch(self, &recipe, &mut stream),
             (Recipe::InBatch(recipe), _) => in_batch::epoch(self, &recipe, &mut stream),
-            (Recipe::Labelled(recipe), Some(labelled)) => {
-                labelled::epoch(self, &labelled, &recipe, &mut stream)
-            }
-            (Recipe::PaperLabelled(recipe), Some(labelled)) => {
-                labelled_triplets::epoch(self, &labelled, &recipe, &mut stream)
+            (Recipe::Labelled(recipe), Some(taught)) => labelled::epoch(self, &taught, &recipe, &mut stream),
+            (Recipe::PaperLabelled(recipe), Some(taught)) => {
+                labelled_triplets::epoch(self, &taught, &recipe, &mut stream)
             }
             (Recipe::Untrained, _) | (_, None) => return None,
         };

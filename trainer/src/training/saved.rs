@@ -135,7 +135,7 @@ pub(super) fn restore(training: &mut Training, bytes: &[u8]) -> Result<(), Train
 fn fine_tuned(training: &Training) -> (String, String) {
     let fine_tuned = training.fine_tuned.as_ref();
     fine_tuned.map_or_else(Default::default, |fine_tuned| {
-        (fine_tuned.labelled.digest(), fine_tuned.parent.to_string())
+        (fine_tuned.teaching.digest(), fine_tuned.parent.to_string())
     })
 }
 

@@ -7,6 +7,8 @@
 mod arrangement;
 mod body;
 mod geometry;
+#[cfg(test)]
+mod hand_made;
 mod measures;
 mod motion;
 mod nearby;

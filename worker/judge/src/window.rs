@@ -23,7 +23,6 @@ impl Window {
     /// The window at the end of a replay; positions between two frames are interpolated. On a torus paths go on across the
     /// edges, and are all shown about the middle of the swarm: a group across an edge is one group.
     pub(super) fn of(replay: &Replay, world: &World) -> Self {
-        let torus = (world.boundary() == Boundary::Torus).then(|| [world.width(), world.height()]);
         let frames: Vec<&[Pose]> = replay.frames().collect();
         let end = replay.steps().last().copied().unwrap_or(0);
         let begin = end.saturating_sub(WINDOW_STEPS);
@@ -42,15 +41,13 @@ impl Window {
                 0.0
             };
             for (path, (a, b)) in paths.iter_mut().zip(frames[before].iter().zip(frames[after])) {
-                path.push([0, 1].map(|axis| {
-                    let [a, b] = [a[axis], b[axis]].map(f64::from);
-                    let way = torus.map_or(b - a, |sides| shortest(b - a, sides[axis]));
-                    a + way * part
-                }));
+                let [a, b] = [a, b].map(|&[x, y, _]| [x, y].map(f64::from));
+                let way = world.way(a, b);
+                path.push([0, 1].map(|axis| a[axis] + way[axis] * part));
             }
         }
-        if let Some(sides) = torus {
-            unroll(&mut paths, sides);
+        if world.boundary() == Boundary::Torus {
+            unroll(&mut paths, world);
         }
         Self { paths }
     }
@@ -81,24 +78,20 @@ impl Window {
     }
 }
 
-/// The shortest way round a torus of this side that leads as far as `way`.
-fn shortest(way: f64, side: f64) -> f64 {
-    way - side * (way / side).round()
-}
-
 /// Makes paths on a torus continuous, and moves each by whole sides so that its mean is near the middle of the swarm.
-fn unroll(paths: &mut [Vec<Point>], sides: [f64; 2]) {
+fn unroll(paths: &mut [Vec<Point>], torus: &World) {
     for path in &mut *paths {
         for place in 1..path.len() {
-            let before = path[place - 1];
-            path[place] =
-                [0, 1].map(|axis| before[axis] + shortest(path[place][axis] - before[axis], sides[axis]));
+            let (before, way) = (path[place - 1], torus.way(path[place - 1], path[place]));
+            path[place] = [0, 1].map(|axis| before[axis] + way[axis]);
         }
     }
     let homes: Vec<Point> = paths.iter().map(|path| mean(path)).collect();
+    let sides = [torus.width(), torus.height()];
     let middle = [0, 1].map(|axis| circular_mean(homes.iter().map(|home| home[axis]), sides[axis]));
     for (path, home) in paths.iter_mut().zip(homes) {
-        let to = [0, 1].map(|axis| middle[axis] + shortest(home[axis] - middle[axis], sides[axis]));
+        let way = torus.way(middle, home);
+        let to = [0, 1].map(|axis| middle[axis] + way[axis]);
         for point in path {
             *point = [0, 1].map(|axis| point[axis] + to[axis] - home[axis]);
         }

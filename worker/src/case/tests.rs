@@ -86,7 +86,7 @@ fn an_error_names_the_key() {
     check(json!({"controller": null}), "controller = nothing: must be given");
     check(
         json!({"controller": [0.1, 2, 0, 0]}),
-        "controller[1] = 2: must be a number from -1 to 1",
+        "controller.right_0 = 2: must be a number from -1 to 1",
     );
     check(
         json!({"controller": [0.1, "a", 0, 0]}),

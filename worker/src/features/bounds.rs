@@ -337,7 +337,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(400))]
+        #![proptest_config(crate::proptest_cases::at_most(400))]
 
         #[test]
         fn every_swarm_is_within_them(controller in controllers(), world in worlds(), seed: u64) {

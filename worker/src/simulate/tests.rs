@@ -102,7 +102,7 @@ fn sensed_by_hand(positions: &[[f64; 2]], i: usize, at: [f64; 2], rays: &[[f64; 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
+    #![proptest_config(crate::proptest_cases::at_most(128))]
 
     #[test]
     fn the_bits_are_the_same_on_every_cpu(

@@ -24,7 +24,7 @@ pub struct Swarm {
 impl LabelledSet {
     /// The swarm of each behaviour, in the file's order.
     ///
-    /// Controllers are in columns (`v1` to `v4`, or `v1` to `v8` and `theta`). Starts follow from the column `seed`, or are
+    /// Controllers are in columns, one for each gene ([`Row::controller`]). Starts follow from the column `seed`, or are
     /// in the CSV file `starts`, with a row for each agent of each behaviour (`id`, `agent` from 0 in order, `x`, `y`,
     /// `theta`).
     ///
@@ -37,7 +37,7 @@ impl LabelledSet {
             Some(poses) => {
                 let poses = poses.remove(&behaviour.id).unwrap_or_default();
                 if poses.is_empty() {
-                    return Err(row.refuse("id", "the id of a behaviour with a start"));
+                    return Err(row.refuse_behaviour("the id of a behaviour with a start"));
                 }
                 Start::at(poses).map_err(|error| row.refused(error))
             }

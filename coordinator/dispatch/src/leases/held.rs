@@ -24,6 +24,23 @@ impl<R: Agree> LeaseTable<R> {
         (lease.holder.is_some() && lease.process.machine == machine).then_some(lease.job)
     }
 
+    /// The jobs of a worker's leases, each with the number of tasks.
+    pub fn in_hand(&self, worker: WorkerId) -> impl Iterator<Item = (JobId, usize)> {
+        let holds = self
+            .workers
+            .get(worker)
+            .into_iter()
+            .flat_map(|worker| &worker.holds);
+        let leases = holds.filter_map(|number| self.leases.get(number));
+        leases.map(|lease| (lease.job, lease.tasks.len()))
+    }
+
+    /// Tasks that a worker runs at once; 0 for one that takes no more, or is gone.
+    #[must_use]
+    pub fn capacity(&self, worker: WorkerId) -> usize {
+        self.workers.get(worker).map_or(0, |worker| worker.capacity)
+    }
+
     /// Places of the tasks of a lease; none if its job is over.
     #[must_use]
     pub fn tasks(&self, lease: LeaseNumber) -> &[usize] {

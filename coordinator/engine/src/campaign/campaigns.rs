@@ -10,11 +10,13 @@ use super::{
     run_handle::{Progress, RunHandle, held_up_by},
 };
 use crate::{blocking::blocking, synthetic::SyntheticAnnotator};
-use murmuration_dispatch::Trainers;
-use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Quarantined, Stage, Weight};
-use murmuration_proto::{CampaignSpec, EmbedderSource, v1};
+use murmuration_dispatch::{ConnectedMachine, Trainers};
+use murmuration_model::{
+    CampaignHead, CampaignId, CampaignRecord, CampaignState, NewCampaign, Quarantined, Stage,
+};
+use murmuration_proto::{EmbedderSource, v1};
 use murmuration_search::interrupt::Interrupt;
-use murmuration_store::{Notice, StoreError, checkpoints::Checkpoints};
+use murmuration_store::{Notice, Started, StoreError, checkpoints::Checkpoints};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::sync::watch;
 use tracing::Instrument as _;
@@ -42,6 +44,17 @@ pub struct CampaignStatus {
     pub trainers: usize,
     /// What somebody should know of it, oldest first: the latest.
     pub notices: Vec<Notice>,
+}
+
+/// A campaign of a list, before the list is cut into pages.
+#[derive(Debug, Clone)]
+pub struct ListedCampaign {
+    /// What is on disk.
+    pub head: CampaignHead,
+    /// Whether this process works on it.
+    pub active: bool,
+    /// Whether it waits for something before it goes on by itself.
+    pub waiting: bool,
 }
 
 /// Every campaign of a store; cheap to clone.
@@ -78,15 +91,15 @@ impl Campaigns {
         }
     }
 
-    /// Stores a campaign and starts it.
+    /// Stores a campaign and starts it; one whose request has started it before goes on as it was.
     ///
     /// # Errors
     /// If it cannot be stored, or searches with a checkpoint that is not there or does not suit it.
-    pub async fn create(&self, spec: CampaignSpec, weight: Weight) -> Result<CampaignStatus, CampaignError> {
-        if let Some(&EmbedderSource::Published(checkpoint)) = spec.embedder() {
+    pub async fn create(&self, new: NewCampaign) -> Result<CampaignStatus, CampaignError> {
+        if let Some(&EmbedderSource::Published(checkpoint)) = new.spec.embedder() {
             self.context
                 .checkpoints
-                .embedder(checkpoint, spec.image())
+                .embedder(checkpoint, new.spec.image())
                 .await?;
         }
         let created_ms = SystemTime::now()
@@ -96,8 +109,10 @@ impl Campaigns {
         // Of its own: what was stored also starts where who asked is gone before.
         let creating = async move {
             let store = campaigns.context.store.clone();
-            let id = blocking(move || store.create_campaign(&spec, weight, created_ms)).await??;
-            tracing::info!(campaign = %id, "created");
+            let Started { id, is_new } = blocking(move || store.start_campaign(&new, created_ms)).await??;
+            if is_new {
+                tracing::info!(campaign = %id, "created");
+            }
             // Somebody may have cancelled it by now.
             campaigns.go_on(&campaigns.registry.deciding(&id).await).await?;
             campaigns.status(id.as_str()).await
@@ -209,7 +224,56 @@ impl Campaigns {
             .collect())
     }
 
-    /// One campaign; `latest` is the newest.
+    /// What a list of campaigns is searched by, oldest first.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn heads(&self) -> Result<Vec<ListedCampaign>, CampaignError> {
+        let store = self.context.store.clone();
+        let at_work = self.registry.snapshots();
+        let heads = blocking(move || store.campaign_heads()).await??;
+        let listed = |mut head: CampaignHead| {
+            let Snapshot { active, progress } = at_work.get(&head.id).cloned().unwrap_or_default();
+            if progress.failed.is_some() && head.state == CampaignState::Running {
+                head.state = CampaignState::Failed;
+            }
+            let waiting = active && held_up_by(progress.disk, progress.waiting).is_some();
+            ListedCampaign {
+                head,
+                active,
+                waiting,
+            }
+        };
+        Ok(heads.into_iter().map(listed).collect())
+    }
+
+    /// These campaigns, in this order, without those that are gone.
+    ///
+    /// # Errors
+    /// If the store cannot be read.
+    pub async fn statuses(&self, ids: Vec<CampaignId>) -> Result<Vec<CampaignStatus>, CampaignError> {
+        let store = self.context.store.clone();
+        let at_work = self.registry.snapshots();
+        let read = move || -> Result<Vec<_>, StoreError> {
+            let mut read = Vec::with_capacity(ids.len());
+            for id in ids {
+                match store.campaign(id.as_str()) {
+                    Ok(record) => read.push((store.notices(&id)?, record)),
+                    Err(StoreError::NoCampaign(_)) => {}
+                    Err(error) => return Err(error),
+                }
+            }
+            Ok(read)
+        };
+        let records = blocking(read).await??;
+        let merged = records.into_iter().map(|(notices, record)| {
+            let snapshot = at_work.get(&record.id).cloned().unwrap_or_default();
+            self.merged(snapshot, record, notices)
+        });
+        Ok(merged.collect())
+    }
+
+    /// One campaign; `latest` is the newest of no study.
     ///
     /// # Errors
     /// If there is none of that id or the store cannot be read.
@@ -224,6 +288,14 @@ impl Campaigns {
         })
         .await??;
         Ok(self.merged(snapshot, record, notices))
+    }
+
+    /// The workers and trainers that are connected to this coordinator, each by name.
+    pub async fn machines(&self) -> (Vec<ConnectedMachine>, Vec<ConnectedMachine>) {
+        tokio::join!(
+            self.context.dispatch.connected(),
+            self.context.trainers.machines()
+        )
     }
 
     /// Waits until a campaign's status may have changed, at most a second.

@@ -8,8 +8,8 @@ use super::{
 };
 use crate::blocking::blocking;
 use murmuration_model::{CampaignId, CampaignRecord, CampaignState, Change, NotAllowed};
-use murmuration_proto::CheckpointDigest;
-use murmuration_store::Decision;
+use murmuration_proto::{CampaignName, CheckpointDigest};
+use murmuration_store::{Decision, Deletion};
 use tracing::Instrument as _;
 
 impl Campaigns {
@@ -63,7 +63,8 @@ impl Campaigns {
     /// that; the decision is on disk when this returns.
     ///
     /// # Errors
-    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes.
+    /// If there is no such campaign, it is cancelled or has no embedder (yet), or its labels name fewer than two classes
+    /// and no comparison says anything.
     pub async fn refine(&self, id: &str) -> Result<CampaignStatus, CampaignError> {
         let record = self.movable(id, Change::Refine).await?;
         if record.embedder.checkpoint().is_none() {
@@ -73,6 +74,40 @@ impl Campaigns {
         let labels = blocking(move || store.labels(&labelled)).await??;
         check_classes(&record.id, &labels)?;
         self.decide(record.id, Decision::Refine(labels.entries())).await
+    }
+
+    /// Says what would be deleted with a campaign, by its id.
+    ///
+    /// # Errors
+    /// If there is no such campaign.
+    pub async fn deletion(&self, id: &CampaignId) -> Result<Deletion, CampaignError> {
+        let (store, id) = (self.context.store.clone(), id.clone());
+        Ok(blocking(move || store.deletion(&id)).await??)
+    }
+
+    /// Deletes a campaign that does not run, with everything that is of it alone; what that was. It is gone from the disk when this
+    /// returns. One of a study is only deleted for somebody who names the study.
+    ///
+    /// # Errors
+    /// If there is no such campaign, it runs, or it belongs to a study that is not named.
+    pub async fn delete(
+        &self,
+        id: CampaignId,
+        study: Option<CampaignName>,
+    ) -> Result<Deletion, CampaignError> {
+        let campaigns = self.clone();
+        let deleting = async move {
+            let deciding = campaigns.registry.deciding(&id).await;
+            let has_failed = campaigns.registry.snapshot(&id).progress.failed.is_some();
+            let deletion = campaigns.deletion(&id).await?;
+            let (store, deleted) = (campaigns.context.store.clone(), id.clone());
+            blocking(move || store.delete_campaign(&deleted, study.as_ref(), has_failed)).await??;
+            tracing::info!(campaign = %id, "deleted");
+            campaigns.registry.stop(&deciding);
+            Ok(deletion)
+        };
+        let deleted = tokio::spawn(deleting.in_current_span()).await;
+        deleted.map_err(|_| CampaignError::Broken)?
     }
 
     /// A campaign that may move to another space.

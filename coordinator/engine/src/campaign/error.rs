@@ -5,7 +5,7 @@ use murmuration_dispatch::JobError;
 use murmuration_model::{CampaignId, NotAllowed};
 use murmuration_proto::{CheckpointDigest, Method, SIMULATOR_VERSION, counted};
 use murmuration_search::{breeding::ProposeError, interrupt::Interrupted, novelty::Misfit};
-use murmuration_store::{DecisionError, LabelError, StoreError, checkpoints::CheckpointError};
+use murmuration_store::{DecisionError, DeletionError, LabelError, StoreError, checkpoints::CheckpointError};
 
 /// Why a campaign stopped, or could not do what was asked.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +16,9 @@ pub enum CampaignError {
     /// Its state does not allow the change.
     #[error("{0}")]
     NotAllowed(#[from] NotAllowed),
+    /// It may not be deleted.
+    #[error("{0}")]
+    NotDeleted(DeletionError),
     /// A generation could not be evaluated, or an embedder not trained.
     #[error("{0}")]
     Job(#[from] JobError),
@@ -35,7 +38,7 @@ pub enum CampaignError {
     NoEmbedder(CampaignId),
     /// Its labels leave nothing to tell apart.
     #[error(
-        "the labels of campaign {id} name {}, and learning takes at least 2 classes: label more individuals",
+        "the labels of campaign {id} name {}, and learning takes at least 2 classes, or comparisons: label more individuals",
         counted(*classes as u64, "class")
     )]
     TooFewClasses {
@@ -110,8 +113,18 @@ impl From<Broken> for CampaignError {
 impl From<QueryError> for CampaignError {
     fn from(error: QueryError) -> Self {
         match error {
-            QueryError::Space(SpaceError::Interrupted(interrupted)) => Self::Interrupted(interrupted),
+            QueryError::Space(error) => error.into(),
             error => Self::Query(error),
+        }
+    }
+}
+
+impl From<SpaceError> for CampaignError {
+    fn from(error: SpaceError) -> Self {
+        match error {
+            SpaceError::Store(error) => Self::Store(error),
+            SpaceError::Misfit(error) => Self::Misfit(error),
+            SpaceError::Interrupted(error) => Self::Interrupted(error),
         }
     }
 }
@@ -132,6 +145,15 @@ impl From<DecisionError> for CampaignError {
         match error {
             DecisionError::Store(error) => Self::Store(error),
             DecisionError::NotAllowed(error) => Self::NotAllowed(error),
+        }
+    }
+}
+
+impl From<DeletionError> for CampaignError {
+    fn from(error: DeletionError) -> Self {
+        match error {
+            DeletionError::Store(error) => Self::Store(error),
+            refused => Self::NotDeleted(refused),
         }
     }
 }

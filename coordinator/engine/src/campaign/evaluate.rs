@@ -4,12 +4,9 @@ use super::{CampaignError, run_handle::RunHandle};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError, PoisonedTask};
 use murmuration_model::Maker;
 use murmuration_proto::{Controller, Evaluation};
-use murmuration_search::breeding::ProposeError;
+use murmuration_search::breeding::{EVALUATION_ATTEMPTS, ProposeError};
 use murmuration_store::{Picture, Provenance};
 use std::collections::BTreeMap;
-
-/// Attempts at one place of a job, each with another controller or start.
-const MOST_ATTEMPTS: u64 = 5;
 
 /// What a job came to.
 #[derive(Debug)]
@@ -80,7 +77,7 @@ pub(super) async fn evaluate(
         for ((place, _), evaluated) in wanted.into_iter().zip(evaluated?) {
             match evaluated {
                 Evaluated::Done { trials, maker } => results[place] = Some((trials, maker)),
-                Evaluated::Poisoned(reason) if attempt == MOST_ATTEMPTS => {
+                Evaluated::Poisoned(reason) if attempt == EVALUATION_ATTEMPTS => {
                     return Err(JobError::Poisoned(reason).into());
                 }
                 Evaluated::Poisoned(reason) => {

@@ -39,6 +39,9 @@ pub(super) async fn fine_tune(
         parent,
         labelled: pictures.pictures.len() as u32,
         labels: pictures.labels,
+        compared: pictures.compared.individuals,
+        compared_views: pictures.compared.views,
+        comparisons: pictures.compared.triplets.len() as u32,
     };
     let training = (configuration(context, parent, feedback).await?, Some(fine_tuning));
     let Some(checkpoint) = train(context, &record, training, handle).await? else {

@@ -21,7 +21,7 @@ mod run_handle;
 mod search;
 mod train;
 
-pub use campaigns::{CampaignStatus, Campaigns};
+pub use campaigns::{CampaignStatus, Campaigns, ListedCampaign};
 pub use error::CampaignError;
 pub use metrics::CampaignMetrics;
 

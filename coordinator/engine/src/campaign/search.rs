@@ -6,15 +6,16 @@ use super::{
     evaluate::{Done, Placed, evaluate},
     run_handle::{CommitHandle, RunHandle},
 };
-use crate::{blocking::blocking, taxonomy};
+use crate::{blocking::blocking, space::SpaceError, taxonomy};
 use murmuration_dispatch::EvaluationJob;
 use murmuration_model::{CampaignId, CampaignRecord, EmbedderRef};
-use murmuration_proto::{Evaluation, Method, Purpose, RandomStream, Starts};
+use murmuration_proto::{Evaluation, Method, Starts};
 use murmuration_search::{
     breeding::{self, Parent, Proposal, ProposeError},
     interrupt::{Interrupt, Interrupted},
     medoids::{self, Clustering},
     novelty::{Behaviours, Index},
+    projection,
 };
 use murmuration_store::{
     ArchivedIndividual, ClusterMeasures, GenerationRecord, Provenance, Store, StoreError, Trial,
@@ -131,10 +132,11 @@ pub(super) async fn complete(
     let clustered = move || -> Result<_, CampaignError> {
         let (taxonomy, measures) = search.taxonomy()?;
         let robust_trials = search.robust_trials(&taxonomy)?;
-        Ok((taxonomy, measures, robust_trials))
+        let points = search.points()?;
+        Ok((taxonomy, measures, robust_trials, points))
     };
-    let (taxonomy, measures, robust_trials) = blocking(clustered).await??;
-    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures, &robust_trials);
+    let (taxonomy, measures, robust_trials, points) = blocking(clustered).await??;
+    let complete = move |store: &Store| store.complete(&id, &taxonomy, &measures, &robust_trials, &points);
     context.commit(&handle.commit_handle(), complete).await
 }
 
@@ -225,25 +227,17 @@ impl Search {
         let first = self.behaviours.len() as u64;
         let population = u64::from(self.campaign.spec.search().population());
         (first..first + population)
-            .map(|index| RandomStream::derive(self.campaign.spec.seed(), Purpose::Start, index).bits())
+            .map(|index| breeding::start_seed(&self.campaign.spec, index))
             .collect()
     }
 
-    /// What takes the place of an individual of the generation to come whose task is poisoned: another sample of the
-    /// space, from another start.
+    /// What takes the place of an individual of the generation to come whose task is poisoned.
     fn substitute(&self, place: usize, attempt: u64) -> Result<Vec<Placed>, ProposeError> {
         let index = (self.behaviours.len() + place) as u64;
-        let mut stream = RandomStream::derive(
-            self.campaign.spec.seed(),
-            Purpose::Substitute,
-            index << 8 | attempt,
-        );
-        let controller = breeding::sample(
-            self.campaign.spec.controllers(),
-            self.campaign.spec.filter(),
-            &mut stream,
-        )?;
-        Ok(vec![(place, (controller, stream.bits()))])
+        Ok(vec![(
+            place,
+            breeding::substitute(&self.campaign.spec, index, attempt)?,
+        )])
     }
 
     /// Adds an evaluated generation to the archive in memory; the generation.
@@ -324,22 +318,24 @@ impl Search {
         Ok(robust)
     }
 
+    /// Where each individual is on the map. The taxonomy keeps that: the embeddings go when the campaign learns.
+    fn points(&self) -> Result<Vec<[f32; 2]>, Interrupted> {
+        let axes = projection::principal_axes(&self.behaviours, &self.interrupt)?;
+        Ok(axes
+            .points
+            .iter()
+            .map(|point| point.map(|at| at as f32))
+            .collect())
+    }
+
     /// Clusters the archive, and measures the clusters.
-    fn taxonomy(&self) -> Result<(Clustering, Vec<ClusterMeasures>), Interrupted> {
-        let (spec, interrupt) = (&self.campaign.spec, &self.interrupt);
-        let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
+    fn taxonomy(&self) -> Result<(Clustering, Vec<ClusterMeasures>), SpaceError> {
+        let interrupt = &self.interrupt;
         let told = |progress: medoids::Progress| {
             tracing::debug!(campaign = %self.campaign.id, ?progress, "the archive is being clustered");
         };
-        let clustering = medoids::cluster_by(
-            medoids::Algorithm::for_size(self.behaviours.len()),
-            &self.behaviours,
-            spec.medoids() as usize,
-            &mut stream,
-            interrupt,
-            &told,
-        )?;
-        let neighbours = spec.search().neighbours() as usize;
+        let clustering = taxonomy::cluster(&self.store, &self.campaign, &self.behaviours, interrupt, &told)?;
+        let neighbours = self.campaign.spec.search().neighbours() as usize;
         let measures = taxonomy::measure(&self.behaviours, &clustering, neighbours, interrupt)?;
         Ok((clustering, measures))
     }

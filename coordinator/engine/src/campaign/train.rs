@@ -9,7 +9,7 @@ use crate::blocking::blocking;
 use murmuration_dispatch::{FineTuningParams, JobProgress, TrainingJob};
 use murmuration_model::{CampaignId, CampaignRecord, SavedTraining, TrainingPictures};
 use murmuration_proto::{CheckpointDigest, training::Configuration, v1};
-use murmuration_store::{Store, StoreError};
+use murmuration_store::{EpochRecord, Store, StoreError};
 use std::{sync::Arc, time::Instant};
 use tokio::sync::watch;
 
@@ -33,6 +33,15 @@ pub(super) async fn train(
         progress,
         saved,
     };
+    let round = match &job.fine_tuning {
+        Some(_) => record.rounds.done.saturating_add(1),
+        None => 0,
+    };
+    let epochs_kept = tokio::spawn(keep_epochs(
+        context.store.clone(),
+        (record.id.clone(), round),
+        job.progress.subscribe(),
+    ));
     let keeping = tokio::spawn(keep(context.store.clone(), record.id.clone(), snapshots));
     let trained = {
         let job_progress = Arc::<JobProgress>::default();
@@ -62,7 +71,7 @@ pub(super) async fn train(
         }
     };
     // The job is over, so there are no further snapshots: the last is on disk when this ends.
-    if keeping.await.is_err() {
+    if keeping.await.is_err() || epochs_kept.await.is_err() {
         return Err(CampaignError::Broken);
     }
     let Some(checkpoint) = trained.transpose()? else {
@@ -74,6 +83,35 @@ pub(super) async fn train(
         .embedder(checkpoint, record.spec.image())
         .await?;
     Ok(Some(checkpoint))
+}
+
+/// Writes to disk what each epoch measured, for the curve of the training. Where the disk is slower than epochs, some are left out.
+async fn keep_epochs(
+    store: Store,
+    (id, round): (CampaignId, u32),
+    mut reports: watch::Receiver<Option<v1::TrainingProgress>>,
+) {
+    while reports.changed().await.is_ok() {
+        let Some(report) = *reports.borrow_and_update() else {
+            continue;
+        };
+        let epoch = EpochRecord {
+            round,
+            epoch: report.epoch,
+            loss: report.loss,
+            accuracy: report.triplet_accuracy,
+        };
+        if epoch.epoch == 0 {
+            continue;
+        }
+        let (store, id) = (store.clone(), id.clone());
+        match blocking(move || store.add_epoch(&id, &epoch)).await {
+            Ok(Ok(()) | Err(StoreError::Superseded(_))) => {}
+            // Only a point of the curve is lost.
+            Ok(Err(error)) => tracing::warn!(%error, "an epoch could not be kept"),
+            Err(error) => tracing::warn!(%error, "an epoch could not be kept"),
+        }
+    }
 }
 
 /// Writes the newest snapshot to disk, again and again until there will be no more.

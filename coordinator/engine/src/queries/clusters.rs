@@ -1,12 +1,11 @@
 //! The clusters of an archive, also while it grows: what questions by medoids and contact sheets go by.
 
-use crate::space::{Space, SpaceError, Spaces};
-use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
-use murmuration_proto::{Purpose, RandomStream};
-use murmuration_search::{
-    interrupt::Interrupt,
-    medoids::{self, Clustering},
+use crate::{
+    space::{Space, SpaceError, Spaces},
+    taxonomy,
 };
+use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
+use murmuration_search::{interrupt::Interrupt, medoids::Clustering};
 use murmuration_store::kept::Kept;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -49,16 +48,12 @@ impl Clustered {
                 robust_trials: std::mem::take(&mut stored.robust_trials),
                 clustering: stored.into(),
             },
-            _ => {
-                let count = record.spec.medoids() as usize;
-                let mut stream = RandomStream::derive(record.spec.seed(), Purpose::Medoids, 0);
-                Self {
-                    clustering: medoids::cluster(&space.behaviours, count, &mut stream, interrupt)?,
-                    space,
-                    is_taxonomy: false,
-                    robust_trials: Vec::new(),
-                }
-            }
+            _ => Self {
+                clustering: taxonomy::cluster(spaces.store(), record, &space.behaviours, interrupt, &|_| {})?,
+                space,
+                is_taxonomy: false,
+                robust_trials: Vec::new(),
+            },
         })
     }
 

@@ -6,6 +6,7 @@
 //! that contact sheets show.
 
 mod clusters;
+mod comparison;
 mod leases;
 mod messages;
 mod open;
@@ -14,6 +15,7 @@ mod ranking;
 mod uncertainty;
 
 pub use clusters::Clustered;
+pub use comparison::{AskedComparison, next_comparison};
 pub use leases::AnnotatorSession;
 pub use murmuration_proto::Strategy;
 pub use open::{Asked, Queries, QueryError, QueryRequest};

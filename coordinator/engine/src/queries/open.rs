@@ -3,6 +3,7 @@
 use super::{
     AnnotatorSession, Query, Reason,
     clusters::{self, Clustered, Clusters},
+    comparison::{self, AskedComparison},
     leases::QueryLeases,
     ranking,
 };
@@ -12,7 +13,7 @@ use crate::{
 };
 use murmuration_model::{
     ArchiveVersion, CampaignId, CampaignRecord,
-    labels::{Annotator, Labels},
+    labels::{Annotator, Labels, Triple},
 };
 use murmuration_proto::{Purpose, RandomStream, Strategy};
 use murmuration_search::interrupt::Interrupt;
@@ -78,6 +79,7 @@ pub struct Queries {
     rankings: Arc<Kept<Rankings>>,
     leases: Arc<Mutex<LeasesById>>,
     clusters: Clusters,
+    spaces: Spaces,
     /// Ends every clustering.
     interrupt: Interrupt,
 }
@@ -115,7 +117,8 @@ impl Queries {
             store,
             rankings: Arc::new(Kept::within(MOST_BYTES)),
             leases: Arc::default(),
-            clusters: Clusters::new(spaces),
+            clusters: Clusters::new(spaces.clone()),
+            spaces,
             interrupt,
         }
     }
@@ -162,6 +165,43 @@ impl Queries {
         let indices = order.into_iter().map(|query| query.index);
         let open = indices.filter(|&index| labels.answered(index as u64).next().is_none());
         Ok(open.take(count).collect())
+    }
+
+    /// The question of comparison to ask an annotator now; `campaign` may be `latest`. It is a function of archive, log and annotator.
+    ///
+    /// # Errors
+    /// See [`QueryError`].
+    pub async fn next_comparison(
+        &self,
+        campaign: &str,
+        annotator: Annotator,
+    ) -> Result<AskedComparison, QueryError> {
+        let (store, spaces, campaign) = (self.store.clone(), self.spaces.clone(), campaign.to_owned());
+        blocking(move || {
+            let record = store.campaign(&campaign)?;
+            let (space, labels) = (spaces.of(&record)?, store.labels(&record.id)?);
+            Ok(comparison::asked(&record, &space, &labels, &annotator))
+        })
+        .await?
+    }
+
+    /// Up to `count` questions of comparison, one after the other, as an annotator would be asked: a function of archive, log
+    /// and annotator.
+    ///
+    /// # Errors
+    /// See [`QueryError`].
+    pub(crate) async fn comparisons(
+        &self,
+        record: &CampaignRecord,
+        annotator: Annotator,
+        count: usize,
+    ) -> Result<Vec<Triple>, QueryError> {
+        let (store, spaces, record) = (self.store.clone(), self.spaces.clone(), record.clone());
+        blocking(move || {
+            let (space, labels) = (spaces.of(&record)?, store.labels(&record.id)?);
+            Ok(comparison::several(&record, &space, &labels, &annotator, count))
+        })
+        .await?
     }
 
     /// The clusters of an archive: those of its taxonomy, or what they would be if the search ended now. While it runs they

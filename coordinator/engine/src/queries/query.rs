@@ -22,7 +22,7 @@ pub enum Reason {
         /// The other; `None` where there is but one cluster.
         other: Option<usize>,
     },
-    /// Whoever is asked wished to be.
+    /// The window asked for it, for instance because its answer was undone.
     Again,
 }
 
@@ -52,7 +52,7 @@ impl fmt::Display for Reason {
                 other: Some(other),
             } => write!(f, "between cluster {cluster} and cluster {other}"),
             Self::Uncertain { cluster, other: None } => write!(f, "in cluster {cluster}"),
-            Self::Again => f.write_str("asked again, at your request"),
+            Self::Again => f.write_str("to be answered again"),
         }
     }
 }

@@ -21,7 +21,7 @@ pub fn to_cell(text: &str) -> Cow<'_, str> {
 
 /// The text of a cell, whoever wrote it.
 #[must_use]
-pub(crate) fn of_cell(cell: &str) -> &str {
+pub fn of_cell(cell: &str) -> &str {
     match cell.strip_prefix(MARK) {
         Some(text) if text.starts_with(MARKED) => text,
         _ => cell,

@@ -3,7 +3,7 @@
 //! What is done to classes always succeeds, as it must when a log is replayed that was written before names were told apart
 //! as they are now; [`Labels::record`](super::Labels::record) refuses first what nobody should do.
 
-use super::{ClassKey, ClassName, Colour, Refusal};
+use super::{ClassKey, ClassName, Colour, Refusal, Shortcut};
 use crate::colours;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -30,8 +30,30 @@ struct Known {
     colour: Colour,
     /// Whether somebody made it for its own sake, not by an answer.
     made: bool,
+    /// The key that somebody chose for it.
+    shortcut: Option<Shortcut>,
     /// The class that it was merged into.
     merged: Option<ClassNumber>,
+    deleted: bool,
+}
+
+/// What a change of classes replaced, which a reversal restores.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Replaced {
+    /// It changed nothing.
+    Nothing,
+    /// The class was not made for its own sake.
+    Unmade(ClassNumber),
+    /// The class had this name, and the other, if there was one, was not part of it.
+    Name(ClassNumber, ClassName, Option<ClassNumber>),
+    /// The class was none of another's.
+    Merged(ClassNumber),
+    /// The class had this colour.
+    Colour(ClassNumber, Colour),
+    /// The classes had these keys.
+    Shortcuts(Vec<(ClassNumber, Option<Shortcut>)>),
+    /// The class was there.
+    Deleted(ClassNumber),
 }
 
 impl Classes {
@@ -57,7 +79,9 @@ impl Classes {
                 name: name.clone(),
                 colour: Colour::from(colours::class(number.0)),
                 made: false,
+                shortcut: None,
                 merged: None,
+                deleted: false,
             });
             self.numbers.insert(name.key(), number);
             self.ever.insert(name.key());
@@ -66,45 +90,120 @@ impl Classes {
     }
 
     /// Adds a class for its own sake.
-    pub(super) fn make(&mut self, name: &ClassName) {
+    pub(super) fn make(&mut self, name: &ClassName) -> Replaced {
         let number = self.find_or_add(name);
-        self.all[number.0].made = true;
+        match std::mem::replace(&mut self.all[number.0].made, true) {
+            true => Replaced::Nothing,
+            false => Replaced::Unmade(number),
+        }
     }
 
     /// Gives a class another name; a class that has it becomes part of this one.
-    pub(super) fn rename(&mut self, class: &ClassName, to: &ClassName) -> Result<(), Refusal> {
+    pub(super) fn rename(&mut self, class: &ClassName, to: &ClassName) -> Result<Replaced, Refusal> {
         let Some(number) = self.still(class)? else {
-            return Ok(());
+            return Ok(Replaced::Nothing);
         };
-        if let Ok(other) = self.find(to)
-            && other != number
-        {
-            self.all[other.0].merged = Some(number);
-        }
+        let absorbed = self.find(to).ok().filter(|other| *other != number);
         self.numbers.remove(&class.key());
-        self.numbers.insert(to.key(), number);
-        self.ever.insert(to.key());
-        self.all[number.0].name = to.clone();
-        Ok(())
+        let former = std::mem::replace(&mut self.all[number.0].name, to.clone());
+        self.claim_name(number);
+        Ok(Replaced::Name(number, former, absorbed))
     }
 
     /// Makes one class of two.
-    pub(super) fn merge(&mut self, class: &ClassName, into: &ClassName) -> Result<(), Refusal> {
+    pub(super) fn merge(&mut self, class: &ClassName, into: &ClassName) -> Result<Replaced, Refusal> {
         if let (Some(ends), Some(goes_on)) = (self.still(class)?, self.still(into)?)
             && ends != goes_on
         {
             self.all[ends.0].merged = Some(goes_on);
             self.numbers.remove(&class.key());
+            return Ok(Replaced::Merged(ends));
         }
-        Ok(())
+        Ok(Replaced::Nothing)
     }
 
     /// Gives a class another colour.
-    pub(super) fn colour(&mut self, class: &ClassName, colour: Colour) -> Result<(), Refusal> {
-        if let Some(number) = self.still(class)? {
-            self.all[number.0].colour = colour;
+    pub(super) fn colour(&mut self, class: &ClassName, colour: Colour) -> Result<Replaced, Refusal> {
+        Ok(match self.still(class)? {
+            Some(number) => {
+                let former = std::mem::replace(&mut self.all[number.0].colour, colour);
+                Replaced::Colour(number, former)
+            }
+            None => Replaced::Nothing,
+        })
+    }
+
+    /// Gives a class a key, which no other class has from then on.
+    pub(super) fn shortcut(
+        &mut self,
+        class: &ClassName,
+        shortcut: Option<Shortcut>,
+    ) -> Result<Replaced, Refusal> {
+        let Some(number) = self.still(class)? else {
+            return Ok(Replaced::Nothing);
+        };
+        let mut former = vec![(number, self.all[number.0].shortcut)];
+        let others = self.all.iter_mut().enumerate().filter(|(place, known)| {
+            *place != number.0 && known.goes_on() && shortcut.is_some() && known.shortcut == shortcut
+        });
+        for (place, known) in others {
+            former.push((ClassNumber(place), known.shortcut.take()));
         }
-        Ok(())
+        self.all[number.0].shortcut = shortcut;
+        Ok(Replaced::Shortcuts(former))
+    }
+
+    /// Ends a class.
+    pub(super) fn delete(&mut self, class: &ClassName) -> Result<Replaced, Refusal> {
+        let Some(number) = self.still(class)? else {
+            return Ok(Replaced::Nothing);
+        };
+        self.numbers.remove(&class.key());
+        self.all[number.0].deleted = true;
+        Ok(Replaced::Deleted(number))
+    }
+
+    /// Restores what the newest change replaced.
+    pub(super) fn restore(&mut self, replaced: Replaced) {
+        match replaced {
+            Replaced::Nothing => {}
+            Replaced::Unmade(class) => self.all[class.0].made = false,
+            Replaced::Name(class, name, absorbed) => {
+                let renamed = std::mem::replace(&mut self.all[class.0].name, name);
+                self.numbers.remove(&renamed.key());
+                self.claim_name(class);
+                if let Some(other) = absorbed {
+                    self.all[other.0].merged = None;
+                    self.claim_name(other);
+                }
+            }
+            Replaced::Merged(class) => {
+                self.all[class.0].merged = None;
+                self.claim_name(class);
+            }
+            Replaced::Colour(class, colour) => self.all[class.0].colour = colour,
+            Replaced::Shortcuts(former) => {
+                for (class, shortcut) in former {
+                    self.all[class.0].shortcut = shortcut;
+                }
+            }
+            Replaced::Deleted(class) => {
+                self.all[class.0].deleted = false;
+                self.claim_name(class);
+            }
+        }
+    }
+
+    /// From now on the name of a class means this class. Another that has the name becomes part of it: that may have begun
+    /// with an answer given since the class was called otherwise.
+    fn claim_name(&mut self, class: ClassNumber) {
+        let key = self.all[class.0].name.key();
+        self.ever.insert(key.clone());
+        if let Some(other) = self.numbers.insert(key, class)
+            && other != class
+        {
+            self.all[other.0].merged = Some(class);
+        }
     }
 
     /// The class that a name means; `None` if none does any more. A log may name a class that was told apart, when it was
@@ -135,10 +234,21 @@ impl Classes {
         self.all[class.0].made
     }
 
-    /// Those that go on.
-    pub(super) fn iter(&self) -> impl Iterator<Item = (ClassNumber, &ClassName, Colour)> {
+    /// Whether the class that goes on in place of this one was deleted.
+    pub(super) fn is_deleted(&self, class: ClassNumber) -> bool {
+        self.all[self.today(class).0].deleted
+    }
+
+    /// Those that go on, each with its name, its colour and the key that was chosen for it.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (ClassNumber, &ClassName, Colour, Option<Shortcut>)> {
         let all = self.all.iter().enumerate();
-        all.filter(|(_, known)| known.merged.is_none())
-            .map(|(number, known)| (ClassNumber(number), &known.name, known.colour))
+        all.filter(|(_, known)| known.goes_on())
+            .map(|(number, known)| (ClassNumber(number), &known.name, known.colour, known.shortcut))
+    }
+}
+
+impl Known {
+    fn goes_on(&self) -> bool {
+        self.merged.is_none() && !self.deleted
     }
 }

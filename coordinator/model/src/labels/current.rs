@@ -1,16 +1,21 @@
 //! What a log comes to: the classes there are, and the answers that stand.
 
+mod class_changes;
+mod compared;
+mod digest;
+
 use super::{
-    Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal,
+    Action, Annotator, Answer, Change, ClassName, Colour, Entry, GivenClass, Label, Refusal, Shortcut,
     class_numbers::class_numbers,
     classes::{ClassNumber, Classes},
+    comparisons::Comparisons,
     given::given_classes,
     near::near,
 };
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    fmt,
-};
+use class_changes::ClassChange;
+use std::collections::{BTreeMap, BTreeSet};
+
+pub use digest::LabelDigest;
 
 /// The labels of a campaign as they stand: a function of its log.
 ///
@@ -29,6 +34,9 @@ pub struct Labels {
     own: BTreeMap<Annotator, BTreeSet<u64>>,
     /// How many standing answers named a class, by what it was when they were given.
     named: BTreeMap<ClassNumber, u64>,
+    /// The changes of classes that were not reverted, by entry.
+    class_changes: BTreeMap<u64, ClassChange>,
+    comparisons: Comparisons,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -38,6 +46,13 @@ struct Given {
     answer: NumberedAnswer,
     time_ms: u64,
     supersedes: Option<u64>,
+}
+
+impl Given {
+    /// Whether it is this annotator's answer about this individual.
+    fn is_of(&self, index: u64, annotator: &Annotator) -> bool {
+        self.index == index && self.annotator == *annotator
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,6 +69,8 @@ pub struct Class {
     pub name: ClassName,
     /// Its colour: that which it was given, or one of its own.
     pub colour: Colour,
+    /// The key that somebody chose for it.
+    pub shortcut: Option<Shortcut>,
     /// Number of standing answers that name it.
     pub labels: u64,
     /// Other classes with nearly the same name: perhaps it was typed wrongly.
@@ -64,16 +81,6 @@ pub struct Class {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("entry {0} of the label log does not follow from those before it")]
 pub struct BrokenLog(pub u64);
-
-/// BLAKE3 of the pairs (individual, class) that stand; 64 hexadecimal digits as text.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LabelDigest(blake3::Hash);
-
-impl fmt::Display for LabelDigest {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0.to_hex())
-    }
-}
 
 impl Labels {
     /// Number of entries of the log that they come from.
@@ -94,6 +101,18 @@ impl Labels {
             }
         }
         Ok(())
+    }
+
+    /// Whether a change of classes changes nothing, so that there is nothing to log: a class is given the name that it has.
+    #[must_use]
+    pub fn is_idle(&self, action: &Action) -> bool {
+        match action.clone().spelled() {
+            Action::Rename { class, to } => {
+                let number = self.classes.find(&class);
+                number.is_ok_and(|number| *self.classes.name(number) == to)
+            }
+            _ => false,
+        }
     }
 
     /// Takes in what somebody says; the entry that says so in the log.
@@ -134,8 +153,15 @@ impl Labels {
                 true => Err(Refusal::IntoItself(class.clone())),
                 false => Ok(()),
             },
-            Action::Colour { class, .. } => classes.find(class).map(drop),
-            Action::Answer { .. } | Action::Undo | Action::Withdraw { .. } => Ok(()),
+            Action::Colour { class, .. } | Action::Delete { class } | Action::Shortcut { class, .. } => {
+                classes.find(class).map(drop)
+            }
+            Action::Answer { .. }
+            | Action::Undo
+            | Action::Withdraw { .. }
+            | Action::Revert { .. }
+            | Action::Compare { .. }
+            | Action::WithdrawComparison { .. } => Ok(()),
         }
     }
 
@@ -145,13 +171,17 @@ impl Labels {
             Action::Answer { index, answer } => self.answer(*index, answer, &change),
             Action::Undo => Some(self.undo(&change.annotator)?),
             Action::Withdraw { index } => Some(self.withdraw(*index, &change.annotator)?),
-            Action::Create { class } => {
-                self.classes.make(class);
-                None
+            Action::Revert { entry } => self.revert(*entry).map(|()| None)?,
+            Action::Compare { triple, preference } => self.compare(*triple, *preference, &change),
+            Action::WithdrawComparison { entry } => {
+                Some(self.withdraw_comparison(*entry, &change.annotator)?)
             }
-            Action::Rename { class, to } => self.classes.rename(class, to).map(|()| None)?,
-            Action::Merge { class, into } => self.classes.merge(class, into).map(|()| None)?,
-            Action::Colour { class, colour } => self.classes.colour(class, *colour).map(|()| None)?,
+            Action::Create { .. }
+            | Action::Rename { .. }
+            | Action::Merge { .. }
+            | Action::Colour { .. }
+            | Action::Delete { .. }
+            | Action::Shortcut { .. } => self.change_classes(&change).map(|()| None)?,
         };
         let number = self.entries;
         self.entries += 1;
@@ -168,8 +198,7 @@ impl Labels {
             Answer::NotSure => NumberedAnswer::NotSure,
             Answer::Skip => NumberedAnswer::Skip,
         };
-        let about = self.standing.get(&index);
-        let supersedes = about.and_then(|about| about.get(&change.annotator)).copied();
+        let supersedes = self.standing_of(index, &change.annotator);
         if let Some(former) = supersedes {
             self.fall(former);
         }
@@ -190,21 +219,30 @@ impl Labels {
             .newest(annotator)
             .ok_or_else(|| Refusal::NothingToUndo(annotator.clone()))?;
         self.fall(undone);
-        if let Some(before) = self.given.get(&undone).and_then(|given| given.supersedes) {
-            self.stand(before);
+        let before = self.given.get(&undone).and_then(|given| given.supersedes);
+        match before {
+            Some(before) if self.is_of_deleted(before) => self.set_aside_restored(before),
+            Some(before) => self.stand(before),
+            None => {}
         }
         Ok(undone)
     }
 
     fn withdraw(&mut self, index: u64, annotator: &Annotator) -> Result<u64, Refusal> {
-        let about = self.standing.get(&index);
-        let withdrawn = about.and_then(|about| about.get(annotator)).copied();
-        let withdrawn = withdrawn.ok_or_else(|| Refusal::NothingToWithdraw {
+        let withdrawn = self.standing_of(index, annotator);
+        if let Some(withdrawn) = withdrawn {
+            self.fall(withdrawn);
+        }
+        let set_aside = self.forget_set_aside(index, annotator);
+        withdrawn.or(set_aside).ok_or_else(|| Refusal::NothingToWithdraw {
             annotator: annotator.clone(),
             index,
-        })?;
-        self.fall(withdrawn);
-        Ok(withdrawn)
+        })
+    }
+
+    /// The entry of an annotator's answer about an individual, if one stands.
+    fn standing_of(&self, index: u64, annotator: &Annotator) -> Option<u64> {
+        self.standing.get(&index)?.get(annotator).copied()
     }
 
     /// The answer of this entry stands.
@@ -298,15 +336,19 @@ impl Labels {
     #[must_use]
     pub fn classes(&self) -> Vec<Class> {
         let labels = self.labels_of_classes();
-        let there = self.classes.iter().filter_map(|(number, name, colour)| {
-            let labels = labels.get(&number).copied().unwrap_or_default();
-            (labels > 0 || self.classes.is_made(number)).then(|| Class {
-                name: name.clone(),
-                colour,
-                labels,
-                near: Vec::new(),
-            })
-        });
+        let there = self
+            .classes
+            .iter()
+            .filter_map(|(number, name, colour, shortcut)| {
+                let labels = labels.get(&number).copied().unwrap_or_default();
+                (labels > 0 || self.classes.is_made(number)).then(|| Class {
+                    name: name.clone(),
+                    colour,
+                    shortcut,
+                    labels,
+                    near: Vec::new(),
+                })
+            });
         let mut there: Vec<Class> = there.collect();
         let keys: Vec<_> = there.iter().map(|class| class.name.key()).collect();
         for (place, key) in keys.iter().enumerate() {
@@ -389,17 +431,5 @@ impl Labels {
             Answer::NotSure | Answer::Skip => None,
         })
         .collect()
-    }
-
-    /// The digest of [`Labels::by_individual`]: who gave a label, when, and what stood before it do not matter.
-    #[must_use]
-    pub fn digest(&self) -> LabelDigest {
-        let mut hasher = blake3::Hasher::new_derive_key("murmuration labels v1");
-        for (index, class) in self.by_individual() {
-            hasher.update(&index.to_le_bytes());
-            hasher.update(&(class.as_str().len() as u64).to_le_bytes());
-            hasher.update(class.as_str().as_bytes());
-        }
-        LabelDigest(hasher.finalize())
     }
 }

@@ -3,24 +3,23 @@
 //! One format for what `labels` writes and `label`, `accuracy` and `judge` read: docs/labels.md says what each column means.
 //! Limits: text in, no files.
 
-use super::{Annotator, Answer, LabelFileError, of_cell, quotes::unclosed};
+use super::{
+    Annotator, Answer, LabelFileError,
+    columns::{ANGLE, FIRST_SPEEDS, FORMER_ANGLE, FORMER_INDEX, FORMER_SPEED, INDEX, former_genes},
+    of_cell,
+    quotes::unclosed,
+};
 use crate::Timestamp;
 use csv::{ErrorKind, ReaderBuilder, StringRecord, Trim};
 use murmuration_proto::{
     CapabilityModel, Controller, FEATURE_NAMES, Features, ImageFormat, Invalid, Preset, World, counted,
-    of_toml_line, text::quoted, to_toml_line, v1,
+    of_toml_line, text::quoted, v1,
 };
 use std::{
     path::{Path, PathBuf},
     str::FromStr,
 };
 
-/// Columns of wheel speeds; those of one sensor are the first four.
-const SPEEDS: [&str; 8] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8"];
-/// Column of the second sensor's angle; a file without it is of the single-sensor model.
-const ANGLE: &str = "theta";
-/// Columns of the genes of a two-sensor controller.
-const PAPER_GENES: [&str; 9] = ["v1", "v2", "v3", "v4", "v5", "v6", "v7", "v8", ANGLE];
 /// Column of robots that are not the paper's, as [`CapabilityModel::to_line`] writes them.
 pub(super) const ROBOTS: &str = "robots";
 
@@ -28,16 +27,6 @@ pub(super) const ROBOTS: &str = "robots";
 const OBSTACLES: &str = "[{ x = 250.0, y = 250.0, radius = 30.0 }]";
 const START: &str = "{ shape = \"disc\", radius = 100.0 }";
 const NOISE: &str = "{ slip = 0.05 }";
-
-/// Columns of the genes of a model's controllers.
-pub(super) fn gene_columns(model: &CapabilityModel) -> Vec<String> {
-    let papers: &[&str] = match model.preset() {
-        Some(Preset::SingleSensor) => &SPEEDS[..4],
-        Some(Preset::TwoSensor) => &PAPER_GENES,
-        Some(Preset::Flockbots | Preset::TurboPi) | None => return model.gene_names(),
-    };
-    papers.iter().copied().map(str::to_owned).collect()
-}
 
 /// A file of labels, taken apart; nothing but its columns has been understood.
 #[derive(Debug, Clone)]
@@ -59,9 +48,22 @@ impl LabelFile {
     /// Takes the text of the file at `path` apart.
     ///
     /// # Errors
-    /// Where it is not CSV, has no column `id` or `class`, or one of them twice.
+    /// Where it is not CSV, has no column `index` (or `id`) or `class`, or one of them twice.
     pub fn parse(path: &Path, text: Vec<u8>) -> Result<Self, LabelFileError> {
-        Self::with_columns(&["id", "class"], path, text)
+        let file = Self::with_columns(&[], path, text)?;
+        for column in [file.behaviour_column(), "class"] {
+            file.need(column)?;
+        }
+        Ok(file)
+    }
+
+    /// The column that says which behaviour a row is about: `index`, or else `id`.
+    #[must_use]
+    pub fn behaviour_column(&self) -> &'static str {
+        match !self.has(INDEX) && self.has(FORMER_INDEX) {
+            true => FORMER_INDEX,
+            false => INDEX,
+        }
     }
 
     /// Takes the text of a file apart that has these columns.
@@ -123,6 +125,12 @@ impl LabelFile {
     #[must_use]
     pub fn has(&self, column: &str) -> bool {
         self.columns.iter().any(|name| name == column)
+    }
+
+    /// Whether there are controllers: of the paper's robots, or of those that a column names.
+    #[must_use]
+    pub fn has_controllers(&self) -> bool {
+        self.has(ROBOTS) || FIRST_SPEEDS.iter().any(|column| self.has(column))
     }
 
     /// Where a column is that cannot be done without.
@@ -215,6 +223,18 @@ impl<'a> Row<'a> {
         self.refused(Invalid::new(column, shown, allowed))
     }
 
+    /// Which behaviour it is about, as the row says it; empty where it does not.
+    #[must_use]
+    pub fn behaviour(&self) -> &'a str {
+        self.cell(self.file.behaviour_column())
+    }
+
+    /// An error about which behaviour it is about, which must be `allowed`.
+    #[must_use]
+    pub fn refuse_behaviour(&self, allowed: &str) -> LabelFileError {
+        self.refuse(self.file.behaviour_column(), allowed)
+    }
+
     /// What was answered; `None` where the class is left empty.
     ///
     /// # Errors
@@ -259,9 +279,9 @@ impl<'a> Row<'a> {
     /// Index of the individual in its campaign's archive.
     ///
     /// # Errors
-    /// Where the id is no whole number.
+    /// Where it is no whole number.
     pub fn index(&self) -> Result<u64, LabelFileError> {
-        self.needed("id", "a whole number")
+        self.needed(self.file.behaviour_column(), "a whole number")
     }
 
     /// The seed of its start.
@@ -275,7 +295,8 @@ impl<'a> Row<'a> {
     /// The capability model: that of the column `robots`, which no row need have if they are the paper's.
     fn model(&self) -> Result<CapabilityModel, LabelFileError> {
         let world = self.world()?;
-        let model = match (self.cell(ROBOTS), self.file.has(ANGLE)) {
+        let has_angle = self.file.has(ANGLE) || self.file.has(FORMER_ANGLE);
+        let model = match (self.cell(ROBOTS), has_angle) {
             ("", false) => world.robots_of(Preset::SingleSensor),
             ("", true) => world.robots_of(Preset::TwoSensor),
             (line, _) => world.robots_of_line(ROBOTS, line),
@@ -283,7 +304,7 @@ impl<'a> Row<'a> {
         model.map_err(|error| self.refused(error))
     }
 
-    /// The controller: `v1` to `v4`, or `v1` to `v8` and `theta`; with a column `robots`, a column for each gene by its name.
+    /// The controller, a column for each gene by its name; of the paper's robots also `v1` to `v4`, or `v1` to `v8` and `theta`.
     ///
     /// # Errors
     /// Where a column is missing, or a gene is no number or out of range.
@@ -293,7 +314,7 @@ impl<'a> Row<'a> {
 
     /// The controller, which is one of `campaign`'s if only its genes are named.
     pub(super) fn controller_in(&self, campaign: &CapabilityModel) -> Result<Controller, LabelFileError> {
-        let names_robots = self.file.has(ROBOTS) || self.file.has(SPEEDS[0]);
+        let names_robots = self.file.has(ROBOTS) || self.file.has(FORMER_SPEED);
         self.controller_of(match names_robots {
             true => self.model()?,
             false => campaign.clone(),
@@ -301,8 +322,12 @@ impl<'a> Row<'a> {
     }
 
     fn controller_of(&self, model: CapabilityModel) -> Result<Controller, LabelFileError> {
-        let genes = gene_columns(&model);
-        let genes = genes.iter().map(|name| self.needed(name, "a number"));
+        let (names, former) = (model.gene_names(), former_genes(&model));
+        let columns: Vec<&str> = match former.first().is_some_and(|first| self.file.has(first)) {
+            true => former.to_vec(),
+            false => names.iter().map(String::as_str).collect(),
+        };
+        let genes = columns.iter().map(|name| self.needed(name, "a number"));
         let genes = genes.collect::<Result<Vec<f64>, _>>()?;
         Controller::new(model, &genes).map_err(|error| self.refused(error))
     }
@@ -412,27 +437,4 @@ impl<'a> Row<'a> {
             text => text.parse().map(Some).map_err(|_| self.refuse(column, allowed)),
         }
     }
-}
-
-/// What a behaviour's world and picture are, as the columns that say so.
-pub(super) fn settings(world: &World, format: ImageFormat) -> [(&'static str, String); 16] {
-    let obstacles: Vec<v1::Obstacle> = world.obstacles().iter().map(Into::into).collect();
-    [
-        ("width", world.width().to_string()),
-        ("height", world.height().to_string()),
-        ("padding", world.padding().to_string()),
-        ("agents", world.agents().to_string()),
-        ("radius", world.radius().to_string()),
-        ("wheel_radius", world.wheel_radius().to_string()),
-        ("dt", world.dt().to_string()),
-        ("horizon", world.horizon().to_string()),
-        ("jitter", world.jitter().to_string()),
-        ("boundary", world.boundary().to_string()),
-        ("obstacles", to_toml_line(&obstacles)),
-        ("start", to_toml_line(&v1::StartShape::from(world.start()))),
-        ("noise", to_toml_line(&v1::Noise::from(world.noise()))),
-        ("resolution", format.resolution().to_string()),
-        ("window", format.window().to_string()),
-        ("channels", format.channels_name().to_owned()),
-    ]
 }

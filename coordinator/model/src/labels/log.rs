@@ -1,6 +1,6 @@
 //! The log: what people said, in the order in which they said it.
 
-use super::{Annotator, Answer, ClassName, Colour};
+use super::{Annotator, Answer, ClassName, Colour, Preference, Shortcut, Triple};
 
 /// What somebody says about a campaign's behaviours or classes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -25,8 +25,8 @@ pub enum Action {
     },
     /// Undoes the newest of the annotator's own answers that stand; what that had superseded stands again.
     Undo,
-    /// Undoes the annotator's answer about an individual that is not in the archive any more; nothing that it
-    /// superseded stands again.
+    /// Takes back the annotator's answer about an individual; nothing that it superseded stands again. The coordinator does so
+    /// for individuals that are not in the archive any more.
     Withdraw {
         /// Index that the individual had.
         index: u64,
@@ -56,6 +56,37 @@ pub enum Action {
         class: ClassName,
         /// Its colour from now on.
         colour: Colour,
+    },
+    /// Ends a class: the answers that name it no longer stand.
+    Delete {
+        /// The class.
+        class: ClassName,
+    },
+    /// Gives a class a key on the keyboard; a class that has this key loses it.
+    Shortcut {
+        /// The class.
+        class: ClassName,
+        /// Its key from now on; `None` for whichever is free.
+        shortcut: Option<Shortcut>,
+    },
+    /// Reverts the newest change of classes that has not been reverted.
+    Revert {
+        /// The entry of that change.
+        entry: u64,
+    },
+    /// The answer to which of two individuals is more like a third. An answer of the same annotator to the same question does not
+    /// stand any more.
+    Compare {
+        /// What was asked.
+        triple: Triple,
+        /// The answer.
+        preference: Preference,
+    },
+    /// Takes back the annotator's comparison of this entry; nothing that it superseded stands again. The coordinator does so for
+    /// comparisons with individuals that are not in the archive any more.
+    WithdrawComparison {
+        /// The entry of the comparison.
+        entry: u64,
     },
 }
 
@@ -89,8 +120,8 @@ pub struct Entry {
     pub number: u64,
     /// What was said.
     pub change: Change,
-    /// The answer that no longer stands because of this one: of an answer, that of the same annotator about the same
-    /// individual if there was one; of an undo or a withdrawal, the one that was undone.
+    /// The answer or comparison that no longer stands because of this one: of an answer, that of the same annotator about the same
+    /// individual or question if there was one; of an undo or a withdrawal, the one that was undone.
     pub supersedes: Option<u64>,
 }
 
@@ -109,6 +140,12 @@ pub enum Refusal {
     /// A class cannot be merged into itself.
     #[error("class \"{0}\" cannot be merged into itself")]
     IntoItself(ClassName),
+    /// The change is not the newest one.
+    #[error(
+        "entry {0} of the label log is not the newest change of classes that stands: somebody has changed a class since, or \
+         reverted it already"
+    )]
+    NotNewestChange(u64),
     /// None of the annotator's answers stands.
     #[error("{0} has no answer to undo")]
     NothingToUndo(Annotator),
@@ -120,4 +157,15 @@ pub enum Refusal {
         /// Index of the individual.
         index: u64,
     },
+    /// The comparison is not the annotator's, or does not stand.
+    #[error("{annotator} has no comparison in entry {entry} of the label log to withdraw")]
+    NoComparison {
+        /// The annotator.
+        annotator: Annotator,
+        /// The entry.
+        entry: u64,
+    },
+    /// None of the annotator's comparisons stands.
+    #[error("{0} has no comparison to withdraw")]
+    NothingCompared(Annotator),
 }

@@ -1,6 +1,9 @@
 //! Labels as the messages that carry them.
 
-use super::{Action, Agreement, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label};
+use super::{
+    Action, Agreement, Annotator, Change, Class, ClassName, Colour, Confusion, Disagreement, Entry, Label,
+    Preference, Shortcut, Triple,
+};
 use murmuration_proto::{Invalid, v1};
 
 impl TryFrom<v1::change_class_request::Change> for Action {
@@ -30,8 +33,21 @@ impl TryFrom<v1::change_class_request::Change> for Action {
                 class: named("colour.class", colour.class)?,
                 colour: colour.colour.parse::<Colour>()?,
             },
+            Change::Delete(delete) => Self::Delete {
+                class: named("delete.class", delete.class)?,
+            },
+            Change::Shortcut(chosen) => Self::Shortcut {
+                class: named("shortcut.class", chosen.class)?,
+                shortcut: shortcut(&chosen.shortcut)?,
+            },
+            Change::Revert(revert) => Self::Revert { entry: revert.entry },
         })
     }
+}
+
+/// A key, or none where the text is empty.
+fn shortcut(text: &str) -> Result<Option<Shortcut>, Invalid> {
+    (!text.is_empty()).then(|| text.parse()).transpose()
 }
 
 impl From<Entry> for v1::LabelEntry {
@@ -67,6 +83,21 @@ impl From<Entry> for v1::LabelEntry {
                 class: class.to_string(),
                 colour: colour.to_string(),
             }),
+            Action::Delete { class } => Said::Delete(v1::DeleteClass {
+                class: class.to_string(),
+            }),
+            Action::Shortcut { class, shortcut } => Said::Shortcut(v1::ShortcutClass {
+                class: class.to_string(),
+                shortcut: shortcut.map_or_else(String::new, |key| key.to_string()),
+            }),
+            Action::Revert { entry } => Said::Revert(v1::RevertChange { entry }),
+            Action::Compare { triple, preference } => Said::Compare(v1::Comparison {
+                triple: Some(triple.into()),
+                preference: v1::Preference::from(preference).into(),
+            }),
+            Action::WithdrawComparison { entry } => {
+                Said::WithdrawComparison(v1::ComparisonWithdrawal { entry })
+            }
         };
         Self {
             number: entry.number,
@@ -74,6 +105,118 @@ impl From<Entry> for v1::LabelEntry {
             time_ms,
             supersedes: entry.supersedes,
             action: Some(action),
+        }
+    }
+}
+
+impl TryFrom<v1::LabelEntry> for Entry {
+    type Error = Invalid;
+
+    /// An entry of a log of another store, which may have names that are refused today.
+    fn try_from(message: v1::LabelEntry) -> Result<Self, Invalid> {
+        use v1::label_entry::Action as Said;
+        let class = |name: String| ClassName::stored(&name);
+        let said = message
+            .action
+            .ok_or_else(|| Invalid::new("action", "nothing", "what was said"))?;
+        let action = match said {
+            Said::Answer(answer) => Action::Answer {
+                index: answer.index,
+                answer: answer.answer.parse()?,
+            },
+            Said::Undo(v1::Undo {}) => Action::Undo,
+            Said::Withdraw(v1::Withdraw { index }) => Action::Withdraw { index },
+            Said::Create(create) => Action::Create {
+                class: class(create.class)?,
+            },
+            Said::Rename(rename) => Action::Rename {
+                class: class(rename.class)?,
+                to: class(rename.to)?,
+            },
+            Said::Merge(merge) => Action::Merge {
+                class: class(merge.class)?,
+                into: class(merge.into)?,
+            },
+            Said::Colour(colour) => Action::Colour {
+                class: class(colour.class)?,
+                colour: colour.colour.parse()?,
+            },
+            Said::Delete(delete) => Action::Delete {
+                class: class(delete.class)?,
+            },
+            Said::Shortcut(chosen) => Action::Shortcut {
+                class: class(chosen.class)?,
+                shortcut: shortcut(&chosen.shortcut)?,
+            },
+            Said::Revert(revert) => Action::Revert { entry: revert.entry },
+            Said::Compare(comparison) => comparison.try_into()?,
+            Said::WithdrawComparison(withdrawal) => Action::WithdrawComparison {
+                entry: withdrawal.entry,
+            },
+        };
+        if message.time_ms > i64::MAX.unsigned_abs() {
+            return Err(Invalid::new("time_ms", message.time_ms, "at most 2^63 - 1"));
+        }
+        Ok(Self {
+            number: message.number,
+            change: Change {
+                annotator: Annotator::known(&message.annotator)?,
+                time_ms: message.time_ms,
+                action,
+            },
+            supersedes: message.supersedes,
+        })
+    }
+}
+
+impl TryFrom<v1::Comparison> for Action {
+    type Error = Invalid;
+
+    fn try_from(message: v1::Comparison) -> Result<Self, Invalid> {
+        let preference = message.preference().try_into()?;
+        let asked = message
+            .triple
+            .ok_or_else(|| Invalid::new("triple", "nothing", "three individuals"))?;
+        let triple = Triple::new(asked.reference, asked.left, asked.right);
+        Ok(Self::Compare {
+            triple: triple.map_err(|error| error.within("triple"))?,
+            preference,
+        })
+    }
+}
+
+impl From<Triple> for v1::Triple {
+    fn from(triple: Triple) -> Self {
+        let [reference, left, right] = triple.individuals();
+        Self {
+            reference,
+            left,
+            right,
+        }
+    }
+}
+
+impl TryFrom<v1::Preference> for Preference {
+    type Error = Invalid;
+
+    fn try_from(preference: v1::Preference) -> Result<Self, Invalid> {
+        match preference {
+            v1::Preference::Left => Ok(Self::Left),
+            v1::Preference::Right => Ok(Self::Right),
+            v1::Preference::Neither => Ok(Self::Neither),
+            v1::Preference::Unspecified => {
+                Err(Invalid::new("preference", "nothing", "left, right or neither"))
+            }
+        }
+    }
+}
+
+impl From<Preference> for v1::Preference {
+    fn from(preference: Preference) -> Self {
+        match preference {
+            Preference::Left => Self::Left,
+            Preference::Right => Self::Right,
+            Preference::Neither => Self::Neither,
         }
     }
 }
@@ -97,6 +240,7 @@ impl From<Class> for v1::LabelClass {
         Self {
             name: class.name.to_string(),
             colour: class.colour.to_string(),
+            shortcut: class.shortcut.map_or_else(String::new, |key| key.to_string()),
             labels: class.labels,
             near: class.near.iter().map(ToString::to_string).collect(),
         }

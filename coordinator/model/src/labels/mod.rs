@@ -8,6 +8,8 @@ mod agreement;
 mod cells;
 mod class_numbers;
 mod classes;
+mod columns;
+mod comparisons;
 mod confusion_matrix;
 mod current;
 mod file;
@@ -19,12 +21,13 @@ mod messages;
 mod names;
 mod near;
 mod quotes;
+mod shortcut;
 mod table;
 
 pub use agreement::{Agreement, Confusion, Disagreement};
-pub(crate) use cells::of_cell;
-pub use cells::to_cell;
+pub use cells::{of_cell, to_cell};
 pub use class_numbers::class_numbers;
+pub use comparisons::{ComparedTriplet, Comparison, Preference, Triple};
 pub use confusion_matrix::ConfusionMatrix;
 pub use current::{BrokenLog, Class, LabelDigest, Labels};
 pub use file::{LabelFile, Row};
@@ -33,7 +36,8 @@ pub use given::{GivenClass, given_classes};
 pub use label::Label;
 pub use log::{Action, Change, Entry, Refusal};
 pub use names::{Annotator, Answer, ClassKey, ClassName, Colour, RequestId};
-pub use table::{Labelled, Table, to_csv};
+pub use shortcut::Shortcut;
+pub use table::{ANSWER_COLUMNS, Labelled, Table, answer_row, to_csv};
 
 #[cfg(test)]
 mod tests;

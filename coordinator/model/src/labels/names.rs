@@ -103,6 +103,16 @@ impl ClassName {
         paper.map_or(self, Self::from)
     }
 
+    /// The name as pages and reports show it: with spaces between its words. Files and commands have it as it is spelled.
+    #[must_use]
+    pub fn shown(&self) -> String {
+        let words: Vec<&str> = self.0.split('_').filter(|word| !word.is_empty()).collect();
+        match words.is_empty() {
+            true => self.0.clone(),
+            false => words.join(" "),
+        }
+    }
+
     /// A name from a log that is on disk: it may be one that [`str::parse`] has come to refuse.
     ///
     /// # Errors
@@ -154,6 +164,14 @@ impl RequestId {
     #[must_use]
     pub fn of_round(round: u32) -> Self {
         Self(format!("{}{round}", Self::ROUND))
+    }
+
+    /// The id of a request that was made in another store, by a client or by its coordinator.
+    ///
+    /// # Errors
+    /// If no request could be called so.
+    pub fn known(text: &str) -> Result<Self, Invalid> {
+        name("request_id", text, MAX_CHARS).map(Self)
     }
 
     /// What answers are withdrawn by that are about individuals which are not there any more: nobody asked for it.
@@ -397,6 +415,19 @@ mod tests {
         check("MILLING", "milling");
         check("nested-cycle", "nested_cycle");
         check("Two Rings", "Two Rings");
+    }
+
+    #[test]
+    fn a_name_is_shown_with_spaces_and_means_the_same_class() {
+        for (name, shown) in [
+            ("wall_following", "wall following"),
+            ("two-rings", "two-rings"),
+            ("__", "__"),
+        ] {
+            let name: ClassName = name.parse().unwrap();
+            assert_eq!(name.shown(), shown);
+            assert_eq!(shown.parse::<ClassName>().unwrap().key(), name.key());
+        }
     }
 
     #[test]

@@ -4,7 +4,8 @@
 
 use super::{
     Annotator, LabelFile, LabelFileError,
-    file::{ROBOTS, Row, gene_columns, settings},
+    columns::settings,
+    file::{ROBOTS, Row},
     to_cell,
 };
 use crate::Timestamp;
@@ -14,11 +15,8 @@ use murmuration_proto::{
 };
 use std::path::Path;
 
-/// What a file says of every label, whatever it is about.
-const COLUMNS: [&str; 5] = ["id", "class", "annotator", "time", "seed"];
-
-/// Column of the first gene of the paper's robots.
-const FIRST_SPEED: &str = "v1";
+/// The columns of [`answer_row`].
+pub const ANSWER_COLUMNS: [&str; 4] = ["index", "class", "annotator", "time"];
 
 /// A file of answers, read and understood.
 #[derive(Debug)]
@@ -80,11 +78,10 @@ impl Table {
         self.file.has("seed") || self.has_controllers(model)
     }
 
-    /// Whether there are controllers, of the paper's robots or of `model`.
+    /// Whether there are controllers: of the paper's robots, with one sensor or two, or of `model`.
     fn has_controllers(&self, model: &CapabilityModel) -> bool {
-        let genes = gene_columns(model);
-        let columns = genes.iter().map(String::as_str).chain([FIRST_SPEED, ROBOTS]);
-        columns.into_iter().any(|column| self.file.has(column))
+        let genes = model.gene_names();
+        self.file.has_controllers() || genes.iter().any(|gene| self.file.has(gene))
     }
 
     /// Checks that the individuals, where the file says what their robots, controllers and seeds are, have just these in the
@@ -114,7 +111,7 @@ impl Table {
         })
     }
 
-    /// Refuses the first answer that there is an `objection` to: what would be allowed in place of its id.
+    /// Refuses the first answer that there is an `objection` to: what would be allowed in place of its index.
     fn check(
         &self,
         objection: impl Fn(Row<'_>, &v1::Answer) -> Result<Option<String>, LabelFileError>,
@@ -124,7 +121,7 @@ impl Table {
                 continue;
             };
             if let Some(allowed) = objection(row, answer)? {
-                return Err(row.refused(Invalid::new("id", answer.index, allowed)));
+                return Err(row.refused(Invalid::new(self.file.behaviour_column(), answer.index, allowed)));
             }
         }
         Ok(())
@@ -145,6 +142,17 @@ fn is_of(controller: &Controller, model: &CapabilityModel, genes: &[f64]) -> boo
     same_robots && controller.genes() == genes
 }
 
+/// An answer about an individual, as every table of answers has it.
+#[must_use]
+pub fn answer_row(index: u64, answer: &str, annotator: &str, time_ms: u64) -> [String; 4] {
+    [
+        index.to_string(),
+        to_cell(answer).into_owned(),
+        to_cell(annotator).into_owned(),
+        Timestamp::from_ms(time_ms).to_string(),
+    ]
+}
+
 /// Answers about a campaign as a text that [`LabelFile::parse`] understands: with each, the individual's seed, controller and
 /// features, and what of its world and picture is not the paper's.
 ///
@@ -155,7 +163,7 @@ pub fn to_csv<'a>(
     labels: impl Iterator<Item = Labelled<'a>>,
 ) -> Result<Vec<u8>, csv::Error> {
     let model = spec.model();
-    let genes = gene_columns(model);
+    let genes = model.gene_names();
     let robots = match model.preset() {
         Some(Preset::SingleSensor | Preset::TwoSensor) => None,
         Some(Preset::Flockbots | Preset::TurboPi) | None => Some((ROBOTS, model.to_line())),
@@ -170,20 +178,16 @@ pub fn to_csv<'a>(
         .chain(robots)
         .collect();
     let genes = genes.iter().map(String::as_str);
-    let named = COLUMNS.into_iter().chain(genes).chain(FEATURE_NAMES);
+    let named = ANSWER_COLUMNS.into_iter().chain(["seed"]).chain(genes);
+    let named = named.chain(FEATURE_NAMES);
     let mut writer = csv::Writer::from_writer(Vec::new());
     writer.write_record(named.chain(differing.iter().map(|(name, _)| *name)))?;
     for Labelled { answer, individual } in labels {
-        let own = [
-            answer.index.to_string(),
-            to_cell(&answer.answer).into_owned(),
-            to_cell(&answer.annotator).into_owned(),
-            Timestamp::from_ms(answer.time_ms).to_string(),
-            individual.seed.to_string(),
-        ];
+        let own = answer_row(answer.index, &answer.answer, &answer.annotator, answer.time_ms);
         let numbers = individual.controller.iter().chain(&individual.features);
         let settings = differing.iter().map(|(_, value)| value.clone());
-        writer.write_record(own.into_iter().chain(numbers.map(f64::to_string)).chain(settings))?;
+        let own = own.into_iter().chain([individual.seed.to_string()]);
+        writer.write_record(own.chain(numbers.map(f64::to_string)).chain(settings))?;
     }
     writer.into_inner().map_err(|error| error.into_error().into())
 }
@@ -224,6 +228,10 @@ mod tests {
     fn a_bad_row_is_named() {
         let head = "id,class,annotator,time\n1,ring,ana,1970-01-01T00:00:00.005Z\n";
         check_refused(
+            "index,class,annotator\n1,ring,ana\nx,ring,ana\n",
+            "line 3: index = \"x\": must be a whole number",
+        );
+        check_refused(
             &format!("{head}x,ring,ana,5\n"),
             "line 3: id = \"x\": must be a whole number",
         );
@@ -246,6 +254,7 @@ mod tests {
             "line 1: there is no column \"class\"; its columns are id, klass",
         );
         check_refused("id,class,id\n1,ring,2\n", "there is more than one column \"id\"");
+        check_refused("class\nring\n", "there is no column \"index\"");
         check_refused("id,class\n1,\n", "no row has a class");
     }
 
@@ -285,6 +294,28 @@ mod tests {
     }
 
     #[test]
+    fn columns_have_the_names_of_an_export_and_those_of_before() {
+        let genes: Vec<f64> = (1..=9).map(|gene| f64::from(gene) / 10.0).collect();
+        let archived = v1::Individual {
+            controller: genes.clone(),
+            ..v1::Individual::default()
+        };
+        let model = CapabilityModel::from(Preset::TwoSensor);
+        let numbers: Vec<String> = genes.iter().map(f64::to_string).collect();
+        let check = |header: &str| {
+            let text = format!("{header},class,annotator\n5,{},ring,ana\n", numbers.join(","));
+            let table = read_text(&text, None).unwrap();
+            let controller = table.file.row(0).unwrap().controller().unwrap();
+            assert_eq!(controller.genes(), genes);
+            assert_eq!(controller.model().preset(), Some(Preset::TwoSensor));
+            let found = |index| (index == 5).then_some(&archived);
+            table.check_individuals(("two-1", &model), found).unwrap();
+        };
+        check("id,v1,v2,v3,v4,v5,v6,v7,v8,theta");
+        check(&format!("index,{}", model.gene_names().join(",")));
+    }
+
+    #[test]
     fn a_file_about_other_robots_is_refused() {
         let robots = |range| format!("robot.sensors = [{{ half_angle = 0.5, range = {range} }}]");
         let model = CampaignSpec::robots_from_toml(&robots(150)).unwrap().0;
@@ -309,6 +340,25 @@ mod tests {
         assert!(check(genes, "0.1,0.2,0.3,0.4"));
         assert!(!check(genes, "0.1,0.2,0.3,0.5"));
         assert!(!check("v1,v2,v3,v4", "0.1,0.2,0.3,0.4"));
+    }
+
+    #[test]
+    fn a_file_of_the_papers_other_robots_is_refused() {
+        let models = Preset::PAPER.map(CapabilityModel::from);
+        for (own, other) in [(0, 1), (1, 0)] {
+            let genes = models[other].gene_names();
+            let zeros = ",0".repeat(genes.len());
+            let text = format!("index,class,annotator,{}\n0,ring,ana{zeros}\n", genes.join(","));
+            let table = read_text(&text, None).unwrap();
+            assert!(table.describes(&models[own]));
+            let archived = v1::Individual {
+                controller: vec![0.0; models[own].genes()],
+                ..v1::Individual::default()
+            };
+            let checked = table.check_individuals(("paper-1", &models[own]), |_| Some(&archived));
+            let said = checked.unwrap_err().to_string();
+            assert!(said.contains("there is no column"), "{said}");
+        }
     }
 
     #[test]

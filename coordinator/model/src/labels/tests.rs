@@ -1,5 +1,7 @@
 //! What a log comes to, as its users see it.
 
+mod class_changes;
+
 use super::*;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
@@ -362,13 +364,13 @@ fn a_log_that_nobody_could_have_written_is_noticed() {
 
 fn anything() -> impl Strategy<Value = Change> {
     let who = prop::sample::select(vec!["ana", "ben"]);
-    let class = prop::sample::select(vec!["a", "b", "c", "A"]);
     let word = prop::sample::select(vec!["a", "b", "c", "B", "not sure", "skip"]);
     prop_oneof![
         6 => (who.clone(), 0u64..4, word).prop_map(|(who, index, word)| answer(who, index, word)),
-        3 => who.prop_map(undo),
-        1 => (class.clone(), class.clone()).prop_map(|(class, to)| rename(class, to)),
-        1 => (class.clone(), class).prop_map(|(class, into)| merge(class, into)),
+        3 => who.clone().prop_map(undo),
+        1 => (who, 0u64..4).prop_map(|(who, index)| change(who, Action::Withdraw { index })),
+        3 => class_changes::class_change(),
+        2 => (0u64..40).prop_map(|entry| change("ben", Action::Revert { entry })),
     ]
 }
 

@@ -1,6 +1,8 @@
-"use strict";
-{
-  const data = JSON.parse(document.getElementById("data").textContent);
+// The map of an atlas, on the elements of its page: `map` is the canvas, `source` the picture of a pixel a controller, `chosen`
+// tells of one controller, and `classes` lists the classes. Of a page with a coordinator, `choose(at, genes)` hears of the
+// controller that somebody chose, or of null; without one there are pictures of swarms beside the page. `seen` is what was seen
+// of another atlas of as many controllers, as `seen()` of the answer says it: zoom, middle, and place of the chosen controller.
+function showAtlas(data, choose = null, seen = null) {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
   const map = new Uint32Array(bytes(data.map));
   const said = new Uint8Array(bytes(data.said));
@@ -55,6 +57,7 @@
   };
   // Draws the picture of a swarm; whether it is there.
   const drawSwarm = (pen, at, x, y, size) => {
+    if (choose) return false;
     const pixel = simulated.get(at.entry);
     const [column, row] = [pixel % side, Math.floor(pixel / side)];
     const image = tile(Math.floor(column / n), Math.floor(row / n));
@@ -152,7 +155,9 @@
     const genes = genesAt(at);
     data.genes.forEach((gene, place) => row(gene, genes[place]));
     row("starts", verdictsOf(at.entry).map((verdict) => verdict.name.replaceAll("_", " ")).join(", "));
-    if (!at.mirrored) {
+    if (choose) {
+      // Its motion is beside the map.
+    } else if (!at.mirrored) {
       data.features.forEach((feature, place) =>
         row(feature.replaceAll("_", " "), measured[at.entry * data.features.length + place].toPrecision(3)));
       element("p", "Its motion from the first start:", chosen);
@@ -161,6 +166,28 @@
     }
   };
 
+  const pin = (at) => {
+    pinned = at;
+    show(pinned);
+    choose?.(pinned, pinned && genesAt(pinned));
+    draw();
+  };
+  // Moves the map so that a controller is on the canvas.
+  const reveal = ({ x, y }) => {
+    const into = (corner, place, size) => {
+      const at = corner + (place + 0.5) * scale;
+      return at < 0 || at > size ? size / 2 - (place + 0.5) * scale : corner;
+    };
+    [left, top] = [into(left, x, canvas.clientWidth), into(top, y, canvas.clientHeight)];
+  };
+  // From the chosen controller to one beside it, for keys; `far` to the same place of the tile beside its own.
+  const go = ([dx, dy], far) => {
+    const steps = far ? n : 1;
+    const next = entryAt(pinned.x + dx * steps, pinned.y + dy * steps);
+    if (!next) return;
+    reveal(next);
+    pin(next);
+  };
   const under = (event) => {
     const box = canvas.getBoundingClientRect();
     const place = [event.clientX - box.left - left, event.clientY - box.top - top];
@@ -194,20 +221,23 @@
   canvas.addEventListener("pointerup", (event) => {
     if (grabbed && grabbed.moved < 4) {
       const at = under(event);
-      pinned = pinned && at && pinned.x === at.x && pinned.y === at.y ? null : at;
-      show(pinned);
-      draw();
+      pin(pinned && at && pinned.x === at.x && pinned.y === at.y ? null : at);
     }
     grabbed = null;
   });
   canvas.addEventListener("keydown", (event) => {
     const step = 60, middle = [canvas.clientWidth / 2, canvas.clientHeight / 2];
-    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    const way = ways[event.key];
     if (event.key === "+" || event.key === "=") zoom(1.5, ...middle);
     else if (event.key === "-") zoom(1 / 1.5, ...middle);
-    else if (moves[event.key]) {
-      left += moves[event.key][0];
-      top += moves[event.key][1];
+    else if (event.key === "Enter") {
+      const inMiddle = () => entryAt(...[middle[0] - left, middle[1] - top].map((along) => Math.floor(along / scale)));
+      pin(pinned ?? inMiddle());
+    } else if (event.key === "Escape" && pinned) pin(null);
+    else if (way && pinned) go(way, event.shiftKey);
+    else if (way) {
+      [left, top] = [left - way[0] * step, top - way[1] * step];
       draw();
     } else return;
     event.preventDefault();
@@ -242,6 +272,24 @@
     top = (canvas.clientHeight - side * scale) / 2;
     draw();
   };
-  new ResizeObserver(draw).observe(canvas);
-  source.decode().then(fit, fit);
+  // A map that is seen whole stays so; of one that somebody zoomed, the place stays.
+  new ResizeObserver(() => (scale === whole ? fit() : draw())).observe(canvas);
+  const begin = () => {
+    fit();
+    if (!seen) return;
+    scale = Math.min(200, Math.max(0.25, whole * seen.zoom));
+    [left, top] = [canvas.clientWidth / 2 - seen.x * scale, canvas.clientHeight / 2 - seen.y * scale];
+    const at = seen.at && entryAt(...seen.at);
+    if (at) pin(at);
+    else draw();
+  };
+  source.decode().then(begin, begin);
+  return {
+    seen: () => ({
+      zoom: scale / whole,
+      x: (canvas.clientWidth / 2 - left) / scale,
+      y: (canvas.clientHeight / 2 - top) / scale,
+      at: pinned && [pinned.x, pinned.y],
+    }),
+  };
 }

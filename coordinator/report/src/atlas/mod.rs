@@ -15,13 +15,17 @@ mod tiles;
 mod tests;
 
 pub use layout::Layout;
+pub use page::{HOW, canvas, explained};
+pub(crate) use picture::square_png;
 pub use tally::{Tally, agreed, precision};
 pub use tiles::Tiles;
 
 use super::{ReportError, ReportFiles, files::Folder};
-use murmuration_model::colours::{self, Rgb};
-use murmuration_proto::{CampaignSpec, Class, Controller, Features, Verdict};
-use std::path::Path;
+use murmuration_proto::{CampaignSpec, Controller, Features, Verdict};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// What an exhaustive campaign found.
 #[derive(Debug, Clone)]
@@ -51,6 +55,17 @@ pub struct AtlasEntry {
     pub score: f64,
 }
 
+/// The table, by which the folder of an atlas is known.
+const TABLE: &str = "atlas.csv";
+/// The other files of an atlas, but for the pictures of swarms.
+const FILES: [&str; 5] = [
+    "README.md",
+    "spec.toml",
+    "atlas.png",
+    "atlas-poster.svg",
+    "atlas.html",
+];
+
 /// Writes `atlas.csv`, its `README.md` and `spec.toml` into `folder`, which is made if it does not exist; where all
 /// controllers of four speeds were evaluated, also `atlas.png`, `atlas-poster.svg` and, last, `atlas.html`, the page of
 /// the answer; otherwise the page is the table. The page shows pictures of swarms if [`Tiles`] wrote them into the same
@@ -67,7 +82,7 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
     let mut files = Folder::create(folder)?;
     files.text("README.md", &table::readme(atlas))?;
     files.text("spec.toml", &atlas.spec.to_toml())?;
-    let csv = files.write("atlas.csv", |file| table::write(atlas, &tallies, file))?;
+    let csv = files.write(TABLE, |file| table::write(atlas, &tallies, file))?;
     let Some(layout) = Layout::of(&atlas.spec) else {
         return Ok(ReportFiles {
             page: csv,
@@ -88,17 +103,64 @@ pub fn write(atlas: &Atlas, folder: &Path) -> Result<ReportFiles, ReportError> {
     Ok(ReportFiles { page, others })
 }
 
-/// The colour of a class in atlases: that of a behaviour without one is grey.
-#[must_use]
-pub const fn colour(class: Class) -> Rgb {
-    match class {
-        Class::CyclicPursuit => colours::AGENTS[9],
-        Class::Milling => colours::AGENTS[13],
-        Class::Aggregation => colours::AGENTS[7],
-        Class::Dispersal => colours::AGENTS[8],
-        Class::WallFollowing => colours::AGENTS[11],
-        Class::NestedCycle => colours::AGENTS[5],
-        Class::ConcavePath => colours::AGENTS[10],
-        Class::Random => colours::LINE,
+/// Moves an atlas that [`write()`] and [`Tiles`] put into `fresh`, a folder on the same disk, to `folder`, which exists. Then what
+/// an atlas that was there before left is removed: files that the new one has not would be taken for its own. Everything else
+/// in `folder` stays, and so does the former atlas where nothing can be moved.
+///
+/// # Errors
+/// [`ReportError::Write`] names what cannot be moved or removed.
+pub fn replace(fresh: &Path, folder: &Path) -> Result<(), ReportError> {
+    // A folder that merely has a file of such a name is none of ours. The table is moved last, and never removed, so that an atlas
+    // that was moved in part is still known as one.
+    let was_atlas = folder.join(TABLE).is_file();
+    let new = files_in(fresh);
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |source| ReportError::Write { path, source }
+    };
+    for name in &new {
+        let place = folder.join(name);
+        if let Some(above) = place.parent() {
+            fs::create_dir_all(above).map_err(failed(above))?;
+        }
+        fs::rename(fresh.join(name), &place).map_err(failed(&place))?;
     }
+    if was_atlas {
+        for name in files_in(folder).iter().filter(|name| !new.contains(name)) {
+            let path = folder.join(name);
+            fs::remove_file(&path).map_err(failed(&path))?;
+        }
+    }
+    Ok(())
+}
+
+/// The files of an atlas that are in a folder, by their names in it.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let tiles = fs::read_dir(folder.join(tiles::FOLDER)).into_iter().flatten();
+    let tiles = tiles.filter_map(|tile| tile.ok()?.file_name().into_string().ok());
+    let tiles = tiles.filter(|name| name.starts_with("tile-") && name.ends_with(".png"));
+    let tiles = tiles.map(|name| Path::new(tiles::FOLDER).join(name));
+    let files = FILES.iter().chain([&TABLE]).map(PathBuf::from);
+    let files = files.filter(|name| folder.join(name).is_file());
+    tiles.chain(files).collect()
+}
+
+/// What the script of an atlas's page draws from, as JSON, and the picture as a PNG, a pixel a controller: for a page that a
+/// coordinator serves.
+///
+/// # Errors
+/// [`ReportError::Drawing`].
+pub fn for_page(atlas: &Atlas, layout: &Layout) -> Result<(String, Vec<u8>), ReportError> {
+    let tallies: Vec<Tally> = atlas
+        .entries
+        .iter()
+        .map(|entry| Tally::of(&entry.verdicts))
+        .collect();
+    let places = layout.places(atlas);
+    let picture = picture::png(layout, &places, &tallies, 1);
+    let picture = picture.map_err(|source| ReportError::Drawing {
+        file: "atlas.png",
+        source,
+    })?;
+    Ok((page::data(atlas, layout, &places).to_string(), picture))
 }

@@ -1,19 +1,19 @@
 //! The page: the picture to zoom into. It holds everything but the pictures of swarms.
 
-use super::{Atlas, Layout, colour, layout::Place};
-use crate::picture::columns::column;
+use super::{Atlas, Layout, layout::Place};
+use crate::{Document, picture::columns::column};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use maud::{DOCTYPE, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use murmuration_model::colours;
-use murmuration_proto::{FEATURE_NAMES, Verdict, World, counted, grouped};
-use serde_json::json;
+use murmuration_proto::{CampaignSpec, FEATURE_NAMES, Verdict, World, counted, grouped};
+use serde_json::{Value, json};
 
 const STYLE: &str = include_str!("atlas.css");
-const SCRIPT: &str = include_str!("atlas.js");
-
-/// The page loads nothing but pictures beside it.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data: 'self' file:; \
-                      base-uri 'none'; form-action 'none'";
+const SCRIPT: &str = concat!(
+    "\"use strict\";\n{\n",
+    include_str!("atlas.js"),
+    "showAtlas(JSON.parse(document.getElementById(\"data\").textContent));\n}\n"
+);
 
 /// Bit of a number of the map that says that a mirror image is there.
 const MIRRORED: u32 = 1 << 31;
@@ -23,51 +23,72 @@ const NOTHING: u32 = MIRRORED - 1;
 /// The whole document.
 pub(super) fn render(atlas: &Atlas, layout: &Layout, places: &[Option<Place>], map: &[u8]) -> String {
     let map = format!("data:image/png;base64,{}", STANDARD.encode(map));
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="generator" content="Murmuration";
-                title { "Atlas of the robot " (atlas.spec.model()) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    canvas #map tabindex="0" aria-label="Map of all controllers: a pixel each, coloured by class" {}
-                    img #source src=(map) alt="" hidden;
-                    aside {
-                        h1 { "Every controller of the robot " (atlas.spec.model()) }
-                        p {
-                            (grouped((layout.side() * layout.side()) as u64)) " controllers, a pixel each. "
-                            (grouped(atlas.entries.len() as u64)) " of them were simulated from "
-                            (counted(atlas.spec.starts().get() as u64, "start")) " each; the others are their mirror images."
-                        }
-                        p {
-                            @let genes = atlas.spec.model().gene_names();
-                            @if let [right, up, right_within, up_within] = &genes[..] {
-                                "The tiles go by the speeds while nothing is seen: " (right) " from left to right, " (up)
-                                " from bottom to top. Within a tile the pixels go by the speeds while something is seen: "
-                                (right_within) " from left to right, " (up_within) " from bottom to top."
-                            }
-                        }
-                        p { "Scroll to zoom, drag to move, click for a controller. Close up, the pictures of the swarms appear." }
-                        ul #classes {}
-                        section #chosen aria-live="polite" { p { "Point at a controller." } }
-                    }
-                }
-                script type="application/json" #data { (PreEscaped(data(atlas, layout, places))) }
-                script { (PreEscaped(SCRIPT)) }
+    let title = format!("Atlas of the robot {}", atlas.spec.model());
+    let document = Document {
+        title: &title,
+        style: STYLE,
+        scripts: true,
+        pictures_beside: true,
+    };
+    document.with(&html! {
+        main {
+            (canvas())
+            img #source src=(map) alt="" hidden;
+            aside {
+                h1 { "Every controller of the robot " (atlas.spec.model()) }
+                (explained(&atlas.spec, layout, atlas.entries.len() as u64))
+                p { (HOW) " Close up, the pictures of the swarms appear." }
+                ul #classes {}
+                section #chosen aria-live="polite" { p { "Point at a controller." } }
             }
         }
-    };
-    page.into_string()
+        // Nothing in it may end the element that holds it.
+        script type="application/json" #data { (PreEscaped(data(atlas, layout, places).to_string().replace('<', "\\u003c"))) }
+        script { (PreEscaped(SCRIPT)) }
+    })
+}
+
+/// How the map is used, with a pointer and with keys.
+pub const HOW: &str = "Scroll to zoom, drag to move, click for a controller. With keys: + and - zoom, Enter chooses the controller in the \
+                       middle, arrow keys go on from it, with Shift by a tile, and Escape lets it go.";
+
+/// The canvas of the map.
+#[must_use]
+pub fn canvas() -> Markup {
+    html! {
+        canvas #map tabindex="0" role="application"
+            aria-label="Map of all controllers: a pixel each, coloured by class. Enter chooses one, arrow keys go to the next." {}
+    }
+}
+
+/// What the map shows: the controllers that were simulated so far and their mirror images, and where each is.
+#[must_use]
+pub fn explained(spec: &CampaignSpec, layout: &Layout, simulated: u64) -> Markup {
+    html! {
+        p {
+            (grouped((layout.side() * layout.side()) as u64)) " controllers, a pixel each. "
+            (grouped(simulated)) " of them were simulated from "
+            (counted(spec.starts().get() as u64, "start")) " each; "
+            @if simulated == spec.evaluations() { "the others are their mirror images." }
+            @else { "their mirror images have the same colours. White ones are still to come." }
+        }
+        p {
+            @let genes = spec.model().gene_names();
+            @if let [right, up, right_within, up_within] = &genes[..] {
+                "The tiles go by the speeds while nothing is seen: " (right) " from left to right, " (up)
+                " from bottom to top. Within a tile the pixels go by the speeds while something is seen: "
+                (right_within) " from left to right, " (up_within) " from bottom to top."
+            }
+        }
+        p {
+            "Colours are classes. A pixel is darker where fewer of its starts are of its class, and where people agree less often with the "
+            "judge about that class."
+        }
+    }
 }
 
 /// What the script draws from.
-fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> String {
+pub(super) fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> Value {
     let entries = || atlas.entries.iter();
     let number = |place: &Option<Place>| {
         let number = place.map_or(NOTHING, |place| {
@@ -76,9 +97,9 @@ fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> String {
         number.to_le_bytes()
     };
     let verdicts: Vec<_> = Verdict::all()
-        .map(|verdict| json!({ "name": verdict.name(), "class": verdict.class().name(), "colour": colours::hex(colour(verdict.class())) }))
+        .map(|verdict| json!({ "name": verdict.name(), "class": verdict.class().name(), "colour": colours::hex(colours::class_colour(verdict.class())) }))
         .collect();
-    let data = json!({
+    json!({
         "values": layout.values(),
         "speeds": layout.speeds(),
         "genes": atlas.spec.model().gene_names(),
@@ -91,9 +112,7 @@ fn data(atlas: &Atlas, layout: &Layout, places: &[Option<Place>]) -> String {
         "said": column(entries().flat_map(|entry| entry.verdicts.iter().map(|verdict| [verdict.number()]))),
         "measured": column(entries().flat_map(|entry| entry.features.map(|feature| (feature as f32).to_le_bytes()))),
         "seeds": column(entries().map(|entry| entry.seed.to_le_bytes())),
-    });
-    // Nothing in it may end the element that holds it.
-    data.to_string().replace('<', "\\u003c")
+    })
 }
 
 /// The option that names the robots to `murmuration simulate`, if they are not those that it has by default.

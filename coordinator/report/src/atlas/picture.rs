@@ -1,11 +1,11 @@
 //! The picture: a pixel a controller.
 
 use super::{
-    Tally, colour,
+    Tally,
     layout::{Layout, Place},
 };
 use crate::picture::PictureError;
-use murmuration_model::colours::{self, Rgb};
+use murmuration_model::colours::{self, Rgb, class_colour};
 
 /// Under everything: what is not sure is dark.
 const DARK: Rgb = [0; 3];
@@ -15,7 +15,7 @@ const NOTHING: Rgb = [0xff; 3];
 /// The colour of a controller: its class's, as bright as the class is sure.
 pub(super) fn shade(tally: &Tally) -> Rgb {
     let part = (tally.sureness() * 255.0).round() as u8;
-    colours::over(colour(tally.class), part, DARK)
+    colours::over(class_colour(tally.class), part, DARK)
 }
 
 /// The picture as a PNG, every controller a square of `scale` pixels a side.
@@ -34,7 +34,7 @@ pub(super) fn png(
 }
 
 /// Pixels, row by row, as a PNG of this side.
-pub(super) fn square_png(
+pub(crate) fn square_png(
     pixels: &[u8],
     side: usize,
     colours: png::ColorType,

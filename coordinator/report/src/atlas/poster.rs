@@ -1,6 +1,7 @@
 //! The poster: the picture with axes and a legend, as SVG, which prints at any size.
 
-use super::{Atlas, Layout, Tally, colour};
+use super::{Atlas, Layout, Tally};
+use crate::svg::{Drawing, MUTED};
 use base64::{Engine as _, engine::general_purpose::STANDARD};
 use maud::{Markup, html};
 use murmuration_model::colours;
@@ -21,7 +22,6 @@ pub(super) fn scale(layout: &Layout) -> usize {
 /// The poster, with the picture at its scale.
 pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8]) -> String {
     let (width, height) = (LEFT + SIDE + LEGEND, TOP + SIDE + BOTTOM);
-    let view = format!("0 0 {width} {height}");
     let picture = format!("data:image/png;base64,{}", STANDARD.encode(map));
     let starts = atlas.spec.starts().get();
     let title = format!("Every controller of the robot {}", atlas.spec.model());
@@ -30,18 +30,22 @@ pub(super) fn svg(atlas: &Atlas, layout: &Layout, tallies: &[Tally], map: &[u8])
         grouped((layout.side() * layout.side()) as u64),
         grouped(atlas.entries.len() as u64)
     );
-    let page = html! {
-        svg xmlns="http://www.w3.org/2000/svg" viewBox=(view) width=(width) height=(height) font-family="sans-serif" fill="#1d1d1b" style="max-width: 100%; height: auto" {
-            title { (title) }
-            rect width="100%" height="100%" fill=(colours::hex(colours::PAPER)) {}
-            text x=(LEFT) y="52" font-size="34" font-weight="bold" { (title) }
-            text x=(LEFT) y="90" font-size="20" fill="#5f5e58" { (subtitle) }
-            image x=(LEFT) y=(TOP) width=(SIDE) height=(SIDE) href=(picture) style="image-rendering: pixelated" {}
-            (axes(atlas, layout))
-            (legend(atlas, layout, tallies))
-        }
+    let drawing = Drawing {
+        size: [width, height],
+        font_size: 16,
+        title: &title,
+        label: None,
+        paper: &colours::hex(colours::PAPER),
+        shrinks: true,
     };
-    page.into_string()
+    let content = html! {
+        text x=(LEFT) y="52" font-size="34" font-weight="bold" { (title) }
+        text x=(LEFT) y="90" font-size="20" fill=(MUTED) { (subtitle) }
+        image x=(LEFT) y=(TOP) width=(SIDE) height=(SIDE) href=(picture) style="image-rendering: pixelated" {}
+        (axes(atlas, layout))
+        (legend(atlas, layout, tallies))
+    };
+    drawing.with(&content).into_string()
 }
 
 /// The speeds while nothing is seen, which tiles go by.
@@ -96,9 +100,9 @@ fn legend(atlas: &Atlas, layout: &Layout, tallies: &[Tally]) -> Markup {
         g font-size="19" {
             @for (place, (class, count)) in counts.iter().enumerate() {
                 @let y = TOP + 20.0 + 58.0 * place as f64;
-                rect x=(x) y=(y) width="30" height="30" rx="4" fill=(colours::hex(colour(*class))) {}
-                text x=(x + 44.0) y=(y + 13.0) font-weight="bold" { (class.name().replace('_', " ")) }
-                text x=(x + 44.0) y=(y + 34.0) fill="#5f5e58" font-size="16" {
+                rect x=(x) y=(y) width="30" height="30" rx="4" fill=(colours::hex(colours::class_colour(*class))) {}
+                text x=(x + 44.0) y=(y + 13.0) font-weight="bold" { (class.words()) }
+                text x=(x + 44.0) y=(y + 34.0) fill=(MUTED) font-size="16" {
                     (grouped(*count)) " controllers, " (format!("{:.1}", 100.0 * *count as f64 / all.max(1) as f64)) " %"
                 }
             }

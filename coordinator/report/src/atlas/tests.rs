@@ -3,7 +3,7 @@
 use super::*;
 use crate::picture::sample::decode_png;
 use murmuration_model::colours;
-use murmuration_proto::{Enumeration, PictureShape};
+use murmuration_proto::{Class, Enumeration, PictureShape};
 use std::fs;
 
 const SPEC: &str = "model = \"single-sensor\"\nmethod = \"exhaustive\"\n[controllers]\nstep = 0.5\n[evaluation]\nstarts = 3\n";
@@ -73,7 +73,11 @@ fn the_pixel_of_a_controller_and_of_its_mirror_image_is_of_the_class_in_its_row(
             .find(|class| class.name() == row["class"])
             .unwrap();
         let sureness: f64 = row["sureness"].parse().unwrap();
-        let expected = colours::over(colour(class), (sureness * 255.0).round() as u8, [0; 3]);
+        let expected = colours::over(
+            colours::class_colour(class),
+            (sureness * 255.0).round() as u8,
+            [0; 3],
+        );
         let mirrored = [genes[1], genes[0], genes[3], genes[2]];
         for genes in [genes.as_slice(), &mirrored] {
             let controller = atlas.spec.controllers().controller(genes);
@@ -218,4 +222,40 @@ fn the_page_holds_the_map_and_loads_nothing_from_elsewhere() {
             .unwrap(),
         atlas.spec
     );
+}
+
+#[test]
+fn an_atlas_has_no_files_of_one_that_was_in_its_folder_before() {
+    let (_place, files) = written(&atlas());
+    let folder = files.page.parent().unwrap();
+    fs::create_dir(folder.join("pictures")).unwrap();
+    for name in ["pictures/tile-0-0.png", "pictures/mine.png", "notes.txt"] {
+        fs::write(folder.join(name), "").unwrap();
+    }
+    // Another atlas, with another tile, takes its place.
+    let fresh = folder.join(".fresh");
+    fs::create_dir_all(fresh.join("pictures")).unwrap();
+    for name in ["atlas.csv", "pictures/tile-1-0.png"] {
+        fs::write(fresh.join(name), "new").unwrap();
+    }
+    replace(&fresh, folder).unwrap();
+    fs::remove_dir_all(&fresh).unwrap();
+    assert_eq!(fs::read_to_string(folder.join("atlas.csv")).unwrap(), "new");
+    let mut left: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .chain(fs::read_dir(folder.join("pictures")).unwrap())
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    left.sort();
+    assert_eq!(
+        left,
+        ["atlas.csv", "mine.png", "notes.txt", "pictures", "tile-1-0.png"]
+    );
+    // Of a folder without an atlas nothing is removed, whatever its files are called.
+    fs::remove_file(folder.join("atlas.csv")).unwrap();
+    fs::write(folder.join("README.md"), "mine").unwrap();
+    fs::create_dir(&fresh).unwrap();
+    fs::write(fresh.join("atlas.csv"), "newer").unwrap();
+    replace(&fresh, folder).unwrap();
+    assert!(folder.join("README.md").is_file());
 }

@@ -5,6 +5,9 @@ use crate::{ReportError, files::Folder, picture::PictureError};
 use murmuration_proto::{Controller, PictureShape};
 use std::path::Path;
 
+/// The folder of the pictures in that of an atlas.
+pub(super) const FOLDER: &str = "pictures";
+
 /// Writes the pictures of the controllers of an atlas, which come in the order of its archive, into the folder
 /// `pictures`.
 #[derive(Debug)]
@@ -22,7 +25,7 @@ impl Tiles {
     /// # Errors
     /// [`ReportError::Write`] names the path.
     pub fn create(folder: &Path, layout: Layout, shape: PictureShape) -> Result<Self, ReportError> {
-        let folder = Folder::create(&folder.join("pictures"))?;
+        let folder = Folder::create(&folder.join(FOLDER))?;
         Ok(Self {
             folder,
             layout,

@@ -2,14 +2,14 @@
 
 use super::{copyable, image_names, inline_png, robots::robots};
 use crate::{
-    MedoidEntry, MedoidPictures, Report, commands,
+    Files, MedoidEntry, MedoidPictures, Report, Spread, commands,
     numbers::{counted, grouped, percent, short},
 };
 use maud::{Markup, html};
 use murmuration_model::colours;
 
 /// The section with every card.
-pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup {
+pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures], files: Files) -> Markup {
     let few = report.spec.world().agents() as usize <= colours::AGENTS.len();
     let one_colour = match (report.spec.model().species().len(), few) {
         (2.., _) => ", one colour per species",
@@ -38,6 +38,9 @@ pub(super) fn behaviours(report: &Report, pictures: &[MedoidPictures]) -> Markup
                 (one_colour) ", with older parts fainter. "
                 @if report.spec.model().species().len() > 1 { (species(report)) " " }
                 span.scripted { "Point at a picture, or focus it and press Space, to play the whole run from its start." }
+                @if files == Files::Beside {
+                    " " a href="contact-sheet.svg" { "contact-sheet.svg" } " has all of them in one figure, the folder medoids each as PNG and SVG."
+                }
             }
             div.cards {
                 @for (place, (medoid, pictures)) in report.medoids.iter().zip(pictures).enumerate() {
@@ -107,11 +110,28 @@ fn card(report: &Report, place: usize, medoid: &MedoidEntry, pictures: &MedoidPi
                         div { dt { "Individual" } dd { (grouped(medoid.index)) } }
                     }
                 }
+                @if let Some(spread) = &medoid.spread { (others(number, spread, &pictures.members)) }
                 h4 { "Controller" }
                 (copyable("controller", &controller))
                 (robots(report, &entry.controller))
                 h4 { "Replay" }
                 (copyable("command", &command))
+            }
+        }
+    }
+}
+
+/// The nearest, the median and the farthest member of a cluster.
+fn others(number: usize, spread: &Spread, pictures: &[Vec<u8>]) -> Markup {
+    html! {
+        h4 { "Others in its cluster" }
+        div.others {
+            @for ((which, member), picture) in spread.members().into_iter().zip(pictures) {
+                figure title={ "Individual " (grouped(member.index)) } {
+                    img.grey src=(inline_png(picture))
+                        alt={ "Image of the member of cluster " (number) " that is " (which) ": individual " (member.index) };
+                    figcaption { (which) br; (short(member.distance)) }
+                }
             }
         }
     }
@@ -144,19 +164,26 @@ fn share(report: &Report, number: usize, medoid: &MedoidEntry) -> Markup {
         grouped(medoid.cluster_size),
         counted(whole, "individual")
     );
+    let name = report.name_of(number - 1);
     let width = 100.0 * medoid.cluster_size as f64 / whole.max(1) as f64;
     html! {
         div.name {
             h3 id={ "name-" (number) } {
                 span.swatch aria-hidden="true" { (number) }
-                @match report.names.of(medoid.index) {
-                    Some((_, class)) => { span.class style={ "--class:" (class.colour) } { (class.name) } },
+                @match name {
+                    Some(name) => { span.class style=[name.colour.map(|colour| format!("--class:{colour}"))] { (name.class.shown()) } },
                     None => { "Behaviour " (number) },
                 }
             }
             p title=(members) { strong { (part) } " · cluster of " (grouped(medoid.cluster_size)) }
         }
-        @if report.names.is_by_machine(medoid.index) { p.judged { "Named by the rule-based judge, not by a person." } }
+        @if name.is_some_and(|name| name.by_machine) { p.judged { "Named by the rule-based judge, not by a person." } }
+        @if let Some(carried) = name.and_then(|name| name.carried) {
+            p.judged {
+                "Name carried over from behaviour " (carried.place + 1) " of version " (carried.version) " of the taxonomy: "
+                (grouped(carried.shared)) " of its " (counted(carried.of, "individual")) " are here."
+            }
+        }
         div.bar aria-hidden="true" { span style={ "width:" (format!("{width:.2}")) "%" } {} }
     }
 }

@@ -29,5 +29,7 @@ window.murmuration = {
   equalScale,
   fit,
   grouped,
+  steer,
+  zoomButtons,
 };
 document.documentElement.classList.add("scripts");

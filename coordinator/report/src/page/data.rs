@@ -50,7 +50,7 @@ fn content(report: &Report) -> Value {
         "world": columns::world(world),
         "agentColours": colours::AGENTS.map(colours::hex),
         "clusterColours": (0..report.medoids.len()).map(|place| colours::hex(colours::cluster(place))).collect::<Vec<_>>(),
-        "classes": report.names.classes.iter().map(|class| class.name.as_str()).collect::<Vec<_>>(),
+        "classes": report.names.classes.iter().map(|class| class.name.shown()).collect::<Vec<_>>(),
         "runs": runs,
         "archive": archive(report),
     })

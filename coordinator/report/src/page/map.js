@@ -1,7 +1,8 @@
 // Draws the behaviour space, and highlights a cluster: on the map, the pins and the legend.
-const { archive, classes, clusterColours, equalScale, fit, grouped, Plot } = window.murmuration;
+const { archive, classes, clusterColours, equalScale, fit, grouped, Plot, steer, zoomButtons } = window.murmuration;
 const plot = new Plot(document.getElementById("space"));
-const { canvas, pen } = plot;
+const { canvas } = plot;
+const pen = canvas.getContext("2d");
 const pins = document.getElementById("pins");
 const tip = document.getElementById("tip");
 const scheme = matchMedia("(prefers-color-scheme: dark)");
@@ -95,10 +96,12 @@ function arrange() {
     }
   }
   // As parts of the map: a page that is printed is laid out anew, and no script is asked.
-  for (const { link, x, y } of labels) {
+  labels.forEach(({ link, x, y }, cluster) => {
+    // A pin without its point would say that the point is here.
+    link.hidden = !plot.isOn(...points[cluster]);
     link.style.left = `${(100 * x) / width}%`;
     link.style.top = `${(100 * y) / height}%`;
-  }
+  });
 }
 
 function push(a, b, apart, part) {
@@ -116,7 +119,8 @@ function push(a, b, apart, part) {
 
 function paintLeaders() {
   pen.lineWidth = 1.25;
-  labels.forEach(({ x, y }, cluster) => {
+  labels.forEach(({ link, x, y }, cluster) => {
+    if (link.hidden) return;
     const [px, py] = place(archive.medoids[cluster]);
     pen.globalAlpha = chosen >= 0 && chosen !== cluster ? 0.25 : 0.9;
     pen.strokeStyle = isDark() ? "#a9a79f" : "#5f5e58";
@@ -162,11 +166,18 @@ function choose(cluster) {
 }
 
 let waiting = false;
+// Whether the map was zoomed or moved since it was painted.
+let isMoved = false;
 function schedule() {
   if (waiting) return;
   waiting = true;
   requestAnimationFrame(() => {
     waiting = false;
+    if (isMoved) {
+      plot.layOut();
+      arrange();
+    }
+    isMoved = false;
     paint();
   });
 }
@@ -243,3 +254,17 @@ scheme.addEventListener("change", layOut);
 print.addEventListener("change", layOut);
 plot.place(archive.x, archive.y, archive.spans);
 layOut();
+
+function moved() {
+  hovered = -1;
+  tip.hidden = true;
+  isMoved = true;
+  schedule();
+}
+// The wheel alone, and one finger, scroll the page.
+steer(canvas, plot, {
+  wheels: (event) => event.ctrlKey || event.metaKey,
+  drags: (event) => event.pointerType !== "touch" && event.button === 0 && plot.zoom > 1,
+  changed: moved,
+});
+zoomButtons(document.querySelector(".zoom"), plot, moved);

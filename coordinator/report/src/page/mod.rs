@@ -10,12 +10,12 @@ mod sections;
 mod world;
 
 use super::{
-    Files, MedoidPictures, Report, ReportError,
+    Document, Files, MedoidPictures, Report, ReportError,
     numbers::{counted, grouped},
     scripts,
 };
 use base64::{Engine as _, engine::general_purpose::STANDARD};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use murmuration_model::{Timestamp, generations_in_words};
 use murmuration_proto::{Method, Starts};
 
@@ -28,49 +28,37 @@ const SCRIPTS: [[&str; 2]; 4] = [
     ["", include_str!("copy.js")],
 ];
 
-/// The page loads nothing, sends nothing, and embeds nothing of another site.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; \
-                      base-uri 'none'; form-action 'none'";
-
 /// The whole document.
 pub(super) fn render(
     report: &Report,
     pictures: &[MedoidPictures],
     files: Files,
 ) -> Result<String, ReportError> {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                meta name="generator" content="Murmuration";
-                title { (report.campaign) " · behaviours of " (robots(report)) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                a.skip href="#behaviours" { "Skip to the behaviours" }
-                (header(report))
-                main {
-                    (cards::behaviours(report, pictures))
-                    (sections::names(report, files))
-                    (sections::map(report, files))
-                    @if report.spec.method().has_novelty() { (sections::novelty(report)?) }
-                    (sections::filtered(report)?)
-                    (sections::specification(report, files))
-                    (sections::reading(report))
-                }
-                (footer(report))
-                (data::block(report))
-                @for script in SCRIPTS {
-                    script { "{" @for part in script { (PreEscaped(part)) } "}" }
-                }
-            }
-        }
+    let title = format!("{} · behaviours of {}", report.campaign, robots(report));
+    let document = Document {
+        title: &title,
+        style: STYLE,
+        scripts: true,
+        pictures_beside: false,
     };
-    Ok(page.into_string())
+    Ok(document.with(&html! {
+        a.skip href="#behaviours" { "Skip to the behaviours" }
+        (header(report))
+        main {
+            (cards::behaviours(report, pictures, files))
+            (sections::names(report, files))
+            (sections::map(report, files))
+            @if report.spec.method().has_novelty() { (sections::novelty(report)?) }
+            (sections::filtered(report)?)
+            (sections::specification(report, files))
+            (sections::reading(report))
+        }
+        (footer(report))
+        (data::block(report))
+        @for script in SCRIPTS {
+            script { "{" @for part in script { (PreEscaped(part)) } "}" }
+        }
+    }))
 }
 
 fn header(report: &Report) -> Markup {
@@ -89,7 +77,7 @@ fn header(report: &Report) -> Markup {
                 @match report.repetition.rounds.last() {
                     None => { "No behaviour was defined beforehand. This campaign tried " },
                     Some(round) => {
-                        "This campaign learned from the classes of " (counted(round.labels, "individual")) " which behaviours are alike. It tried "
+                        "This campaign learned from " (round.learned_from()) " which behaviours are alike. It tried "
                     },
                 }
                 (counted(report.individuals.len() as u64, "controller")) " and sorted the behaviours of their swarms into "

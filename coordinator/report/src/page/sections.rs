@@ -5,10 +5,10 @@ use crate::{
     Files, Report, ReportError, again, commands,
     names::Named,
     numbers::{counted, grouped, percent, short},
-    plots,
+    plots, scripts,
 };
 use maud::{Markup, PreEscaped, html};
-use murmuration_model::colours;
+use murmuration_model::{Round, colours};
 use murmuration_proto::{FEATURE_NAMES, Method, Preset};
 use murmuration_worker::features::FEATURE_STEPS;
 
@@ -25,7 +25,10 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                 "; the map shows the two directions in which it varies most, both at the same scale. The titles of the axes say how "
                 "much of the variance they hold; points that are close here may be far apart in the rest. "
                 @if shown < count { (grouped(shown as u64)) " of " (counted(count as u64, "point")) " are drawn, evenly chosen. " }
-                span.scripted { "Point at a cluster, a number or a card to highlight its cluster." }
+                span.scripted {
+                    "Point at a cluster, a number or a card to highlight its cluster. Zoom by the buttons or Ctrl and the wheel, and drag to \
+                     move."
+                }
             }
             p.lead { (space(report)) }
             div.map.scripted {
@@ -35,6 +38,7 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                     (across) ", up: " (up)
                 } {}
                 div #pins {}
+                div.zoom role="group" aria-label="Zoom" { (scripts::zoom_buttons()) }
                 div #tip role="status" hidden {}
                 p.across { (across) }
                 p.up { (up) }
@@ -51,11 +55,7 @@ pub(super) fn map(report: &Report, files: Files) -> Markup {
                     li { a href={ "#behaviour-" (place + 1) } data-place=(place)
                         style={ "--cluster:" (colours::hex(colours::cluster(place))) } {
                         span.swatch { (place + 1) }
-                        @if let Some((_, class)) = report.names.of(report.medoids[place].index) {
-                            (class.name)
-                            @if report.names.is_by_machine(report.medoids[place].index) { " (by the rule-based judge)" }
-                            " · "
-                        }
+                        @if let Some(name) = report.name_of(place) { (name.in_words()) " · " }
                         (percent(report.medoids[place].cluster_size, count as u64))
                     } }
                 }
@@ -125,6 +125,10 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
                         " and the rule-based judge, a program, has named another " (grouped(named.machine))
                     }
                     ". A card shows the name of its own behaviour; other members of its cluster may have other names. "
+                    @if report.medoids.iter().any(|medoid| medoid.carried.is_some()) {
+                        "Where nobody has named that behaviour, the card shows the name that the cluster has from an earlier version of the \
+                         taxonomy. "
+                    }
                     @match files {
                         Files::Beside => {
                             "classes.csv beside this page lists these colours, and archive.csv every name."
@@ -138,7 +142,7 @@ pub(super) fn names(report: &Report, files: Files) -> Markup {
                     @for class in &names.classes {
                         @let Named { people, machine } = names.individuals(class);
                         li { span.class style={ "--class:" (class.colour) } {
-                            (class.name) " · " (grouped(people + machine))
+                            (class.name.shown()) " · " (grouped(people + machine))
                             @if machine > 0 && people == 0 { ", named only by the rule-based judge" }
                             @else if machine > 0 { ", " (grouped(machine)) " of them only by the rule-based judge" }
                         } }
@@ -175,7 +179,7 @@ fn moved(report: &Report) -> Markup {
         "The embedding changed during this campaign: "
         @match report.repetition.rounds.len() as u64 {
             0 => {},
-            rounds => { "it was fine-tuned on labels in " (counted(rounds, "round")) },
+            rounds => { "it was fine-tuned on " (taught_by(&report.repetition.rounds)) " in " (counted(rounds, "round")) },
         }
         @if report.repetition.adopted {
             @if !report.repetition.rounds.is_empty() { ", and " }
@@ -183,6 +187,16 @@ fn moved(report: &Report) -> Markup {
         }
         ". After each change the novelty of all generations was computed again, so all values here are in the space of the last "
         "checkpoint. Generations before a change were bred by values in an earlier space, which are not stored."
+    }
+}
+
+/// What the rounds learned from, all together.
+fn taught_by(rounds: &[Round]) -> &'static str {
+    let any = |count: fn(&Round) -> u64| rounds.iter().any(|round| count(round) > 0);
+    match (any(|round| round.labels), any(|round| round.comparisons)) {
+        (true, true) => "labels and comparisons",
+        (false, true) => "comparisons",
+        (_, false) => "labels",
     }
 }
 

@@ -6,6 +6,7 @@ use super::{
     sketch::{Colouring, Sketch},
 };
 use gif::{DisposalMethod, Encoder, Frame, Repeat};
+use murmuration_model::colours::{PAPER, over};
 use murmuration_proto::{Pose, Replay, World};
 
 /// How an animation is made.
@@ -64,18 +65,7 @@ pub fn animation_gif(
     let delay = (100 / animation.fps.clamp(1, 50)) as u16;
     let mut before: Vec<u8> = Vec::new();
     for &frame in &shown {
-        sketch.clear();
-        sketch.walls(world);
-        let trail = if replay.agents() <= MOST_TRAILS {
-            animation.trail
-        } else {
-            0
-        };
-        draw_trails(
-            &mut sketch,
-            &poses[trail_start(replay.steps(), frame, trail)..=frame],
-        );
-        sketch.bodies(poses[frame]);
+        draw(&mut sketch, world, (replay, &poses, frame), animation);
         let now = palette.index(&sketch);
         let mut picture = changes(&before, &now, width);
         picture.delay = if Some(&frame) == shown.last() { HOLD } else { delay };
@@ -83,6 +73,61 @@ pub fn animation_gif(
         before = now;
     }
     Ok(encoder.into_inner()?)
+}
+
+/// The pictures of an animation, one after the other, for an encoder of films.
+#[derive(Debug)]
+pub struct Film<I> {
+    /// Pixels of each row.
+    pub width: u32,
+    /// Rows of each picture.
+    pub height: u32,
+    /// The pictures: red, green and blue of each pixel, row by row.
+    pub pictures: I,
+}
+
+/// The pictures that [`animation_gif`] shows, in all colours.
+///
+/// # Errors
+/// [`PictureError::Size`] where the picture would be too small or too large.
+pub fn animation_film<'a>(
+    replay: &'a Replay,
+    world: &'a World,
+    colouring: Colouring<'a>,
+    animation: &'a Animation,
+) -> Result<Film<impl Iterator<Item = Vec<u8>> + 'a>, PictureError> {
+    let mut sketch = Sketch::new(world, animation.size, colouring)?;
+    let poses: Vec<&[Pose]> = replay.frames().collect();
+    let shown = thinned(poses.len(), most_frames(animation, replay.agents()));
+    Ok(Film {
+        width: sketch.width(),
+        height: sketch.height(),
+        pictures: shown.into_iter().map(move |frame| {
+            draw(&mut sketch, world, (replay, &poses, frame), animation);
+            let pixels = sketch.pixels();
+            pixels
+                .flat_map(|(colour, part)| over(colour, part, PAPER))
+                .collect()
+        }),
+    })
+}
+
+/// Draws one frame of a replay, with its trails.
+fn draw(
+    sketch: &mut Sketch<'_>,
+    world: &World,
+    (replay, poses, frame): (&Replay, &[&[Pose]], usize),
+    animation: &Animation,
+) {
+    sketch.clear();
+    sketch.walls(world);
+    let trail = if replay.agents() <= MOST_TRAILS {
+        animation.trail
+    } else {
+        0
+    };
+    draw_trails(sketch, &poses[trail_start(replay.steps(), frame, trail)..=frame]);
+    sketch.bodies(poses[frame]);
 }
 
 fn most_frames(animation: &Animation, agents: usize) -> usize {
@@ -147,7 +192,7 @@ fn changes(before: &[u8], now: &[u8], width: u16) -> Frame<'static> {
 mod tests {
     use super::*;
     use crate::picture::sample::{ring, world};
-    use murmuration_model::colours::{AGENTS, PAPER};
+    use murmuration_model::colours::AGENTS;
 
     /// The delay and the whole picture, places in the palette.
     type Shown = (u16, Vec<u8>);
@@ -244,6 +289,26 @@ mod tests {
             .unwrap()
             .len();
             assert!(bytes < most, "{} agents: {bytes} bytes", world.agents());
+        }
+    }
+
+    #[test]
+    fn a_film_has_the_pictures_of_the_animation_in_all_colours() {
+        let world = world("agents = 1");
+        let poses = (0..20).map(|i| [50.0 + 20.0 * i as f32, 100.0, 0.0]).collect();
+        let replay = Replay::new((0..20).collect(), 1, poses).unwrap();
+        let animation = Animation {
+            size: 500,
+            ..Animation::default()
+        };
+        let film = animation_film(&replay, &world, Colouring::Agents, &animation).unwrap();
+        assert_eq!((film.width, film.height), (500, 500));
+        let pictures: Vec<Vec<u8>> = film.pictures.collect();
+        assert_eq!(pictures.len(), 20);
+        for (i, picture) in pictures.iter().enumerate() {
+            let at = |x: usize| &picture[3 * (100 * 500 + x)..][..3];
+            assert_eq!(at(50 + 20 * i), AGENTS[0], "picture {i}");
+            assert_eq!(at(80 + 20 * i), PAPER, "picture {i}: ahead of the agent");
         }
     }
 

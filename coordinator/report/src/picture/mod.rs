@@ -1,6 +1,6 @@
 //! Pictures of a swarm: the image that the search saw, the paths in colour, the motion as an animation.
 //!
-//! Everything here turns plain data into the bytes of a PNG or GIF file; nothing is read or written. The pictures
+//! Everything here turns plain data into the bytes of a PNG, GIF or SVG file, or of a film's pictures; nothing is read or written. The pictures
 //! are for people, so no result rests on them; still, the same input gives the same bytes.
 
 mod animation;
@@ -11,13 +11,15 @@ mod indexed;
 mod robot;
 mod sketch;
 mod trajectory;
+mod vector;
 
 pub(crate) use animation::thinned;
-pub use animation::{Animation, animation_gif};
+pub use animation::{Animation, Film, animation_film, animation_gif};
 pub use image::{image_png, image_row_png, rgb};
 pub use robot::{robot_svg, sensor_in_words, sensor_reach};
 pub use sketch::{Bodies, Colouring};
 pub use trajectory::{Paper, trajectory_png};
+pub use vector::trajectory_svg;
 
 use murmuration_proto::PictureShape;
 

@@ -58,7 +58,7 @@ impl Bodies {
 
 impl Colouring<'_> {
     /// The agents that have the colour at `place`, out of so many.
-    fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
+    pub(super) fn agents(self, place: usize, agents: usize) -> impl Iterator<Item = usize> {
         let count = colours::AGENTS.len();
         (0..agents).filter(move |&agent| match self {
             Self::Agents => agent % count == place,

@@ -5,7 +5,7 @@ use super::{
     sketch::{Colouring, Sketch},
 };
 use murmuration_model::colours;
-use murmuration_proto::{Pose, Replay, World};
+use murmuration_proto::{Boundary, Pose, Replay, World};
 
 /// What a picture is drawn on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub fn trajectory_png(
 }
 
 /// Runs of frames of about one age, oldest first: first frame, last frame, opacity out of 255.
-fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
+pub(super) fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
     let end = steps.last().copied().unwrap_or(0);
     let start = end.saturating_sub(window.max(1));
     let begins = steps
@@ -67,6 +67,12 @@ fn ages(steps: &[u32], window: u32) -> Vec<(usize, usize, u8)> {
     runs.into_iter()
         .map(|(first, last, age)| (first, last, opacity(age) as u8))
         .collect()
+}
+
+/// Whether an agent left on one side of a torus and came in on the other.
+pub(super) fn is_jump(world: &World, from: Pose, to: Pose) -> bool {
+    let sides = [world.width(), world.height()].map(|side| side as f32 / 2.0);
+    world.boundary() == Boundary::Torus && (0..2).any(|axis| (to[axis] - from[axis]).abs() > sides[axis])
 }
 
 fn encode(sketch: &Sketch, paper: Paper) -> Result<Vec<u8>, PictureError> {

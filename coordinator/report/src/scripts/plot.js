@@ -4,13 +4,66 @@
 const ROOM = 34;
 // Pixels within which a pointer reaches a point.
 const REACH = 16;
+// How many times larger than the whole a part of it can be shown.
+const MOST_ZOOM = 200;
+// Pixels that a wheel turns for e times the size.
+const WHEEL = 400;
+const LINE = 16;
 const PAPER = { light: [255, 255, 255], dark: [28, 29, 27] };
 
 class Plot {
   constructor(canvas) {
     this.canvas = canvas;
-    this.pen = canvas.getContext("2d");
     this.count = 0;
+    // For each point whether it can be seen; null where all can.
+    this.visible = null;
+    this.whole();
+  }
+
+  // Shows all of the map. What this and the two that follow change is seen once the map is laid out again: a wheel turns many
+  // times between two pictures of the screen.
+  whole() {
+    this.zoom = 1;
+    // What is in the middle of the canvas, as parts of the whole map's width and height.
+    this.middle = [0.5, 0.5];
+  }
+
+  // Shows the map so many times as large; what is at a place on the canvas stays there.
+  zoomAt(x, y, times) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const zoom = Math.min(Math.max(this.zoom * times, 1), MOST_ZOOM);
+    const away = [x / width - 0.5, y / height - 0.5];
+    this.middle = this.middle.map((at, axis) => at + away[axis] / this.zoom - away[axis] / zoom);
+    this.zoom = zoom;
+    this.moveBy(0, 0);
+  }
+
+  // Moves what is on the canvas by so many pixels, as far as the map goes.
+  moveBy(across, down) {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const way = [across / width, down / height];
+    const edge = 0.5 / this.zoom;
+    this.middle = this.middle.map((at, axis) => Math.min(Math.max(at - way[axis] / this.zoom, edge), 1 - edge));
+  }
+
+  // Whether a point lies on the canvas and can be seen.
+  isShown(i) {
+    if (this.visible !== null && this.visible[i] === 0) return false;
+    return this.isOn(this.across[i], this.down[i]);
+  }
+
+  // Whether a place is on the canvas.
+  isOn(x, y) {
+    return x >= 0 && y >= 0 && x <= this.width && y <= this.height;
+  }
+
+  // Moves the map so that a point is in its middle, if it is not on the canvas; whether it did.
+  reveal(i) {
+    const [x, y] = [this.across[i], this.down[i]];
+    if (this.isOn(x, y)) return false;
+    this.moveBy(this.width / 2 - x, this.height / 2 - y);
+    this.layOut();
+    return true;
   }
 
   // Takes the places of the points, 0 to 65535 each way over spans that need not be equal.
@@ -28,28 +81,40 @@ class Plot {
   layOut() {
     fit(this.canvas);
     const { clientWidth: width, clientHeight: height } = this.canvas;
+    [this.width, this.height] = [width, height];
     const scale = equalScale(this.spans, width, height, Math.min(ROOM, width / 14));
+    const [left, top] = [width * (0.5 - this.middle[0] * this.zoom), height * (0.5 - this.middle[1] * this.zoom)];
+    const across = (x) => left + this.zoom * scale.across(x);
+    const down = (y) => top + this.zoom * scale.down(y);
+    // Where a point at the lowest places lies, and how far from it one at the highest.
+    this.corner = [across(0), down(0)];
+    this.reach = [across(65535) - this.corner[0], down(65535) - this.corner[1]];
+    const { corner, reach } = this;
     for (let i = 0; i < this.count; i++) {
-      this.across[i] = scale.across(this.x[i]);
-      this.down[i] = scale.down(this.y[i]);
+      this.across[i] = corner[0] + reach[0] * (this.x[i] / 65535);
+      this.down[i] = corner[1] + reach[1] * (this.y[i] / 65535);
     }
     this.sort();
   }
 
-  // Sorts the points into squares, so that the nearest one is found among a few.
+  // Sorts the points on the canvas into squares, so that the nearest one is found among a few.
   sort() {
-    this.columns = Math.ceil(this.canvas.clientWidth / REACH) + 1;
-    const rows = Math.ceil(this.canvas.clientHeight / REACH) + 1;
-    this.begins = new Uint32Array(this.columns * rows + 1);
-    const square = Uint32Array.from(
-      this.across,
-      (x, i) => Math.floor(this.down[i] / REACH) * this.columns + Math.floor(x / REACH),
-    );
-    for (const at of square) this.begins[at + 1]++;
-    for (let at = 0; at < this.columns * rows; at++) this.begins[at + 1] += this.begins[at];
+    this.columns = Math.ceil(this.width / REACH) + 1;
+    const rows = Math.ceil(this.height / REACH) + 1;
+    this.squares = this.columns * rows;
+    // Those that are not shown are in a square of their own, the last, in which nobody looks.
+    const square = new Uint32Array(this.count);
+    this.begins = new Uint32Array(this.squares + 2);
+    for (let i = 0; i < this.count; i++) {
+      square[i] = this.isShown(i)
+        ? Math.floor(this.down[i] / REACH) * this.columns + Math.floor(this.across[i] / REACH)
+        : this.squares;
+      this.begins[square[i] + 1]++;
+    }
+    for (let at = 0; at <= this.squares; at++) this.begins[at + 1] += this.begins[at];
     const next = this.begins.slice();
     this.members = new Uint32Array(this.count);
-    square.forEach((at, i) => (this.members[next[at]++] = i));
+    for (let i = 0; i < this.count; i++) this.members[next[square[i]]++] = i;
   }
 
   // The point nearest to a place on the canvas; -1 if none is within reach.
@@ -60,7 +125,7 @@ class Plot {
     for (let r = Math.max(row - 1, 0); r <= row + 1; r++) {
       for (let c = Math.max(column - 1, 0); c <= Math.min(column + 1, this.columns - 1); c++) {
         const at = r * this.columns + c;
-        if (at < 0 || at + 1 >= this.begins.length) continue;
+        if (at < 0 || at >= this.squares) continue;
         for (let k = this.begins[at]; k < this.begins[at + 1]; k++) {
           const i = this.members[k];
           const distance = Math.hypot(this.across[i] - x, this.down[i] - y);
@@ -71,22 +136,90 @@ class Plot {
     return best;
   }
 
-  // Paints groups of points, one over the other: `points`, `colourOf(i)` as a number 0xrrggbb, and `strength`, which is 0
-  // for a point that cannot be seen and 1 for one that covers what is under it.
+  // Paints groups of points, one over the other: `points`, `colourOf(i)` as a number 0xrrggbb, `strength`, which is 0 for a
+  // point that cannot be seen and 1 for one that covers what is under it, and `size`, how large points are beside others.
   paint(isDark, groups) {
-    const { canvas, pen } = this;
+    const { canvas } = this;
     fit(canvas);
-    const dense = canvas.width / Math.max(canvas.clientWidth, 1);
+    const dense = this.density();
     const layer = new ImageData(Math.max(canvas.width, 1), Math.max(canvas.height, 1));
     const [red, green, blue] = isDark ? PAPER.dark : PAPER.light;
     new Uint32Array(layer.data.buffer).fill((255 << 24) | (blue << 16) | (green << 8) | red);
-    const radius = this.count > 30000 ? 1.2 : this.count > 3000 ? 2 : 3.2;
-    const dot = dotOf(radius * dense);
-    for (const { points, colourOf, strength } of groups) {
+    for (const { points, colourOf, strength, size = 1 } of groups) {
+      const dot = dotOf(this.radius() * size);
       for (const i of points) {
+        if (!this.isShown(i)) continue;
         stamp(layer, dot, Math.round(this.across[i] * dense), Math.round(this.down[i] * dense), colourOf(i), strength);
       }
     }
-    pen.putImageData(layer, 0, 0);
+    canvas.getContext("2d").putImageData(layer, 0, 0);
   }
+
+  // Pixels of the canvas for one of the page.
+  density() {
+    return this.canvas.width / Math.max(this.canvas.clientWidth, 1);
+  }
+
+  // The radius of a usual point, in pixels of the canvas. Points grow with the zoom, but more slowly.
+  radius() {
+    const radius = this.count > 30000 ? 1.2 : this.count > 3000 ? 2 : 3.2;
+    return radius * Math.min(1 + Math.log2(this.zoom) / 4, 2.5) * this.density();
+  }
+}
+
+// Lets somebody zoom and move a map: by the wheel where `wheels(event)`, by drags of pointers where `drags(event)`, and by two
+// fingers. `changed` hears of it, and lays the map out.
+function steer(area, plot, { wheels, drags, changed }) {
+  const held = new Map();
+  const onCanvas = (x, y) => {
+    const place = area.getBoundingClientRect();
+    return [x - place.left, y - place.top];
+  };
+  const onWheel = (event) => {
+    if (!wheels(event)) return;
+    event.preventDefault();
+    const turned = event.deltaY * (event.deltaMode === WheelEvent.DOM_DELTA_LINE ? LINE : 1);
+    plot.zoomAt(...onCanvas(event.clientX, event.clientY), Math.exp(-turned / WHEEL));
+    changed();
+  };
+  area.addEventListener("wheel", onWheel, { passive: false });
+  area.addEventListener("pointerdown", (event) => {
+    const moves = drags(event);
+    if (!moves && event.pointerType !== "touch") return;
+    held.set(event.pointerId, { at: [event.clientX, event.clientY], moves });
+    area.setPointerCapture(event.pointerId);
+  });
+  area.addEventListener("pointermove", (event) => {
+    const finger = held.get(event.pointerId);
+    if (!finger) return;
+    const before = finger.at;
+    const now = [event.clientX, event.clientY];
+    finger.at = now;
+    const other = [...held.values()].find((known) => known !== finger);
+    if (other) {
+      const apart = ([x, y]) => Math.max(Math.hypot(x - other.at[0], y - other.at[1]), 1);
+      plot.moveBy((now[0] - before[0]) / 2, (now[1] - before[1]) / 2);
+      const middle = onCanvas((now[0] + other.at[0]) / 2, (now[1] + other.at[1]) / 2);
+      plot.zoomAt(...middle, apart(now) / apart(before));
+    } else if (finger.moves) plot.moveBy(now[0] - before[0], now[1] - before[1]);
+    else return;
+    changed();
+  });
+  for (const end of ["pointerup", "pointercancel"]) area.addEventListener(end, ({ pointerId }) => held.delete(pointerId));
+}
+
+// The buttons of a map: nearer, farther, all of it.
+function zoomButtons(root, plot, changed) {
+  const { canvas } = plot;
+  const ways = {
+    in: () => plot.zoomAt(canvas.clientWidth / 2, canvas.clientHeight / 2, 1.6),
+    out: () => plot.zoomAt(canvas.clientWidth / 2, canvas.clientHeight / 2, 1 / 1.6),
+    whole: () => plot.whole(),
+  };
+  root.addEventListener("click", ({ target }) => {
+    const way = ways[target.closest("[data-zoom]")?.dataset.zoom];
+    if (!way) return;
+    way();
+    changed();
+  });
 }

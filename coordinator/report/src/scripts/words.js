@@ -14,3 +14,8 @@ function sentence(message) {
 function counted(count, noun) {
   return `${grouped(count)} ${noun}${count === 1 ? "" : "s"}`;
 }
+
+// The name of a class as pages show it: files and commands have `_` where it has spaces.
+function shown(name) {
+  return name.split("_").filter(Boolean).join(" ") || name;
+}

@@ -32,6 +32,9 @@ use spread::Spread;
 /// anything mutates and every parent fails.
 pub const MOST_ATTEMPTS: u32 = 100_000;
 
+/// Attempts at evaluating one place of a job, each but the first with another controller or start ([`substitute`]).
+pub const EVALUATION_ATTEMPTS: u64 = 5;
+
 /// The controllers of a generation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
@@ -147,6 +150,33 @@ pub fn sample(
         .map(|_| space.sample(stream))
         .find(|controller| !filter || Score::of(controller).passes())
         .ok_or(ProposeError::AllFiltered { generation: 0 })
+}
+
+/// The seed of the first start of an individual.
+#[must_use]
+pub fn start_seed(spec: &CampaignSpec, index: u64) -> u64 {
+    RandomStream::derive(spec.seed(), Purpose::Start, index).bits()
+}
+
+/// What takes the place of an individual whose task is poisoned, at an attempt from 1: another sample of the space, with the seed of
+/// another start.
+///
+/// # Errors
+/// As [`sample`].
+pub fn substitute(spec: &CampaignSpec, index: u64, attempt: u64) -> Result<(Controller, u64), ProposeError> {
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Substitute, index << 8 | attempt);
+    let controller = sample(spec.controllers(), spec.filter(), &mut stream)?;
+    Ok((controller, stream.bits()))
+}
+
+/// Whether the first start of an individual can have this seed: its own, or that of a substitute, whose controller it has then.
+#[must_use]
+pub fn is_start_of(spec: &CampaignSpec, index: u64, controller: &Controller, seed: u64) -> bool {
+    let is_substitute = |attempt| {
+        let substitute = substitute(spec, index, attempt);
+        substitute.is_ok_and(|(own, of)| of == seed && own == *controller)
+    };
+    seed == start_seed(spec, index) || (1..EVALUATION_ATTEMPTS).any(is_substitute)
 }
 
 /// A population of `first`, then of what `attempt` makes and the filter, if there is one, lets through.

@@ -301,3 +301,16 @@ fn the_first_generation_begins_with_the_named_controllers_whatever_the_filter_sa
     let parents = parents("single-sensor", 5);
     assert_eq!(propose(&named, 1, &parents), propose(&with(""), 1, &parents));
 }
+
+#[test]
+fn the_seed_of_a_start_follows_from_the_index_or_is_that_of_a_substitute() {
+    let spec = CampaignSpec::from_toml("model = \"single-sensor\"\nmethod = \"random\"").unwrap();
+    let own = start_seed(&spec, 7);
+    let (controller, seed) = substitute(&spec, 7, 1).unwrap();
+    let (other, _) = substitute(&spec, 7, 2).unwrap();
+    assert!(is_start_of(&spec, 7, &other, own));
+    assert!(is_start_of(&spec, 7, &controller, seed));
+    for (index, controller, seed) in [(7, &other, seed), (8, &controller, seed), (7, &other, own ^ 1)] {
+        assert!(!is_start_of(&spec, index, controller, seed));
+    }
+}

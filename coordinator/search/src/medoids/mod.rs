@@ -12,10 +12,13 @@
 //! grows with the number of points. `docs/performance.md` has the figures, `cargo bench --bench medoids` measures them.
 
 mod assignment;
+mod by_class;
 mod centre;
 mod sampled;
 mod seeding;
 mod swaps;
+
+pub use by_class::cluster_by_class;
 
 use crate::{
     interrupt::{Interrupt, Interrupted},

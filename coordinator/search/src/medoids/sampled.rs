@@ -114,15 +114,15 @@ fn centres(
 }
 
 /// Some of the points.
-struct Sample {
-    behaviours: Behaviours,
+pub(super) struct Sample {
+    pub(super) behaviours: Behaviours,
     /// Which they are of all, ascending.
     indices: Vec<usize>,
 }
 
 impl Sample {
     /// `size` of the points, or all if they are fewer: every set as likely as any other (Knuth's algorithm S).
-    fn draw(points: &Behaviours, size: usize, stream: &mut RandomStream) -> Self {
+    pub(super) fn draw(points: &Behaviours, size: usize, stream: &mut RandomStream) -> Self {
         let size = size.min(points.len());
         let mut indices = Vec::with_capacity(size);
         for index in 0..points.len() {

@@ -1,4 +1,4 @@
-//! `bench labels`: accuracy against the number of labels.
+//! `bench labels`: accuracy against the number of answers, names or comparisons.
 
 use super::super::{
     CliError,
@@ -7,7 +7,9 @@ use super::super::{
     run::read_spec,
     table::{Table, left, right},
 };
-use crate::label_curve::{CurveError, Curves, LabelledBehaviours, Overlap, Point, Pretrained, Sets, plot};
+use crate::label_curve::{
+    CurveError, Curves, LabelledBehaviours, Overlap, Point, Pretrained, Questions, Sets, plot,
+};
 use murmuration_accuracy::{LabelledSet, Summary};
 use murmuration_link::{OutputError, errln};
 use murmuration_proto::{CampaignSpec, ImageFormat, Invalid, Strategy, counted, grouped, training::Recipe};
@@ -22,8 +24,9 @@ use std::{
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 For each seed, an embedder is trained without labels, as the campaign would train it. For each strategy and number of \
-labels, the embedder is then fine-tuned on behaviours of train.csv and measured by validation.csv. Controllers are also \
-simulated from further starts (feedback.starts), so train.csv needs the columns v1 to v4, or v1 to v8 and theta.
+answers, the embedder is then fine-tuned on behaviours of train.csv and measured by validation.csv. A comparison says \
+which of two behaviours is of the class of a third, or that neither or both are. Controllers are also \
+simulated from further starts (feedback.starts), so train.csv needs the columns of controllers (docs/labels.md).
 
 Example:
   murmuration bench labels examples/two-sensor-latent.toml --set labelled/two_sensor --plot curve.svg")]
@@ -36,15 +39,29 @@ pub(in crate::cli) struct LabelsBench {
     /// Seeds, used instead of the file's seed
     #[arg(long, num_args = 1.., default_values_t = [1, 2, 3])]
     seeds: Vec<u64>,
-    /// Numbers of labels; a number above the size of the set means all of them
+    /// Numbers of answers; a number of names above the size of the set means all of them
     #[arg(long, num_args = 1.., default_values_t = [0, 25, 50, 100, 200, 500])]
     labels: Vec<usize>,
+    /// What is asked for: the class of a behaviour, which of two behaviours is more like a third, or both in turn
+    #[arg(long, value_enum, default_value_t = Asked::Names)]
+    questions: Asked,
     /// Query strategies that choose the behaviours to label
     #[arg(long, num_args = 1.., default_values_t = Strategy::ALL)]
     strategies: Vec<Strategy>,
     /// Write the curves to this SVG file
     #[arg(long, value_name = "OUT")]
     plot: Option<PathBuf>,
+}
+
+/// What is asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Asked {
+    /// The class of a behaviour
+    Names,
+    /// Which of two behaviours is more like a third
+    Comparisons,
+    /// Both, one after the other
+    Both,
 }
 
 impl LabelsBench {
@@ -72,14 +89,18 @@ impl LabelsBench {
             medoids: spec.medoids() as usize,
         };
         let (mut points, mut told) = (Vec::new(), Ok(()));
-        for &strategy in &self.strategies {
+        let mut took = |point: Point| {
+            if told.is_ok() {
+                told = tell(&point, as_json);
+            }
+            points.push(point);
+        };
+        for questions in self.asked() {
             for which in 0..pretrained.len() {
-                curves.curve(strategy, which, &self.labels, |point| {
-                    if told.is_ok() {
-                        told = tell(&point, as_json);
-                    }
-                    points.push(point);
-                })?;
+                match questions {
+                    Questions::Names(strategy) => curves.curve(strategy, which, &self.labels, &mut took)?,
+                    Questions::Comparisons => curves.comparison_curve(which, &self.labels, &mut took)?,
+                }
             }
         }
         told?;
@@ -91,6 +112,17 @@ impl LabelsBench {
             write(file, svg)?;
         }
         Ok(())
+    }
+
+    /// Everything that is asked.
+    fn asked(&self) -> Vec<Questions> {
+        let names = self.strategies.iter().copied().map(Questions::Names);
+        let comparisons = std::iter::once(Questions::Comparisons);
+        match self.questions {
+            Asked::Names => names.collect(),
+            Asked::Comparisons => comparisons.collect(),
+            Asked::Both => names.chain(comparisons).collect(),
+        }
     }
 
     /// What is learned from, with what its controllers do from further starts.
@@ -144,8 +176,10 @@ fn further(labels: &LabelledSet, spec: &CampaignSpec, first: u64) -> Result<Vec<
 fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     if as_json {
         return json::print(json::BenchLabels {
-            strategy: point.strategy.name(),
-            labels: point.labels,
+            questions: point.questions.kind(),
+            strategy: point.questions.choice(),
+            labels: point.answers,
+            told: point.told,
             seed: point.seed,
             anchor_not_random_percent: point.not_random,
             every_anchor_percent: point.every,
@@ -154,10 +188,11 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
     }
     let percent = |figure: Option<f64>| figure.map_or("-".to_owned(), |figure| format!("{figure:.2} %"));
     errln!(
-        "seed {}: {} by {}: {} / {} ({:.1} s)",
+        "seed {}: {} ({}), {} of them told: {} / {} ({:.1} s)",
         point.seed,
-        counted(point.labels as u64, "label"),
-        point.strategy,
+        counted(point.answers as u64, "answer"),
+        point.questions,
+        point.told,
         percent(point.not_random),
         percent(point.every),
         point.took.as_secs_f64(),
@@ -168,18 +203,21 @@ fn tell(point: &Point, as_json: bool) -> Result<(), OutputError> {
 /// Means over the seeds.
 fn print_table(points: &[Point]) -> Result<(), OutputError> {
     let mut table = Table::new([
+        left("QUESTIONS"),
         left("STRATEGY"),
-        right("LABELS"),
+        right("ANSWERS"),
+        right("TOLD"),
         right("ANCHOR NOT RANDOM"),
         right("EVERY ANCHOR"),
     ]);
-    let mut rows: BTreeMap<(Strategy, usize), Vec<&Point>> = BTreeMap::new();
+    let mut rows: BTreeMap<(Questions, usize), Vec<&Point>> = BTreeMap::new();
     for point in points {
-        rows.entry((point.strategy, point.labels))
+        rows.entry((point.questions, point.answers))
             .or_default()
             .push(point);
     }
-    for ((strategy, labels), points) in rows {
+    for ((questions, answers), points) in rows {
+        let told = points.iter().map(|point| point.told as f64).sum::<f64>() / points.len() as f64;
         let over = |figure: fn(&Point) -> Option<f64>| {
             let figures: Vec<f64> = points.iter().filter_map(|point| figure(point)).collect();
             Summary::of(&figures).map_or("-".to_owned(), |summary| {
@@ -190,8 +228,10 @@ fn print_table(points: &[Point]) -> Result<(), OutputError> {
             })
         };
         table.row([
-            strategy.name().to_owned(),
-            grouped(labels as u64),
+            questions.kind().to_owned(),
+            questions.choice().to_owned(),
+            grouped(answers as u64),
+            grouped(told.round() as u64),
             over(|point| point.not_random),
             over(|point| point.every),
         ]);

@@ -40,7 +40,7 @@ pub(in crate::cli) struct PipelineBench {
 /// Pictures of each controller of the dataset.
 const STARTS: u32 = 2;
 
-/// The stages that a campaign without feedback has, in their order.
+/// The stages that are told apart, in their order; the time of any other counts as that of the stage before it.
 const STAGES: [CampaignStage; 4] = [
     CampaignStage::Dataset,
     CampaignStage::Pretrain,
@@ -130,18 +130,19 @@ impl PipelineBench {
             trainers: 1,
         };
         let mut stages = [Took::default(); 4];
-        let mut before = None;
+        let mut before: Option<(usize, Instant, CpuTime)> = None;
         let Finished { tasks, .. } = BenchCampaign::start(crew, None)
             .await?
             .complete(&spec, PAUSE, |stage| {
-                let now = (Instant::now(), CpuTime::of_process());
-                if let Some((place, (begun, cpu))) = before {
+                let (now, cpu_now) = (Instant::now(), CpuTime::of_process());
+                if let Some((place, begun, cpu)) = before {
                     let took: &mut Took = &mut stages[place];
-                    took.wall += now.0.saturating_duration_since(begun);
-                    took.cpu = took.cpu.with(now.1.without(cpu));
+                    took.wall += now.saturating_duration_since(begun);
+                    took.cpu = took.cpu.with(cpu_now.without(cpu));
                 }
                 let place = STAGES.iter().position(|&known| known == stage);
-                before = place.map(|place| (place, now));
+                let place = place.unwrap_or(before.map_or(0, |(place, ..)| place));
+                before = Some((place, now, cpu_now));
             })
             .await?;
         let plain = PlainLoop::new(&spec, None, self.workers.into())?.run(&tasks)?;

@@ -18,6 +18,10 @@ pub(in crate::cli) struct Campaign {
     error: String,
     /// When it was created.
     created: Time,
+    /// When it stopped; null while it runs, and where nobody noted it.
+    ended: Option<Time>,
+    /// Name of the study that it was started for; null if none.
+    study: Option<String>,
     /// Its share of the workers in proportion to the weights of other running campaigns: 1 to 10,000.
     weight: u32,
     /// Complete generations.
@@ -184,6 +188,40 @@ pub(in crate::cli) struct Run {
     pub(in crate::cli) seconds: f64,
 }
 
+/// What was deleted with a campaign, or would be.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct Deletion {
+    /// Id of the campaign.
+    campaign: String,
+    /// Whether it was deleted.
+    deleted: bool,
+    /// Individuals of its archive.
+    individuals: u64,
+    /// Pictures of its dataset.
+    pictures: u64,
+    /// Individuals with a label.
+    labelled: u64,
+    /// Comparisons that stood.
+    comparisons: u64,
+    /// Whether it had a taxonomy.
+    taxonomy: bool,
+}
+
+impl Deletion {
+    /// What a coordinator said of a campaign that it has `deleted`, or only looked at.
+    pub(in crate::cli) fn of(deletion: &v1::DeleteCampaignResponse, deleted: bool) -> Self {
+        Self {
+            campaign: deletion.campaign.clone(),
+            deleted,
+            individuals: deletion.individuals,
+            pictures: deletion.pictures,
+            labelled: deletion.labelled,
+            comparisons: deletion.comparisons,
+            taxonomy: deletion.taxonomy,
+        }
+    }
+}
+
 /// The digest of an archive.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Digest {
@@ -232,6 +270,8 @@ impl From<&v1::Campaign> for Campaign {
             active: campaign.active,
             error: campaign.error.clone(),
             created: Time::of_ms(campaign.created_ms),
+            ended: campaign.ended_ms.map(Time::of_ms),
+            study: (!campaign.study.is_empty()).then(|| campaign.study.clone()),
             weight: campaign.weight,
             generations_done: campaign.generations_done,
             generations: campaign.generations,

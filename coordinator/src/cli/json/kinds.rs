@@ -2,9 +2,10 @@
 
 use super::{
     Accuracy, AddedLabels, Agreement, Atlas, Backup, BenchAll, BenchCluster, BenchLabels, BenchPipeline,
-    BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Digest, Doctor, Evaluated,
-    ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine, ListedStudy, Quarantine,
-    Recognised, Report, Robots, Run, Study, Token, UntrainedAccuracy, schema_of,
+    BenchSimulate, BenchTrain, Campaign, Certificates, Checkpoint, Class, Deletion, Digest, Doctor,
+    Evaluated, Export, ExportedController, FilterScore, Individual, Judge, Label, LiftedQuarantine,
+    ListedStudy, Quarantine, Recognised, Report, Robots, Run, Study, Taxonomy, Token, UntrainedAccuracy,
+    schema_of,
 };
 use clap::ValueEnum;
 use schemars::Schema;
@@ -12,16 +13,22 @@ use schemars::Schema;
 /// A kind of document that commands print with `--json`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(in crate::cli) enum Kind {
-    /// A campaign and its progress: list, show, watch, submit, pause, cancel
+    /// A campaign and its progress: list, show, watch, submit, pause, cancel, import
     Campaign,
+    /// What was deleted, or would be: delete
+    Deletion,
     /// A controller and its behaviour: show --index, simulate
     Individual,
+    /// The clusters of a campaign: show --taxonomy
+    Taxonomy,
     /// The end of a campaign: run, resume, adopt, refine
     Run,
     /// The digest of an archive: digest
     Digest,
     /// Where a report was written: report
     Report,
+    /// What was exported: export
+    Export,
     /// A study and its tables: study run, show, report
     Study,
     /// A study and how far it is: study list
@@ -85,10 +92,13 @@ impl Kind {
     pub(in crate::cli) fn schema(self) -> Schema {
         match self {
             Self::Campaign => schema_of::<Campaign>(),
+            Self::Deletion => schema_of::<Deletion>(),
             Self::Individual => schema_of::<Individual>(),
+            Self::Taxonomy => schema_of::<Taxonomy>(),
             Self::Run => schema_of::<Run>(),
             Self::Digest => schema_of::<Digest>(),
             Self::Report => schema_of::<Report>(),
+            Self::Export => schema_of::<Export>(),
             Self::Study => schema_of::<Study>(),
             Self::ListedStudy => schema_of::<ListedStudy>(),
             Self::Atlas => schema_of::<Atlas>(),

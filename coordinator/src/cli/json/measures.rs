@@ -224,10 +224,14 @@ pub(in crate::cli) struct BenchTrain {
 /// An accuracy after labels.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct BenchLabels {
-    /// How the behaviours to label were chosen.
+    /// What was asked: `names` or `comparisons`.
+    pub(in crate::cli) questions: &'static str,
+    /// How the questions were chosen: by a query strategy, or, for comparisons, `unsure`.
     pub(in crate::cli) strategy: &'static str,
-    /// Number of labels.
+    /// Number of answers.
     pub(in crate::cli) labels: usize,
+    /// Answers that say something: all names, and comparisons in which one behaviour was more alike.
+    pub(in crate::cli) told: usize,
     /// Seed of dataset, embedder and fine-tuning.
     pub(in crate::cli) seed: u64,
     /// Correct triplets whose anchor is of another class than `random`; null if there are no such triplets.

@@ -91,6 +91,9 @@ pub(in crate::cli) struct ListedStudy {
     pub(in crate::cli) cells: usize,
     /// Number of the cells that were measured.
     pub(in crate::cli) measured: usize,
+    /// Why its folder cannot be read; the numbers are 0 then. Absent if it can.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(in crate::cli) problem: Option<String>,
 }
 
 impl Study {

@@ -67,7 +67,7 @@ fn verdict(campaign: &str, nearest: &v1::FindNearestResponse) -> String {
     );
     if let Some(times) = relative(nearest) {
         said += &format!(
-            ", {times:.1} times as far as its members are on average (over {UNLIKE} is like nothing)"
+            ", {times:.1} times as far as its members are on average (from {UNLIKE} on, a behaviour counts as unlike all others)"
         );
     }
     if !nearest.is_taxonomy {
@@ -131,8 +131,8 @@ mod tests {
         };
         assert_eq!(
             said(1.0),
-            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (over 3 is \
-             like nothing). The nearest individual with a class is 7 (1.0000): ring."
+            "The nearest cluster is 3 (individual 7), 1.0000 from its medoid, 2.0 times as far as its members are on average (from 3 \
+             on, a behaviour counts as unlike all others). The nearest individual with a class is 7 (1.0000): ring."
         );
         assert!(said(1.6).starts_with("It is like nothing in quick-1: the nearest cluster"));
     }

@@ -1,6 +1,7 @@
 //! `study`: grids of campaigns, and what is measured of them.
 
-mod campaign;
+mod clients;
+mod judged;
 mod labelled;
 mod measuring;
 mod progress;
@@ -13,10 +14,9 @@ use super::{
     json,
     table::{Table, left, right},
 };
-use murmuration_link::{InputKind, outln};
+use murmuration_link::{InputKind, errln, outln};
 use murmuration_study::{
-    BehavioursError, Corrections, FolderError, KeptStudy, Outcome, ReportError, StudyFolder, studies,
-    write_report,
+    BehavioursError, Corrections, FolderError, Outcome, ReportError, StudyFolder, studies, write_report,
 };
 use std::path::{Path, PathBuf};
 
@@ -87,35 +87,54 @@ impl ReportStudy {
     }
 }
 
-/// A study of a data directory, with what was measured of it.
+/// A study of a data directory, with what was measured of it, and the classes that people gave: `corrections`, and of other
+/// individuals those from the page of the study.
 fn kept(data: &Path, name: &str, corrections: Corrections) -> Result<(StudyFolder, Outcome), CliError> {
-    let KeptStudy {
-        folder,
-        study,
-        measures,
-    } = StudyFolder::open(data, name)?;
-    let measured = folder.all_measured(&study, &measures)?;
-    Ok((folder, Outcome::new(study, measured, corrections)))
+    let kept = StudyFolder::open(data, name)?;
+    let folder = kept.folder.clone();
+    let corrections = corrections.or(folder.classes()?);
+    Ok((folder, kept.outcome(corrections)?))
 }
 
 fn list(global: &Global) -> Result<(), CliError> {
     let mut listed = Vec::new();
     for name in studies(&global.data)? {
-        let (_, outcome) = kept(&global.data, &name, Corrections::default())?;
-        listed.push(json::ListedStudy {
-            study: name,
-            cells: outcome.study().cells().len(),
-            measured: outcome.cells().count(),
-        });
+        let listed_study = match kept(&global.data, &name, Corrections::default()) {
+            Ok((_, outcome)) => json::ListedStudy {
+                study: name,
+                cells: outcome.study().cells().len(),
+                measured: outcome.cells().count(),
+                problem: None,
+            },
+            // One that is damaged hides none of the others.
+            Err(error) => json::ListedStudy {
+                study: name,
+                cells: 0,
+                measured: 0,
+                problem: Some(error.to_string()),
+            },
+        };
+        listed.push(listed_study);
     }
     if global.json {
         return Ok(json::print_all(listed)?);
     }
     let mut table = Table::new([left("STUDY"), right("CELLS"), right("MEASURED")]);
+    let mut damaged = Vec::new();
     for study in listed {
-        table.row([study.study, study.cells.to_string(), study.measured.to_string()]);
+        let number = |number: usize| match study.problem {
+            None => number.to_string(),
+            Some(_) => "-".to_owned(),
+        };
+        let (cells, measured) = (number(study.cells), number(study.measured));
+        damaged.extend(study.problem.map(|problem| (study.study.clone(), problem)));
+        table.row([study.study, cells, measured]);
     }
-    Ok(table.print()?)
+    table.print()?;
+    for (study, problem) in damaged {
+        errln!("{study} is damaged: {problem}");
+    }
+    Ok(())
 }
 
 impl From<FolderError> for CliError {

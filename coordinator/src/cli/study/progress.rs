@@ -1,7 +1,7 @@
 //! How far a study is: bars on a terminal, plain lines elsewhere.
 
-use super::super::follow::status_line::StatusLine;
-use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
+use super::super::follow::{bar, status_line::StatusLine};
+use indicatif::{HumanDuration, MultiProgress, ProgressBar};
 use murmuration_link::errln;
 use murmuration_proto::{counted, grouped, v1};
 use std::{
@@ -122,12 +122,4 @@ impl CellProgress {
             HumanDuration(self.begun.elapsed())
         ));
     }
-}
-
-fn bar(length: u64, template: &str) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style);
-    }
-    bar
 }

@@ -5,10 +5,11 @@ use super::{
         CliError, Global,
         connection::{self, Connection},
         files::read_words,
+        known_campaigns::{KnownCampaigns, begin, to_end},
         quoted,
         run::InProcessArgs,
     },
-    campaign::{Clients, KnownCampaigns, begin, to_end},
+    clients::Clients,
     kept,
     labelled::Labelled,
     measuring::Measuring,
@@ -19,9 +20,9 @@ use murmuration_embed::Runtime;
 use murmuration_link::{InputKind, errln, termination};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, counted, v1};
 use murmuration_search::interrupt::Interrupt;
-use murmuration_store::{DataDirectory, StoreError};
 use murmuration_study::{
-    Corrections, Measured, Study, StudyFolder, cell_digest, measures_digest, write_report,
+    Corrections, Measured, Reference, Study, StudyFolder, cell_digest, lock_beginning, measures_digest,
+    write_report,
 };
 use std::{
     collections::{BTreeMap, BTreeSet, VecDeque},
@@ -69,17 +70,13 @@ impl RunStudy {
             digest: measures_digest(study.measures(), &contents),
             measures: Arc::new(study.measures().clone()),
             labelled: Arc::new(labelled),
+            reference: None,
             interrupt: Interrupt::default(),
-        };
-        let own = match &global.coordinator {
-            Some(_) => None,
-            None => held(global)?,
         };
         if study.cells().iter().any(|cell| cell.spec.method().embeds()) {
             Runtime::load()?;
         }
         let kept_in = StudyFolder::of(&global.data, &study);
-        kept_in.keep_study(&text, (folder, self.quick), &measuring.digest)?;
         let begun = Instant::now();
         let quick = if self.quick { " --quick" } else { "" };
         let again = global.next(&format!(
@@ -87,13 +84,11 @@ impl RunStudy {
             quoted(&self.file.display().to_string())
         ));
         let run = async |connection: &mut Connection| {
-            let run = StudyRun::begin(connection, &study, &kept_in, measuring).await?;
+            kept_in.keep_study(&text, (folder, self.quick), &measuring.digest)?;
+            let run = StudyRun::begin(connection, &study, (&kept_in, &global.data), measuring)?;
             run.finish(usize::from(self.at_once), &again).await
         };
-        match own {
-            Some(data) => connection::with_own(global, data, crew, run).await?,
-            None => connection::with(global, crew, run).await?,
-        }
+        connection::with_new(global, crew, run).await?;
         let (folder, outcome) = kept(&global.data, study.name().as_str(), Corrections::default())?;
         let files = write_report(&outcome, folder.path())?;
         shown::show(&outcome, Some(&files.page), global.json)?;
@@ -103,25 +98,19 @@ impl RunStudy {
     }
 }
 
-/// The data directory, for a coordinator of this process; `None` if another process that can be asked holds it.
-fn held(global: &Global) -> Result<Option<DataDirectory>, CliError> {
-    match DataDirectory::hold(&global.data) {
-        Ok(data) => Ok(Some(data)),
-        Err(StoreError::InUse { holder, .. }) if !holder.address.is_empty() => Ok(None),
-        Err(error) => Err(error.into()),
-    }
-}
-
 /// A campaign that is to be done.
 enum Job {
+    /// The atlas that recall is measured by.
+    Atlas(Box<CampaignSpec>),
     /// One that trains the embedder of the cell at this place, and perhaps of others; by its digest.
     Embedder(String, Box<CampaignSpec>, usize),
-    /// The cell at this place.
-    Cell(usize),
+    /// The cell at this place; with the digest of the campaign that trains its embedder, if it shares one.
+    Cell(usize, Option<String>),
 }
 
 /// What came of a job.
 enum Done {
+    Atlas(Box<Reference>),
     Embedder(String, CheckpointDigest),
     Cell(Box<Measured>),
 }
@@ -131,25 +120,29 @@ struct StudyRun<'a> {
     study: &'a Study,
     folder: &'a StudyFolder,
     clients: Clients,
-    known: KnownCampaigns,
+    /// The data directory, of which one study at a time looks for campaigns and begins them.
+    data: &'a Path,
     measuring: Measuring,
     /// The checkpoints that cells share, by the digest of the campaign that trains each.
     embedders: BTreeMap<String, CheckpointDigest>,
     waiting: VecDeque<Job>,
+    /// The campaigns of the coordinator, as they were when one was last looked for.
+    known: KnownCampaigns,
     progress: Progress,
 }
 
 impl<'a> StudyRun<'a> {
     /// Finds out what is to be done.
-    async fn begin(
+    fn begin(
         connection: &Connection,
         study: &'a Study,
-        folder: &'a StudyFolder,
+        (folder, data): (&'a StudyFolder, &'a Path),
         measuring: Measuring,
     ) -> Result<Self, CliError> {
-        let mut clients = Clients {
+        let clients = Clients {
             campaigns: connection.client.clone(),
             checkpoints: connection.checkpoints.clone(),
+            labels: connection.labels.clone(),
         };
         let embedders = folder.embedders()?;
         let measured = folder.all_measured(study, &measuring.digest)?;
@@ -165,16 +158,24 @@ impl<'a> StudyRun<'a> {
             .collect();
         let mut trained = BTreeSet::new();
         let mut waiting = VecDeque::new();
-        for &place in &missing {
-            let Some(spec) = study.embedder_of(&study.cells()[place])? else {
-                continue;
-            };
-            let digest = cell_digest(&spec);
-            if !embedders.contains_key(&digest) && trained.insert(digest.clone()) {
-                waiting.push_back(Job::Embedder(digest, Box::new(spec), place));
-            }
+        let reference = folder.reference(&measuring.digest)?.map(Arc::new);
+        // Figures that are kept are computed from it too, so it is made again even if no cell is missing.
+        if let (Some(plan), None) = (&study.measures().recall, &reference) {
+            waiting.push_back(Job::Atlas(Box::new(plan.atlas.clone())));
         }
-        waiting.extend(missing.iter().map(|&place| Job::Cell(place)));
+        let mut cells = Vec::new();
+        for place in missing {
+            let trains = study.embedder_of(&study.cells()[place])?;
+            let needed = trains.as_ref().map(cell_digest);
+            if let (Some(spec), Some(digest)) = (trains, &needed)
+                && !embedders.contains_key(digest)
+                && trained.insert(digest.clone())
+            {
+                waiting.push_back(Job::Embedder(digest.clone(), Box::new(spec), place));
+            }
+            cells.push(Job::Cell(place, needed));
+        }
+        waiting.extend(cells);
         let done = measured.iter().flatten().count();
         errln!(
             "study {}: {}, {done} of them measured before",
@@ -182,14 +183,18 @@ impl<'a> StudyRun<'a> {
             counted(study.cells().len() as u64, "cell"),
         );
         Ok(Self {
-            known: KnownCampaigns::list(&mut clients.campaigns).await?,
+            data,
             progress: Progress::of(waiting.len()),
             study,
             folder,
             clients,
-            measuring,
+            measuring: Measuring {
+                reference,
+                ..measuring
+            },
             embedders,
             waiting,
+            known: KnownCampaigns::default(),
         })
     }
 
@@ -237,20 +242,43 @@ impl<'a> StudyRun<'a> {
         }
     }
 
-    /// The next campaign that waits for no embedder, with its specification.
+    /// The next campaign that waits for no embedder and no atlas, with its specification.
     fn next_ready(&mut self) -> Result<Option<(Job, CampaignSpec)>, CliError> {
-        for place in 0..self.waiting.len() {
-            let spec = match &self.waiting[place] {
-                Job::Embedder(_, spec, _) => Some(CampaignSpec::clone(spec)),
-                Job::Cell(cell) => self
+        let place = self.waiting.iter().position(|job| self.is_ready(job));
+        let Some(job) = place.and_then(|place| self.waiting.remove(place)) else {
+            return Ok(None);
+        };
+        let spec = match &job {
+            Job::Atlas(spec) | Job::Embedder(_, spec, _) => CampaignSpec::clone(spec),
+            Job::Cell(place, _) => {
+                let spec = self
                     .study
-                    .campaign_of(&self.study.cells()[*cell], &self.embedders)?,
-            };
-            if let Some(spec) = spec {
-                return Ok(self.waiting.remove(place).map(|job| (job, spec)));
+                    .campaign_of(&self.study.cells()[*place], &self.embedders)?;
+                spec.ok_or_else(|| {
+                    let words = self.words(*place);
+                    CliError::Failed(format!("{words}: its embedder is not known because of a bug"))
+                })?
+            }
+        };
+        Ok(Some((job, spec)))
+    }
+
+    /// Whether a campaign waits for no embedder and no atlas.
+    fn is_ready(&self, job: &Job) -> bool {
+        match job {
+            Job::Atlas(_) | Job::Embedder(..) => true,
+            Job::Cell(_, needed) => {
+                let has_embedder = needed
+                    .as_ref()
+                    .is_none_or(|digest| self.embedders.contains_key(digest));
+                has_embedder && !self.waits_for_atlas()
             }
         }
-        Ok(None)
+    }
+
+    /// Whether cells cannot be measured yet.
+    fn waits_for_atlas(&self) -> bool {
+        self.study.measures().recall.is_some() && self.measuring.reference.is_none()
     }
 
     /// Begins a campaign, in the order of the study, and leaves the rest to a task.
@@ -261,12 +289,12 @@ impl<'a> StudyRun<'a> {
         spec: CampaignSpec,
     ) -> Result<(), String> {
         let words = match &job {
+            Job::Atlas(_) => "atlas".to_owned(),
             Job::Embedder(_, _, place) => format!("embedder of {}", self.words(*place)),
-            Job::Cell(place) => self.words(*place),
+            Job::Cell(place, _) => self.words(*place),
         };
         let said = |error: CliError, words: &str| format!("{words}: {error}");
-        let known = self.known.of(&spec);
-        let begun = begin(&mut self.clients.campaigns, &spec, known).await;
+        let begun = self.found_or_begun(&spec).await;
         let begun = begun.map_err(|error| said(error, &words))?;
         let progress = self.progress.cell(words.clone());
         let (mut clients, measuring) = (self.clients.clone(), self.measuring.clone());
@@ -278,12 +306,33 @@ impl<'a> StudyRun<'a> {
         Ok(())
     }
 
+    /// The campaign of a specification, which another study may have begun a moment ago.
+    async fn found_or_begun(&mut self, spec: &CampaignSpec) -> Result<v1::Campaign, CliError> {
+        let data = self.data.to_owned();
+        let locked = tokio::task::spawn_blocking(move || lock_beginning(&data)).await;
+        let broken = |_| CliError::Failed("the lock of studies broke because of a bug".to_owned());
+        let _alone = locked.map_err(broken)??;
+        self.known.renew(&mut self.clients.campaigns).await?;
+        let known = self.known.of(spec);
+        begin(
+            &mut self.clients.campaigns,
+            spec,
+            known,
+            self.study.name().as_str(),
+        )
+        .await
+    }
+
     fn words(&self, place: usize) -> String {
         self.study.cell_in_words(&self.study.cells()[place])
     }
 
     fn keep(&mut self, done: Done) -> Result<(), CliError> {
         match done {
+            Done::Atlas(reference) => {
+                self.folder.keep_reference(&reference)?;
+                self.measuring.reference = Some(Arc::from(reference));
+            }
             Done::Embedder(cell, checkpoint) => {
                 self.embedders.insert(cell, checkpoint);
                 self.folder.keep_embedders(&self.embedders)?;
@@ -302,11 +351,20 @@ async fn done(
     begun: v1::Campaign,
     progress: &CellProgress,
 ) -> Result<Done, CliError> {
-    let campaign = to_end(&mut clients.campaigns, begun, progress).await?;
+    progress.begin(&begun.id);
+    let draw = |status: &v1::Campaign| {
+        progress.draw(status);
+        Ok(())
+    };
+    let campaign = to_end(&mut clients.campaigns, begun, draw).await?;
     progress.now("measuring");
     match job {
+        Job::Atlas(_) => {
+            let reference = measuring.reference(clients, spec, &campaign).await?;
+            Ok(Done::Atlas(Box::new(reference)))
+        }
         Job::Embedder(digest, ..) => Ok(Done::Embedder(digest, campaign.checkpoint.parse()?)),
-        Job::Cell(_) => {
+        Job::Cell(..) => {
             let measured = measuring.measure(clients, spec, &campaign).await?;
             Ok(Done::Cell(Box::new(measured)))
         }

@@ -95,6 +95,7 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
         individuals: record.individuals(),
         labels: store.label_entries(&record.id).unwrap_or(0),
         taxonomy: record.state == CampaignState::Completed,
+        former_taxonomies: Vec::new(),
     };
     let population = u64::from(record.spec.search().population());
     let generations = generations(store, record, problems);
@@ -114,6 +115,7 @@ fn archive(store: &Store, record: &CampaignRecord, problems: &mut Vec<String>) -
         individuals: u64::from(generations) * population,
         labels,
         taxonomy: complete && taxonomy(store, record, stored.taxonomy, problems),
+        former_taxonomies: former_taxonomies(store, record, u64::from(generations) * population, problems),
     };
     (stored, remains)
 }
@@ -236,6 +238,41 @@ fn taxonomy(store: &Store, record: &CampaignRecord, wanted: bool, problems: &mut
     };
     problems.push(format!("its taxonomy {fault}"));
     false
+}
+
+/// The former versions of its taxonomy that are whole, and about no more than the first `individuals` of its archive.
+fn former_taxonomies(
+    store: &Store,
+    record: &CampaignRecord,
+    individuals: u64,
+    problems: &mut Vec<String>,
+) -> Vec<u32> {
+    let versions = match store.taxonomy_versions(&record.id) {
+        Ok(versions) => versions,
+        Err(error) => {
+            problems.push(format!("the versions of its taxonomy: {}", error.reason()));
+            return Vec::new();
+        }
+    };
+    let mut whole = Vec::new();
+    for former in versions.iter().filter(|version| !version.stands) {
+        let fault = match store.taxonomy_of_version(&record.id, former.version) {
+            Err(error) => format!("cannot be read: {}", error.reason()),
+            Ok(Some(stored)) if stored.medoids.iter().any(|&medoid| medoid >= former.individuals) => {
+                "has medoids that are in none of its clusters".to_owned()
+            }
+            Ok(_) if former.individuals > record.individuals() => {
+                "is about individuals that are not there".to_owned()
+            }
+            Ok(_) if former.individuals > individuals => continue,
+            Ok(_) => {
+                whole.push(former.version);
+                continue;
+            }
+        };
+        problems.push(format!("version {} of its taxonomy {fault}", former.version));
+    }
+    whole
 }
 
 /// The first of `len` items that is not as it should be, and why; `check` finds it in a range, or fails where one of the

@@ -11,6 +11,7 @@ pub use salvage::{SalvageError, Salvaged, salvage};
 
 use crate::{
     DataDirectory, Store, StoreError,
+    blocking::blocking,
     checkpoints::{BlobStore, CheckpointError, Condition},
     files::is_there,
 };
@@ -56,9 +57,10 @@ impl Findings {
 /// # Errors
 /// [`StoreError::InUse`] while a coordinator holds it; if there is no database in it, or one that cannot be opened at all.
 pub async fn examine(data: &Path, location: Option<&str>) -> Result<Findings, CheckpointError> {
-    let (_watched, store, schema) = watch(data)?;
+    let folder = data.to_path_buf();
+    let (watched, store, schema) = blocking(move || watch(&folder)).await??;
     let findings = findings(&store, schema, data, location).await;
-    drop(store);
+    blocking(move || drop((store, watched))).await?;
     findings
 }
 
@@ -100,11 +102,17 @@ async fn findings(
     data: &Path,
     location: Option<&str>,
 ) -> Result<Findings, CheckpointError> {
-    let mut faults = store.faults().unwrap_or_else(|error| vec![error.reason()]);
-    faults.extend(store.dangling().unwrap_or_else(|error| vec![error.reason()]));
+    let looked_at = store.clone();
+    let (mut faults, records) = blocking(move || {
+        let store = looked_at;
+        let mut faults = store.faults().unwrap_or_else(|error| vec![error.reason()]);
+        faults.extend(store.dangling().unwrap_or_else(|error| vec![error.reason()]));
+        (faults, store.checkpoints())
+    })
+    .await?;
     let mut checkpoints = Vec::new();
     let blobs = BlobStore::look(data, location)?;
-    match store.checkpoints() {
+    match records {
         Ok(records) => {
             for record in records {
                 let condition = match &blobs {
@@ -116,16 +124,19 @@ async fn findings(
         }
         Err(error) => faults.push(error.reason()),
     }
-    let campaigns = match store.campaign_ids() {
-        Ok(ids) => ids
+    let (looked_at, conditions) = (store.clone(), checkpoints.clone());
+    let campaigns = blocking(move || {
+        let ids = looked_at.campaign_ids()?;
+        let findings = ids
             .iter()
-            .map(|id| CampaignFindings::of(store, id, &checkpoints))
-            .collect(),
-        Err(error) => {
-            faults.push(error.reason());
-            Vec::new()
-        }
-    };
+            .map(|id| CampaignFindings::of(&looked_at, id, &conditions));
+        Ok::<Vec<_>, StoreError>(findings.collect())
+    })
+    .await?;
+    let campaigns = campaigns.unwrap_or_else(|error| {
+        faults.push(error.reason());
+        Vec::new()
+    });
     faults.dedup();
     Ok(Findings {
         database: data.join(Store::FILE),

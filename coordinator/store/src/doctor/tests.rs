@@ -49,7 +49,7 @@ fn data() -> (tempfile::TempDir, CampaignId) {
         loss: 1.0,
     };
     store
-        .complete(&id, &taxonomy, &[ClusterMeasures::default()], &[])
+        .complete(&id, &taxonomy, &[ClusterMeasures::default()], &[], &[])
         .unwrap();
     (folder, id)
 }
@@ -76,6 +76,12 @@ async fn saved(damage: &str) -> (Findings, Option<(u32, u64, CampaignState)>) {
     let kept = kept.map(|record| {
         let individuals = store.individuals(&id, &MODEL.into(), 0..100, true).unwrap();
         assert_eq!(individuals.len() as u64, record.individuals());
+        if record.state == CampaignState::Failed {
+            assert!(
+                record.ended_ms.is_some(),
+                "a campaign that was cut off has stopped"
+            );
+        }
         (
             record.generations_done,
             store.label_entries(&id).unwrap(),
@@ -224,6 +230,26 @@ async fn labels_and_taxonomy_are_examined_too() {
         failed,
     )
     .await;
+    let former = |damage: &str| {
+        format!(
+            "INSERT INTO taxonomies SELECT campaign, 7, 0, made_ms, checkpoint, rounds, generations, medoids, clusters, loss,
+                 measures, robust_trials, points FROM taxonomies;
+             UPDATE taxonomies SET {damage} WHERE version = 7"
+        )
+    };
+    for (damage, said) in [
+        ("measures = x''", "version 7 of its taxonomy cannot be read"),
+        (
+            "medoids = x'ffffffffffffff7f'",
+            "version 7 of its taxonomy has medoids",
+        ),
+        (
+            "clusters = zeroblob(4000)",
+            "version 7 of its taxonomy is about individuals",
+        ),
+    ] {
+        check(&former(damage), said, (3, 3, CampaignState::Completed)).await;
+    }
 }
 
 #[tokio::test]
@@ -255,4 +281,24 @@ async fn looking_changes_nothing() {
         "{refused}"
     );
     drop(held);
+}
+
+#[tokio::test]
+async fn others_go_on_while_the_doctor_looks() {
+    let (folder, _) = data();
+    let turns = std::sync::Arc::new(std::sync::atomic::AtomicU64::new(0));
+    let others = tokio::spawn({
+        let turns = turns.clone();
+        async move {
+            loop {
+                turns.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                tokio::task::yield_now().await;
+            }
+        }
+    });
+    assert!(examine(folder.path(), None).await.unwrap().is_healthy());
+    others.abort();
+    // Of one thread alone: each turn is one that the doctor did not hold.
+    let turns = turns.load(std::sync::atomic::Ordering::Relaxed);
+    assert!(turns > 20, "{turns}");
 }

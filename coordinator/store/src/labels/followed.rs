@@ -39,6 +39,11 @@ impl Followed {
         self.0.of(campaign)
     }
 
+    /// The campaign is no more.
+    pub(crate) fn forget(&self, campaign: &CampaignId) {
+        self.0.forget(campaign);
+    }
+
     /// What the log of a campaign comes to has changed.
     fn weigh(&self, campaign: &CampaignId, labels: &Labels) {
         self.0.weigh(campaign, labels.entries() as usize * BYTES_AN_ENTRY);
@@ -62,6 +67,14 @@ impl Store {
         self.read(|connection| catch_up(connection, number_of(connection, campaign)?, &mut kept))?;
         self.followed.weigh(campaign, &kept);
         Ok(Arc::clone(&kept))
+    }
+
+    /// What the log of the campaign with this id, or of `latest`, comes to.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    pub fn labels_of(&self, id: &str) -> Result<Arc<Labels>, StoreError> {
+        self.labels(&self.campaign(id)?.id)
     }
 
     /// Runs `change`, which may add to the log of a campaign, in a transaction, with the campaign's number and what its log

@@ -1,9 +1,13 @@
 //! Entries of the label log as rows.
 
 use super::super::{StoreError, numbers::clamped};
-use murmuration_model::labels::{Action, Annotator, Change, ClassName, Entry, RequestId};
-use murmuration_proto::{Invalid, text::marked};
+use murmuration_model::labels::{Action, Annotator, Change, ClassName, Entry, RequestId, Triple};
+use murmuration_proto::{
+    Invalid,
+    text::{marked, quoted},
+};
 use rusqlite::{Connection, Row, Transaction, params};
+use std::ops::Range;
 
 const SELECT: &str = "
     SELECT entry, annotator, time_ms, action, place, class, value, supersedes FROM labels WHERE campaign = ?1";
@@ -48,6 +52,26 @@ pub(crate) fn entries(
     let mut entries = Vec::new();
     while let Some(row) = rows.next()? {
         entries.push(entry(row)?);
+    }
+    Ok(entries)
+}
+
+/// Entries of a campaign's log, in order, each with the request that it came with.
+pub(crate) fn entries_with_requests(
+    connection: &Connection,
+    number: i64,
+    range: Range<u64>,
+) -> Result<Vec<(RequestId, Entry)>, StoreError> {
+    let mut statement = connection.prepare_cached(
+        "SELECT entry, annotator, time_ms, action, place, class, value, supersedes, request FROM labels
+         WHERE campaign = ?1 AND entry >= ?2 AND entry < ?3 ORDER BY entry",
+    )?;
+    let mut rows = statement.query(params![number, clamped(range.start), clamped(range.end)])?;
+    let mut entries = Vec::new();
+    while let Some(row) = rows.next()? {
+        let request = RequestId::known(&row.get::<_, String>(8)?);
+        let damaged = |error: Invalid| StoreError::damaged(format!("the label log: {error}"));
+        entries.push((request.map_err(damaged)?, entry(row)?));
     }
     Ok(entries)
 }
@@ -109,6 +133,27 @@ impl Columns {
             Action::Rename { class, to } => named("rename", class, Some(to.to_string())),
             Action::Merge { class, into } => named("merge", class, Some(into.to_string())),
             Action::Colour { class, colour } => named("colour", class, Some(colour.to_string())),
+            Action::Delete { class } => named("delete", class, None),
+            Action::Shortcut { class, shortcut } => {
+                named("shortcut", class, shortcut.map(|key| key.to_string()))
+            }
+            Action::Revert { entry } => Self {
+                action: "revert".to_owned(),
+                place: Some(clamped(*entry)),
+                ..Self::default()
+            },
+            Action::Compare { triple, preference } => {
+                let sides = format!("{} {}", triple.left(), triple.right());
+                Self {
+                    place: Some(clamped(triple.reference())),
+                    ..named("compare", preference, Some(sides))
+                }
+            }
+            Action::WithdrawComparison { entry } => Self {
+                action: "withdraw comparison".to_owned(),
+                place: Some(clamped(*entry)),
+                ..Self::default()
+            },
         }
     }
 
@@ -139,7 +184,34 @@ impl Columns {
                 class: ClassName::stored(&class)?,
                 colour: value.parse()?,
             },
+            ("delete", None) => Action::Delete {
+                class: ClassName::stored(&class)?,
+            },
+            ("shortcut", None) => Action::Shortcut {
+                class: ClassName::stored(&class)?,
+                shortcut: (!value.is_empty()).then(|| value.parse()).transpose()?,
+            },
+            ("revert", Some(entry)) => Action::Revert {
+                entry: entry.unsigned_abs(),
+            },
+            ("compare", Some(reference)) => Action::Compare {
+                triple: triple(reference.unsigned_abs(), &value)?,
+                preference: class.parse()?,
+            },
+            ("withdraw comparison", Some(entry)) => Action::WithdrawComparison {
+                entry: entry.unsigned_abs(),
+            },
             (other, _) => return Err(Invalid::new("action", other, "one that this version writes")),
         })
     }
+}
+
+/// A question of comparison, whose sides are written as `LEFT RIGHT`.
+fn triple(reference: u64, sides: &str) -> Result<Triple, Invalid> {
+    let read = sides.split_once(' ').and_then(|(left, right)| {
+        let [left, right] = [left, right].map(|side| side.parse::<u64>().ok());
+        Some((left?, right?))
+    });
+    let (left, right) = read.ok_or_else(|| Invalid::new("value", quoted(sides), "two individuals"))?;
+    Triple::new(reference, left, right)
 }

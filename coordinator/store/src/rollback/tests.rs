@@ -3,7 +3,7 @@ use crate::{
     ArchivedIndividual, GenerationRecord, Provenance,
     provenance::tests::{open, suspect, wrong},
 };
-use murmuration_model::labels::Answer;
+use murmuration_model::labels::{Answer, Preference, Triple};
 use murmuration_proto::Preset;
 
 fn left(store: &Store, id: &CampaignId) -> Vec<u64> {
@@ -62,6 +62,37 @@ fn nobody_has_said_anything_about_individuals_that_are_new() {
 }
 
 #[test]
+fn what_a_deleted_class_set_aside_about_individuals_that_are_gone_stays_away() {
+    let (_folder, store, id) = open();
+    let say = |request: &str, actions: Vec<Action>| {
+        let change = |action| Change {
+            annotator: "ana".parse().unwrap(),
+            time_ms: 1,
+            action,
+        };
+        let changes = actions.into_iter().map(change).collect();
+        store.add_labels(&id, &request.parse().unwrap(), changes).unwrap();
+    };
+    let ring = |index| Action::Answer {
+        index,
+        answer: "ring".parse().unwrap(),
+    };
+    let delete = Action::Delete {
+        class: "ring".parse().unwrap(),
+    };
+    say("1", vec![ring(1), ring(2), ring(5), delete]);
+    store.roll_back_generations(&id, 1, "a worker was wrong").unwrap();
+    say("2", vec![Action::Revert { entry: 3 }]);
+    let standing: Vec<u64> = store
+        .labels(&id)
+        .unwrap()
+        .standing()
+        .map(|label| label.index)
+        .collect();
+    assert_eq!(standing, [1]);
+}
+
+#[test]
 fn who_begins_again_keeps_the_pictures_before_the_wrong_one() {
     let (_folder, store, id) = open();
     store.quarantine(&[wrong(7)]).unwrap();
@@ -96,4 +127,25 @@ fn what_is_rolled_back_is_of_another_archive_version_whatever_the_clock_says() {
         archive_versions.push(archive_version());
     }
     assert_eq!(archive_versions[2].to_string(), format!("{ahead}.2"));
+}
+
+#[test]
+fn comparisons_with_individuals_that_are_gone_are_withdrawn() {
+    let (_folder, store, id) = open();
+    for [reference, left, right] in [[0, 1, 2], [0, 1, 3], [2, 3, 1]] {
+        let change = Change {
+            annotator: "ana".parse().unwrap(),
+            time_ms: 1,
+            action: Action::Compare {
+                triple: Triple::new(reference, left, right).unwrap(),
+                preference: Preference::Left,
+            },
+        };
+        let request = format!("{reference}-{left}-{right}").parse().unwrap();
+        store.add_labels(&id, &request, vec![change]).unwrap();
+    }
+    // Individuals 0 and 1 are of the first generation.
+    store.roll_back_generations(&id, 1, "a worker was wrong").unwrap();
+    assert_eq!(store.labels(&id).unwrap().comparisons().count(), 0);
+    assert_eq!(store.label_log(&id).unwrap().len(), 6);
 }

@@ -53,7 +53,7 @@ fn request(id: &str) -> RequestId {
 
 #[test]
 fn a_round_learns_from_the_labels_of_its_beginning() {
-    let (_folder, store, id, _) = open();
+    let (_folder, store, id, checkpoint) = open();
     let said = vec![answer(3, "ring"), answer(1, "clump"), answer(2, "not sure")];
     store.add_labels(&id, &request("a"), said).unwrap();
     store.begin_round(&id, 3).unwrap();
@@ -67,6 +67,13 @@ fn a_round_learns_from_the_labels_of_its_beginning() {
     );
     let classes = store.labels_until(&id, 3).unwrap().numbered_classes();
     assert_eq!(classes, [(1, 1), (3, 2)], "clump comes before ring");
+    assert!(
+        store.learned_classes(&record).unwrap().is_empty(),
+        "not learned from yet"
+    );
+    store.finish_round(&id, checkpoint).unwrap();
+    let record = store.campaign("latest").unwrap();
+    assert_eq!(store.learned_classes(&record).unwrap(), [(1, 1), (3, 2)].into());
 }
 
 #[test]

@@ -34,7 +34,16 @@ fn checkpoint(store: &Store) -> CheckpointDigest {
 /// Every change that a stage makes.
 type Commit = fn(&Store, &CampaignId) -> Result<(), StoreError>;
 
-const COMMITS: [(&str, Commit); 11] = [
+const COMMITS: [(&str, Commit); 12] = [
+    ("an epoch", |store, id| {
+        let epoch = crate::EpochRecord {
+            round: 0,
+            epoch: 1,
+            loss: None,
+            accuracy: None,
+        };
+        store.add_epoch(id, &epoch)
+    }),
     ("a generation", |store, id| {
         let record = GenerationRecord::of(0, &[0.0], 0);
         let individuals = [ArchivedIndividual::still(0, 0)];
@@ -90,7 +99,7 @@ const COMMITS: [(&str, Commit); 11] = [
             clusters: Vec::new(),
             loss: 0.0,
         };
-        store.complete(id, &none, &[], &[]).map(drop)
+        store.complete(id, &none, &[], &[], &[]).map(drop)
     }),
 ];
 
@@ -161,6 +170,7 @@ fn a_run_that_has_ended_has_no_last_word() {
         },
         &[],
         &[],
+        &[],
     );
     assert!(matches!(late, Err(StoreError::Superseded(_))), "{late:?}");
     assert_eq!(store.campaign(id.as_str()).unwrap().state, CampaignState::Failed);
@@ -175,7 +185,7 @@ fn a_decision_goes_by_the_state_that_is() {
         loss: 0.0,
     };
     // It completes between the click and the decision.
-    store.complete(&id, &none, &[], &[]).unwrap();
+    store.complete(&id, &none, &[], &[], &[]).unwrap();
     for decision in [Decision::Pause, Decision::Cancel, Decision::Resume] {
         let refused = store.decide(&id, decision, false).unwrap_err().to_string();
         assert!(refused.ends_with("it was already completed"), "{refused}");

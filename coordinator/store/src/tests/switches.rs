@@ -21,7 +21,7 @@ fn an_archive_switches_to_another_checkpoint_at_once() {
         loss: 1.0,
     };
     store
-        .complete(&id, &clustering, &[ClusterMeasures::default()], &[])
+        .complete(&id, &clustering, &[ClusterMeasures::default()], &[], &[])
         .unwrap();
 
     store.move_to(&id, second).unwrap();

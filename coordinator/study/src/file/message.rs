@@ -1,6 +1,9 @@
 //! The fields of a study file, before they are checked.
 
-use super::lay_over;
+use super::{
+    lay_over,
+    numbers::{NumberAxis, NumbersMessage},
+};
 use murmuration_proto::{Invalid, text};
 use serde::Deserialize;
 use std::{collections::BTreeMap, path::PathBuf};
@@ -24,12 +27,16 @@ pub(super) struct StudyMessage {
     /// The label files of each robot.
     #[serde(default)]
     pub(super) accuracy: BTreeMap<String, Vec<PathBuf>>,
+    /// How recall and richness are measured.
+    pub(super) recall: Option<RecallMessage>,
     /// The fields that all campaigns share.
     #[serde(default)]
     pub(super) campaign: Table,
     /// What differs between the campaigns.
     #[serde(default)]
     pub(super) axes: Vec<AxisMessage>,
+    /// The axes of its phase diagrams.
+    pub(super) phase: Option<PhaseMessage>,
     /// Figures to compare with.
     #[serde(default)]
     pub(super) published: Vec<PublishedMessage>,
@@ -57,14 +64,47 @@ pub(super) struct BehavioursMessage {
     pub(super) random: Option<String>,
 }
 
+/// How recall and richness are measured.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RecallMessage {
+    /// The fields of the campaign of the atlas.
+    #[serde(default)]
+    pub(super) atlas: Table,
+    /// Evaluations after which is counted.
+    pub(super) at: Option<Vec<u32>>,
+    /// Niches of the behaviour space.
+    pub(super) niches: Option<u32>,
+}
+
 /// An axis.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AxisMessage {
     /// Its name.
     pub(super) name: String,
-    /// Its values.
+    /// Its values, unless it is an axis of numbers.
+    #[serde(default)]
     pub(super) values: Vec<ValueMessage>,
+    /// The field that has its numbers.
+    pub(super) field: Option<String>,
+    /// Its numbers.
+    pub(super) numbers: Option<NumbersMessage>,
+    /// Its numbers with `--quick`, if these are others.
+    pub(super) quick: Option<NumbersMessage>,
+    /// What it is about if it has numbers, once its values are made of them.
+    #[serde(skip)]
+    pub(super) about: Option<NumberAxis>,
+}
+
+/// The axes of phase diagrams.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PhaseMessage {
+    /// Name of the axis from left to right.
+    pub(super) x: String,
+    /// Name of the axis from bottom to top.
+    pub(super) y: Option<String>,
 }
 
 /// A value of an axis.
@@ -106,6 +146,8 @@ pub(super) struct QuickMessage {
     /// Fields of all campaigns.
     #[serde(default)]
     pub(super) campaign: Table,
+    /// What it changes of `[recall]`.
+    pub(super) recall: Option<RecallMessage>,
 }
 
 /// What the name of a quick study ends with.
@@ -114,6 +156,9 @@ const QUICK: &str = "-quick";
 impl StudyMessage {
     /// The study as it is made: with the changes of `[quick]`, or without them.
     pub(super) fn made(mut self, quick: bool) -> Result<Self, Invalid> {
+        for axis in &mut self.axes {
+            (axis.values, axis.about) = axis.numbered(quick)?;
+        }
         if self.name.ends_with(QUICK) {
             let allowed = format!("a name that does not end in {QUICK}, as that of a quick study does");
             return Err(Invalid::new("name", text::quoted(&self.name), allowed));
@@ -128,12 +173,17 @@ impl StudyMessage {
         }
         let Some(changes) = &self.quick else {
             let allowed =
-                "a table that says what `--quick` changes; this study has none, so run it without `--quick`";
-            return Err(Invalid::new("quick", "nothing", allowed));
+                "there to say what `--quick` changes; this study has no such table: run it without `--quick`";
+            return Err(Invalid::new("[quick]", "nothing", allowed));
         };
         self.name.push_str(QUICK);
         self.seeds = changes.seeds.clone().or(self.seeds);
         self.embedders = changes.embedders.or(self.embedders);
+        if let (Some(recall), Some(changes)) = (&mut self.recall, &changes.recall) {
+            lay_over(&mut recall.atlas, &changes.atlas);
+            recall.at = changes.at.clone().or(recall.at.take());
+            recall.niches = changes.niches.or(recall.niches);
+        }
         Ok(self)
     }
 
@@ -151,5 +201,37 @@ impl StudyMessage {
             values().for_each(|value| lay_over(&mut table, &value.quick));
         }
         table
+    }
+}
+
+impl AxisMessage {
+    /// The axis with a value for each of its numbers, and what it is about; with `quick`, with the numbers for `--quick`. An
+    /// axis whose values are written one by one is about no field.
+    fn numbered(&self, quick: bool) -> Result<(Vec<ValueMessage>, Option<NumberAxis>), Invalid> {
+        let wrong = |field: &str, value: &str, allowed: &str| {
+            let field = format!("axes.{field} of {}", self.name);
+            Err(Invalid::new(field, value.to_owned(), allowed))
+        };
+        let (field, numbers) = match (&self.field, &self.numbers) {
+            (None, None) if self.quick.is_none() => return Ok((self.values.clone(), None)),
+            (Some(field), Some(numbers)) if self.values.is_empty() => (field, numbers),
+            (Some(_), Some(_)) => return wrong("values", "given", "absent: the axis has `numbers`"),
+            (_, None) => {
+                let allowed = "numbers for `field`, or `values` without `field`";
+                return wrong("numbers", "nothing", allowed);
+            }
+            (None, Some(_)) => {
+                let allowed = "the field that has the numbers, such as \"world.agents\"";
+                return wrong("field", "nothing", allowed);
+            }
+        };
+        let numbers = self.quick.as_ref().filter(|_| quick).unwrap_or(numbers);
+        let about = NumberAxis::new(&self.name, field, numbers)?;
+        let value = |(name, campaign)| ValueMessage {
+            name,
+            campaign,
+            quick: Table::new(),
+        };
+        Ok((about.values().map(value).collect(), Some(about)))
     }
 }

@@ -1,8 +1,19 @@
 //! Study files, good and bad.
 
-use crate::{Figure, Measure, RandomBatches, Study, cell_digest};
+mod recall;
+
+use super::axis_name;
+use crate::{
+    Corrections, Figure, Measure, Outcome, RandomBatches, Study, cell_digest, map_files, recall_curve,
+    written,
+};
 use murmuration_proto::Method;
-use std::{collections::BTreeSet, num::NonZeroU32, path::Path};
+use std::{
+    collections::BTreeSet,
+    io::{self, Write},
+    num::NonZeroU32,
+    path::Path,
+};
 
 const GOOD: &str = r#"
 name = "s"
@@ -90,7 +101,7 @@ fn quick_lays_its_fields_over_all_others() {
     let long = v1_of(&read(GOOD, false).unwrap(), 0);
     assert_eq!(long.dataset.unwrap().controllers, Some(50));
     let error = read(&GOOD[..GOOD.find("[quick]").unwrap()], true).unwrap_err();
-    assert!(error.contains("quick = nothing"), "{error}");
+    assert!(error.contains("[quick] = nothing"), "{error}");
 }
 
 fn v1_of(study: &Study, cell: usize) -> murmuration_proto::v1::CampaignSpec {
@@ -157,7 +168,7 @@ fn a_bad_file_is_told_where_and_what_is_allowed() {
     check(
         "\"search\", ",
         "\"speed\", ",
-        "measures = \"speed\": must be some of behaviours, accuracy, search",
+        "measures = \"speed\": must be some of behaviours, shares, accuracy, search",
     );
     check("\"search\", ", "\"accuracy\", ", "accuracy = nothing");
     check("name = \"s\"", "name = \"a b\"", "name = \"a b\"");
@@ -232,4 +243,158 @@ fn a_grid_has_a_limit() {
         error.contains("the number of cells = 11000: must be at most 2000"),
         "{error}"
     );
+}
+
+#[test]
+fn shares_are_counted_of_cells_that_judge_alone() {
+    let shares = GOOD.replacen(r#"["search", "behaviours"]"#, r#"["shares"]"#, 1);
+    let error = read(&shares, false).unwrap_err();
+    assert!(
+        error.starts_with(
+            "the campaign with method = latent + filter, robots = few, seed = 1: evaluation.judge"
+        ),
+        "{error}"
+    );
+    let judged = shares.replacen(
+        "method = \"latent\"\n",
+        "method = \"latent\"\nevaluation.judge = true\n",
+        1,
+    );
+    assert_eq!(read(&judged, false).unwrap().measures().which, [Measure::Shares]);
+}
+
+const PHASE: &str = r#"
+name = "p"
+measures = ["shares"]
+phase = { x = "robots", y = "noise" }
+
+[campaign]
+model = "single-sensor"
+method = "random"
+evaluation.judge = true
+
+[[axes]]
+name = "robots"
+field = "world.agents"
+numbers = [6, 12]
+
+[[axes]]
+name = "noise"
+field = "world.noise.slip"
+numbers = { from = 0, to = 0.4, count = 3 }
+
+[[axes]]
+name = "filter"
+values = [{ name = "no" }]
+"#;
+
+#[test]
+fn axes_of_numbers_set_their_fields_and_phase_diagrams_lie_over_them() {
+    let study = read(PHASE, false).unwrap();
+    let world = study.cells()[5].spec.world();
+    assert_eq!((study.cells().len(), world.agents()), (6, 12));
+    assert_eq!(study.cell_in_words(&study.cells()[5]), "12 · 0.4 · no · seed 1");
+    assert_eq!(study.axes()[1].numbers, [0.0, 0.2, 0.4]);
+    let phase = study.phase().unwrap();
+    assert_eq!((phase.x, phase.y), (0, Some(1)));
+}
+
+#[test]
+fn the_example_lays_phase_diagrams_over_campaigns_with_taxonomies() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../studies/phase-taxonomy.toml");
+    let text = std::fs::read_to_string(file).unwrap();
+    for (quick, cells, individuals) in [(false, 12, 1000), (true, 4, 100)] {
+        let study = read(&text, quick).unwrap();
+        assert_eq!(study.cells().len(), cells);
+        let phase = study.phase().unwrap();
+        assert_eq!((phase.x, phase.y), (0, Some(1)));
+        let is_search = |cell: &crate::Cell| {
+            cell.spec.evaluations() == individuals && cell.spec.medoids() == 12 && cell.spec.judges()
+        };
+        assert!(study.cells().iter().all(is_search));
+    }
+}
+
+#[test]
+fn a_phase_diagram_without_numbers_or_shares_is_refused() {
+    let refused = |part: &str, by: &str| read(&PHASE.replacen(part, by, 1), false).unwrap_err();
+    assert!(refused("y = \"noise\"", "y = \"filter\"").starts_with("phase.y = \"filter\""));
+    assert!(refused("y = \"noise\"", "y = \"robots\"").contains("another axis than phase.x"));
+    assert!(refused("[\"shares\"]", "[\"behaviours\"]").starts_with("phase"));
+    let cell = refused("numbers = [6, 12]", "numbers = [6, 12.5]");
+    assert!(cell.contains("robots = 12.5") || cell.contains("12.5"), "{cell}");
+}
+
+#[test]
+fn axes_that_set_one_field_and_names_like_formulas_are_refused() {
+    let refused = |part: &str, by: &str| read(&PHASE.replacen(part, by, 1), false).unwrap_err();
+    for field in ["world.agents", "world.agents.more", "world"] {
+        let error = refused("field = \"world.noise.slip\"", &format!("field = \"{field}\""));
+        assert!(
+            error.contains("the axis robots does not set too"),
+            "{field}: {error}"
+        );
+    }
+    let error = refused("{ name = \"no\" }", "{ name = \"=1+1\" }");
+    assert!(error.contains("no spreadsheet takes for a formula"), "{error}");
+}
+
+#[test]
+fn quick_has_its_own_numbers() {
+    let text = PHASE.replacen("numbers = [6, 12]", "numbers = [6, 12, 24]\nquick = [6, 24]", 1);
+    let text = format!("{text}\n[quick]\nseeds = 1");
+    let values = |quick| read(&text, quick).unwrap().axes()[0].values.clone();
+    assert_eq!((values(true).len(), values(false).len()), (2, 3));
+    assert_eq!(values(true), ["6", "24"]);
+}
+
+#[test]
+fn an_axis_of_numbers_says_its_field_once_and_has_no_values() {
+    let refused = |by: &str, said: &str| {
+        let numbers = "field = \"world.agents\"\nnumbers = [6, 12]";
+        assert!(PHASE.contains(numbers));
+        let error = read(&PHASE.replacen(numbers, by, 1), false).unwrap_err();
+        assert!(error.contains(said), "{error:?} does not say {said:?}");
+    };
+    refused("field = \"world.agents\"", "axes.numbers of robots");
+    refused("numbers = [1]", "axes.field of robots");
+    refused("quick = [1]", "axes.numbers of robots");
+    refused(
+        "field = \"a\"\nnumbers = [1]\nvalues = [{ name = \"b\" }]",
+        "axes.values of robots",
+    );
+}
+
+#[test]
+fn no_axis_has_the_name_of_a_column_of_a_table() {
+    let text = r#"
+name = "s"
+measures = ["behaviours", "shares", "search", "recall", "richness", "maps"]
+recall = { atlas = { model = "single-sensor", method = "exhaustive" }, at = [10] }
+axes = [{ name = "only-axis", values = [{ name = "one" }] }]
+[campaign]
+model = "single-sensor"
+method = "random"
+evaluation.judge = true
+"#;
+    let outcome = Outcome::new(read(text, false).unwrap(), Vec::new(), Corrections::default());
+    type Writer = fn(&Outcome, &mut dyn Write) -> io::Result<()>;
+    let tables: [Writer; 5] = [
+        written::cells,
+        written::medoids,
+        recall_curve::recall_csv,
+        recall_curve::richness_csv,
+        map_files::csv,
+    ];
+    for table in tables {
+        let mut written = Vec::new();
+        table(&outcome, &mut written).unwrap();
+        let mut table = csv::Reader::from_reader(written.as_slice());
+        let columns = table.headers().unwrap();
+        let different: BTreeSet<&str> = columns.iter().collect();
+        assert_eq!(different.len(), columns.len(), "{columns:?}");
+        for column in columns.iter().filter(|column| *column != "only-axis") {
+            assert!(axis_name(column).is_err(), "an axis may be called {column}");
+        }
+    }
 }

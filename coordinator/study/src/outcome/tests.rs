@@ -110,6 +110,60 @@ fn what_a_person_said_replaces_the_judge_and_has_no_errors() {
 }
 
 #[test]
+fn what_people_say_on_a_page_is_kept_as_a_table_and_can_be_taken_back() {
+    let study = sample::study();
+    let cell = crate::cell_digest(&study.cells()[0].spec);
+    let mut said = Corrections::default();
+    said.set(&cell, 0, Some(Class::Dispersal), " ana, of \"us\" ")
+        .unwrap();
+    said.set(&cell, 1, Some(Class::Dispersal), "ben").unwrap();
+    said.set(&cell, 1, Some(Class::Aggregation), "cy").unwrap();
+    said.set(&cell, 2, Some(Class::Milling), "ana").unwrap();
+    said.set(&cell, 2, None, "ben").unwrap();
+    said.set(&cell, 3, Some(Class::Milling), "=1+1").unwrap();
+    assert!(
+        said.to_csv().contains(",milling,'=1+1\n"),
+        "a spreadsheet would compute it: {}",
+        said.to_csv()
+    );
+    assert_eq!(Corrections::parse(&said.to_csv()).unwrap(), said);
+    said.set(&cell, 3, None, "ana").unwrap();
+    let outcome = outcome(said.clone());
+    let measured = outcome.cells().next().unwrap().measured;
+    assert_eq!(
+        outcome.class_of(measured, 0),
+        (Class::Dispersal, "ana, of \"us\"")
+    );
+    assert_eq!(outcome.class_of(measured, 1), (Class::Aggregation, "cy"));
+    assert_eq!(outcome.class_of(measured, 2).1, "judge");
+    let page = crate::tables_and_plots(&outcome).into_string();
+    assert!(
+        page.contains("Judged by: the rule-based judge; 1 of 10 medoids by ana"),
+        "{page}"
+    );
+    for name in [
+        "",
+        " ",
+        "Judge",
+        "synthetic",
+        "\u{200b}",
+        "a\u{202e}b",
+        "a\nb",
+        &"x".repeat(65),
+    ] {
+        assert!(
+            said.set(&cell, 0, Some(Class::Milling), name).is_err(),
+            "{name:?}"
+        );
+    }
+    // A file that is named on the command line counts more.
+    let file = Corrections::parse(&format!("cell,index,class,by\n{cell},1,milling,dee\n")).unwrap();
+    let both = file.or(said);
+    assert_eq!(both.of(measured, 1), Some((Class::Milling, "dee")));
+    assert_eq!(both.of(measured, 0).unwrap().0, Class::Dispersal);
+}
+
+#[test]
 fn a_bad_file_of_classes_names_the_line() {
     let refused = |text: &str| Corrections::parse(text).unwrap_err().to_string();
     assert_eq!(refused("cell,index\n"), "line 1: there is no column \"class\"");
@@ -133,7 +187,13 @@ fn a_bad_file_of_classes_names_the_line() {
 fn every_table_follows_from_the_files_of_the_report() {
     let outcome = outcome(Corrections::default());
     let folder = tempfile::tempdir().unwrap();
+    let stale = ["phase.svg", "recall.csv", "maps/1-x-scores.svg"].map(|name| folder.path().join(name));
+    std::fs::create_dir(folder.path().join("maps")).unwrap();
+    for path in &stale {
+        std::fs::write(path, "of another study").unwrap();
+    }
     let files = write_report(&outcome, folder.path()).unwrap();
+    assert!(stale.iter().all(|path| !path.exists()));
     let mut distinct: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     let mut cells = csv::Reader::from_path(&files.cells).unwrap();
     for row in cells.deserialize::<BTreeMap<String, String>>() {
@@ -161,4 +221,16 @@ fn every_table_follows_from_the_files_of_the_report() {
     }
     assert_eq!(page.matches("<img").count(), 2 + 2 + 2);
     assert!(!page.contains("://"), "it loads nothing");
+}
+
+#[test]
+fn other_classes_come_to_the_same_as_if_all_were_computed_again() {
+    let before = outcome(Corrections::default());
+    let cell = before.cells().next().unwrap().measured.cell.clone();
+    let mut classes = Corrections::default();
+    classes.set(&cell, 0, Some(Class::Dispersal), "ann").unwrap();
+    assert_eq!(before.tables().len(), 3);
+    let after = before.with_corrections(classes.clone());
+    assert_eq!(after.tables(), outcome(classes).tables());
+    assert_ne!(after.tables()[0], before.tables()[0]);
 }

@@ -45,15 +45,18 @@ function claim(id) {
   });
 }
 
-// Waits until somebody has said who they are.
+// Waits until somebody has said who they are, in a dialog if the page has the form in one; false if they would not.
 export function introduced() {
-  if (annotator()) return Promise.resolve();
+  if (annotator()) return Promise.resolve(true);
   const form = document.getElementById("who");
+  const dialog = form.closest("dialog");
   form.hidden = false;
+  dialog?.showModal();
   form.elements.annotator.focus();
   return new Promise((resolve) => {
-    form.elements.annotator.addEventListener("input", (event) => event.target.setCustomValidity(""));
-    form.addEventListener("submit", (event) => {
+    dialog?.addEventListener("close", () => resolve(annotator() !== ""), { once: true });
+    form.elements.annotator.oninput = (event) => event.target.setCustomValidity("");
+    form.onsubmit = (event) => {
       event.preventDefault();
       const field = form.elements.annotator;
       field.setCustomValidity(isReserved(field.value) ? "This name is reserved for the rule-based judge. Choose another." : "");
@@ -62,7 +65,8 @@ export function introduced() {
       if (!annotator()) return;
       form.hidden = true;
       form.elements.annotator.blur();
-      resolve();
-    });
+      dialog?.close();
+      resolve(true);
+    };
   });
 }

@@ -20,18 +20,28 @@ export const heard = (is) => say("silence", is ? "" : SILENCE);
 // What the browser keeps of what was said here, and why; nothing where all of it was acknowledged.
 export const keeping = (text) => say("kept", text);
 
-// Hands every message of a stream of events to `told`, and connects again for as long as the page lives.
+// Hands every message of a stream of events to `told`, and connects again until the function that it returns is called.
 export function listen(url, told) {
-  const events = new EventSource(url);
-  events.onmessage = (message) => {
-    heard(true);
-    told(message.data);
+  let events;
+  let ended = false;
+  const connect = () => {
+    if (ended) return;
+    events = new EventSource(url);
+    events.onmessage = (message) => {
+      heard(true);
+      told(message.data);
+    };
+    events.onerror = async () => {
+      // A lost connection is made again by the browser; one that was refused is not.
+      if (events.readyState !== EventSource.CLOSED) return heard(false);
+      await refused();
+      setTimeout(connect, AGAIN_MS);
+    };
   };
-  events.onerror = async () => {
-    // A lost connection is made again by the browser; one that was refused is not.
-    if (events.readyState !== EventSource.CLOSED) return heard(false);
-    await refused();
-    setTimeout(() => listen(url, told), AGAIN_MS);
+  connect();
+  return () => {
+    ended = true;
+    events.close();
   };
 }
 
@@ -39,6 +49,7 @@ export function listen(url, told) {
 async function refused() {
   const request = { redirect: "manual", headers: { accept: "text/html" } };
   const page = await fetch(location.pathname, request).catch(() => null);
-  if (page?.type === "opaqueredirect") location.reload();
+  // What the page shows was deleted: the page says so then.
+  if (page?.type === "opaqueredirect" || page?.status === 404) location.reload();
   say("silence", page ? CROWD : SILENCE);
 }

@@ -16,7 +16,7 @@ const OWN = [
 const isOpen = (control) => CSS.supports("selector(:open)") && control.matches("select:open");
 
 export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
-  if (ctrlKey || metaKey || altKey) return false;
+  if (ctrlKey || metaKey || altKey || document.querySelector("dialog[open]")) return false;
   const own = OWN.find(([controls]) => target.closest(controls));
   if (!own) return true;
   const [, keys] = own;
@@ -27,3 +27,12 @@ export function isForPage({ key, target, ctrlKey, metaKey, altKey }) {
 document.addEventListener("change", ({ target }) => {
   if (target.matches("select, [type=checkbox], [type=range]") && !target.matches(":focus-visible")) target.blur();
 });
+
+// The list of the page's keys.
+const list = document.getElementById("keys");
+document.addEventListener("keydown", (event) => {
+  if (event.key !== "?" || !list || !isForPage(event)) return;
+  event.preventDefault();
+  list.showModal();
+});
+document.querySelector("[data-do=keys]")?.addEventListener("click", () => list.showModal());

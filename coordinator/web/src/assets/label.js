@@ -4,7 +4,8 @@ import { archived, follow, get, insist, keptAs, path } from "./coordinator.js";
 import { isForPage } from "./keys.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette } from "./palette.js";
-import { Player, playerKey } from "./player.js";
+import { drawPaths } from "./paths.js";
+import { Player, motionOf, playerKey } from "./player.js";
 import { Queue } from "./queue.js";
 import { counted, grouped, sentence } from "./words.js";
 
@@ -57,6 +58,7 @@ function show() {
   since = performance.now();
   const picture = at("picture");
   picture.classList.toggle("absent", !question);
+  at("paths").classList.add("absent");
   if (!question) {
     player.stop();
     [at("which").textContent, at("reason").textContent] = nothing();
@@ -67,6 +69,17 @@ function show() {
   at("which").textContent = `Individual ${grouped(question.index)}`;
   at("reason").textContent = `Why this one: ${question.reason}.`;
   player.show(question.index).catch((error) => complain(status, error));
+  showPaths(question.index);
+}
+
+async function showPaths(index) {
+  // The player says why there is no motion.
+  const motion = await motionOf(index).motion.catch(() => null);
+  if (!motion || shown !== index) return;
+  const paths = at("paths");
+  paths.setAttribute("aria-label", `Paths of the robots of individual ${grouped(index)}`);
+  paths.classList.remove("absent");
+  drawPaths(paths, motion);
 }
 
 // Why no question is shown.

@@ -3,11 +3,16 @@
 const CLICK = 5;
 
 // Lets somebody draw on a canvas that lies over `area`. `inside(polygon, adds)` hears of a line that was closed, `click`
-// of a pointer that hardly moved.
-export function lasso(canvas, area, { inside, click, draw }) {
+// of a pointer that hardly moved. Pointers of which `draws(event)` is false, and two fingers, draw nothing.
+export function lasso(canvas, area, { inside, click, draw, draws = () => true }) {
   let line = null;
   area.addEventListener("pointerdown", (event) => {
-    if (event.button !== 0) return;
+    if (line) {
+      line = null;
+      draw(null);
+      return;
+    }
+    if (event.button !== 0 || !draws(event)) return;
     line = [within(event, area)];
     area.setPointerCapture(event.pointerId);
   });

@@ -1,28 +1,43 @@
 // The Map page: shows which behaviours are alike, and names those that a line is drawn around.
 import { introduced, session } from "./annotator.js";
+import { NAMELESS_CLASS, colouring, legendEntry } from "./colours.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
-import { column, fit } from "./drawing.js";
+import { column } from "./drawing.js";
+import { Filter } from "./filter.js";
+import { Gallery } from "./gallery.js";
 import { isForPage } from "./keys.js";
-import { lasso, trace } from "./lasso.js";
+import { lasso } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
+import { agreed } from "./overwrite.js";
 import { Palette } from "./palette.js";
 import { Player, playerKey } from "./player.js";
+import { steer, zoomButtons } from "./plot.js";
 import { Points } from "./points.js";
-import { grouped } from "./words.js";
+import { Sketch } from "./sketch.js";
+import { counted, grouped, shown } from "./words.js";
 
 const at = (id) => document.getElementById(id);
 const status = at("status");
 const over = at("over");
 const tip = at("tip");
 const dark = matchMedia("(prefers-color-scheme: dark)");
-const NAMELESS = { light: 0xa5a39b, dark: 0x6d6e68 };
 const plot = new Points(at("points"));
+const sketch = new Sketch(over, plot, () => points?.isMedoid ?? []);
 const player = new Player(document.querySelector(".player"));
+const filter = new Filter();
+const gallery = new Gallery(at("gallery"), at("gallery-line"), {
+  play: choose,
+  drop: (i) => select([...selected].filter((other) => other !== i)),
+});
+// What was chosen on this page before, in any campaign.
+const CHOICE = "murmuration.map.";
 let known = { classes: [], of: new Map(), machine: new Set() };
 let points = null;
+// The individuals that the annotator of the filter has answered.
+let answered = null;
 let selected = new Set();
-let hovered = -1;
-let line = null;
+// The colour of each point, by what they are coloured by now.
+let colourOf = () => 0;
 
 const outbox = new Outbox(await session(), {
   told: (_, reply) => palette.show(reply.classes),
@@ -37,108 +52,70 @@ async function answer(text) {
     complain(status, new Error("Select behaviours first: draw a line around them."));
     return;
   }
-  await introduced();
-  const indices = [...selected];
+  if (!(await introduced())) return;
+  const indices = await agreed(known, [...selected], text);
+  if (indices.length === 0) return;
   outbox.answer(indices, text);
   select([]);
   return indices;
 }
 
-const number = (colour) => parseInt(colour.slice(1), 16);
-
-// A colour for each point, and what the colours mean.
-function colouring() {
-  const nameless = dark.matches ? NAMELESS.dark : NAMELESS.light;
-  switch (at("colouring").value) {
-    case "cluster": {
-      const colours = points.clusterColours.map(number);
-      const entries = points.clusterColours.map((colour, i) => [colour, `cluster ${i + 1}`, points.sizes[i]]);
-      return { of: (i) => colours[points.cluster[i]] ?? nameless, entries };
-    }
-    case "generation": {
-      const last = Math.max(Math.ceil(points.count / points.population) - 1, 1);
-      const of = (i) => shade(Math.floor(i / points.population) / last);
-      const mark = (part) => [`#${shade(part).toString(16).padStart(6, "0")}`, `generation ${grouped(Math.round(part * last))}`];
-      return { of, entries: [0, 0.5, 1].map(mark) };
-    }
-    case "robustness": {
-      const of = (i) => (i < points.robust.length ? shade(points.robust[i] / points.starts) : nameless);
-      const counts = Array.from({ length: points.starts + 1 }, () => 0);
-      for (const robust of points.robust) counts[robust]++;
-      const mark = (count, robust) => [
-        `#${shade(robust / points.starts).toString(16).padStart(6, "0")}`,
-        `${robust} of ${points.starts} trials nearest to the individual's medoid`,
-        count,
-      ];
-      return { of, entries: counts.map(mark) };
-    }
-    default: {
-      const colours = known.classes.map(({ colour }) => number(colour));
-      const entries = known.classes.map(({ colour, name }, place) => [colour, name, individualsOf(place)]).filter(([, , of]) => of);
-      entries.push([`#${nameless.toString(16)}`, "unnamed", points.count - known.of.size]);
-      return { of: (i) => (known.of.has(i) ? colours[known.of.get(i)] : nameless), entries };
-    }
-  }
-}
-
-// How many individuals are of a class, and how many of them only the rule-based judge named; nothing if there are none.
-function individualsOf(place) {
-  const all = [...known.of].filter(([, of]) => of === place).map(([index]) => index);
-  const machine = all.filter((index) => known.machine.has(index)).length;
-  if (all.length === 0) return null;
-  if (machine === 0) return grouped(all.length);
-  if (machine === all.length) return `${grouped(all.length)}, named only by the rule-based judge`;
-  return `${grouped(all.length)}, ${grouped(machine)} of them only by the rule-based judge`;
-}
-
-// From early to late: three colours that differ in lightness too.
-function shade(part) {
-  const stops = dark.matches ? [0x3f5f9e, 0x3fa58c, 0xf0dc5a] : [0xd9b51f, 0x2f8f83, 0x33337f];
-  const from = stops[part < 0.5 ? 0 : 1];
-  const to = stops[part < 0.5 ? 1 : 2];
-  const way = (part * 2) % 1 || (part === 0 ? 0 : part === 0.5 ? 0 : 1);
-  const mix = (shift) => Math.round(((from >> shift) & 255) * (1 - way) + ((to >> shift) & 255) * way) << shift;
-  return mix(16) | mix(8) | mix(0);
-}
-
+// Paints points and legend anew.
 function paint() {
   if (!points) return;
-  const { of, entries } = colouring();
-  plot.show(of, selected, dark.matches);
-  at("legend").replaceChildren(...entries.map(entry));
-  sketch();
+  const kind = at("colouring").value;
+  const { of, entries } = colouring(kind, points, known, dark.matches);
+  colourOf = of;
+  const focused = document.activeElement?.closest("#legend button")?.dataset.value;
+  at("legend").replaceChildren(...entries.map((entry) => legendEntry(entry, filter.hidden[kind])));
+  if (focused !== undefined) at("legend").querySelector(`[data-value="${CSS.escape(focused)}"]`)?.focus();
+  tellShown();
+  draw();
 }
 
-function entry([colour, name, count]) {
-  const item = document.createElement("li");
-  const mark = document.createElement("span");
-  mark.className = "mark";
-  mark.style.setProperty("--class", colour);
-  item.append(mark, count === undefined ? name : `${name} · ${typeof count === "number" ? grouped(count) : count}`);
-  return item;
+// Paints the points, in the colours that they have.
+function draw() {
+  plot.show(colourOf, { selected, standsOut: (i) => known.of.has(i) || points.isMedoid.has(i) }, dark.matches);
+  sketch.draw();
 }
 
-// What changes with the pointer, above the points.
-function sketch() {
-  fit(over);
-  const pen = over.getContext("2d");
-  const dense = over.width / Math.max(over.clientWidth, 1);
-  pen.setTransform(dense, 0, 0, dense, 0, 0);
-  pen.clearRect(0, 0, over.clientWidth, over.clientHeight);
-  const ink = getComputedStyle(over).color;
-  if (line) trace(pen, line, ink);
-  if (hovered < 0) return;
-  pen.strokeStyle = ink;
-  pen.lineWidth = 2;
-  pen.beginPath();
-  pen.arc(plot.across[hovered], plot.down[hovered], 7, 0, 2 * Math.PI);
-  pen.stroke();
+// What the points are hidden by.
+function valueOf(kind, i) {
+  if (kind === "class") return known.classes[known.of.get(i)]?.name ?? NAMELESS_CLASS;
+  if (kind === "cluster") return points.cluster[i];
+  if (kind === "robustness") return points.robust[i];
+  if (kind === "annotator") return answered?.has(i);
+  return Math.floor(i / points.population);
+}
+
+// Hides and shows points as the filter says; what is hidden is not selected.
+function sift() {
+  if (!points) return;
+  plot.visible = filter.shown(points.count, valueOf);
+  plot.sort();
+  if (plot.visible) selected = new Set([...selected].filter((i) => plot.visible[i]));
+  hover(-1);
+  tellSelected();
+  paint();
+}
+
+function tellShown() {
+  const shown = plot.visible ? plot.visible.reduce((sum, is) => sum + is, 0) : points.count;
+  at("shown").textContent = plot.visible ? `${grouped(shown)} of ${counted(points.count, "individual")} are shown.` : "";
+  at("show-all").hidden = plot.visible === null;
 }
 
 function nameOf(i) {
   if (!known.of.has(i)) return "unnamed";
   const { name } = known.classes[known.of.get(i)];
-  return known.machine.has(i) ? `${name} (by the rule-based judge)` : name;
+  return known.machine.has(i) ? `${shown(name)} (by the rule-based judge)` : shown(name);
+}
+
+// The cluster of an individual, by its number; nothing where it has none yet.
+function clusterOf(i) {
+  const cluster = points.cluster[i];
+  if (cluster === undefined) return "";
+  return points.isMedoid.has(i) ? ` · medoid of cluster ${cluster + 1}` : ` · cluster ${cluster + 1}`;
 }
 
 // How many of its starts lead to the behaviour of its cluster; nothing where individuals have one.
@@ -147,23 +124,23 @@ function robustnessOf(i) {
 }
 
 function hover(i) {
-  if (i === hovered) return;
-  hovered = i;
+  if (i === sketch.hovered) return;
+  sketch.hovered = i;
   tip.hidden = i < 0;
   if (i >= 0) {
     tip.querySelector("img").src = path(archived(i));
-    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${robustnessOf(i)}`;
+    tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}`;
     const [x, y] = [plot.across[i], plot.down[i]];
     const left = x + 14 + tip.offsetWidth > over.clientWidth ? x - tip.offsetWidth - 14 : x + 14;
     tip.style.left = `${Math.max(left, 4)}px`;
     tip.style.top = `${Math.min(Math.max(y - tip.offsetHeight / 2, 4), over.clientHeight - tip.offsetHeight - 4)}px`;
   }
-  sketch();
+  sketch.draw();
 }
 
 function choose(i) {
   if (i < 0) return;
-  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${robustnessOf(i)}.`;
+  at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}.`;
   player.show(i).catch((error) => complain(status, error));
 }
 
@@ -177,28 +154,58 @@ function select(indices, adds = false) {
 function tellSelected() {
   const named = [...selected].filter((i) => known.of.has(i)).length;
   const already = named === 0 ? "" : named === selected.size ? ", all already named" : `, ${grouped(named)} of them already named`;
+  gallery.show([...selected], nameOf);
   at("selected").textContent = selected.size
     ? `${grouped(selected.size)} selected${already}: which class?`
     : "Draw a line around behaviours to label them.";
 }
 
+const moves = (event) => event.button === 1 || (event.button === 0 && (event.ctrlKey || isMoving()));
+const isMoving = () => at("move").getAttribute("aria-pressed") === "true";
+at("move").addEventListener("click", () => at("move").setAttribute("aria-pressed", String(!isMoving())));
+function moved() {
+  if (!points) return;
+  hover(-1);
+  redraw();
+}
+// Once for each picture of the screen, however often the map is moved meanwhile.
+let due = false;
+function redraw() {
+  if (due) return;
+  due = true;
+  requestAnimationFrame(() => {
+    due = false;
+    plot.layOut();
+    plot.repaint(true);
+    sketch.draw();
+  });
+}
+steer(over, plot, { wheels: () => true, drags: moves, changed: moved });
+zoomButtons(document.querySelector(".zoom"), plot, moved);
 lasso(over, over, {
+  draws: (event) => !moves(event),
   click: ([x, y]) => choose(plot.nearest(x, y)),
   inside: (drawn, adds) => select(plot.within(drawn), adds),
   draw: (drawn) => {
-    line = drawn;
-    sketch();
+    sketch.line = drawn;
+    sketch.draw();
   },
 });
 over.addEventListener("pointermove", (event) => {
-  if (!line) hover(plot.nearest(event.offsetX, event.offsetY));
+  if (!sketch.line) hover(plot.nearest(event.offsetX, event.offsetY));
 });
 over.addEventListener("pointerleave", () => hover(-1));
 over.addEventListener("keydown", (event) => {
   const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   const way = ways[event.key];
-  if (way) hover(plot.towards(hovered, ...way));
-  else if (event.key === "Enter") choose(hovered);
+  const { hovered } = sketch;
+  if (way) {
+    const next = plot.towards(hovered, ...way);
+    if (next >= 0 && plot.reveal(next)) draw();
+    hover(next);
+  } else if (event.key === "+" || event.key === "-" || event.key === "Home") {
+    document.querySelector(`[data-zoom=${{ "+": "in", "-": "out", Home: "whole" }[event.key]}]`).click();
+  } else if (event.key === "Enter") choose(hovered);
   else if (event.key === " " && hovered >= 0) {
     if (selected.has(hovered)) select([...selected].filter((i) => i !== hovered));
     else select([hovered], true);
@@ -211,8 +218,60 @@ document.addEventListener("keydown", (event) => {
   if (event.key === "Escape") select([]);
   else if (playerKey(player, event)) event.preventDefault();
 });
-at("colouring").addEventListener("change", paint);
-at("projection").addEventListener("change", settle);
+at("legend").addEventListener("click", (event) => {
+  const button = event.target.closest("button");
+  if (!button) return;
+  const kind = at("colouring").value;
+  const valueOn = ({ dataset }) => (kind === "class" ? dataset.value : Number(dataset.value));
+  const value = valueOn(button);
+  const all = [...at("legend").querySelectorAll("button")].map(valueOn);
+  if (event.shiftKey) filter.only(kind, value, all);
+  else filter.toggle(kind, value);
+  sift();
+});
+for (const id of ["from", "to"]) {
+  at(id).addEventListener("change", () => {
+    const [from, to] = ["from", "to"].map((id) => at(id).value);
+    filter.generations = [from === "" ? 0 : Number(from), to === "" ? Infinity : Number(to)];
+    sift();
+  });
+}
+at("of-cluster").addEventListener("change", () => {
+  filter.picked.cluster = at("of-cluster").value === "" ? null : Number(at("of-cluster").value);
+  sift();
+});
+at("answered-by").addEventListener("change", answeredBy);
+// Reads what the annotator of the filter has answered.
+async function answeredBy() {
+  const name = at("answered-by").value;
+  filter.picked.annotator = name === "" ? null : true;
+  if (name !== "") {
+    const told = await insist(() => get("answers/standing"));
+    const [individual, by] = [column(told.individual, Uint32Array), column(told.annotator, Uint16Array)];
+    answered = new Set(individual.filter((_, i) => told.annotators[by[i]] === name));
+  }
+  sift();
+}
+// Offers values in a menu, and keeps what is chosen.
+function fill(menu, entries) {
+  const chosen = menu.value;
+  menu.replaceChildren(menu.options[0], ...entries.map(([value, text]) => new Option(text, value)));
+  menu.value = entries.some(([value]) => String(value) === chosen) ? chosen : "";
+}
+at("show-all").addEventListener("click", () => {
+  filter.showAll();
+  for (const id of ["from", "to", "of-cluster", "answered-by"]) at(id).value = "";
+  sift();
+});
+at("colouring").addEventListener("change", () => {
+  localStorage.setItem(`${CHOICE}colouring`, at("colouring").value);
+  paint();
+});
+at("projection").addEventListener("change", () => {
+  localStorage.setItem(`${CHOICE}projection`, at("projection").value);
+  plot.whole();
+  settle();
+});
 dark.addEventListener("change", paint);
 addEventListener("resize", () => {
   if (!points) return;
@@ -234,24 +293,37 @@ function settle() {
   const places = points.places[at("projection").value] ?? points.places.axes;
   at("distances").textContent = DISTANCES[at("projection").value];
   plot.place(...places);
-  hover(-1);
-  paint();
+  sift();
+}
+
+// The colours that were chosen before; without a choice those of classes where there are any, and else of clusters.
+function chooseColours() {
+  const menu = at("colouring");
+  const kept = localStorage.getItem(`${CHOICE}colouring`);
+  const offered = (value) => menu.querySelector(`[value="${CSS.escape(value ?? "")}"]:not(:disabled)`);
+  menu.value = offered(kept) ? kept : known.of.size === 0 && offered("cluster") ? "cluster" : "class";
 }
 
 // Reads the archive as it stands; t-SNE follows when it is there.
 async function load() {
   const [about, axes] = await Promise.all([insist(() => get("points")), insist(() => get("points/axes"))]);
   const cluster = column(about.cluster, Uint16Array);
+  const isSame = points?.archive_version === about.archive_version && String(points?.medoids) === String(about.medoids);
+  if (!isSame) filter.forgetClusters();
   const sizes = about.medoids.map(() => 0);
   for (const of of cluster) sizes[of]++;
-  points = { ...about, cluster, sizes, robust: column(about.robust, Uint8Array), places: { axes: read(axes) } };
+  const [robust, isMedoid] = [column(about.robust, Uint8Array), new Set(about.medoids)];
+  points = { ...about, cluster, sizes, robust, isMedoid, places: { axes: read(axes) } };
   points.count = points.places.axes[0].length;
   document.querySelector(".plane .empty").hidden = points.count > 0;
   for (const option of at("colouring")) {
     if (option.value === "cluster") option.disabled = sizes.length === 0;
     if (option.value === "robustness") option.disabled = points.robust.length === 0;
   }
+  fill(at("of-cluster"), sizes.map((size, place) => [place, `${place + 1} (${grouped(size)})`]));
+  filter.picked.cluster = at("of-cluster").value === "" ? null : Number(at("of-cluster").value);
   offer(false);
+  chooseColours();
   settle();
   begin();
   const loaded = points;
@@ -272,6 +344,10 @@ function offer(there) {
   option.disabled = !there;
   option.textContent = there ? "t-SNE" : "t-SNE (being computed)";
   if (!there) at("projection").value = "axes";
+  else if (localStorage.getItem(`${CHOICE}projection`) === "neighbours" && at("projection").value === "axes") {
+    at("projection").value = "neighbours";
+    settle();
+  }
 }
 
 async function label() {
@@ -285,8 +361,9 @@ async function label() {
     machine: new Set(individual.filter((_, i) => machine[i])),
   };
   palette.show(labels.classes);
-  tellSelected();
-  paint();
+  fill(at("answered-by"), labels.annotators.map((name) => [name, name]));
+  if (points) chooseColours();
+  await answeredBy();
 }
 
 // The individual that an address names is shown once, when it is there with its name.

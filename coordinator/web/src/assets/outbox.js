@@ -2,6 +2,7 @@
 // its own, so that one that was not acknowledged can be sent again. Until then the browser keeps them, through a refresh
 // and a restart of the browser or the coordinator.
 import { annotator, random } from "./annotator.js";
+import "./ask.js";
 import { Silent, Unavailable, keptAs, pause, post } from "./coordinator.js";
 import { keeping } from "./events.js";
 import { counted } from "./words.js";

@@ -1,14 +1,19 @@
 // The classes as buttons with keys, and a field for those that are new.
+import { keptAs } from "./coordinator.js";
 import { isForPage } from "./keys.js";
-import { counted, grouped } from "./words.js";
+import { counted, grouped, shown } from "./words.js";
 
-const KEYS = 9;
+// The keys that classes get by themselves, in this order: digits, then the letters that no page uses.
+const KEYS = [..."123456789abcdefghijklmopqtvwxyz"];
+// Says that somebody does without the paper's classes.
+const OFFERS = `${keptAs}.offers`;
 
 export class Palette {
   // `answer(text)` names what the page shows and returns the individuals that it named; `outbox` takes later changes of it.
   constructor({ answer, outbox }) {
     this.root = document.querySelector(".palette");
     this.buttons = this.root.querySelector(".classes");
+    this.offers = this.root.querySelector(".offered");
     this.form = this.root.querySelector("form");
     this.field = this.form.elements.class;
     this.choose = answer;
@@ -19,8 +24,10 @@ export class Palette {
     this.differ = new Set();
     this.similar = null;
     this.classes = [];
-    // By key, less one: the class that it means.
-    this.keys = new Array(KEYS).fill(null);
+    // By key, the class that it means.
+    this.keys = new Map();
+    // The paper's classes, if they are offered.
+    this.paper = null;
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       const name = this.field.value.trim();
@@ -42,6 +49,7 @@ export class Palette {
       if (button.dataset.do === "undo") this.outbox.undo();
       else if (button.dataset.do === "instead") this.instead();
       else if (button.dataset.do === "differ") this.keep();
+      else if (button.dataset.do === "own") this.hideOffers();
       else this.answer(button.dataset.answer);
     });
     document.addEventListener("keydown", (event) => {
@@ -51,43 +59,78 @@ export class Palette {
   }
 
   press(key) {
-    const place = /^[1-9]$/.test(key) ? Number(key) - 1 : -1;
-    if (place >= 0) {
-      const chosen = this.keys[place];
-      if (chosen !== null) this.answer(chosen);
-      return true;
-    }
-    if (key === "n") this.field.focus();
+    const chosen = this.keys.get(key);
+    if (chosen !== undefined) this.answer(chosen);
+    else if (key === "n") this.field.focus();
     else if (key === "u") this.outbox.undo();
-    else if (key === "?" && this.root.querySelector("[data-answer='not sure']")) this.answer("not sure");
+    else if (key === "0" && this.root.querySelector("[data-answer='not sure']")) this.answer("not sure");
     else if (key === "s" && this.root.querySelector("[data-answer='skip']")) this.answer("skip");
-    else return false;
+    else return /^[1-9]$/.test(key);
     return true;
   }
 
-  // A class keeps its key for as long as it is there, whichever others go; one that comes has the first that is free.
-  assign(names) {
-    this.keys = this.keys.map((name) => (names.includes(name) ? name : null));
-    for (const name of names) {
-      const free = this.keys.indexOf(null);
-      if (free >= 0 && !this.keys.includes(name)) this.keys[free] = name;
+  // A class has the key that somebody chose for it. Else it keeps its key for as long as it is there, whichever others go; one
+  // that comes has the first that is free.
+  assign(classes) {
+    const former = new Map([...this.keys].map(([key, name]) => [name, key]));
+    this.keys = new Map(classes.filter(({ shortcut }) => shortcut).map(({ name, shortcut }) => [shortcut, name]));
+    const others = classes.filter(({ shortcut }) => !shortcut).map(({ name }) => name);
+    const free = (key) => key !== undefined && !this.keys.has(key);
+    const fresh = others.filter((name) => {
+      const keeps = free(former.get(name));
+      if (keeps) this.keys.set(former.get(name), name);
+      return !keeps;
+    });
+    for (const name of fresh) {
+      const key = KEYS.find(free);
+      if (key) this.keys.set(key, name);
     }
   }
 
-  // Shows the classes, in their order.
+  // The paper's classes that no answer names yet. Where others began with words of their own, nothing is offered.
+  offered(classes) {
+    const names = new Set(classes.map(({ name }) => name));
+    if (this.paper === null) {
+      const paper = this.root.dataset.offered.split(" ");
+      const begun = classes.length > 0 && !paper.some((name) => names.has(name));
+      this.paper = begun || localStorage.getItem(OFFERS) === "none" ? [] : paper;
+    }
+    return this.paper.filter((name) => !names.has(name)).map((name) => ({ name }));
+  }
+
+  // The classes in the order in which they get keys: while the paper's are offered, these first, so that theirs are the same
+  // whichever of them are named already.
+  inOrder(classes, offered) {
+    const all = [...classes, ...offered];
+    const paper = this.paper.map((name) => all.find((of) => of.name === name));
+    return [...paper, ...all.filter(({ name }) => !this.paper.includes(name))];
+  }
+
+  hideOffers() {
+    localStorage.setItem(OFFERS, "none");
+    this.paper = [];
+    this.show(this.classes);
+  }
+
+  // Shows the classes, in their order, and those that are offered.
   show(classes) {
-    this.assign(classes.map(({ name }) => name));
-    const focused = this.buttons.contains(document.activeElement) ? document.activeElement.dataset.answer : null;
-    this.buttons.replaceChildren(...classes.map((known) => this.button(known)));
-    if (focused) this.buttons.querySelector(`[data-answer="${CSS.escape(focused)}"]`)?.focus();
+    const offered = this.offered(classes);
+    const inOrder = this.inOrder(classes, offered);
+    this.assign(inOrder);
+    const focused = this.root.contains(document.activeElement) ? document.activeElement.dataset.answer : null;
+    // A class that is offered stays where it is once it is named: whoever aims at the next one must not miss it.
+    this.buttons.replaceChildren(...inOrder.map((known) => this.button(known)));
+    this.offers.hidden = offered.length === 0;
+    this.root.classList.add("ready");
+    if (focused) this.root.querySelector(`[data-answer="${CSS.escape(focused)}"]`)?.focus();
     this.root.querySelector("datalist").replaceChildren(
       ...classes.map(({ name }) => {
         const option = document.createElement("option");
-        option.value = name;
+        option.value = shown(name);
         return option;
       }),
     );
-    this.root.classList.toggle("none", classes.length === 0);
+    this.root.classList.toggle("none", classes.length + offered.length === 0);
     this.warn(classes);
   }
 
@@ -102,10 +145,10 @@ export class Palette {
     hint.hidden = this.similar === null;
     if (!this.similar) return;
     const [name, other] = this.similar;
-    hint.querySelector("p").textContent = `“${name}” and “${other}” are separate classes. Did you mean the same class?`;
+    hint.querySelector("p").textContent = `“${shown(name)}” and “${shown(other)}” are separate classes. Did you mean the same class?`;
     const instead = hint.querySelector("[data-do=instead]");
     instead.hidden = own.length === 0;
-    instead.textContent = `Use “${other}” instead`;
+    instead.textContent = `Use “${shown(other)}” instead`;
   }
 
   // What was called by a name that was typed wrongly is called by the other.
@@ -126,26 +169,30 @@ export class Palette {
     if (indices) this.said.set(text, [...(this.said.get(text) ?? []), ...indices]);
   }
 
+  // A class, or, without a colour, one that is offered.
   button({ name, colour, labels }) {
     const button = document.createElement("button");
     button.type = "button";
-    button.className = "class";
+    button.className = colour ? "class" : "offer";
     button.dataset.answer = name;
-    button.style.setProperty("--class", colour);
+    if (colour) button.style.setProperty("--class", colour);
     const text = document.createElement("span");
     text.className = "name";
-    text.textContent = name;
-    const count = document.createElement("span");
-    count.className = "labels";
-    count.textContent = grouped(labels);
-    count.title = counted(labels, "answer");
-    const place = this.keys.indexOf(name);
-    if (place >= 0) {
-      const key = document.createElement("kbd");
-      key.textContent = place + 1;
-      button.append(key);
+    text.textContent = shown(name);
+    const key = [...this.keys].find(([, of]) => of === name)?.[0];
+    if (key) {
+      const mark = document.createElement("kbd");
+      mark.textContent = key;
+      button.append(mark);
     }
-    button.append(text, count);
+    button.append(text);
+    if (colour) {
+      const count = document.createElement("span");
+      count.className = "labels";
+      count.textContent = grouped(labels);
+      count.title = counted(labels, "answer");
+      button.append(count);
+    }
     return button;
   }
 }

@@ -45,12 +45,15 @@ class Piece {
 
 // Asks for the pieces of one motion, and holds those that are still to be shown.
 export class Pieces {
-  // `came` hears that there is more to show, `failed` why there is not.
-  constructor({ came, failed }) {
+  // `came` hears that there is more to show, `failed` why there is not; `url` answers with pieces.
+  constructor({ came, failed, url }) {
+    this.url = url;
     this.came = came;
     this.failed = failed;
     this.held = [];
     this.asked = null;
+    // Before a motion begins there is nothing to ask for.
+    this.isNew = true;
     this.ended = false;
   }
 
@@ -75,7 +78,7 @@ export class Pieces {
     body.set("from", step);
     const ask = () => {
       asked.signal.throwIfAborted();
-      return reply(fetch("/play/motion", { method: "POST", body, signal: asked.signal })).then((it) => it.arrayBuffer());
+      return reply(fetch(this.url, { method: "POST", body, signal: asked.signal })).then((it) => it.arrayBuffer());
     };
     try {
       const piece = new Piece(await insist(ask, (error) => this.asked === asked && this.failed(error)));

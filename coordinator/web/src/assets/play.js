@@ -1,95 +1,15 @@
 // The page Play: a person sets a controller, and the swarm that it controls moves.
 import { Comparison } from "./compare.js";
-import { Unavailable } from "./coordinator.js";
+import { Endless } from "./endless.js";
 import { isForPage } from "./keys.js";
-import { Pieces, draw } from "./pieces.js";
-import { Playback, STEPS_A_SECOND } from "./playback.js";
-import { grouped, sentence } from "./words.js";
 
 // Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it; and before
 // this many steps of one robot, which are simulated at once.
 const LOOKED_AT = 1200;
 const AT_ONCE = 120_000;
-// In how much time what is left of a motion would be shown at most: where the coordinator simulates more slowly than it is
-// shown, the motion slows down instead of halting.
-const LEFT_MS = 400;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
 const at = (id) => document.getElementById(id);
 const root = at("play");
-
-// A swarm without an end on a canvas.
-class Endless extends Playback {
-  constructor(player, state) {
-    super(player, { speed: player.querySelector(".speed") });
-    this.state = state;
-    this.motion = state;
-    this.piece = null;
-    this.target = null;
-    this.waiting = player.querySelector(".waiting");
-    this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error) });
-  }
-
-  // Shows the present state's motion from a step on.
-  begin(step) {
-    this.target = step;
-    this.await(true);
-    this.pieces.begin(this.state.query(), step);
-  }
-
-  came(piece, isNew) {
-    this.waiting.hidden = true;
-    at("status").textContent = "";
-    at("status").classList.remove("wrong");
-    if (!isNew) return;
-    this.step = piece.first;
-    this.target = null;
-    this.await(false);
-    this.tell();
-  }
-
-  // Whether what is shown is not yet what the controls say.
-  await(is) {
-    this.canvas.parentElement.setAttribute("aria-busy", is);
-  }
-
-  failed(error) {
-    const text = sentence(error.message);
-    if (!(error instanceof Unavailable)) this.await(false);
-    if (this.piece) at("status").textContent = text;
-    else this.waiting.textContent = text;
-    this.waiting.hidden = Boolean(this.piece);
-    at("status").classList.toggle("wrong", !(error instanceof Unavailable));
-  }
-
-  advance(ms) {
-    const wanted = (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value);
-    const left = Math.max(this.pieces.last - this.step, 0);
-    this.step += Math.min(wanted, left * Math.min(ms / LEFT_MS, 1));
-    this.tell();
-  }
-
-  once() {
-    this.step = Math.min(Math.floor(this.step) + 1, this.pieces.last);
-    this.pause();
-  }
-
-  tell() {
-    this.draw();
-    this.button.classList.toggle("playing", this.playing);
-    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
-    if (this.piece) this.output.textContent = `step ${grouped(Math.floor(this.step))}`;
-  }
-
-  draw() {
-    this.piece = this.pieces?.of(this.step) ?? null;
-    if (this.piece) draw(this.canvas, this.piece, this.step, this.state.shown());
-  }
-
-  pace(faster) {
-    const place = this.speed.selectedIndex + (faster ? 1 : -1);
-    if (place >= 0 && place < this.speed.length) this.speed.selectedIndex = place;
-  }
-}
 
 // What the controls say: what an address holds.
 class State {
@@ -127,7 +47,7 @@ function playground() {
   const state = new State();
   const player = root.querySelector(".player");
   player.querySelector(".stage").style.aspectRatio = `${state.swarm.world.width} / ${state.swarm.world.height}`;
-  const endless = new Endless(player, state);
+  const endless = new Endless(player, state, at("status"));
   const isValid = () => [...root.querySelectorAll(".number")].every((control) => control.value && control.checkValidity());
 
   const comparison = new Comparison(() => state.query());

@@ -53,7 +53,6 @@ export class Player extends Playback {
       const motion = await asked.motion;
       if (this.index !== index) return;
       this.load(motion);
-      this.canvas.parentElement.style.aspectRatio = `${motion.world.width} / ${motion.world.height}`;
       for (const part of [this.button, this.scrub]) if (part) part.disabled = false;
       this.step = calm.matches ? motion.run.last : 0;
       if (calm.matches) this.pause();

@@ -1,14 +1,57 @@
 // The points of the map, which keys go through and lines are drawn around.
+import { fit } from "./drawing.js";
+import { GlPoints } from "./glpoints.js";
 import { encloses } from "./lasso.js";
-import { Plot } from "./plot.js";
+import { PAPER, Plot } from "./plot.js";
+
+// Without a graphics card: milliseconds for a picture while the map moves, and after which it has come to rest.
+const BUDGET_MS = 8;
+const REST_MS = 150;
+// Points that are always painted, all of them.
+const FEW = 10_000;
 
 export class Points extends Plot {
+  constructor(canvas) {
+    super(canvas);
+    this.groups = [];
+    this.isDark = false;
+    // Milliseconds that all points take this script, and what paints all of them once the map rests.
+    this.cost = 0;
+    this.rest = 0;
+    // The groups with one point of so many, for a map that moves.
+    this.thinned = { every: 1, groups: this.groups };
+    // What draws them; null where only this script can.
+    this.card = GlPoints.of(canvas, () => {
+      this.card.place(this.x, this.y);
+      this.look();
+      this.repaint();
+    });
+    canvas.dataset.drawn = this.card ? "webgl" : "canvas";
+  }
+
+  place(x, y, spans) {
+    this.card?.place(x, y);
+    super.place(x, y, spans);
+  }
+
+  // The squares are sorted when somebody points at one: a map that is moved has another sixty times a second.
+  sort() {
+    this.isSorted = false;
+  }
+
+  nearest(x, y) {
+    if (!this.isSorted) super.sort();
+    this.isSorted = true;
+    return super.nearest(x, y);
+  }
+
   // The nearest point that lies in a direction, for keys; the one in the middle where there was none before.
   towards(from, dx, dy) {
-    if (from < 0) return this.middle();
+    if (from < 0) return this.nearestToMiddle();
     let best = from;
     let least = Infinity;
     for (let i = 0; i < this.count; i++) {
+      if (this.visible !== null && this.visible[i] === 0) continue;
       const ahead = (this.across[i] - this.across[from]) * dx + (this.down[i] - this.down[from]) * dy;
       const aside = Math.abs((this.across[i] - this.across[from]) * dy) + Math.abs((this.down[i] - this.down[from]) * dx);
       const cost = ahead + 2 * aside;
@@ -17,11 +60,13 @@ export class Points extends Plot {
     return best;
   }
 
-  middle() {
+  // The point nearest to the middle of the canvas; -1 if none is shown.
+  nearestToMiddle() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     let best = -1;
     let closest = Infinity;
     for (let i = 0; i < this.count; i++) {
+      if (!this.isShown(i)) continue;
       const distance = Math.hypot(this.across[i] - width / 2, this.down[i] - height / 2);
       if (distance < closest) [best, closest] = [i, distance];
     }
@@ -30,18 +75,73 @@ export class Points extends Plot {
 
   within(line) {
     const found = [];
-    for (let i = 0; i < this.count; i++) if (encloses(line, this.across[i], this.down[i])) found.push(i);
+    for (let i = 0; i < this.count; i++) {
+      if (this.isShown(i) && encloses(line, this.across[i], this.down[i])) found.push(i);
+    }
     return found;
   }
 
-  // Paints every point; with a selection, the others under it and faded.
-  show(colourOf, selected, isDark) {
-    const others = [];
-    const chosen = [];
-    for (let i = 0; i < this.count; i++) (selected.has(i) ? chosen : others).push(i);
-    this.paint(isDark, [
-      { points: others, colourOf, strength: selected.size === 0 ? 0.85 : 0.18 },
-      { points: chosen, colourOf, strength: 0.85 },
-    ]);
+  // Paints every point that is shown: those that stand out over the others, and with a selection, those that are not in it
+  // faded.
+  show(colourOf, { selected, standsOut }, isDark) {
+    const groups = [[], [], []];
+    for (let i = 0; i < this.count; i++) groups[selected.has(i) ? 2 : standsOut(i) ? 1 : 0].push(i);
+    const faded = selected.size > 0;
+    this.isDark = isDark;
+    this.groups = [
+      { points: groups[0], colourOf, strength: faded ? 0.18 : 0.7 },
+      { points: groups[1], colourOf, strength: faded ? 0.25 : 1, size: 1.4 },
+      { points: groups[2], colourOf, strength: 0.95, size: 1.2 },
+    ];
+    this.thinned = { every: 1, groups: this.groups };
+    this.look();
+    this.repaint();
+  }
+
+  // Tells the card how the points look.
+  look() {
+    if (!this.card) return;
+    const [looks, sizes] = [new Uint8Array(4 * this.count), new Uint8Array(this.count)];
+    const order = [];
+    for (const { points, colourOf, strength, size = 1 } of this.groups) {
+      for (const i of points) {
+        if (this.visible !== null && this.visible[i] === 0) continue;
+        order.push(i);
+        const colour = colourOf(i);
+        looks[4 * i] = colour >> 16;
+        looks[4 * i + 1] = (colour >> 8) & 255;
+        looks[4 * i + 2] = colour & 255;
+        looks[4 * i + 3] = 255 * strength;
+        sizes[i] = 127.5 * size;
+      }
+    }
+    this.card.look(Uint32Array.from(order), looks, sizes);
+  }
+
+  // Paints the points where they lie now, as they looked last. Where this script paints them and they take too long for a map that
+  // moves, these are some of them, evenly chosen, until it rests.
+  repaint(moves = false) {
+    if (!this.card) return this.paintSome(moves && this.count > FEW ? 2 ** Math.max(Math.ceil(Math.log2(this.cost / BUDGET_MS)), 0) : 1);
+    fit(this.canvas);
+    const dense = this.density();
+    this.card.paint({
+      scale: this.reach.map((pixels) => pixels * dense),
+      shift: this.corner.map((pixels) => pixels * dense),
+      radius: this.radius(),
+      paper: this.isDark ? PAPER.dark : PAPER.light,
+    });
+  }
+
+  // Paints one point of `every`.
+  paintSome(every) {
+    clearTimeout(this.rest);
+    if (this.thinned.every !== every) {
+      const groups = this.groups.map((group) => ({ ...group, points: group.points.filter((_, k) => k % every === 0) }));
+      this.thinned = { every, groups };
+    }
+    const begun = performance.now();
+    this.paint(this.isDark, this.thinned.groups);
+    if (every === 1) this.cost = performance.now() - begun;
+    else this.rest = setTimeout(() => this.repaint(), REST_MS);
   }
 }

@@ -1,6 +1,7 @@
-// Plays the medoids and has them named.
+// Plays the medoids and has them named, merged and tried from further starts.
 import { introduced, session } from "./annotator.js";
-import { follow } from "./coordinator.js";
+import { follow, insist, reply } from "./coordinator.js";
+import "./keys.js";
 import { Outbox, complain } from "./outbox.js";
 import { Player } from "./player.js";
 
@@ -44,20 +45,113 @@ follow((seen) => {
   begun = stands;
 });
 
-if (status) {
-  await introduced();
-  const outbox = new Outbox(await session(), {
-    told() {},
-    refused: (_, error) => complain(status, error),
-    changed: (outbox) => outbox.tell(status),
+// What is to be said after the page has come again.
+const SAID = "murmuration.said";
+const said = sessionStorage.getItem(SAID);
+if (said && status) {
+  sessionStorage.removeItem(SAID);
+  status.textContent = said;
+}
+
+function again(words) {
+  sessionStorage.setItem(SAID, words);
+  location.reload();
+}
+
+// The further starts of a medoid, over the page; the address of the button is a page of them.
+const further = document.querySelectorAll(".further");
+for (const link of further) {
+  link.addEventListener("click", (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    tryStarts(link);
   });
+}
+
+async function tryStarts(link) {
+  if (link.getAttribute("aria-busy") === "true") return;
+  link.setAttribute("aria-busy", "true");
+  const dialog = document.createElement("dialog");
+  dialog.className = "further-starts";
+  dialog.setAttribute("aria-label", link.textContent);
+  const place = document.createElement("div");
+  place.setAttribute("role", "status");
+  place.textContent = "Workers simulate and judge 20 starts…";
+  const form = document.createElement("form");
+  form.method = "dialog";
+  const close = document.createElement("button");
+  close.className = "plain";
+  close.textContent = "Close";
+  form.append(close);
+  dialog.append(place, form);
+  dialog.addEventListener("close", () => {
+    dialog.remove();
+    link.focus();
+  });
+  document.body.append(dialog);
+  dialog.showModal();
+  try {
+    const text = await (await insist(() => reply(fetch(link.href)), ({ message }) => (place.textContent = `Still waiting: ${message}.`))).text();
+    const found = new DOMParser().parseFromString(text, "text/html").getElementById("starts");
+    place.replaceChildren(...(found ? [document.adoptNode(found)] : ["The coordinator answered with another page."]));
+  } catch (error) {
+    place.textContent = error.message;
+  } finally {
+    link.removeAttribute("aria-busy");
+  }
+}
+
+if (status) {
+  // What is to be said once everything has been acknowledged, where that changes the page.
+  let after = null;
+  const outbox = new Outbox(await session(), {
+    told({ path }, reply) {
+      if (path === "undo") after = reply.individuals.length ? "Your last answer is undone." : "There is nothing to undo.";
+    },
+    refused(_, error) {
+      after = null;
+      complain(status, error);
+    },
+    changed(outbox) {
+      if (outbox.items.length === 0 && after !== null) again(after);
+      else outbox.tell(status);
+    },
+  });
+  // Who only reads is asked nothing; `words` are what is to be said of an answer that changes the page.
+  async function name(indices, answer, words = null) {
+    if (!answer || !(await introduced())) return;
+    if (words !== null) after = words;
+    outbox.answer(indices, answer);
+  }
   for (const form of document.querySelectorAll(".medoid form")) {
     form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const answer = form.elements.name.value.trim();
-      if (!answer) return;
-      outbox.answer([Number(form.dataset.index)], answer);
+      name([Number(form.dataset.index)], form.elements.name.value.trim());
       form.elements.name.blur();
     });
   }
+  for (const button of document.querySelectorAll("[data-suggested]")) {
+    button.addEventListener("click", () => {
+      const form = button.closest(".medoid").querySelector("form");
+      form.elements.name.value = button.dataset.suggested;
+      form.requestSubmit();
+    });
+  }
+  for (const form of document.querySelectorAll(".merge")) {
+    const field = form.elements.name;
+    field.addEventListener("input", () => {
+      const random = field.value.trim().toLowerCase() === "random";
+      field.setCustomValidity(random ? "Behaviours of the class random need not be alike: choose another name." : "");
+    });
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      const answer = field.value.trim();
+      if (!answer) return;
+      const words = `Merged as “${answer}”. “Undo my last answer” takes that back.`;
+      name(form.dataset.indices.split(" ").map(Number), answer, words);
+    });
+  }
+  document.querySelector("[data-do=undo]").addEventListener("click", async () => {
+    if (await introduced()) outbox.undo();
+  });
 }

@@ -139,7 +139,7 @@ fn verdict(record: &CampaignRecord, nearest: &Nearest) -> Markup {
     html! {
         @if nearest.is_unlike() { strong { "This is like nothing in " (record.id) "." } " " }
         "The nearest cluster is " (medoid.cluster + 1) ", " (format!("{:.3}", medoid.distance)) " from its medoid"
-        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average (over " (UNLIKE) " is like nothing)" }
+        @if let Some(times) = times { ", " (format!("{times:.1}")) " times as far as its members are on average (from " (UNLIKE) " on, a behaviour counts as unlike all others)" }
         "."
         @if !nearest.is_taxonomy { " The campaign is not complete, so clusters may change." }
         @if let Some(labelled) = &nearest.labelled {

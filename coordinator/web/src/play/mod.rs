@@ -5,14 +5,17 @@
 //! campaign's embedder.
 
 mod address;
+mod archived;
 mod compare;
 mod knobs;
 mod motion;
 mod search;
 mod view;
 
+pub(super) use archived::pieces;
 pub(super) use compare::like;
 pub(super) use search::search;
+pub(super) use view::described;
 
 use super::{Web, page_error::PageError, refused::Refused, visitor::Visitor};
 use address::{Address, Parameters, Play};
@@ -34,6 +37,9 @@ use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
+/// Most campaigns that are offered to compare a swarm with, and most whose records are in memory at once.
+const OFFERED: usize = 50;
+
 /// What the page needs of its coordinator: room to simulate, and the swarms that were simulated last. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Playground {
@@ -51,7 +57,11 @@ impl Default for Playground {
 }
 
 impl Playground {
-    fn enter(&self) -> Result<OwnedSemaphorePermit, Status> {
+    /// Room for one simulation or drawing.
+    ///
+    /// # Errors
+    /// If there is none at present.
+    pub(super) fn enter(&self) -> Result<OwnedSemaphorePermit, Status> {
         let room = self.room.clone().try_acquire_owned();
         room.map_err(|_| Status::resource_exhausted("too many swarms are simulated at once: try again"))
     }
@@ -80,13 +90,23 @@ pub(super) async fn page(
     Ok(view::page(&address, &campaigns, &visitor))
 }
 
-/// The campaigns with individuals that a swarm can be compared with, newest first.
+/// The newest campaigns with individuals that a swarm can be compared with, newest first: [`OFFERED`] at most.
 async fn comparable(web: &Web, play: &Play) -> Result<Vec<CampaignId>, PageError> {
-    let listed = web.campaigns.list().await?.into_iter().rev();
-    let records = listed.map(|status| status.record);
-    let comparable =
-        records.filter(|record| record.individuals() > 0 && compare::is_comparable(record, &play.world));
-    Ok(comparable.map(|record| record.id).collect())
+    let heads = web.campaigns.heads().await?;
+    let ids: Vec<CampaignId> = heads.into_iter().rev().map(|listed| listed.head.id).collect();
+    let mut comparable = Vec::new();
+    for some in ids.chunks(OFFERED) {
+        let statuses = web.campaigns.statuses(some.to_vec()).await?;
+        let records = statuses.into_iter().map(|status| status.record);
+        let records =
+            records.filter(|record| record.individuals() > 0 && compare::is_comparable(record, &play.world));
+        comparable.extend(records.map(|record| record.id));
+        if comparable.len() >= OFFERED {
+            comparable.truncate(OFFERED);
+            break;
+        }
+    }
+    Ok(comparable)
 }
 
 /// A piece of the motion of the swarm of an address, from the step `from` on.
@@ -96,6 +116,11 @@ pub(super) async fn motion(
 ) -> Result<impl IntoResponse, Refused> {
     let first = first_step(&mut parameters)?;
     let play = strictly(&parameters)?;
+    piece(web, play, first).await
+}
+
+/// A piece of the motion of a swarm, from the step `first` on.
+async fn piece(web: Web, play: Play, first: u32) -> Result<impl IntoResponse, Refused> {
     let permit = web.play.enter()?;
     let wanted = Wanted(Interrupt::default());
     let interrupt = wanted.0.clone();
@@ -123,9 +148,20 @@ fn first_step(parameters: &mut Parameters) -> Result<u32, Invalid> {
         return Ok(0);
     };
     let (_, text) = parameters.remove(place);
-    let step = text.parse().ok().filter(|step| *step <= MOST_STEPS);
-    let allowed = format!("a whole number from 0 to {MOST_STEPS}");
-    step.ok_or_else(|| Invalid::new("from", format!("{text:?}"), allowed))
+    let step = text.parse().ok().and_then(|from| step(from).ok());
+    step.ok_or_else(|| not_a_step(format!("{text:?}")))
+}
+
+/// The first step of a piece, if it is not too far.
+fn step(from: u32) -> Result<u32, Invalid> {
+    if from <= MOST_STEPS {
+        return Ok(from);
+    }
+    Err(not_a_step(from.to_string()))
+}
+
+fn not_a_step(given: String) -> Invalid {
+    Invalid::new("from", given, format!("a whole number from 0 to {MOST_STEPS}"))
 }
 
 #[cfg(test)]

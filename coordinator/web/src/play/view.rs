@@ -1,15 +1,28 @@
 //! The markup of the page.
 
 use super::{
-    super::{layout::play_page, parts, visitor::Visitor},
+    super::{layout::play_page, new::token, parts, visitor::Visitor},
+    OFFERED,
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
 };
 use maud::{Markup, html};
 use murmuration_model::{CampaignId, colours};
-use murmuration_proto::{CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, grouped};
+use murmuration_proto::{
+    CampaignSpec, CapabilityModel, Invalid, Preset, Robot, Sensor, Species, World, grouped,
+};
 use murmuration_report::picture::{columns, sensor_reach};
 use serde_json::{Value, json};
+
+/// The keys of the page.
+const KEYS: [(&str, &str); 6] = [
+    ("Space", "play or pause"),
+    ("→", "one step on"),
+    ("r", "restart the motion"),
+    ("n", "start anew, from another seed"),
+    ("- +", "slower or faster"),
+    ("l", "ask what in a campaign this swarm is like"),
+];
 
 /// The page of an address.
 ///
@@ -18,6 +31,7 @@ pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visito
     let content = html! {
         div.wide-bar {
             h1 { "Play" }
+            @if address.play.is_ok() { (parts::keys(&KEYS)) }
             (presets(&address.robots))
         }
         noscript { p.scriptless { "This page needs JavaScript, which is not running in this browser." } }
@@ -94,7 +108,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
         Robots::Described(_) => None,
     };
     html! {
-        div #play.columns.scripted data-model=[preset] data-swarm=(swarm(play).to_string()) {
+        div #play.columns.scripted data-model=[preset] data-swarm=(described(play.controller.model(), &play.world).to_string()) {
             section.watch aria-label="The swarm" {
                 div.player {
                     div.stage { canvas role="img" aria-label="Motion of the swarm" {} p.waiting hidden {} }
@@ -116,8 +130,7 @@ fn playground(address: &Address, play: &Play) -> Markup {
         }
         p.reason.scripted {
             "The address of this page holds the robots, the controller, the seed and the number of robots: a link shows the same "
-            "motion to everybody. Space plays and pauses, " kbd { "n" } " starts anew, " kbd { "-" } " and " kbd { "+" }
-            " change the speed."
+            "motion to everybody. The key " kbd { "?" } " lists the keys."
         }
     }
 }
@@ -136,9 +149,10 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
                     label { "Campaign " select #campaign {
                         @for id in campaigns { option value=(id) { (id) } }
                     } }
+                    @if campaigns.len() == OFFERED { span.reason { "The newest " (OFFERED) " are listed." } }
                     button.plain #ask type="button" { "What is this like? " kbd { "l" } }
                 }
-                form #search method="post" action="/play/search" { button { "Search from here" } }
+                form #search method="post" action="/play/search" { input type="hidden" name="request" value=(token()); button { "Search from here" } }
             }
             p.reason {
                 "Search from here starts a campaign of " (grouped(CampaignSpec::BEGUN_EVALUATIONS.into())) " evaluations with these "
@@ -307,8 +321,7 @@ fn cone(robot: &Robot, sensor: &Sensor) -> (f64, Option<f64>) {
 }
 
 /// What the script needs to draw the swarm.
-fn swarm(play: &Play) -> Value {
-    let (model, world) = (play.controller.model(), &play.world);
+pub(in super::super) fn described(model: &CapabilityModel, world: &World) -> Value {
     let mut first = 0;
     let mut species = Vec::new();
     for (place, of) in model.species().iter().enumerate() {

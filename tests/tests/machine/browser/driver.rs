@@ -15,6 +15,21 @@ use thirtyfour::{Capabilities, ChromiumLikeCapabilities as _, DesiredCapabilitie
 const DRIVER_TIMEOUT: Duration = Duration::from_secs(60);
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 
+/// Notes, for as long as the window is open, what moves on its pages though nobody has just pressed or typed anything.
+const SHIFTS: &str = "new PerformanceObserver((list) => { \
+    if (location.protocol === 'about:') return; \
+    const noted = JSON.parse(sessionStorage.getItem('shifts') ?? '[]'); \
+    const place = ({ x, y, width, height }) => [x, y, width, height].map(Math.round).join(' '); \
+    for (const { hadRecentInput, sources } of list.getEntries()) { \
+        if (hadRecentInput) continue; \
+        for (const { node, previousRect, currentRect } of sources) { \
+            const what = (node?.outerHTML ?? node?.textContent ?? 'gone').slice(0, 160); \
+            noted.push(`${location.pathname}: ${what}: ${place(previousRect)} -> ${place(currentRect)}`); \
+        } \
+    } \
+    sessionStorage.setItem('shifts', JSON.stringify(noted)); \
+}).observe({ type: 'layout-shift', buffered: true })";
+
 /// chromedriver, ended with this.
 pub struct Driver {
     process: Child,
@@ -153,6 +168,26 @@ impl Window {
         chain.release().perform().await.unwrap();
     }
 
+    /// Notes what moves by itself on the pages from the next one on.
+    pub async fn note_shifts(&self) {
+        self.before_pages(SHIFTS).await;
+    }
+
+    /// Runs a script before those of each page, from the next one on.
+    pub async fn before_pages(&self, script: &str) {
+        let script = json!({ "source": script });
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Page.addScriptToEvaluateOnNewDocument", script)
+            .await
+            .unwrap();
+    }
+
+    /// What has moved by itself, from where to where.
+    pub async fn shifts(&self) -> Value {
+        self.value("JSON.parse(sessionStorage.getItem('shifts') ?? '[]')")
+            .await
+    }
+
     /// As on a screen of this many pixels across, light or dark.
     pub async fn resize(&self, width: u32, height: u32, dark: bool) {
         let cdp = self.driver.cdp();
@@ -192,7 +227,14 @@ impl Window {
         fs::write(folder.join(format!("{name}.png")), bytes).unwrap();
     }
 
+    /// Closes the window; panics if a script failed on any of its pages.
     pub async fn close(self) {
+        let log = self.driver.browser_log().await.unwrap();
+        let failed: Vec<_> = log
+            .iter()
+            .filter(|entry| entry.source.as_deref() == Some("javascript"))
+            .collect();
+        assert!(failed.is_empty(), "scripts failed: {failed:?}");
         self.driver.quit().await.unwrap();
     }
 }

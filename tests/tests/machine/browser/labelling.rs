@@ -16,7 +16,7 @@ pub async fn thirty_are_labelled_two_undone_and_a_refresh_loses_nothing() {
         .until("document.querySelectorAll('.class').length === 2")
         .await;
     for turn in 0..13 {
-        seen.push(answer(&window, ["1", "2", "?", "s"][turn % 4]).await);
+        seen.push(answer(&window, ["1", "2", "0", "s"][turn % 4]).await);
     }
     // Some of these may not be acknowledged yet.
     window.driver.refresh().await.unwrap();
@@ -201,7 +201,7 @@ pub async fn who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_
     let open = (0..100).filter(|index| !judged.contains_key(index));
     let said = open.take(10).map(|index| (index, "milling".to_owned()));
     scene.labels.say("Ben", said).await;
-    for page in ["/label", "/sheet"] {
+    for page in ["/label", "/comparisons", "/sheet"] {
         let window = driver.open(&scene.url(page)).await;
         window.until("!document.getElementById('who').hidden").await;
         let frames = window

@@ -2,6 +2,7 @@
 
 use crate::browser::{
     driver::{Driver, Window},
+    looks::check,
     scene::{answer, introduce, name, saved},
 };
 use murmuration_tests::Murmuration;
@@ -54,6 +55,12 @@ pub async fn who_logs_in_labels_and_who_logs_out_is_out() {
 
     let page = format!("{url}{LABEL}");
     let window = driver.open(&page).await;
+    arrived(&window, "/login").await;
+    check(&window, "login").await;
+    window.click("input[name=token]").await;
+    window.press("mur_of_nobody\u{e007}").await;
+    window.until("document.querySelector('[role=alert]')").await;
+    check(&window, "login-refused").await;
     log_in(&window, token).await;
     introduce(&window, "Ana").await;
     let mut seen = vec![name(&window, "milling").await];

@@ -3,24 +3,39 @@
 //! Needs Chromium and its driver (`scripts/browser` installs them); without them the tests are ignored.
 //! Screenshots of every page land in `target/screenshots`, for people to look at.
 
+mod axe;
+mod comparisons;
 mod driver;
+mod first_hour;
 mod keys;
 mod labelling;
 mod learning;
 mod leaving;
 mod looks;
 mod playing;
+mod points;
 mod printing;
 mod report;
+mod reviewing;
 mod scene;
 mod scriptless;
 mod selecting;
+mod starting;
+mod steering;
+mod studies;
+mod taxonomy;
 
 use murmuration_tests::{Requirement, Test, test};
 
 /// Every test of the pages.
 pub fn tests() -> Vec<Test> {
     let tests = [
+        test!(async comparisons::behaviours_are_compared_by_key_and_click_and_the_log_holds_what_the_page_counts),
+        test!(async comparisons::who_compares_sees_how_many_are_by_others_and_withdraws_none_of_theirs),
+        test!(async first_hour::at_a_wide_screen),
+        test!(async first_hour::at_a_phone),
+        test!(async first_hour::at_200_percent),
+        test!(async first_hour::in_the_dark),
         test!(async keys::answers_are_given_from_any_menu_and_box_and_these_keep_their_own_keys),
         test!(async keys::a_class_keeps_its_key_when_another_goes),
         test!(async keys::an_arrow_on_the_sheet_moves_the_motion_or_goes_to_another_cluster_never_both),
@@ -32,6 +47,7 @@ pub fn tests() -> Vec<Test> {
         test!(async labelling::who_begins_sees_what_others_answered_as_theirs_and_no_empty_frames_before),
         test!(async labelling::a_name_that_was_typed_wrongly_is_exchanged_with_a_button),
         test!(async learning::what_was_said_is_learned_and_the_map_changes),
+        test!(async learning::who_only_compares_teaches_too),
         test!(async learning::where_there_is_nothing_to_learn_from_the_page_says_so),
         test!(async leaving::who_logs_in_labels_and_who_logs_out_is_out),
         test!(async looks::every_page_is_readable_wide_and_narrow_light_and_dark),
@@ -44,14 +60,31 @@ pub fn tests() -> Vec<Test> {
         test!(async playing::a_search_begins_with_the_controller_that_was_played_with),
         test!(async playing::where_nothing_can_be_compared_the_page_says_so),
         test!(async playing::the_page_fits_every_screen_and_rests_where_motion_is_not_wanted),
+        test!(async points::a_card_draws_the_points_as_the_script_does),
         test!(async printing::pins_stay_with_their_medoids_when_the_report_is_laid_out_for_paper),
         test!(async report::a_card_plays_pauses_and_rests_by_keyboard_in_a_file),
         test!(async report::a_pointer_on_the_map_tells_what_is_there),
+        test!(async reviewing::the_papers_classes_are_offered_and_keys_can_be_chosen),
+        test!(async reviewing::every_page_with_keys_lists_them),
+        test!(async reviewing::answers_are_looked_through_changed_and_withdrawn),
+        test!(async reviewing::classes_are_changed_after_it_was_said_what_that_does),
+        test!(async reviewing::who_names_on_the_map_first_stays_where_they_are_and_sees_a_part),
+        test!(async reviewing::the_motion_stays_in_view_beside_a_long_sheet),
         test!(async scriptless::a_page_without_scripts_says_what_it_needs_and_shows_what_it_has),
         test!(async selecting::ten_are_lassoed_on_the_map_and_named),
+        test!(async selecting::the_map_zooms_hides_and_asks_before_it_replaces),
+        test!(async selecting::what_is_hidden_stays_so_when_another_class_goes),
         test!(async selecting::a_cluster_is_named_but_for_those_that_differ),
         test!(async selecting::clusters_are_looked_at_while_the_archive_grows),
         test!(async selecting::medoids_are_named_and_the_report_is_taken_away),
+        test!(async starting::campaigns_are_found_compared_and_deleted_after_a_question),
+        test!(async starting::a_campaign_is_described_checked_and_started_once),
+        test!(async steering::the_training_and_its_rounds_are_drawn_after_a_reload),
+        test!(async steering::novelty_is_drawn_as_it_grows_and_cancelling_asks_first),
+        test!(async steering::a_button_never_becomes_another_and_what_was_agreed_to_is_done),
+        test!(async taxonomy::behaviours_are_merged_tried_learned_from_and_compared),
+        test!(async studies::a_study_is_watched_while_it_runs_and_its_medoids_are_judged_again),
+        test!(async studies::a_controller_of_an_atlas_is_chosen_and_its_motion_plays),
     ];
     tests.map(|test| test.needs(Requirement::Chromium)).into()
 }

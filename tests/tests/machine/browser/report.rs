@@ -1,6 +1,6 @@
 //! The report as a file, without a coordinator.
 
-use crate::browser::{driver::Driver, scene::Scene};
+use crate::browser::{axe::check_barriers, driver::Driver, scene::Scene};
 use serde_json::json;
 
 /// The first card: how it is, whether its button offers to pause, and the step.
@@ -62,6 +62,10 @@ pub async fn a_card_plays_pauses_and_rests_by_keyboard_in_a_file() {
     window.click("#play-all").await;
     window.until(&format!("{playing} === 0")).await;
     assert_eq!(window.value(MODE).await, json!("still"));
+    for (width, height, dark) in [(1280, 900, false), (1280, 900, true), (390, 844, true)] {
+        window.resize(width, height, dark).await;
+        check_barriers(&window, &format!("the report at {width}")).await;
+    }
     window.close().await;
 }
 
@@ -90,5 +94,15 @@ pub async fn a_pointer_on_the_map_tells_what_is_there() {
     // What is not of that cluster is faded.
     let faded = "document.querySelectorAll('.pin.faded').length";
     assert_eq!(window.value(faded).await, json!(3));
+    // Each card shows on a small map where its cluster lies.
+    let blank = "[...document.querySelectorAll('canvas.where')].filter((small) => \
+                 !new Uint32Array(small.getContext('2d').getImageData(0, 0, small.width, small.height).data.buffer).some(Boolean)).length";
+    assert_eq!(window.value(blank).await, json!(0));
+    let pins = "[...document.querySelectorAll('.pin')].map(({ style }) => style.left + style.top).join()";
+    let before = window.value(pins).await;
+    window.click("[data-zoom='in']").await;
+    window.until(&format!("{pins} !== {before}")).await;
+    window.click("[data-zoom='whole']").await;
+    window.until(&format!("{pins} === {before}")).await;
     window.close().await;
 }

@@ -4,7 +4,7 @@ use crate::browser::driver::{Driver, Window};
 use murmuration_proto::{
     CampaignSpec,
     parts::whole,
-    v1::{self, label_service_client::LabelServiceClient},
+    v1::{self, label_entry::Action, label_service_client::LabelServiceClient},
 };
 use murmuration_tests::{Cluster, small_spec};
 use std::collections::BTreeMap;
@@ -133,20 +133,67 @@ impl LabelClient {
 
     /// How many entries the log has.
     pub async fn entries(&mut self) -> usize {
+        self.log().await.len()
+    }
+
+    /// The comparisons that stand, the oldest first, as the entries of the log say.
+    pub async fn compared(&mut self) -> Vec<v1::Comparison> {
+        let mut standing = BTreeMap::new();
+        for entry in self.log().await {
+            match entry.action {
+                Some(Action::Compare(comparison)) => {
+                    if let Some(former) = entry.supersedes {
+                        standing.remove(&former);
+                    }
+                    standing.insert(entry.number, comparison);
+                }
+                Some(Action::WithdrawComparison(withdrawn)) => {
+                    standing.remove(&withdrawn.entry);
+                }
+                _ => {}
+            }
+        }
+        standing.into_values().collect()
+    }
+
+    async fn log(&mut self) -> Vec<v1::LabelEntry> {
         let request = v1::ListLabelEntriesRequest {
             campaign: "latest".to_owned(),
         };
         let log = self.0.list_label_entries(request).await.unwrap();
-        whole(log.into_inner()).await.unwrap().entries.len()
+        whole(log.into_inner()).await.unwrap().entries
     }
 }
 
 /// Says who is there, where the page asks.
 pub async fn introduce(window: &Window, name: &str) {
+    introduce_here(window, name).await;
+    asked(window).await;
+    // The paper's classes would have the first keys.
+    window
+        .until("document.querySelector('.palette').classList.contains('ready')")
+        .await;
+    let own =
+        "const hide = document.querySelector('[data-do=own]'); if (hide.checkVisibility()) hide.click()";
+    window.driver.execute(own, vec![]).await.unwrap();
+}
+
+/// The same, on a page that asks no questions.
+pub async fn introduce_here(window: &Window, name: &str) {
     window.until("!document.getElementById('who').hidden").await;
     window.press(name).await;
     window.press("\u{e007}").await;
     window.until("document.getElementById('who').hidden").await;
+}
+
+/// Says who is there, and labels with the paper's classes.
+pub async fn introduce_to_offers(window: &Window, name: &str) {
+    window.until("!document.getElementById('who').hidden").await;
+    window.press(name).await;
+    window.press("\u{e007}").await;
+    window
+        .until("document.querySelector('.offer')?.checkVisibility()")
+        .await;
     asked(window).await;
 }
 

@@ -5,7 +5,7 @@ use serde_json::json;
 
 /// Controls that are shown and do nothing without scripts.
 const DEAD: &str = "[...document.querySelectorAll('button, input:not([type=hidden]), select, textarea')] \
-     .filter((control) => control.checkVisibility() && control.form?.method !== 'post') \
+     .filter((control) => control.checkVisibility() && !['post', 'get'].includes(control.form?.getAttribute('method'))) \
      .map((control) => control.outerHTML.slice(0, 120))";
 
 pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
@@ -17,6 +17,7 @@ pub async fn a_page_without_scripts_says_what_it_needs_and_shows_what_it_has() {
     for (page, says) in [
         ("", "does not update"),
         ("/label", "needs JavaScript"),
+        ("/comparisons", "needs JavaScript"),
         ("/sheet", "needs JavaScript"),
         ("/map", "needs JavaScript"),
         ("/taxonomy", "cannot be named here"),

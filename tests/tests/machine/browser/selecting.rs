@@ -2,14 +2,14 @@
 
 use crate::browser::{
     driver::{Driver, Window},
-    scene::{Scene, saved},
+    scene::{Scene, introduce_here, saved},
 };
 use murmuration_proto::{CampaignSpec, v1};
 use murmuration_tests::small_spec;
 
 /// Across the canvas, where the points lie; what the script makes of the columns that it is sent.
 const ACROSS: &str = "(async () => { \
-    const { x, spans } = await (await fetch('/campaigns/small-1/points/axes')).json(); \
+    const { x, spans } = await (await fetch('points/axes')).json(); \
     const bytes = Uint8Array.from(atob(x), (c) => c.charCodeAt(0)); \
     const { clientWidth, clientHeight } = document.getElementById('over'); \
     const room = 2 * Math.min(34, clientWidth / 14); \
@@ -18,7 +18,7 @@ const ACROSS: &str = "(async () => { \
         (x) => clientWidth / 2 + (x / 65535 - 0.5) * spans[0] * unit)]; })()";
 
 /// Draws around ten points of the map, or a few more where there is no room between two; how many.
-async fn lasso_ten(window: &Window) -> usize {
+pub async fn lasso_ten(window: &Window) -> usize {
     let shown = window.value(ACROSS).await;
     let (width, height) = (shown[0].as_f64().unwrap(), shown[1].as_f64().unwrap());
     let mut across: Vec<f64> = shown[2]
@@ -57,9 +57,12 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
             "document.getElementById('selected').textContent.startsWith('{count} selected')"
         ))
         .await;
-    window.press("n").await;
-    window.press("edge").await;
-    window.press("\u{e007}").await;
+    // All are shown before they are named.
+    let pictured = window
+        .value("document.querySelectorAll('#gallery img').length")
+        .await;
+    assert_eq!(pictured.as_u64(), Some(count as u64));
+    name_selected(&window, "edge").await;
     saved(&window).await;
     let standing = scene.labels.standing().await;
     assert_eq!(standing.len(), count);
@@ -81,6 +84,158 @@ pub async fn ten_are_lassoed_on_the_map_and_named() {
     window
         .until("!document.querySelector('#projection [value=neighbours]').disabled")
         .await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+/// Names what is selected.
+pub async fn name_selected(window: &Window, class: &str) {
+    window.press("n").await;
+    window.press(class).await;
+    window.press("\u{e007}").await;
+}
+
+/// Draws around everything that the map shows; how many are selected then.
+async fn lasso_all(window: &Window) -> usize {
+    let size = "[document.getElementById('over').clientWidth, document.getElementById('over').clientHeight]";
+    let size = window.value(size).await;
+    let (width, height) = (size[0].as_f64().unwrap(), size[1].as_f64().unwrap());
+    let line = [
+        (3.0, 8.0),
+        (3.0, height - 3.0),
+        (width - 3.0, height - 3.0),
+        (width - 3.0, 3.0),
+        (3.0, 3.0),
+    ];
+    window.draw("#over", &line).await;
+    window
+        .until("/^[0-9,]+ selected/.test(document.getElementById('selected').textContent)")
+        .await;
+    let said = window.text("#selected").await;
+    let count = said.split(' ').next().unwrap().replace(',', "");
+    count.parse().unwrap()
+}
+
+pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/map", "Ana").await;
+    // Nobody has named anything: clusters are what there is to see.
+    window
+        .until("document.getElementById('colouring').value === 'cluster' && document.querySelector('#legend button')")
+        .await;
+    // Keys begin in the middle of the map.
+    window.focus("#over").await;
+    window.press("\u{e014}").await;
+    window.until("!document.getElementById('tip').hidden").await;
+    let all = "(async () => (await (await fetch('/campaigns/small-1/points')).json()).count)()";
+    let all = window.value(all).await.as_u64().unwrap() as usize;
+
+    // A part of the map, made larger, is all that a line is drawn around.
+    for _ in 0..4 {
+        window.click("[data-zoom=in]").await;
+    }
+    let part = lasso_all(&window).await;
+    assert!(0 < part && part < all, "{part} of {all}");
+    window.press("\u{e00c}").await;
+    window.click("[data-zoom=whole]").await;
+    assert_eq!(lasso_all(&window).await, all);
+    window.press("\u{e00c}").await;
+
+    let few = lasso_ten(&window).await;
+    name_selected(&window, "edge").await;
+    saved(&window).await;
+    // Now there are classes.
+    window
+        .until("document.getElementById('colouring').value === 'class'")
+        .await;
+    lasso_all(&window).await;
+    name_selected(&window, "rest").await;
+    window.until("document.getElementById('overwrite').open").await;
+    let asked = window.text("#overwrite p").await;
+    assert!(
+        asked.starts_with(&format!("{few} of the {all} selected")),
+        "{asked}"
+    );
+    window.click("#overwrite [value=rest]").await;
+    // The dialog ends before the answer begins.
+    window
+        .until("document.getElementById('legend').textContent.includes('rest · ')")
+        .await;
+    saved(&window).await;
+    let standing = scene.labels.standing().await;
+    let of = |class: &str| standing.values().filter(|said| *said == class).count();
+    assert_eq!((of("edge"), of("rest")), (few, all - few));
+
+    // What is hidden is not selected.
+    window
+        .until("document.getElementById('legend').textContent.includes('rest · ')")
+        .await;
+    let hide = "[...document.querySelectorAll('#legend button')].find((of) => of.textContent.startsWith('edge')).click()";
+    window.driver.execute(hide, vec![]).await.unwrap();
+    window
+        .until(&format!(
+            "document.getElementById('shown').textContent.startsWith('{} of ')",
+            all - few
+        ))
+        .await;
+    assert_eq!(lasso_all(&window).await, all - few);
+    window.click("#show-all").await;
+    window
+        .until("document.getElementById('shown').textContent === ''")
+        .await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+/// Clicks the entry of a class in the legend.
+async fn hide(window: &Window, class: &str) {
+    let hide = format!(
+        "[...document.querySelectorAll('#legend button')].find((of) => of.textContent.startsWith({class:?})).click()"
+    );
+    window.driver.execute(hide, vec![]).await.unwrap();
+}
+
+pub async fn what_is_hidden_stays_so_when_another_class_goes() {
+    let driver = Driver::start();
+    let scene = Scene::set().await;
+    let window = scene.visit(&driver, "/map", "Ana").await;
+    window.until("document.querySelector('#legend button')").await;
+    let few = lasso_ten(&window).await;
+    name_selected(&window, "first").await;
+    saved(&window).await;
+    let all = lasso_all(&window).await;
+    name_selected(&window, "second").await;
+    window.until("document.getElementById('overwrite').open").await;
+    window.click("#overwrite [value=rest]").await;
+    saved(&window).await;
+    window
+        .until("document.getElementById('legend').textContent.includes('second · ')")
+        .await;
+    hide(&window, "second").await;
+
+    // The pictures of the selection stay where the focus is when they are told again.
+    assert_eq!(lasso_all(&window).await, few);
+    window.focus("#gallery .card:nth-child(3)").await;
+    let told_again = "document.getElementById('from').dispatchEvent(new Event('change'))";
+    window.driver.execute(told_again, vec![]).await.unwrap();
+    let focused = "document.activeElement === document.querySelector('#gallery .card:nth-child(3)')";
+    assert_eq!(window.value(focused).await.as_bool(), Some(true));
+
+    // "first" has no individuals any more, and its place among the classes is another's.
+    name_selected(&window, "third").await;
+    window.until("document.getElementById('overwrite').open").await;
+    window.click("#overwrite [value=all]").await;
+    saved(&window).await;
+    window
+        .until(&format!(
+            "document.getElementById('legend').textContent.includes('third · {few}')"
+        ))
+        .await;
+    assert_eq!(lasso_all(&window).await, few, "{few} of {all} are not hidden");
+    let hidden =
+        "[...document.querySelectorAll('#legend [aria-pressed=false]')].map((of) => of.dataset.value).join()";
+    assert_eq!(window.value(hidden).await.as_str(), Some("second"));
     window.close().await;
     scene.cluster.stop().await;
 }
@@ -164,13 +319,18 @@ pub async fn clusters_are_looked_at_while_the_archive_grows() {
 pub async fn medoids_are_named_and_the_report_is_taken_away() {
     let driver = Driver::start();
     let mut scene = Scene::set().await;
-    let window = scene.visit(&driver, "/taxonomy", "Ana").await;
+    let window = driver.open(&scene.url("/taxonomy")).await;
     window
         .until("document.querySelectorAll('.medoid').length === 4")
+        .await;
+    // Who only reads is asked nothing.
+    window
+        .until("document.querySelector('.medoid input').checkVisibility() && !document.querySelector('dialog[open]')")
         .await;
     window.click(".medoid:first-of-type input").await;
     window.press("milling").await;
     window.press("\u{e007}").await;
+    introduce_here(&window, "Ana").await;
     saved(&window).await;
     let index = window
         .value("Number(document.querySelector('.medoid').dataset.index)")

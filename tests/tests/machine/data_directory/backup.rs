@@ -16,6 +16,12 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     // Until it holds the data directory, another command would take it.
     run.wait_for("generation");
     at_work.latest_when(|latest| generations(latest) > 2);
+    // What people said on the page of a study is nowhere else.
+    let classes = "studies/small/classes.csv";
+    let said = "cell,index,class,by\nabc,3,milling,ann\n";
+    let at_home = folder.path().join("at-work").join(classes);
+    fs::create_dir_all(at_home.parent().unwrap()).unwrap();
+    fs::write(&at_home, said).unwrap();
     let path = folder.path().join("backup");
     let backup = path.display().to_string();
     let made = at_work.run(&["backup", &backup, "--json"]).last_line();
@@ -36,6 +42,8 @@ pub fn a_backup_of_a_running_campaign_goes_on_to_the_same_digest() {
     let put_back = restored.run(&["restore", &backup]);
     assert_eq!(put_back.code, Some(0), "{}", put_back.stderr);
     assert_eq!(restored.run(&["checkpoints", "list", "--json"]).lines().len(), 1);
+    let put_back = fs::read_to_string(folder.path().join("restored").join(classes));
+    assert_eq!(put_back.unwrap(), said);
     let done = generations(&restored.latest());
     assert!((2..60).contains(&done), "{done} generations");
     let resumed = restored.run(&["resume", "latest"]);

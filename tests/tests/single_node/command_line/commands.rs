@@ -169,6 +169,22 @@ fn every_speed_is_measured_beside_its_peer() {
 }
 
 #[test]
+fn the_manual_has_a_page_for_every_command() {
+    let desk = Desk::new();
+    let written = desk.murmuration.run(&["man", &desk.path("man")]);
+    assert_eq!(written.code, Some(0), "{}", written.stderr);
+    for (page, says) in [
+        ("murmuration.1", "murmuration\\-run(1)"),
+        ("murmuration-export.1", "\\-\\-csv"),
+        ("murmuration-study-run.1", "Examples:"),
+    ] {
+        let text = std::fs::read_to_string(desk.folder.path().join("man").join(page)).unwrap();
+        assert!(text.contains(says), "{page}:\n{text}");
+    }
+    assert!(!desk.folder.path().join("man/murmuration-man.1").exists());
+}
+
+#[test]
 fn completions_are_written_for_every_shell() {
     let desk = Desk::new();
     for shell in ["bash", "zsh", "fish"] {

@@ -61,18 +61,18 @@ fn bad_input_is_named_with_exit_code_2() {
     desk.check(
         &["simulate", "--controller", "0.1,0.2,0.3,nan"],
         2,
-        "controller[3] = NaN: must be a number from -1 to 1",
+        "controller.right_1 = NaN: must be a number from -1 to 1",
     );
     desk.check(
         &["simulate", "--controller", "0.1,0.2,0.3,1.5"],
         2,
-        "controller[3] = 1.5",
+        "controller.right_1 = 1.5",
     );
     let digits = format!("0,0,0,1{}", "0".repeat(300));
     for (controller, said) in [
         (
             digits.as_str(),
-            "controller[3] = 1e300: must be a number from -1 to 1",
+            "controller.right_1 = 1e300: must be a number from -1 to 1",
         ),
         ("[0,0,0,0", "with or without square brackets around the list"),
         ("0 0 0 0", "separated by commas"),

@@ -182,7 +182,7 @@ fn a_campaign_says_who_is_missing_to_go_on() {
         desk.murmuration.latest_when(|latest| waits(latest, program));
         let shown = page(&url);
         assert!(
-            shown.contains("<strong>waiting</strong>") && shown.contains(program),
+            shown.contains(">waiting</strong>") && shown.contains(program),
             "{shown}"
         );
         assert!(!shown.contains("0 of 0"), "{shown}");

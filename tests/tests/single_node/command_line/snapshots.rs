@@ -168,6 +168,7 @@ fn every_command_has_a_transcript() {
     // A script for a shell, and clap's; what names the machine or lasts minutes; and what other tests here run.
     let without = [
         "murmuration completions",
+        "murmuration man",
         "murmuration bench all",
         "murmuration bench train",
         "murmuration bench labels",

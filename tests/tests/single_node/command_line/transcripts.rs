@@ -79,6 +79,15 @@ const ROBOTS: &str = "ratios = [[3, 1], [2, 2]]\n[[species]]\nname = \"a\"\nmode
 const STUDY: &str = "name = \"two\"\nseeds = 2\nbehaviours.generations = 2\n\
     [campaign]\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nworld.horizon = 200\n\
     search = { population = 20, generations = 5 }\ntaxonomy.medoids = 4\n";
+/// A world of two species as the authors' simulator saves it.
+const SAVED_WORLD: &str = r#"{"behavior": [], "w": 500, "h": 500, "population_size": 30, "seed": null, "padding": 15,
+"agent_config": {"type": "HeterogeneousSwarmConfig", "sub_population_configs": [
+{"type": "DiffDriveAgentConfig", "dt": 1.0, "agent_radius": 5, "wheel_radius": 2.0, "controller": [-0.7, 0.3, 1.0, 1.0],
+"sensors": {"sensors": [{"type": "BinaryLOSSensor", "angle": 0, "history_length": 50}]}},
+{"type": "UnicycleAgentConfig", "dt": 1.0, "agent_radius": 5, "controller": [5.0, 0.3, 12.0, 0.0],
+"sensors": {"sensors": [{"type": "BinaryFOVSensor", "theta": 0.12, "bias": -0.07, "fp": 0.1, "fn": 0.05,
+"agent_sensing_range": 181.2}]}}], "counts": [18, 12]},
+"show_walls": true, "collide_walls": false, "stop_at": null, "objects": [], "goals": [], "agent_init": null}"#;
 /// All controllers of a grid of three values of each speed.
 const COARSE: &str = "name = \"coarse\"\nmodel = \"single-sensor\"\nmethod = \"exhaustive\"\n\
     [controllers]\nstep = 1\n[world]\nhorizon = 100\n";
@@ -95,7 +104,7 @@ const BENCH_CLUSTER: [&str; 8] = [
 ];
 
 /// Of one campaign, from its run to its backup.
-pub const OUTPUTS: [Transcript; 71] = [
+pub const OUTPUTS: [Transcript; 83] = [
     json("run-json", "run", &["run", "FOLDER/small.toml", "--json"]),
     done("run", &["run", "FOLDER/small.toml", "--seed", "7"]),
     done("list", &["list"]),
@@ -107,6 +116,12 @@ pub const OUTPUTS: [Transcript; 71] = [
         "show-index-json",
         "individual",
         &["show", "small-1", "--index", "42", "--json"],
+    ),
+    done("show-taxonomy", &["show", "small-1", "--taxonomy"]),
+    json(
+        "show-taxonomy-json",
+        "taxonomy",
+        &["show", "small-1", "--taxonomy", "--json"],
     ),
     done("watch", &["watch", "small-1"]),
     json("watch-json", "campaign", &["watch", "small-1", "--json"]),
@@ -256,6 +271,38 @@ pub const OUTPUTS: [Transcript; 71] = [
         "backup",
         &["restore", "FOLDER/backup", "--data", "FOLDER/restored", "--json"],
     ),
+    done("export", &["export", "small-1", "FOLDER/exported"]),
+    json(
+        "export-json",
+        "export",
+        &[
+            "export",
+            "small-1",
+            "FOLDER/exported",
+            "--csv",
+            "--force",
+            "--json",
+        ],
+    ),
+    done(
+        "import",
+        &["import", "FOLDER/exported", "--data", "FOLDER/imported"],
+    ),
+    json(
+        "import-json",
+        "campaign",
+        &[
+            "import",
+            "FOLDER/exported",
+            "--data",
+            "FOLDER/imported-again",
+            "--json",
+        ],
+    ),
+    fails("error-import-there", 2, &["import", "FOLDER/exported"]),
+    fails("error-export-there", 2, &["export", "small-1", "FOLDER/exported"]),
+    fails("error-import-other", 2, &["import", "FOLDER/backup"]),
+    done("world", &["world", "FOLDER/cyclone.json"]).with_files(&[("cyclone.json", SAVED_WORLD)]),
     done("study-run", &["study", "run", "FOLDER/two.toml"]).with_files(&[("two.toml", STUDY)]),
     json(
         "study-run-json",
@@ -318,6 +365,12 @@ pub const OUTPUTS: [Transcript; 71] = [
         "atlas-json",
         "atlas",
         &["atlas", "FOLDER/coarse.toml", "--out", "FOLDER/atlas", "--json"],
+    ),
+    done("delete", &["delete", "small-2"]),
+    json(
+        "delete-json",
+        "deletion",
+        &["delete", "small-2", "--yes", "--json"],
     ),
 ];
 

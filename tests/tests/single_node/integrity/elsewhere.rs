@@ -1,17 +1,26 @@
 //! A worker that lies to a search that runs elsewhere.
 
 use super::{Honest, LIAR, audited, connect, impossible, tell_lies};
+use murmuration_dispatch::Options;
 use murmuration_proto::v1::{
     self, evaluate_request::Part, evaluation_description::Campaign,
     evaluation_service_client::EvaluationServiceClient,
 };
 use murmuration_tests::{Cluster, small_spec};
+use std::time::Duration;
+use tokio::sync::{mpsc, watch};
+use tokio_stream::wrappers::ReceiverStream;
 use tonic::Code;
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
     let folder = tempfile::tempdir().unwrap();
-    let cluster = Cluster::start_with(folder.path(), 0, audited("0")).await;
+    let options = Options {
+        // It is not heard while it waits for what the client has.
+        silence_limit: Duration::from_secs(20),
+        ..audited("0")
+    };
+    let cluster = Cluster::start_with(folder.path(), 0, options).await;
     let description = Part::Description(v1::EvaluationDescription {
         campaign: Some(Campaign::Spec((&small_spec("")).into())),
         pictures: false,
@@ -25,20 +34,27 @@ async fn a_stream_with_results_of_a_machine_found_wrong_does_not_end_well() {
             tasks: seeds.map(task).collect(),
         })
     };
-    let parts = [description, controllers(0..20), controllers(20..40)];
-    let requests = parts.map(|part| v1::EvaluateRequest { part: Some(part) });
+    let request = |part| v1::EvaluateRequest { part: Some(part) };
+    let (requests, sent) = mpsc::channel(4);
+    for part in [description, controllers(0..20)] {
+        requests.send(request(part)).await.unwrap();
+    }
     let mut liar = connect(&cluster, LIAR).await.unwrap();
     let mut client = EvaluationServiceClient::new(cluster.channel().await);
+    let (count, mut received) = watch::channel(0);
     let evaluated = tokio::spawn(async move {
-        let mut responses = client.evaluate(tokio_stream::iter(requests)).await?.into_inner();
-        let mut results = 0;
+        let mut responses = client.evaluate(ReceiverStream::new(sent)).await?.into_inner();
         while let Some(response) = responses.message().await? {
-            results += response.results.len();
+            count.send_modify(|received| *received += response.results.len());
         }
-        Ok::<_, tonic::Status>(results)
+        Ok::<_, tonic::Status>(())
     });
     tell_lies(&mut liar, 20).await;
-    // The first lies are sent already when the next give it away.
+    // What is not sent yet would be evaluated again, and the stream would end well: the client must have the first
+    // lies when the next give the liar away.
+    received.wait_for(|&received| received >= 20).await.unwrap();
+    requests.send(request(controllers(20..40))).await.unwrap();
+    drop(requests);
     let (lease, batch) = liar.lease(20).await;
     liar.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(liar.dismissed().await.code(), Code::InvalidArgument);

@@ -64,28 +64,28 @@ async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
         (0..800).find(|&index| seed_of(index) == task.seed).unwrap() / 20
     };
     let mut answered = Vec::new();
-    let (lease, batch) = loop {
+    // How much it is given depends on how fast the others are.
+    let (lease, batch, count) = loop {
         let (lease, batch) = other.lease(20).await;
-        if cluster.status(&campaign).await.generations_done >= until {
-            break (lease, batch);
+        let in_hand = generation_of(&batch.tasks[0]);
+        let count = answered
+            .iter()
+            .filter(|&&generation| generation < in_hand)
+            .count();
+        if count >= 20 && cluster.status(&campaign).await.generations_done >= until {
+            break (lease, batch, count);
         }
         answered.extend(batch.tasks.iter().map(generation_of));
         let evaluations = evaluate(&cluster, lease, batch).await;
         other.answer_each(lease, evaluations).await;
     };
     // Then it breaks, and all that rests on its word is done again: of the generation in hand at once, of others later.
-    let in_hand = generation_of(&batch.tasks[0]);
-    let count = answered
-        .iter()
-        .filter(|&&generation| generation < in_hand)
-        .count();
     other.answer(lease, impossible(), batch.tasks.len()).await;
     assert_eq!(other.dismissed().await.code(), Code::InvalidArgument);
     let worker = Honest::join(&cluster, folder.path(), 3);
     let last = cluster.finish(&campaign).await;
     assert_eq!(last.state(), v1::CampaignState::Completed, "{}", last.error);
     let said = notices(&last);
-    assert!(count >= 20, "{count}");
     assert!(
         said.contains(&format!("none of {count} results was wrong")),
         "{said}"

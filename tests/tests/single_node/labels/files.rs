@@ -13,7 +13,7 @@ pub(crate) fn write(folder: &Path, name: &str, text: &str) -> String {
 #[test]
 fn labels_go_through_files_unchanged() {
     let (folder, murmuration) = campaign();
-    let text = "id,class,annotator,time\n3,ring,ana,2023-11-14T22:13:20Z\n3,\"clump, loose\",ben,2023-11-14T22:13:20.001Z\n\
+    let text = "index,class,annotator,time\n3,ring,ana,2023-11-14T22:13:20Z\n3,\"clump, loose\",ben,2023-11-14T22:13:20.001Z\n\
                 4,not sure,ana,2023-11-14T22:13:20.002Z\n99,skip,ana,2023-11-14T22:13:20.003Z\n";
     let file = write(folder.path(), "mine.csv", text);
     let added = murmuration
@@ -68,7 +68,7 @@ fn what_labels_writes_every_command_reads() {
     let columns = fs::read_to_string(&file).unwrap();
     let columns = columns.lines().next().unwrap();
     assert!(
-        columns.starts_with("id,class,annotator,time,seed,v1,v2,v3,v4,average_speed,")
+        columns.starts_with("index,class,annotator,time,seed,left_0,right_0,left_1,right_1,average_speed,")
             && columns.ends_with(",horizon"),
         "{columns}"
     );
@@ -113,7 +113,7 @@ fn what_labels_writes_every_command_reads() {
     assert_eq!(murmuration.run(&["run", &spec, "--seed", "9"]).code, Some(0));
     let refused = murmuration.run(&["label", "small-2", "--csv", &file]);
     assert!(
-        refused.code == Some(2) && refused.stderr.contains("my.csv, line 2: id = "),
+        refused.code == Some(2) && refused.stderr.contains("my.csv, line 2: index = "),
         "{}",
         refused.stderr
     );
@@ -132,7 +132,7 @@ fn a_column_that_a_command_needs_is_named_with_those_there_are() {
         "id,class,annotator\n3,ring,ana\n4,wall,ana\n",
     );
     for (arguments, column) in [
-        (vec!["judge", "--labels", &file], "v1"),
+        (vec!["judge", "--labels", &file], "left_0"),
         (vec!["accuracy", "--features", "--labels", &file], "average_speed"),
     ] {
         let refused = murmuration.run(&arguments);
@@ -250,7 +250,7 @@ fn annotators_that_nobody_knows_are_named() {
 #[test]
 fn no_label_in_a_file_is_a_formula() {
     let (folder, murmuration) = campaign();
-    let text = "id,class,annotator,time\n3,'=HYPERLINK(1),'@ana,2023-11-14T22:13:20Z\n4,''tis,ana,2023-11-14T22:13:20.001Z\n";
+    let text = "index,class,annotator,time\n3,'=HYPERLINK(1),'@ana,2023-11-14T22:13:20Z\n4,''tis,ana,2023-11-14T22:13:20.001Z\n";
     // As a person might spell it; and as it is exported and read again.
     let plain = text.replace("'=", "=").replace("'@", "@").replace("''", "'");
     for (name, text) in [("plain.csv", plain.as_str()), ("marked.csv", text)] {

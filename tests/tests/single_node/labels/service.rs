@@ -87,7 +87,7 @@ async fn nobody_takes_an_id_of_the_coordinators_own_requests() {
         for (page, body) in [
             ("labels", r#""answers":[{"index":1,"answer":"wall"}]"#),
             ("undo", ""),
-            ("classes", r#""class":"wall""#),
+            ("classes", r#""change":{"create":{"class":"wall"}}"#),
         ] {
             let comma = if body.is_empty() { "" } else { "," };
             let posted = reqwest::Client::new()
@@ -136,7 +136,10 @@ async fn nobody_answers_as_the_synthetic_annotator() {
                 "labels",
                 r#""request_id":"2","answers":[{"index":0,"answer":"ring"}]"#,
             ),
-            ("classes", r#""request_id":"2","class":"wall""#),
+            (
+                "classes",
+                r#""request_id":"2","change":{"create":{"class":"wall"}}"#,
+            ),
             (
                 "questions",
                 r#""session":"1","strategy":"random","count":1,"agreement":false,"again":[]"#,

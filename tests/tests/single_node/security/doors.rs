@@ -66,7 +66,7 @@ fn framed(message: &impl Message) -> Vec<u8> {
 fn create() -> v1::CreateCampaignRequest {
     v1::CreateCampaignRequest {
         spec: Some((&small_spec("")).into()),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     }
 }
 

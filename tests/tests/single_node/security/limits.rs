@@ -35,7 +35,7 @@ async fn messages_and_headers() {
             name: Some(name),
             ..Default::default()
         }),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     };
     let undo = |campaign| v1::UndoLabelsRequest {
         campaign,

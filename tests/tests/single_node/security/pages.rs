@@ -235,8 +235,11 @@ async fn what_is_behind_the_log_in_is_kept_by_the_browser_alone() {
         let path = route
             .replace("{id}", "small-1")
             .replace("{index}", "0")
+            .replace("{place}", "0")
             .replace("{name}", "style.css");
         let kept = match path.as_str() {
+            // A page, as others.
+            path if path.ends_with("/starts") => "no-store",
             path if path.starts_with(picture) => "private, no-cache",
             // Nobody logs in for them.
             "/assets/style.css" => "no-cache",
@@ -302,6 +305,10 @@ async fn pages_know_roles_and_cookies_are_for_pages() {
         assert_eq!(status(label).await, labels);
         assert_eq!(status(browser.post("/campaigns/small-1/pause", "")).await, pauses);
         assert_eq!(status(browser.post("/play/motion", "seed=2")).await, ok);
+        assert_eq!(
+            status(browser.post("/campaigns/small-1/pieces", "index=3")).await,
+            ok
+        );
         assert_eq!(status(browser.post("/play/like", "campaign=small-1")).await, ok);
         let searches = match pauses {
             StatusCode::FORBIDDEN => StatusCode::FORBIDDEN,

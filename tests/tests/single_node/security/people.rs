@@ -24,7 +24,7 @@ async fn each_role_may_do_its_own_and_no_more() {
     let submit = async |channel: &Coordinator| {
         let request = v1::CreateCampaignRequest {
             spec: Some((&small_spec("")).into()),
-            weight: None,
+            ..v1::CreateCampaignRequest::default()
         };
         let created = CampaignServiceClient::new(channel.clone())
             .create_campaign(request)

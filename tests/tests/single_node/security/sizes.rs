@@ -142,7 +142,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     huge.search.as_mut().unwrap().population = Some(100_000);
     let request = v1::CreateCampaignRequest {
         spec: Some(huge),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     };
     let status = cluster.client.create_campaign(request).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
@@ -156,7 +156,7 @@ async fn what_cannot_be_held_or_sent_is_refused_when_it_is_asked_for() {
     });
     let request = v1::CreateCampaignRequest {
         spec: Some(crowd),
-        weight: None,
+        ..v1::CreateCampaignRequest::default()
     };
     let crowd = cluster
         .client

@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::{
+    compared_pictures::{ComparedPictures, ComparedTriplet},
+    labelled_pictures::LabelledPictures,
     pictures::tests::grey,
     training::tests::{SMALL, bars, check_interruption, check_threads, configuration, finished},
 };
@@ -27,7 +29,7 @@ fn fine_tuning(seed: u64) -> FineTuning {
     let classes: Vec<u32> = (0..40).map(|i| [0, 0, 0, 1, 2, 2, 5][i % 7]).collect();
     FineTuning {
         parent: Network::initialise(configuration("").architecture(grey(12)).unwrap(), seed),
-        labelled: labelled(&classes),
+        teaching: labelled(&classes).into(),
     }
 }
 
@@ -100,7 +102,7 @@ fn labelled_bars_are_told_apart_by_what_the_labels_say() {
 fn a_class_of_one_picture_and_more_classes_than_a_step_takes_are_learned_from() {
     for recipe in [LABELLED, "[recipe.labelled]\nclasses = 2\nepochs = 2", PAPER] {
         let few = FineTuning {
-            labelled: labelled(&[0, 1, 2, 3]),
+            teaching: labelled(&[0, 1, 2, 3]).into(),
             ..fine_tuning(1)
         };
         let mut training = Training::fine_tune(&configuration(recipe), bars(), few).unwrap();
@@ -123,7 +125,7 @@ fn what_does_not_go_together_is_refused() {
     let error = Training::new(&configuration(LABELLED), bars()).unwrap_err();
     assert!(matches!(error, TrainingError::NoLabels("labelled")));
     let large = FineTuning {
-        labelled: Arc::new(LabelledPictures::new(grey(13), vec![0; 338], vec![0, 1]).unwrap()),
+        teaching: Arc::new(LabelledPictures::new(grey(13), vec![0; 338], vec![0, 1]).unwrap()).into(),
         ..fine_tuning(1)
     };
     assert!(refusal(LABELLED, large).contains("of 13 x 13, unlabelled ones of 12 x 12"));
@@ -140,9 +142,9 @@ fn what_was_saved_of_another_training_is_refused() {
         other.taken_up(&saved).unwrap_err().to_string()
     };
     assert!(refusal(fine_tuning(2)).contains("another parent"));
-    let labelled = labelled(&[0, 1, 1, 0]);
+    let teaching = labelled(&[0, 1, 1, 0]).into();
     let other = FineTuning {
-        labelled,
+        teaching,
         ..fine_tuning(1)
     };
     assert!(refusal(other).contains("another set of labels"));
@@ -150,4 +152,75 @@ fn what_was_saved_of_another_training_is_refused() {
     let unlabelled = Training::new(&unlabelled, bars()).unwrap();
     let error = unlabelled.taken_up(&saved).unwrap_err();
     assert!(matches!(error, TrainingError::Other("configuration")));
+}
+
+/// Comparisons of bars by the width that their class gives them: the nearer one has the anchor's.
+fn compared(count: usize) -> Arc<ComparedPictures> {
+    let classes: Vec<u32> = (0..40).map(|i| [0, 2, 5, 1][i % 4]).collect();
+    let pictures = labelled(&classes);
+    let bytes = (0..classes.len()).flat_map(|picture| pictures.picture(picture).to_vec());
+    let mut stream = RandomStream::derive(9, Purpose::Train, 0);
+    let mut triplets = Vec::new();
+    while triplets.len() < count {
+        let [anchor, nearer, farther] = [0; 3].map(|_| stream.below(40) as u32);
+        let [class, own, other] = [anchor, nearer, farther].map(|place| classes[place as usize]);
+        if anchor != nearer && class == own && class != other {
+            triplets.push(ComparedTriplet {
+                anchor,
+                nearer,
+                farther,
+            });
+        }
+    }
+    Arc::new(ComparedPictures::new(grey(12), 1, bytes.collect(), triplets).unwrap())
+}
+
+fn comparing(teaching: Teaching, text: &str) -> Training {
+    let fine_tuning = FineTuning {
+        teaching,
+        ..fine_tuning(1)
+    };
+    Training::fine_tune(&configuration(text), bars(), fine_tuning).unwrap()
+}
+
+#[test]
+fn bars_are_told_apart_by_what_comparisons_alone_say() {
+    let others = labelled(&[0, 2, 5, 2, 0, 0, 5, 1, 1, 2, 1, 5]);
+    let before = accuracy(&fine_tuning(1).parent, &others);
+    let recipe = "[recipe.labelled]\ncompared = 48\nunlabelled = 10\nenough_labels = 40\nepochs = 30\nlearning_rate = 0.01";
+    let training = comparing(compared(300).into(), recipe);
+    let after = accuracy(&finished(training).embedder(), &others);
+    assert!(before < 0.7 && after > 0.85, "{before}, then {after}");
+}
+
+#[test]
+fn both_recipes_learn_from_comparisons_with_labels_and_without_and_go_on_where_they_were_interrupted() {
+    let both = || Teaching {
+        compared: Some(compared(20)),
+        ..fine_tuning(1).teaching
+    };
+    for recipe in [LABELLED, PAPER] {
+        check_interruption(|| comparing(compared(20).into(), recipe));
+        check_interruption(|| comparing(both(), recipe));
+        check_threads(|| comparing(both(), recipe));
+    }
+    let digests = [
+        both(),
+        compared(20).into(),
+        compared(21).into(),
+        fine_tuning(1).teaching,
+    ];
+    let digests = digests.map(|teaching: Teaching| teaching.digest());
+    for (place, digest) in digests.iter().enumerate() {
+        assert!(
+            digest.len() == 64 && !digests[..place].contains(digest),
+            "{place}"
+        );
+    }
+    let untaught = FineTuning {
+        teaching: Teaching::default(),
+        ..fine_tuning(1)
+    };
+    let error = Training::fine_tune(&configuration(LABELLED), bars(), untaught).unwrap_err();
+    assert!(matches!(error, TrainingError::NothingTaught), "{error}");
 }

@@ -8,6 +8,8 @@ mod collide;
 mod cones;
 mod look;
 mod settle;
+#[cfg(test)]
+mod tests;
 
 use super::{RENORMALISE_EVERY, Start, Walls, collide::Collisions, drive, gaze::Group, kinds, sight::Reach};
 use crate::lanes::{

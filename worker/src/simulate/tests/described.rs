@@ -160,7 +160,7 @@ fn sensed_by_angles(controller: &Controller, robots: &[Agent], i: usize, world: 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(crate::proptest_cases::at_most(96))]
 
     #[test]
     fn the_papers_robots_described_have_the_papers_bits(

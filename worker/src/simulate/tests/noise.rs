@@ -26,7 +26,7 @@ fn noises() -> impl Strategy<Value = v1::Noise> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(crate::proptest_cases::at_most(48))]
 
     #[test]
     fn the_bits_of_noise_depend_neither_on_the_cpu_nor_on_a_grid_nor_on_the_grouping_of_steps(

@@ -41,7 +41,7 @@ fn obstacles() -> impl Strategy<Value = Vec<v1::Obstacle>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(96))]
+    #![proptest_config(crate::proptest_cases::at_most(96))]
 
     #[test]
     fn a_robot_alone_is_never_inside_one(

@@ -67,7 +67,7 @@ fn robots_see_each_others_nearest_image_only() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(crate::proptest_cases::at_most(64))]
 
     #[test]
     fn the_bits_are_the_same_on_every_cpu_and_nobody_leaves(

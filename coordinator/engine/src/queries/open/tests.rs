@@ -159,7 +159,7 @@ async fn clusters_are_there_while_the_archive_grows_and_are_the_taxonomys_in_the
     };
     campaign
         .store
-        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()], &[])
+        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default()], &[], &[])
         .unwrap();
     let last = clusters();
     assert_eq!((&last.clustering, last.is_taxonomy), (&taxonomy, true));
@@ -199,7 +199,13 @@ async fn of_a_completed_campaign_the_medoids_of_its_taxonomy_are_asked_first() {
     };
     campaign
         .store
-        .complete(&campaign.id, &taxonomy, &[ClusterMeasures::default(); 2], &[])
+        .complete(
+            &campaign.id,
+            &taxonomy,
+            &[ClusterMeasures::default(); 2],
+            &[],
+            &[],
+        )
         .unwrap();
     let record = campaign.store.campaign("latest").unwrap();
     let asked = campaign

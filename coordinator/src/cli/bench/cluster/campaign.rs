@@ -105,7 +105,7 @@ impl BenchCampaign {
         let (begun, cpu) = (Instant::now(), CpuTime::of_process());
         let request = v1::CreateCampaignRequest {
             spec: Some(spec.into()),
-            weight: None,
+            ..v1::CreateCampaignRequest::default()
         };
         let mut campaign = client.create_campaign(request).await?.into_inner();
         while let Some(pause) = pause(&campaign) {

@@ -1,0 +1,87 @@
+//! Medoids that may be one behaviour.
+
+use super::{Medoid, Taxonomy};
+use murmuration_proto::Method;
+
+/// Two clusters of a taxonomy that touch: their medoids are nearer to each other than the mean distances of both clusters' members to
+/// their medoids come to together. So there is no gap between them, and they may be one behaviour in two halves. The ratio of
+/// these lengths is the similarity of Davies and Bouldin, *A cluster separation measure*, 1979; here it is above 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Alike {
+    /// The place of the larger cluster.
+    pub one: usize,
+    /// The place of the smaller cluster.
+    pub other: usize,
+    /// The distance of their medoids, in units of the behaviour space.
+    pub distance: f64,
+}
+
+impl Taxonomy {
+    /// The pairs of clusters whose medoids are alike, nearest first. Only for the taxonomy that stands: medoids of former versions
+    /// are measured in a space that is gone.
+    #[must_use]
+    pub fn alike(&self, method: Method) -> Vec<Alike> {
+        let places: Vec<Vec<f64>> = self
+            .medoids
+            .iter()
+            .map(|medoid| medoid.individual.behaviour(method))
+            .collect();
+        let mut found = Vec::new();
+        for (other, theirs) in self.medoids.iter().enumerate() {
+            for (one, ours) in self.medoids[..other].iter().enumerate() {
+                let distance = distance(&places[one], &places[other]);
+                if are_alike(ours, theirs, distance) {
+                    found.push(Alike { one, other, distance });
+                }
+            }
+        }
+        found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        found
+    }
+}
+
+fn are_alike(one: &Medoid, other: &Medoid, distance: f64) -> bool {
+    distance < one.mean_distance + other.mean_distance
+}
+
+fn distance(one: &[f64], other: &[f64]) -> f64 {
+    let squares = one.iter().zip(other).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_store::Trial;
+
+    /// A taxonomy of medoids at these first features, with these mean distances of their members.
+    fn taxonomy(medoids: &[(f64, f64)]) -> Taxonomy {
+        let medoid = |(index, &(at, mean_distance)): (u64, &(f64, f64))| Medoid {
+            individual: crate::still::still(index, 0).with_trial(Trial {
+                features: [at, 0.0, 0.0, 0.0, 0.0],
+                ..Trial::default()
+            }),
+            cluster_size: 1,
+            mean_distance,
+            novelty: 0.0,
+        };
+        Taxonomy {
+            medoids: (0..).zip(medoids).map(medoid).collect(),
+            clusters: Vec::new(),
+            loss: 0.0,
+            robust_trials: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn medoids_are_alike_where_their_clusters_touch() {
+        // The third and the fourth are as far apart as both are wide: a gap of nothing is one.
+        let taxonomy = taxonomy(&[(0.0, 0.5), (1.5, 1.25), (9.0, 1.0), (10.5, 0.5), (0.5, 0.25)]);
+        let found = taxonomy.alike(Method::HandCrafted);
+        let found: Vec<_> = found
+            .iter()
+            .map(|pair| (pair.one, pair.other, pair.distance))
+            .collect();
+        assert_eq!(found, [(0, 4, 0.5), (1, 4, 1.0), (0, 1, 1.5)]);
+    }
+}

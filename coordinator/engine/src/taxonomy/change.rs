@@ -1,0 +1,145 @@
+//! What became of the clusters of a taxonomy in a later version.
+
+use murmuration_store::StoredTaxonomy;
+
+/// How the clusters of a taxonomy became those of a later version, in which the archive may have grown. Clusters are known by
+/// their places.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Change {
+    /// For each cluster before, how many of its members are in each cluster after.
+    shared: Vec<Vec<u64>>,
+    /// Members of each cluster after that the archive before did not have.
+    new: Vec<u64>,
+}
+
+impl Change {
+    /// The change from one version to another. Individuals that only one of them has are members of no cluster of the other.
+    #[must_use]
+    pub fn between(before: &StoredTaxonomy, after: &StoredTaxonomy) -> Self {
+        let mut shared = vec![vec![0; after.medoids.len()]; before.medoids.len()];
+        for (&from, &to) in before.clusters.iter().zip(&after.clusters) {
+            if let Some(count) = shared
+                .get_mut(from as usize)
+                .and_then(|row| row.get_mut(to as usize))
+            {
+                *count += 1;
+            }
+        }
+        let mut new = vec![0; after.medoids.len()];
+        for &to in after.clusters.iter().skip(before.clusters.len()) {
+            if let Some(count) = new.get_mut(to as usize) {
+                *count += 1;
+            }
+        }
+        Self { shared, new }
+    }
+
+    /// Members of the cluster `before` that are in the cluster `after`; 0 where there is no such cluster.
+    #[must_use]
+    pub fn shared(&self, before: usize, after: usize) -> u64 {
+        let row = self.shared.get(before);
+        row.and_then(|row| row.get(after)).copied().unwrap_or(0)
+    }
+
+    /// Members of a cluster before, as far as the version after has them.
+    #[must_use]
+    pub fn size_before(&self, before: usize) -> u64 {
+        self.shared.get(before).map_or(0, |row| row.iter().sum())
+    }
+
+    /// Members of a cluster after.
+    #[must_use]
+    pub fn size_after(&self, after: usize) -> u64 {
+        self.shared.iter().filter_map(|row| row.get(after)).sum::<u64>() + self.new_in(after)
+    }
+
+    /// Members of a cluster after that the archive before did not have.
+    #[must_use]
+    pub fn new_in(&self, after: usize) -> u64 {
+        self.new.get(after).copied().unwrap_or(0)
+    }
+
+    /// The cluster after that holds most members of the cluster `before`, the first of those with as many; `None` if it has no
+    /// members.
+    #[must_use]
+    pub fn largest_part(&self, before: usize) -> Option<usize> {
+        let row = self.shared.get(before)?.iter().enumerate();
+        let largest = row.min_by_key(|(_, count)| std::cmp::Reverse(**count))?;
+        (*largest.1 > 0).then_some(largest.0)
+    }
+
+    /// The cluster after that holds more than half of the members of the cluster `before`, if there is one: what it became.
+    #[must_use]
+    pub fn successor(&self, before: usize) -> Option<usize> {
+        let part = self.largest_part(before)?;
+        (2 * self.shared(before, part) > self.size_before(before)).then_some(part)
+    }
+
+    /// The clusters before that became the cluster `after`, those with most members in it first. None: it is new.
+    #[must_use]
+    pub fn predecessors(&self, after: usize) -> Vec<usize> {
+        let all = 0..self.shared.len();
+        let mut found: Vec<usize> = all
+            .filter(|&before| self.successor(before) == Some(after))
+            .collect();
+        found.sort_by_key(|&before| std::cmp::Reverse(self.shared(before, after)));
+        found
+    }
+
+    /// The clusters before from which the members of the cluster `after` are, those with most first.
+    #[must_use]
+    pub fn sources(&self, after: usize) -> Vec<usize> {
+        let all = 0..self.shared.len();
+        let mut found: Vec<usize> = all.filter(|&before| self.shared(before, after) > 0).collect();
+        found.sort_by_key(|&before| std::cmp::Reverse(self.shared(before, after)));
+        found
+    }
+
+    /// The clusters before that became none after: their members are spread.
+    pub fn gone(&self) -> impl Iterator<Item = usize> {
+        (0..self.shared.len()).filter(|&before| self.successor(before).is_none())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A taxonomy of so many clusters that has these members.
+    pub(crate) fn stored(clusters: usize, members: &[u32]) -> StoredTaxonomy {
+        StoredTaxonomy {
+            medoids: vec![0; clusters],
+            clusters: members.to_vec(),
+            loss: 0.0,
+            measures: Vec::new(),
+            robust_trials: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn clusters_are_followed_by_the_majority_of_their_members() {
+        let before = stored(3, &[0, 0, 0, 1, 1, 2, 2, 2]);
+        let after = stored(3, &[1, 1, 0, 1, 1, 0, 2, 1, 2, 2]);
+        let change = Change::between(&before, &after);
+        let successors: Vec<_> = (0..3).map(|place| change.successor(place)).collect();
+        // One member of the last in each: that is no majority.
+        assert_eq!(successors, [Some(1), Some(1), None]);
+        assert_eq!(change.gone().collect::<Vec<_>>(), [2]);
+        assert_eq!((change.shared(0, 1), change.size_before(0)), (2, 3));
+        assert_eq!(change.predecessors(1), [0, 1]);
+        assert!(change.predecessors(0).is_empty());
+        assert_eq!(change.sources(0), [0, 2]);
+        assert_eq!((change.size_after(2), change.new_in(2)), (3, 2));
+        assert_eq!(change.largest_part(2), Some(0));
+        // Half is no majority.
+        let halves = Change::between(&stored(1, &[0, 0]), &stored(2, &[0, 1]));
+        assert_eq!(halves.successor(0), None);
+    }
+
+    #[test]
+    fn a_cluster_without_members_became_nothing() {
+        let change = Change::between(&stored(1, &[]), &stored(1, &[0]));
+        assert_eq!((change.successor(0), change.largest_part(0)), (None, None));
+        assert_eq!((change.new_in(0), change.shared(7, 7)), (1, 0));
+    }
+}

@@ -1,0 +1,207 @@
+//! The taxonomy of a completed campaign, put together from what the store holds; its former versions, and what became of their
+//! clusters and names.
+
+mod alike;
+mod change;
+mod names;
+
+pub use alike::Alike;
+pub use change::Change;
+pub use names::{ClusterName, Names, NotCarried, Origin, Uncarried};
+
+use crate::space::SpaceError;
+use murmuration_model::{CampaignId, CampaignRecord};
+use murmuration_proto::{CampaignSpec, Method, Purpose, RandomStream};
+use murmuration_search::{
+    interrupt::{Interrupt, Interrupted},
+    medoids::{self, Clustering},
+    novelty::{self, Behaviours},
+};
+use murmuration_store::{ArchivedIndividual, ClusterMeasures, Store, StoreError, StoredTaxonomy, Trial};
+use std::collections::BTreeMap;
+
+/// Clusters the archive of a campaign: by class where its specification says so and its embedder has learned from labels. `told`
+/// hears how far it is.
+///
+/// # Errors
+/// See [`SpaceError`].
+pub(crate) fn cluster(
+    store: &Store,
+    record: &CampaignRecord,
+    behaviours: &Behaviours,
+    interrupt: &Interrupt,
+    told: &dyn Fn(medoids::Progress),
+) -> Result<Clustering, SpaceError> {
+    let spec = &record.spec;
+    let labelled = match spec.medoids_by_class() {
+        true => store.learned_classes(record)?,
+        false => BTreeMap::new(),
+    };
+    let mut stream = RandomStream::derive(spec.seed(), Purpose::Medoids, 0);
+    let count = spec.medoids() as usize;
+    Ok(medoids::cluster_by_class(
+        behaviours,
+        &labelled,
+        count,
+        &mut stream,
+        interrupt,
+        told,
+    )?)
+}
+
+/// One behaviour: the individual at the centre of a cluster.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Medoid {
+    /// The individual, with its image.
+    pub individual: ArchivedIndividual,
+    /// Individuals in its cluster, itself included.
+    pub cluster_size: u64,
+    /// Mean distance of the cluster's members to it, in units of the behaviour space.
+    pub mean_distance: f64,
+    /// Mean distance to its nearest neighbours in the whole archive, in units of the behaviour space.
+    pub novelty: f64,
+}
+
+/// The behaviours found, largest cluster first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Taxonomy {
+    /// One a cluster.
+    pub medoids: Vec<Medoid>,
+    /// For each individual by index, the place of its medoid.
+    pub clusters: Vec<u32>,
+    /// Sum over the archive of the distance to the nearest medoid.
+    pub loss: f64,
+    /// For each individual by index, the number of its trials to which no other medoid is nearer than its own; empty if
+    /// individuals have one trial.
+    pub robust_trials: Vec<u8>,
+}
+
+impl Taxonomy {
+    /// Reads the taxonomy of a campaign; `None` if it is not completed.
+    ///
+    /// # Errors
+    /// If the store cannot be read, or names individuals that it does not hold.
+    pub fn read(
+        store: &Store,
+        campaign: &CampaignId,
+        spec: &CampaignSpec,
+    ) -> Result<Option<Self>, StoreError> {
+        let stored = store.taxonomy(campaign)?;
+        stored
+            .map(|stored| Self::of(stored, store, campaign, spec))
+            .transpose()
+    }
+
+    /// Reads a version of the taxonomy of a campaign, former or not; `None` if there is none of that number.
+    ///
+    /// # Errors
+    /// As [`Taxonomy::read`].
+    pub fn read_version(
+        store: &Store,
+        (campaign, version): (&CampaignId, u32),
+        spec: &CampaignSpec,
+    ) -> Result<Option<Self>, StoreError> {
+        let stored = store.taxonomy_of_version(campaign, version)?;
+        stored
+            .map(|stored| Self::of(stored, store, campaign, spec))
+            .transpose()
+    }
+
+    fn of(
+        stored: StoredTaxonomy,
+        store: &Store,
+        campaign: &CampaignId,
+        spec: &CampaignSpec,
+    ) -> Result<Self, StoreError> {
+        let mut sizes = vec![0; stored.medoids.len()];
+        for &cluster in &stored.clusters {
+            if let Some(size) = sizes.get_mut(cluster as usize) {
+                *size += 1;
+            }
+        }
+        let mut medoids = Vec::with_capacity(stored.medoids.len());
+        for ((&index, measures), cluster_size) in stored.medoids.iter().zip(stored.measures).zip(sizes) {
+            medoids.push(Medoid {
+                individual: store.individual(campaign, spec.model(), index)?,
+                cluster_size,
+                mean_distance: measures.mean_distance,
+                novelty: measures.novelty,
+            });
+        }
+        Ok(Self {
+            medoids,
+            clusters: stored.clusters,
+            loss: stored.loss,
+            robust_trials: stored.robust_trials,
+        })
+    }
+}
+
+/// The number of an individual's trials that no other medoid is nearer to than its own. `behaviours` are those of the archive;
+/// `medoids` the individuals at the centres of its clusters, with the place of the individual's own.
+#[must_use]
+pub fn robust_trials(
+    individual: &ArchivedIndividual,
+    method: Method,
+    behaviours: &Behaviours,
+    (medoids, own): (&[usize], u32),
+) -> u8 {
+    let is_own = |trial: &&Trial| {
+        let behaviour = method.behaviour(&trial.features, &trial.embedding);
+        let distance = |medoid: usize| behaviours.squared_distance_to(medoid, &behaviour);
+        let to_own = medoids
+            .get(own as usize)
+            .map_or(f64::INFINITY, |&own| distance(own));
+        medoids.iter().all(|&medoid| to_own <= distance(medoid))
+    };
+    individual.trials.iter().filter(is_own).count() as u8
+}
+
+/// Measures the clusters of an archive; `neighbours` is the k of novelty.
+///
+/// # Errors
+/// [`Interrupted`] once `interrupt` is raised.
+pub fn measure(
+    behaviours: &Behaviours,
+    clustering: &Clustering,
+    neighbours: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<ClusterMeasures>, Interrupted> {
+    let mut sums = vec![(0.0, 0_u64); clustering.medoids.len()];
+    for (member, &cluster) in clustering.clusters.iter().enumerate() {
+        let medoid = clustering.medoids[cluster as usize];
+        let (distances, members) = &mut sums[cluster as usize];
+        *distances += behaviours.squared_distance(member, medoid).sqrt();
+        *members += 1;
+    }
+    let novelty = novelty::novelty_of(behaviours, &clustering.medoids, neighbours, interrupt)?;
+    let measured = |((distances, members), novelty): ((f64, u64), f64)| ClusterMeasures {
+        mean_distance: distances / members.max(1) as f64,
+        novelty,
+    };
+    Ok(sums.into_iter().zip(novelty).map(measured).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cluster_is_measured_to_its_medoid_and_its_medoid_to_the_whole_archive() {
+        let mut behaviours = Behaviours::new(1);
+        for place in [0.0, 1.0, 3.0, 10.0] {
+            behaviours.push(&[place]).unwrap();
+        }
+        let clustering = Clustering {
+            medoids: vec![1, 3],
+            clusters: vec![0, 0, 0, 1],
+            loss: 3.0,
+        };
+        let measured = measure(&behaviours, &clustering, 2, &Interrupt::default()).unwrap();
+        let figures = [(1.0, 1.5), (0.0, 8.0)].map(|(mean_distance, novelty)| ClusterMeasures {
+            mean_distance,
+            novelty,
+        });
+        assert_eq!(measured, figures);
+    }
+}

@@ -1,0 +1,155 @@
+//! What fits in cells of the same tables as CSV: a header, then numbers that read back exactly, and names as spreadsheets can open
+//! them. The individuals come without their trials; of the label log there are the answers that stand.
+
+use crate::{ExportError, IndividualTable};
+use csv::Writer;
+use murmuration_model::{
+    labels::{ANSWER_COLUMNS, ClassName, Labels, answer_row},
+    tables::{GENERATION_COLUMNS, generation_row},
+};
+use murmuration_proto::CampaignSpec;
+use murmuration_store::{
+    GenerationRecord,
+    transfer::{Medoids, Member},
+};
+use std::{
+    collections::BTreeMap,
+    fs::File,
+    io,
+    path::{Path, PathBuf},
+};
+
+const INDIVIDUALS: &str = "individuals.csv";
+const GENERATIONS: &str = "generations.csv";
+const LABELS: &str = "labels.csv";
+const TAXONOMY: &str = "taxonomy.csv";
+
+/// Tables that are being written.
+pub(crate) struct CsvTables {
+    path: PathBuf,
+    individuals: IndividualTable<File>,
+    names: Vec<String>,
+}
+
+impl CsvTables {
+    /// New tables in a folder.
+    pub(crate) fn create(folder: &Path, spec: &CampaignSpec) -> Result<Self, ExportError> {
+        let path = folder.join(INDIVIDUALS);
+        let file = File::create_new(&path).map_err(ExportError::file("write", &path))?;
+        Ok(Self {
+            path,
+            individuals: IndividualTable::new(file, spec),
+            names: vec![INDIVIDUALS.to_owned()],
+        })
+    }
+
+    /// Adds individuals with the classes that they have.
+    pub(crate) fn add_individuals(
+        &mut self,
+        members: &[Member],
+        classes: &BTreeMap<u64, ClassName>,
+    ) -> Result<(), ExportError> {
+        for member in members {
+            let class = classes.get(&member.individual.index);
+            self.individuals
+                .add(&member.individual, member.cluster, class)
+                .map_err(ExportError::file("write", &self.path))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the other tables; `sizes` are those of the clusters. That of labels has the answers that stand, with the columns that
+    /// a label file must have: what `murmuration labels --csv` adds to them is in the table of individuals.
+    pub(crate) fn add_small_tables(
+        &mut self,
+        folder: &Path,
+        generations: &[GenerationRecord],
+        labels: &Labels,
+        taxonomy: Option<(&Medoids, &[u64])>,
+    ) -> Result<(), ExportError> {
+        let generations = generations.iter().map(|row| {
+            generation_row(row.generation, row.best_novelty, row.mean_novelty, row.filtered).to_vec()
+        });
+        self.write(folder, GENERATIONS, &GENERATION_COLUMNS, generations)?;
+        let standing = labels.standing().map(|label| {
+            let (answer, annotator) = (label.answer.as_str(), label.annotator.as_str());
+            answer_row(label.index, answer, annotator, label.time_ms).to_vec()
+        });
+        self.write(folder, LABELS, &ANSWER_COLUMNS, standing)?;
+        let Some((taxonomy, sizes)) = taxonomy else {
+            return Ok(());
+        };
+        let medoids = taxonomy
+            .medoids
+            .iter()
+            .enumerate()
+            .map(|(place, (index, cluster))| {
+                let numbers = [cluster.mean_distance, cluster.novelty].map(|number| number.to_string());
+                let [distance, novelty] = numbers;
+                let size = sizes.get(place).copied().unwrap_or(0).to_string();
+                vec![
+                    (place + 1).to_string(),
+                    index.to_string(),
+                    size,
+                    distance,
+                    novelty,
+                ]
+            });
+        self.write(
+            folder,
+            TAXONOMY,
+            &[
+                "cluster",
+                "index",
+                "cluster_size",
+                "mean_distance",
+                "novelty_in_archive",
+            ],
+            medoids,
+        )
+    }
+
+    fn write(
+        &mut self,
+        folder: &Path,
+        name: &str,
+        header: &[&str],
+        rows: impl Iterator<Item = Vec<String>>,
+    ) -> Result<(), ExportError> {
+        let (path, mut table) = create(folder, name)?;
+        table.write_record(header).map_err(unwritten(&path))?;
+        for row in rows {
+            table.write_record(row).map_err(unwritten(&path))?;
+        }
+        end(&path, table)?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// The names of the files, all of which are on disk then.
+    pub(crate) fn finish(self) -> Result<Vec<String>, ExportError> {
+        let file = self.individuals.finish();
+        file.and_then(|file| file.sync_all())
+            .map_err(ExportError::file("write", &self.path))?;
+        Ok(self.names)
+    }
+}
+
+fn create(folder: &Path, name: &str) -> Result<(PathBuf, Writer<File>), ExportError> {
+    let path = folder.join(name);
+    let file = File::create_new(&path).map_err(ExportError::file("write", &path))?;
+    Ok((path, Writer::from_writer(file)))
+}
+
+fn end(path: &Path, table: Writer<File>) -> Result<(), ExportError> {
+    let file = table
+        .into_inner()
+        .map_err(|error| io::Error::other(error.to_string()));
+    file.and_then(|file| file.sync_all())
+        .map_err(ExportError::file("write", path))
+}
+
+fn unwritten(path: &Path) -> impl FnOnce(csv::Error) -> ExportError {
+    let path = path.to_path_buf();
+    move |error| ExportError::file("write", &path)(io::Error::other(error))
+}

@@ -1,0 +1,232 @@
+//! `BLAKE3SUMS`: the digest of every file of an export, a line each, as `b3sum --check` reads them.
+
+use crate::ExportError;
+use murmuration_proto::text;
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs::{self, File},
+    io,
+    path::{Component, Path},
+};
+
+/// The name of the list.
+pub(crate) const FILE: &str = "BLAKE3SUMS";
+/// Most bytes of the list: some 1,000 checkpoints with their descriptions.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// Most characters of a path in the list.
+const MAX_NAME_CHARS: usize = 200;
+
+/// The digests of the files of a folder, by path within it.
+#[derive(Debug, Default)]
+pub(crate) struct Digests(BTreeMap<String, blake3::Hash>);
+
+impl Digests {
+    /// Adds a file that has been written.
+    pub(crate) fn add(&mut self, folder: &Path, name: &str) -> Result<(), ExportError> {
+        let digest = digest(&folder.join(name))?;
+        self.0.insert(name.to_owned(), digest);
+        Ok(())
+    }
+
+    /// The files that are listed, in alphabetical order.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.0.keys().map(String::as_str)
+    }
+
+    /// Whether a file is listed.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.contains_key(name)
+    }
+
+    /// The list.
+    pub(crate) fn to_text(&self) -> String {
+        let line = |(name, digest): (&String, &blake3::Hash)| format!("{}  {name}\n", digest.to_hex());
+        self.0.iter().map(line).collect()
+    }
+
+    /// Reads the list of a folder, and checks every file against it.
+    pub(crate) fn check(folder: &Path) -> Result<Self, ExportError> {
+        let path = folder.join(FILE);
+        let found = fs::symlink_metadata(&path).map_err(|error| {
+            let reason =
+                format!("it is no export ({FILE}: {error}); `murmuration export CAMPAIGN DIR` makes one");
+            ExportError::damaged(folder, reason)
+        })?;
+        if !found.is_file() || found.len() > MAX_BYTES {
+            return Err(ExportError::damaged(
+                &path,
+                "it is not the list of an export's files",
+            ));
+        }
+        let text = fs::read_to_string(&path).map_err(ExportError::file("read", &path))?;
+        let mut digests = BTreeMap::new();
+        for line in text.lines() {
+            let (digest, name) = entry(line)
+                .ok_or_else(|| ExportError::damaged(&path, "a line of it is no digest and name of a file"))?;
+            if digests.insert(name.to_owned(), digest).is_some() {
+                return Err(ExportError::damaged(&path, format!("{name} is listed twice")));
+            }
+        }
+        for (name, listed) in &digests {
+            let file = folder.join(name);
+            for parent in Path::new(name)
+                .ancestors()
+                .skip(1)
+                .filter(|parent| *parent != Path::new(""))
+            {
+                let parent = folder.join(parent);
+                let found = fs::symlink_metadata(&parent).map_err(ExportError::file("read", &parent))?;
+                if !found.is_dir() {
+                    return Err(ExportError::damaged(&parent, "it is no folder"));
+                }
+            }
+            if digest(&file)? != *listed {
+                let reason = format!("it was changed after the export: its digest is not that in {FILE}");
+                return Err(ExportError::damaged(&file, reason));
+            }
+        }
+        Ok(Self(digests))
+    }
+}
+
+/// Whether a folder holds an export and nothing else: what its list names, and the folders that this is in.
+///
+/// # Errors
+/// If the folder cannot be read.
+pub(crate) fn is_alone(folder: &Path) -> io::Result<bool> {
+    let list = folder.join(FILE);
+    let is_list = fs::symlink_metadata(&list).is_ok_and(|found| found.is_file() && found.len() <= MAX_BYTES);
+    if !is_list {
+        return Ok(false);
+    }
+    let text = String::from_utf8_lossy(&fs::read(&list)?).into_owned();
+    let names: BTreeSet<&str> = text.lines().filter_map(entry).map(|(_, name)| name).collect();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(inner) = folders.pop() {
+        for found in fs::read_dir(&inner)? {
+            let (kind, path) = found.and_then(|found| Ok((found.file_type()?, found.path())))?;
+            let name = path.strip_prefix(folder).ok().and_then(Path::to_str);
+            match name {
+                Some(name) if kind.is_file() && (name == FILE || names.contains(name)) => {}
+                Some(name)
+                    if kind.is_dir() && names.iter().any(|listed| Path::new(listed).starts_with(name)) =>
+                {
+                    folders.push(path);
+                }
+                _ => return Ok(false),
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// A line of the list; a path must stay within the folder, and have nothing that cannot be seen.
+fn entry(line: &str) -> Option<(blake3::Hash, &str)> {
+    let (digest, name) = line.split_once("  ")?;
+    let mut parts = Path::new(name).components();
+    let is_within = !name.is_empty() && parts.all(|part| matches!(part, Component::Normal(_)));
+    let can_be_seen = text::name("name", name, MAX_NAME_CHARS).is_ok_and(|shown| shown == name);
+    let digest = blake3::Hash::from_hex(digest).ok()?;
+    (is_within && can_be_seen).then_some((digest, name))
+}
+
+/// Opens a file of an export: neither a link, nor a folder, nor a device.
+pub(crate) fn open(path: &Path) -> Result<File, ExportError> {
+    let found = fs::symlink_metadata(path).map_err(ExportError::file("read", path))?;
+    if !found.is_file() {
+        return Err(ExportError::damaged(path, "it is no regular file"));
+    }
+    File::open(path).map_err(ExportError::file("read", path))
+}
+
+fn digest(path: &Path) -> Result<blake3::Hash, ExportError> {
+    let file = open(path)?;
+    let mut hasher = blake3::Hasher::new();
+    hasher
+        .update_reader(file)
+        .map_err(ExportError::file("read", path))?;
+    Ok(hasher.finalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_stays_within_the_folder() {
+        let digest = blake3::hash(b"").to_hex();
+        for name in ["README.md", "checkpoints/a.onnx"] {
+            assert_eq!(entry(&format!("{digest}  {name}")).unwrap().1, name);
+        }
+        for name in [
+            "",
+            "/etc/passwd",
+            "../secret",
+            "checkpoints/../../secret",
+            "./README.md",
+            "a\u{1b}[2Jb",
+            "a\u{202e}b",
+        ] {
+            assert!(entry(&format!("{digest}  {name}")).is_none(), "{name}");
+        }
+        assert!(entry("no digest  README.md").is_none() && entry("README.md").is_none());
+    }
+
+    #[test]
+    fn an_export_with_anything_else_beside_it_is_not_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        assert!(!is_alone(folder.path()).unwrap(), "an empty folder is no export");
+        fs::create_dir(folder.path().join("checkpoints")).unwrap();
+        write("a.txt", "one");
+        write("checkpoints/b.onnx", "two");
+        let mut digests = Digests::default();
+        digests.add(folder.path(), "a.txt").unwrap();
+        digests.add(folder.path(), "checkpoints/b.onnx").unwrap();
+        write(FILE, &digests.to_text());
+        assert!(is_alone(folder.path()).unwrap());
+        for more in ["notes.txt", "checkpoints/notes.txt"] {
+            write(more, "mine");
+            assert!(!is_alone(folder.path()).unwrap(), "{more}");
+            fs::remove_file(folder.path().join(more)).unwrap();
+        }
+        fs::create_dir(folder.path().join("src")).unwrap();
+        assert!(!is_alone(folder.path()).unwrap(), "a folder of somebody's own");
+    }
+
+    #[test]
+    fn what_is_listed_twice_or_lies_behind_a_link_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("outside")).unwrap();
+        fs::write(at("outside/a"), "one").unwrap();
+        std::os::unix::fs::symlink(at("outside"), at("inside")).unwrap();
+        let line = format!("{}  inside/a\n", blake3::hash(b"one").to_hex());
+        fs::write(at(FILE), &line).unwrap();
+        let said = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("it is no folder"), "{said}");
+        fs::write(at(FILE), line.repeat(2)).unwrap();
+        let said = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("listed twice"), "{said}");
+    }
+
+    #[test]
+    fn a_file_that_changed_or_is_a_link_is_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write("a.txt", "one");
+        let mut digests = Digests::default();
+        digests.add(folder.path(), "a.txt").unwrap();
+        write(FILE, &digests.to_text());
+        assert!(Digests::check(folder.path()).unwrap().has("a.txt"));
+        write("a.txt", "ond");
+        let said = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("a.txt: it was changed"), "{said}");
+        fs::remove_file(folder.path().join("a.txt")).unwrap();
+        write("b.txt", "one");
+        std::os::unix::fs::symlink(folder.path().join("b.txt"), folder.path().join("a.txt")).unwrap();
+        let said = Digests::check(folder.path()).unwrap_err().to_string();
+        assert!(said.contains("no regular file"), "{said}");
+    }
+}

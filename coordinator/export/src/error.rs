@@ -1,0 +1,100 @@
+//! Why a folder cannot be written or read.
+
+use arrow_schema::ArrowError;
+use murmuration_proto::{Invalid, Text};
+use parquet::errors::ParquetError;
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
+use zip::result::ZipError;
+
+/// Why nothing was exported, or a folder cannot be imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// A file or folder cannot be used.
+    #[error("cannot {doing} {path}: {source}")]
+    File {
+        /// What was tried.
+        doing: &'static str,
+        /// With which file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something is there already.
+    #[error("{0} is not empty: name a new folder, or replace an export with --force")]
+    NotEmpty(PathBuf),
+    /// What is there already is not what may be replaced.
+    #[error("{0} holds something besides an export, which --force does not replace: name a new folder")]
+    NoExport(PathBuf),
+    /// An export in the folder that the process is in would be replaced.
+    #[error("{0} is the working folder, or has it in it, and cannot be replaced: go to another folder first")]
+    WorkingFolder(PathBuf),
+    /// A former export has lost its name, and the new one has not got it.
+    #[error("cannot write {target}: {source}; the export that was there is in {old}")]
+    Aside {
+        /// Where the former export is.
+        old: PathBuf,
+        /// Its name.
+        target: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The folder, or a file of it, is not as an export has it.
+    #[error("{path}: {reason}")]
+    Damaged {
+        /// Which.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The coordinator's answer is invalid.
+    #[error("the coordinator's answer is invalid: {0}")]
+    Answer(#[from] Invalid),
+    /// The sink takes no more parts.
+    #[error("the import was ended by the coordinator")]
+    Ended,
+}
+
+impl ExportError {
+    /// A reason may quote what is in a file, which may be anything.
+    pub(crate) fn damaged(path: &Path, reason: impl ToString) -> Self {
+        Self::Damaged {
+            path: path.to_path_buf(),
+            reason: Text::line(&reason.to_string()).into(),
+        }
+    }
+
+    /// An error of the system about a file.
+    pub(crate) fn file(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::File { doing, path, source }
+    }
+
+    /// Why a table cannot be written.
+    pub(crate) fn unwritten(path: &Path) -> impl Fn(ParquetError) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::File {
+            doing: "write",
+            path: path.clone(),
+            source: io::Error::other(error),
+        }
+    }
+
+    /// Why a table of columns cannot be made.
+    pub(crate) fn uneven(path: &Path) -> impl Fn(ArrowError) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::damaged(&path, error)
+    }
+
+    /// Why an archive cannot be written.
+    pub(crate) fn unzipped(path: &Path) -> impl Fn(ZipError) -> Self {
+        let path = path.to_path_buf();
+        move |error| Self::File {
+            doing: "write",
+            path: path.clone(),
+            source: io::Error::other(error),
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! The folder that a campaign is exported to, and read back from: Parquet, NPZ, ONNX, TOML and JSON, with a page about the columns
+//! and a datasheet.
+//!
+//! Data in, files out, and back: reads neither the store nor the network. A folder appears under its name once it is whole;
+//! what is read is checked file by file, then value by value, as a network's messages are.
+
+mod about;
+mod cluster_sizes;
+mod columns;
+mod csv_tables;
+mod datasheet;
+mod description;
+mod digests;
+mod error;
+mod individual_table;
+mod individuals;
+mod labels;
+mod pictures;
+mod placing;
+mod reader;
+mod sizes;
+mod small_tables;
+mod thrift;
+mod writer;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::ExportError;
+pub use individual_table::IndividualTable;
+pub use reader::{PartSink, ReadFolder, read_any_table};
+pub use writer::{Exported, NewFolder};
+
+/// The specification, TOML.
+const SPEC: &str = "spec.toml";
+/// Everything else of the campaign itself, JSON.
+const CAMPAIGN: &str = "campaign.json";
+/// One row an individual.
+const INDIVIDUALS: &str = "individuals.parquet";
+/// One row a generation.
+const GENERATIONS: &str = "generations.parquet";
+/// One row an entry of the label log.
+const LABELS: &str = "labels.parquet";
+/// One row a medoid; of a completed campaign.
+const TAXONOMY: &str = "taxonomy.parquet";
+/// One array, `pictures`.
+const PICTURES: &str = "pictures.npz";
+/// The folder of the checkpoints, each with its description.
+const CHECKPOINTS: &str = "checkpoints";
+/// What the files and columns mean.
+const README: &str = "README.md";
+/// Where the data come from, and what they are for.
+const DATASHEET: &str = "DATASHEET.md";

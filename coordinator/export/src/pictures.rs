@@ -1,0 +1,188 @@
+//! `pictures.npz`: NumPy's archive of one array of grey values, written and read picture by picture.
+//!
+//! A picture is stored column by column (`x * side + y`); in the array its rows go from the top down, as plots show them.
+
+use crate::ExportError;
+use murmuration_proto::{CampaignSpec, PictureShape};
+use std::{
+    fs::File,
+    io::{self, Read, Write},
+    path::{Path, PathBuf},
+};
+use zip::{CompressionMethod, ZipArchive, ZipWriter, read::ZipFile, write::SimpleFileOptions};
+
+/// The file of the array in the archive; NumPy calls it `pictures`.
+const ARRAY: &str = "pictures.npy";
+
+/// The shape of the array: individuals, starts if there are several, channels if there are several, rows, columns.
+pub(crate) fn shape(spec: &CampaignSpec, individuals: u64) -> Vec<u64> {
+    let picture = spec.image().shape();
+    let side = picture.side() as u64;
+    let several = [spec.starts().get() as u64, picture.channels() as u64];
+    let several = several.into_iter().filter(|&count| count > 1);
+    [individuals]
+        .into_iter()
+        .chain(several)
+        .chain([side, side])
+        .collect()
+}
+
+/// The beginning of the array's file, version 1.0 of the format.
+fn header(shape: &[u64]) -> Vec<u8> {
+    let sizes = shape.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
+    let said = format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({sizes}), }}");
+    // What comes before the numbers is a multiple of 64 bytes long, and ends with a new line.
+    let unpadded = 10 + said.len() + 1;
+    let padding = unpadded.next_multiple_of(64) - unpadded;
+    let said = format!("{said}{}\n", " ".repeat(padding));
+    let mut header = b"\x93NUMPY\x01\x00".to_vec();
+    header.extend((said.len() as u16).to_le_bytes());
+    header.extend(said.bytes());
+    header
+}
+
+/// A picture's rows from its columns, or the reverse: the two are each other's reverse.
+fn transposed(picture: &[u8], shape: PictureShape) -> Vec<u8> {
+    let side = shape.side();
+    let mut rows = Vec::with_capacity(picture.len());
+    for channel in picture.chunks(shape.pixels()) {
+        for y in 0..side {
+            rows.extend((0..side).filter_map(|x| channel.get(x * side + y)));
+        }
+    }
+    rows
+}
+
+/// An archive that is being written.
+pub(crate) struct PictureWriter {
+    path: PathBuf,
+    shape: PictureShape,
+    archive: ZipWriter<File>,
+}
+
+impl PictureWriter {
+    /// A new archive of the pictures of so many individuals of a campaign.
+    pub(crate) fn create(path: &Path, spec: &CampaignSpec, individuals: u64) -> Result<Self, ExportError> {
+        let file = File::create_new(path).map_err(ExportError::file("write", path))?;
+        let mut archive = ZipWriter::new(file);
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .compression_level(Some(1))
+            .large_file(true);
+        archive
+            .start_file(ARRAY, options)
+            .map_err(ExportError::unzipped(path))?;
+        archive
+            .write_all(&header(&shape(spec, individuals)))
+            .map_err(ExportError::file("write", path))?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            shape: spec.image().shape(),
+            archive,
+        })
+    }
+
+    /// Adds the next picture.
+    pub(crate) fn add(&mut self, picture: &[u8]) -> Result<(), ExportError> {
+        self.archive
+            .write_all(&transposed(picture, self.shape))
+            .map_err(ExportError::file("write", &self.path))
+    }
+
+    /// Writes the end of the archive; it is on disk then.
+    pub(crate) fn finish(self) -> Result<(), ExportError> {
+        let path = self.path;
+        let file = self.archive.finish().map_err(ExportError::unzipped(&path))?;
+        file.sync_all().map_err(ExportError::file("write", &path))
+    }
+}
+
+/// Opens an archive.
+pub(crate) fn open(path: &Path, file: File) -> Result<ZipArchive<File>, ExportError> {
+    ZipArchive::new(file)
+        .map_err(|error| ExportError::damaged(path, format!("it is no NPZ archive: {error}")))
+}
+
+/// An archive that is being read.
+pub(crate) struct PictureReader<'a> {
+    path: &'a Path,
+    shape: PictureShape,
+    array: ZipFile<'a, File>,
+}
+
+impl<'a> PictureReader<'a> {
+    /// The pictures of so many individuals of a campaign.
+    pub(crate) fn of(
+        archive: &'a mut ZipArchive<File>,
+        path: &'a Path,
+        spec: &CampaignSpec,
+        individuals: u64,
+    ) -> Result<Self, ExportError> {
+        let array = archive
+            .by_name(ARRAY)
+            .map_err(|error| ExportError::damaged(path, format!("{ARRAY}: {error}")))?;
+        let mut reader = Self {
+            path,
+            shape: spec.image().shape(),
+            array,
+        };
+        let wanted = header(&shape(spec, individuals));
+        let found = reader.bytes(wanted.len())?;
+        match found == wanted {
+            true => Ok(reader),
+            false => {
+                let sizes = shape(spec, individuals);
+                let reason = format!("its array `pictures` is not uint8 of the shape {sizes:?}");
+                Err(ExportError::damaged(path, reason))
+            }
+        }
+    }
+
+    /// The next picture.
+    pub(crate) fn next(&mut self) -> Result<Vec<u8>, ExportError> {
+        let rows = self.bytes(self.shape.bytes())?;
+        Ok(transposed(&rows, self.shape))
+    }
+
+    /// Makes sure that there are no more.
+    pub(crate) fn end(mut self) -> Result<(), ExportError> {
+        match self.array.read(&mut [0]) {
+            Ok(0) => Ok(()),
+            Ok(_) => Err(ExportError::damaged(
+                self.path,
+                "it has more pictures than its shape says",
+            )),
+            Err(error) => Err(ExportError::damaged(self.path, error)),
+        }
+    }
+
+    fn bytes(&mut self, count: usize) -> Result<Vec<u8>, ExportError> {
+        let mut bytes = vec![0; count];
+        let read: io::Result<()> = self.array.read_exact(&mut bytes);
+        read.map_err(|error| ExportError::damaged(self.path, format!("its pictures end early: {error}")))?;
+        Ok(bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_header_is_numpys() {
+        let header = header(&[3, 50, 50]);
+        assert_eq!(header.len() % 64, 0);
+        assert_eq!(&header[..10], b"\x93NUMPY\x01\x00\x76\x00");
+        let said = std::str::from_utf8(&header[10..]).unwrap();
+        assert!(said.starts_with("{'descr': '|u1', 'fortran_order': False, 'shape': (3, 50, 50), }"));
+        assert!(said.ends_with('\n'));
+    }
+
+    #[test]
+    fn rows_and_columns_change_places_and_back_in_each_channel() {
+        let shape = PictureShape::new(2, 2).unwrap();
+        let columns = [1, 2, 3, 4, 5, 6, 7, 8];
+        assert_eq!(transposed(&columns, shape), [1, 3, 2, 4, 5, 7, 6, 8]);
+        assert_eq!(transposed(&transposed(&columns, shape), shape), columns);
+    }
+}

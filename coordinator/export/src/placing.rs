@@ -1,0 +1,298 @@
+//! Where the folder of an export is filled, and how it gets its name: whole, or not at all.
+
+use crate::{CHECKPOINTS, ExportError, digests};
+use murmuration_store::files::is_empty;
+use std::{
+    env,
+    fs::{self, File, Permissions, TryLockError},
+    io,
+    os::unix::fs::PermissionsExt as _,
+    path::{Path, PathBuf},
+};
+use tempfile::TempDir;
+
+/// What the name of a folder begins with that is being filled.
+const PREFIX: &str = ".murmuration-export-";
+/// How often a folder is made that disappears.
+const ATTEMPTS: u32 = 8;
+/// A former export on its way out, beside the new one.
+const REPLACED: &str = "replaced";
+
+/// A folder that is being filled. The lock on it says that its process lives.
+pub(crate) struct Filled {
+    folder: TempDir,
+    _lock: File,
+}
+
+impl Filled {
+    pub(crate) fn path(&self) -> &Path {
+        self.folder.path()
+    }
+}
+
+/// The place for an export, from the root on and without links: it must be empty or not exist, unless an export in it is to be
+/// replaced.
+pub(crate) fn target(target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
+    target_seen_from(&env::current_dir().unwrap_or_default(), target, replaces)
+}
+
+fn target_seen_from(current: &Path, target: &Path, replaces: bool) -> Result<PathBuf, ExportError> {
+    let failed = ExportError::file("look into", target);
+    // A name such as `.`, or that of a link, cannot be given to another folder.
+    let whole = match fs::canonicalize(target) {
+        Ok(whole) => whole,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => target.to_path_buf(),
+        Err(error) => return Err(failed(error)),
+    };
+    remove_leftovers(&whole);
+    if is_empty(&whole).map_err(failed)? {
+        return Ok(whole);
+    }
+    if !replaces {
+        return Err(ExportError::NotEmpty(target.to_path_buf()));
+    }
+    if !digests::is_alone(&whole).map_err(ExportError::file("look into", target))? {
+        return Err(ExportError::NoExport(target.to_path_buf()));
+    }
+    match current.starts_with(&whole) {
+        true => Err(ExportError::WorkingFolder(whole)),
+        false => Ok(whole),
+    }
+}
+
+/// A new folder in the empty folder `target`, or else beside the place that it will have. Those that processes left there which
+/// have ended are removed.
+pub(crate) fn new_folder(target: &Path) -> Result<Filled, ExportError> {
+    let folder_of_it =
+        match is_empty(target).map_err(ExportError::file("look into", target))? && target.is_dir() {
+            true => target,
+            false => parent(target),
+        };
+    fs::create_dir_all(folder_of_it).map_err(ExportError::file("make", folder_of_it))?;
+    remove_leftovers(folder_of_it);
+    for _ in 0..ATTEMPTS {
+        let folder = tempfile::Builder::new()
+            .prefix(PREFIX)
+            .permissions(Permissions::from_mode(0o755))
+            .tempdir_in(folder_of_it)
+            .map_err(ExportError::file("make a folder in", folder_of_it))?;
+        // Another process may have taken it for one that was left, and may have removed it.
+        let lock = File::open(folder.path()).and_then(|lock| Ok(lock.try_lock().map(|()| lock)?));
+        match lock {
+            Ok(lock) if folder.path().exists() => return Ok(Filled { folder, _lock: lock }),
+            _ => {}
+        }
+    }
+    let error = io::Error::other("its file system knows no locks, or it is removed again and again");
+    Err(ExportError::file("make a folder in", folder_of_it)(error))
+}
+
+fn parent(target: &Path) -> &Path {
+    match target.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Removes the folders in `parent` that were being filled by processes which have ended. A former export that was to be replaced
+/// stays: nobody knows whether the new one got its name.
+fn remove_leftovers(parent: &Path) {
+    let entries = fs::read_dir(parent).into_iter().flatten().flatten();
+    for entry in entries {
+        let (name, path) = (entry.file_name(), entry.path());
+        let name = name.to_string_lossy();
+        if !name.starts_with(PREFIX)
+            || name.ends_with(REPLACED)
+            || !entry.file_type().is_ok_and(|kind| kind.is_dir())
+        {
+            continue;
+        }
+        let held = File::open(&path).map(|folder| match folder.try_lock() {
+            Ok(()) => Some(folder),
+            Err(TryLockError::WouldBlock | TryLockError::Error(_)) => None,
+        });
+        if let Ok(Some(_held)) = held {
+            // What cannot be removed is in nobody's way.
+            let _ = fs::remove_dir_all(&path);
+        }
+    }
+}
+
+/// Gives a whole folder its name; what had the name before is removed then.
+pub(crate) fn place(folder: Filled, target: &Path) -> Result<(), ExportError> {
+    let checkpoints = folder.path().join(CHECKPOINTS);
+    if checkpoints.is_dir() {
+        sync(&checkpoints)?;
+    }
+    sync(folder.path())?;
+    if folder.path().parent() == Some(target) {
+        return move_up(folder.path(), target);
+    }
+    let Filled { folder, _lock } = folder;
+    let folder = folder.keep();
+    let placed = rename(&folder, target);
+    if placed.is_err() {
+        // What is half there is in the way of the next try; what cannot be removed is said then.
+        let _ = fs::remove_dir_all(&folder);
+    }
+    placed
+}
+
+/// Moves the files of a folder into the one that it is in, the list of files at last: without that, a folder is no export.
+fn move_up(folder: &Path, target: &Path) -> Result<(), ExportError> {
+    let failed = |error| ExportError::file("write", target)(error);
+    let entries = fs::read_dir(folder).map_err(failed)?;
+    let names: Result<Vec<_>, _> = entries
+        .map(|entry| entry.map(|entry| entry.file_name()))
+        .collect();
+    let mut names = names.map_err(failed)?;
+    names.sort_by_key(|name| name == digests::FILE);
+    // Somebody may have put something there meanwhile.
+    if names
+        .iter()
+        .any(|name| target.join(name).symlink_metadata().is_ok())
+    {
+        return Err(ExportError::NotEmpty(target.to_path_buf()));
+    }
+    let mut moved = Vec::new();
+    for name in names {
+        if let Err(error) = fs::rename(folder.join(&name), target.join(&name)) {
+            for name in moved {
+                // Back to where all of it is removed.
+                let _ = fs::rename(target.join(&name), folder.join(&name));
+            }
+            return Err(failed(error));
+        }
+        moved.push(name);
+    }
+    sync(target)
+}
+
+fn rename(folder: &Path, target: &Path) -> Result<(), ExportError> {
+    let failed = |error| ExportError::file("write", target)(error);
+    if is_empty(target).map_err(failed)? {
+        // It was not there when this export began.
+        fs::rename(folder, target).map_err(failed)?;
+        return sync(parent(target));
+    }
+    // Somebody may have put something beside it meanwhile.
+    if !digests::is_alone(target).unwrap_or(false) {
+        return Err(ExportError::NoExport(target.to_path_buf()));
+    }
+    let old = folder.with_extension(REPLACED);
+    fs::rename(target, &old).map_err(failed)?;
+    if let Err(error) = fs::rename(folder, target) {
+        return Err(match fs::rename(&old, target) {
+            Ok(()) => failed(error),
+            Err(_) => ExportError::Aside {
+                old,
+                target: target.to_path_buf(),
+                source: error,
+            },
+        });
+    }
+    // The new one must be on disk under its name before the old one goes.
+    sync(parent(target))?;
+    if let Err(error) = fs::remove_dir_all(&old) {
+        tracing::warn!(path = %old.display(), %error, "the export that was replaced is still there: remove it");
+    }
+    Ok(())
+}
+
+fn sync(folder: &Path) -> Result<(), ExportError> {
+    let synced = File::open(folder).and_then(|folder| folder.sync_all());
+    synced.map_err(ExportError::file("write", folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    fn export_in(folder: &Path, text: &str) {
+        fs::create_dir_all(folder).unwrap();
+        fs::write(folder.join("README.md"), text).unwrap();
+        let mut listed = digests::Digests::default();
+        listed.add(folder, "README.md").unwrap();
+        fs::write(folder.join(digests::FILE), listed.to_text()).unwrap();
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        names.collect()
+    }
+
+    #[test]
+    fn a_link_to_an_empty_folder_is_followed() {
+        let place_of_all = tempfile::tempdir().unwrap();
+        let at = |name: &str| place_of_all.path().join(name);
+        fs::create_dir(at("volume")).unwrap();
+        fs::create_dir(at("empty")).unwrap();
+        symlink(at("volume"), at("link")).unwrap();
+        for name in ["link", "empty/.", "new"] {
+            let target = target(&at(name), true).unwrap();
+            let folder = new_folder(&target).unwrap();
+            export_in(folder.path(), name);
+            place(folder, &target).unwrap();
+            assert_eq!(fs::read_to_string(at(name).join("README.md")).unwrap(), name);
+            assert!(digests::is_alone(&at(name)).unwrap(), "{:?}", names(&at(name)));
+        }
+        assert!(at("link").is_symlink());
+    }
+
+    #[test]
+    fn an_empty_folder_stays_the_same_folder() {
+        use std::os::unix::fs::MetadataExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let before = fs::metadata(folder.path()).unwrap().ino();
+        let target = target(folder.path(), false).unwrap();
+        let filled = new_folder(&target).unwrap();
+        export_in(filled.path(), "new");
+        place(filled, &target).unwrap();
+        // Whoever is in it sees the files, and a volume may be mounted there.
+        assert_eq!(fs::metadata(folder.path()).unwrap().ino(), before);
+        assert!(digests::is_alone(folder.path()).unwrap());
+    }
+
+    #[test]
+    fn the_folder_that_somebody_is_in_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = fs::canonicalize(folder.path()).unwrap();
+        export_in(&whole, "old");
+        let within = whole.join("checkpoints");
+        for current in [&whole, &within] {
+            let refused = target_seen_from(current, folder.path(), true).unwrap_err();
+            assert!(refused.to_string().contains("is the working folder"), "{refused}");
+        }
+        let beside = whole.with_extension("beside");
+        assert_eq!(target_seen_from(&beside, folder.path(), true).unwrap(), whole);
+    }
+
+    #[test]
+    fn a_former_export_keeps_its_name_where_the_new_one_cannot_get_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("export");
+        export_in(&target, "old");
+        // A folder that is not there cannot get a name.
+        let failed = rename(&folder.path().join("gone"), &target).unwrap_err();
+        assert!(matches!(failed, ExportError::File { .. }), "{failed}");
+        assert_eq!(fs::read_to_string(target.join("README.md")).unwrap(), "old");
+        assert_eq!(names(folder.path()), ["export"]);
+    }
+
+    #[test]
+    fn folders_of_processes_that_have_ended_are_removed() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("export");
+        let left = folder.path().join(format!("{PREFIX}left"));
+        fs::create_dir(&left).unwrap();
+        fs::write(left.join("individuals.parquet"), "half").unwrap();
+        let other = new_folder(&target).unwrap();
+        assert!(!left.exists());
+        let own = new_folder(&target).unwrap();
+        assert!(other.path().exists(), "its process lives");
+        drop((own, other));
+        assert_eq!(names(folder.path()), Vec::<String>::new());
+    }
+}

@@ -1,0 +1,122 @@
+//! Changes of classes, and their reversal.
+//!
+//! Changes are reverted one by one, the newest first. So a reversal finds the classes as its change left them, but for what
+//! answers have named since.
+
+use super::{super::classes::Replaced, Action, Annotator, Change, Label, Labels, NumberedAnswer, Refusal};
+
+/// A change of classes that was not reverted.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ClassChange {
+    change: Change,
+    replaced: Replaced,
+    /// The entries of the answers that stood until the class that they name was deleted, or that an undo would have restored since.
+    set_aside: Vec<u64>,
+}
+
+impl Labels {
+    /// Changes a class, as the next entry says.
+    pub(super) fn change_classes(&mut self, change: &Change) -> Result<(), Refusal> {
+        let classes = &mut self.classes;
+        let replaced = match &change.action {
+            Action::Create { class } => classes.make(class),
+            Action::Rename { class, to } => classes.rename(class, to)?,
+            Action::Merge { class, into } => classes.merge(class, into)?,
+            Action::Colour { class, colour } => classes.colour(class, *colour)?,
+            Action::Shortcut { class, shortcut } => classes.shortcut(class, *shortcut)?,
+            Action::Delete { class } => classes.delete(class)?,
+            Action::Answer { .. }
+            | Action::Undo
+            | Action::Withdraw { .. }
+            | Action::Revert { .. }
+            | Action::Compare { .. }
+            | Action::WithdrawComparison { .. } => return Ok(()),
+        };
+        let set_aside = match replaced {
+            Replaced::Deleted(_) => self.set_aside_deleted(),
+            _ => Vec::new(),
+        };
+        let change = ClassChange {
+            change: change.clone(),
+            replaced,
+            set_aside,
+        };
+        self.class_changes.insert(self.entries, change);
+        Ok(())
+    }
+
+    /// Reverts the newest change, which is that of `entry`.
+    pub(super) fn revert(&mut self, entry: u64) -> Result<(), Refusal> {
+        let newest = self.class_changes.last_entry();
+        let newest = newest.filter(|newest| *newest.key() == entry);
+        let reverted = newest.ok_or(Refusal::NotNewestChange(entry))?.remove();
+        self.classes.restore(reverted.replaced);
+        for answer in reverted.set_aside {
+            // What its annotator has said since counts.
+            let given = self.given.get(&answer);
+            let answered = given.and_then(|given| self.standing_of(given.index, &given.annotator));
+            if answered.is_none() {
+                self.stand(answer);
+            }
+        }
+        Ok(())
+    }
+
+    /// Has the answers fall that name a class which was deleted; their entries.
+    fn set_aside_deleted(&mut self) -> Vec<u64> {
+        let standing = self.own.values().flatten().copied();
+        let set_aside: Vec<u64> = standing.filter(|entry| self.is_of_deleted(*entry)).collect();
+        for &entry in &set_aside {
+            self.fall(entry);
+        }
+        set_aside
+    }
+
+    /// Whether an answer names a class that was deleted.
+    pub(super) fn is_of_deleted(&self, entry: u64) -> bool {
+        self.given.get(&entry).is_some_and(|given| match given.answer {
+            NumberedAnswer::Class(class) => self.classes.is_deleted(class),
+            NumberedAnswer::NotSure | NumberedAnswer::Skip => false,
+        })
+    }
+
+    /// Has the answer of this entry, which an undo restores, wait for the reversal of its class's deletion.
+    pub(super) fn set_aside_restored(&mut self, entry: u64) {
+        let Some(NumberedAnswer::Class(class)) = self.given.get(&entry).map(|given| given.answer) else {
+            return;
+        };
+        let deletion = Replaced::Deleted(self.classes.today(class));
+        let mut changes = self.class_changes.values_mut();
+        if let Some(change) = changes.find(|change| change.replaced == deletion) {
+            change.set_aside.push(entry);
+        }
+    }
+
+    /// Has no reversal restore an answer of an annotator about an individual; the entry of the first, if one would.
+    pub(super) fn forget_set_aside(&mut self, index: u64, annotator: &Annotator) -> Option<u64> {
+        let given = &self.given;
+        let is_meant = |entry: &mut u64| {
+            given
+                .get(&*entry)
+                .is_some_and(|given| given.is_of(index, annotator))
+        };
+        let mut forgotten = Vec::new();
+        for change in self.class_changes.values_mut() {
+            forgotten.extend(change.set_aside.extract_if(.., is_meant));
+        }
+        forgotten.first().copied()
+    }
+
+    /// The answers that no longer stand because their class was deleted, and that would stand again if that were reverted.
+    pub fn set_aside(&self) -> impl Iterator<Item = Label> {
+        let entries = self.class_changes.values().flat_map(|change| &change.set_aside);
+        entries.filter_map(|entry| self.given(*entry))
+    }
+
+    /// The changes of classes that were not reverted, each with its entry, the oldest first. The last of them can be reverted.
+    pub fn class_changes(&self) -> impl DoubleEndedIterator<Item = (u64, &Change)> {
+        self.class_changes
+            .iter()
+            .map(|(entry, change)| (*entry, &change.change))
+    }
+}

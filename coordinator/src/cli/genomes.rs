@@ -1,0 +1,106 @@
+//! Tables of genomes as the authors' RobotSwarmSimulator writes them: CSV without a header, a row for each controller, with its
+//! genes in the order of `murmuration robot`.
+
+use super::CliError;
+use csv::{ReaderBuilder, StringRecord, Trim};
+use murmuration_proto::text;
+use std::path::Path;
+
+/// The rows of a file, if it is such a table: a cell of its first row is a number. `None` if it has a header.
+///
+/// # Errors
+/// Names the row that has not as many finite numbers as there are genes, and what is wrong with it.
+pub(super) fn read(path: &Path, text: &[u8], genes: &[&str]) -> Result<Option<Vec<Vec<f64>>>, CliError> {
+    let reader = ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true)
+        .trim(Trim::All)
+        .from_reader(text);
+    let mut rows = Vec::new();
+    for (place, record) in reader.into_records().enumerate() {
+        let Ok(record) = record else {
+            // What is no CSV at all is refused by whoever reads the header.
+            return Ok(None);
+        };
+        if place == 0 && record.iter().all(|cell| cell.parse::<f64>().is_err()) {
+            return Ok(None);
+        }
+        rows.push(numbers(&record, genes).map_err(|reason| {
+            CliError::Input(format!(
+                "{}: row {}: {reason}; a table without a header has the {} genes of the robots in each row, as finite numbers \
+                 (`murmuration robot` names them)",
+                path.display(),
+                place + 1,
+                genes.len()
+            ))
+        })?);
+    }
+    Ok(Some(rows).filter(|rows| !rows.is_empty()))
+}
+
+/// The numbers of a row, or what is wrong with it.
+fn numbers(record: &StringRecord, genes: &[&str]) -> Result<Vec<f64>, String> {
+    let columns = record.len();
+    if columns == genes.len() + 1 && record.iter().next_back() == Some("") {
+        return Err("it ends with a comma".to_owned());
+    }
+    if columns != genes.len() {
+        return Err(format!("it has {columns} columns"));
+    }
+    let number = |(cell, gene): (&str, &&str)| match cell.parse() {
+        Ok(number) if f64::is_finite(number) => Ok(number),
+        _ => Err(format!(
+            "{gene} = {}: must be a finite number",
+            text::quoted(cell)
+        )),
+    };
+    record.iter().zip(genes).map(number).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_text(text: &str) -> Result<Option<Vec<Vec<f64>>>, String> {
+        let genes = ["left_0", "right_0", "left_1", "right_1"];
+        read(Path::new("genomes.csv"), text.as_bytes(), &genes).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_table_without_a_header_has_a_controller_in_each_row() {
+        let rows = read_text("-0.68018, 0.36262, 0.9391, 0.91109\n-0.0, 1, 1.0, -1e-3\n");
+        let expected = vec![
+            vec![-0.68018, 0.36262, 0.9391, 0.91109],
+            vec![-0.0, 1.0, 1.0, -1e-3],
+        ];
+        assert_eq!(rows, Ok(Some(expected)));
+    }
+
+    #[test]
+    fn a_table_with_a_header_is_left_to_others() {
+        for text in ["left_0,right_0,left_1,right_1\n1,1,1,1\n", "", "index\n"] {
+            assert_eq!(read_text(text), Ok(None), "{text}");
+        }
+    }
+
+    #[test]
+    fn rows_of_another_length_or_without_numbers_are_named() {
+        for (text, said_of) in [
+            ("1,2,3\n", "row 1: it has 3 columns"),
+            ("1,2,3,4\n1,2,3,4,5\n", "row 2: it has 5 columns"),
+            (
+                "1,2,3,4\n1,2,3,x\n",
+                "row 2: right_1 = \"x\": must be a finite number",
+            ),
+            ("nan,1,1,1\n", "row 1: left_0 = \"nan\""),
+            ("1,inf,1,1\n", "row 1: right_0 = \"inf\""),
+            ("1,2,3,4,\n", "row 1: it ends with a comma"),
+        ] {
+            let said = read_text(text).unwrap_err();
+            assert!(
+                said.contains(&format!("genomes.csv: {said_of}")) && said.contains("4 genes"),
+                "{said}"
+            );
+        }
+    }
+}

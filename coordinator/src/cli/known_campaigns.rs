@@ -1,0 +1,170 @@
+//! The campaign of a specification: found again or begun, and followed to its end.
+
+use super::{
+    CliError,
+    connection::Client,
+    follow::follow_with,
+    heard::{Heard as _, heard},
+};
+use murmuration_link::OutputError;
+use murmuration_proto::{CampaignSpec, parts::whole, v1};
+use murmuration_study::cell_digest;
+use std::collections::BTreeMap;
+
+/// The campaigns that a coordinator has, by their specification.
+#[derive(Debug, Default)]
+pub(super) struct KnownCampaigns {
+    /// By id the digest of the specification, which never changes; nothing of one that this version does not understand.
+    digests: BTreeMap<String, Option<String>>,
+    /// The ids, oldest first.
+    ids: Vec<String>,
+}
+
+impl KnownCampaigns {
+    pub(super) async fn list(client: &mut Client) -> Result<Self, CliError> {
+        let mut known = Self::default();
+        known.renew(client).await?;
+        Ok(known)
+    }
+
+    /// Asks which campaigns there are now. Only new ones are looked into.
+    pub(super) async fn renew(&mut self, client: &mut Client) -> Result<(), CliError> {
+        let listed = client.list_campaigns(v1::ListCampaignsRequest {}).await?;
+        self.take(whole(listed.into_inner()).await?.campaigns.heard()?);
+        Ok(())
+    }
+
+    /// These campaigns are all that there are, oldest first.
+    fn take(&mut self, listed: Vec<v1::Campaign>) {
+        let mut digests = BTreeMap::new();
+        self.ids.clear();
+        for campaign in listed {
+            let digest = self.digests.remove(&campaign.id).unwrap_or_else(|| {
+                let spec = campaign.spec.map(CampaignSpec::try_from);
+                spec.and_then(Result::ok).as_ref().map(cell_digest)
+            });
+            digests.insert(campaign.id.clone(), digest);
+            self.ids.push(campaign.id);
+        }
+        self.digests = digests;
+    }
+
+    /// The ids of the campaigns with this specification, oldest first.
+    pub(super) fn of(&self, spec: &CampaignSpec) -> Vec<String> {
+        let digest = Some(cell_digest(spec));
+        let ids = self.ids.iter();
+        let same = ids.filter(|id| self.digests.get(*id) == Some(&digest));
+        same.cloned().collect()
+    }
+}
+
+/// The campaign of a specification: one of `known`, which have this specification, or a new one of a `study`, which
+/// may be nothing.
+pub(super) async fn begin(
+    client: &mut Client,
+    spec: &CampaignSpec,
+    known: Vec<String>,
+    study: &str,
+) -> Result<v1::Campaign, CliError> {
+    if let Some(campaign) = usable(client, known).await? {
+        return Ok(campaign);
+    }
+    let request = v1::CreateCampaignRequest {
+        spec: Some(spec.into()),
+        study: study.to_owned(),
+        ..v1::CreateCampaignRequest::default()
+    };
+    heard(client.create_campaign(request).await?)
+}
+
+/// Lets a campaign go on until it stops, wherever it is, and shows each status; the last one.
+pub(super) async fn to_rest(
+    client: &mut Client,
+    begun: v1::Campaign,
+    draw: impl FnMut(&v1::Campaign) -> Result<(), OutputError>,
+) -> Result<v1::Campaign, CliError> {
+    match begun.state() {
+        v1::CampaignState::Completed => Ok(begun),
+        v1::CampaignState::Running if begun.active => follow_with(client, &begun.id, draw).await,
+        _ => {
+            let request = v1::ResumeCampaignRequest { campaign: begun.id };
+            let resumed = heard(client.resume_campaign(request).await?)?;
+            follow_with(client, &resumed.id, draw).await
+        }
+    }
+}
+
+/// Brings a campaign to its end, as [`to_rest`] does; one that was completed.
+pub(super) async fn to_end(
+    client: &mut Client,
+    begun: v1::Campaign,
+    draw: impl FnMut(&v1::Campaign) -> Result<(), OutputError>,
+) -> Result<v1::Campaign, CliError> {
+    let last = to_rest(client, begun, draw).await?;
+    match last.state() {
+        v1::CampaignState::Completed => Ok(last),
+        v1::CampaignState::Failed => {
+            let said = format!("campaign {} failed: {}", last.id, last.error);
+            Err(CliError::Failed(said))
+        }
+        _ => Err(CliError::Failed(stopped(&last))),
+    }
+}
+
+/// A campaign that stands still, though nothing went wrong.
+pub(super) fn stopped(campaign: &v1::Campaign) -> String {
+    format!("campaign {} was stopped by another command", campaign.id)
+}
+
+/// The first campaign that is, or will be, what its specification says: one that nobody cancelled, taught or moved to another
+/// checkpoint.
+async fn usable(client: &mut Client, known: Vec<String>) -> Result<Option<v1::Campaign>, CliError> {
+    for campaign in known {
+        // As it is now: it may have gone on since it became known.
+        let request = v1::GetCampaignRequest { campaign };
+        let campaign = heard(client.get_campaign(request).await?)?;
+        if campaign.state() == v1::CampaignState::Cancelled {
+            continue;
+        }
+        let request = v1::GetDigestRequest {
+            campaign: campaign.id.clone(),
+        };
+        let digest = heard(client.get_digest(request).await?)?;
+        // Before the first checkpoint there is nothing that could have been adopted.
+        let adopted = digest.adopted && !campaign.checkpoint.is_empty();
+        if !digest.attended && !adopted {
+            return Ok(Some(campaign));
+        }
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn campaign(id: &str, seed: u64) -> (v1::Campaign, CampaignSpec) {
+        let text = format!("model = \"single-sensor\"\nmethod = \"random\"\nseed = {seed}");
+        let spec = CampaignSpec::from_toml(&text).unwrap();
+        let campaign = v1::Campaign {
+            id: id.to_owned(),
+            spec: Some((&spec).into()),
+            ..v1::Campaign::default()
+        };
+        (campaign, spec)
+    }
+
+    #[test]
+    fn campaigns_are_found_by_their_specification_for_as_long_as_they_are_there() {
+        let ((one, spec), (other, _), (again, _)) =
+            (campaign("b-1", 1), campaign("c-2", 2), campaign("a-3", 1));
+        let mut known = KnownCampaigns::default();
+        known.take(vec![one.clone(), other.clone()]);
+        assert_eq!(known.of(&spec), ["b-1"]);
+        known.take(vec![one, other.clone(), again.clone()]);
+        assert_eq!(known.of(&spec), ["b-1", "a-3"]);
+        // The first was deleted.
+        known.take(vec![other, again]);
+        assert_eq!(known.of(&spec), ["a-3"]);
+    }
+}

@@ -1,0 +1,60 @@
+//! `show --taxonomy`: the clusters of a campaign and what they are called.
+
+use super::{
+    CliError, Global,
+    connection::Connection,
+    heard::Heard as _,
+    json,
+    table::{Table, left, right},
+};
+use murmuration_proto::{grouped, parts::whole, v1};
+
+/// The clusters of a completed campaign.
+pub(super) async fn of(connection: &mut Connection, campaign: &str) -> Result<v1::Taxonomy, CliError> {
+    let request = v1::GetTaxonomyRequest {
+        campaign: campaign.to_owned(),
+    };
+    let taxonomy = connection.client.get_taxonomy(request).await?;
+    whole(taxonomy.into_inner()).await?.heard()
+}
+
+/// Prints them, largest first.
+pub(super) fn show(global: &Global, campaign: &str, taxonomy: &v1::Taxonomy) -> Result<(), CliError> {
+    if global.json {
+        return Ok(json::print(json::Taxonomy::new(campaign, taxonomy))?);
+    }
+    let mut table = Table::new([
+        right("CLUSTER"),
+        right("INDIVIDUALS"),
+        right("MEDOID"),
+        left("NAME"),
+        left("NAMED BY"),
+    ]);
+    for (place, medoid) in taxonomy.medoids.iter().enumerate() {
+        let index = medoid.individual.as_ref().map_or(0, |medoid| medoid.index);
+        let name = medoid.name.as_ref();
+        table.row([
+            (place + 1).to_string(),
+            grouped(medoid.cluster_size),
+            index.to_string(),
+            name.map_or_else(|| "-".to_owned(), |name| name.name.clone()),
+            name.map_or_else(|| "-".to_owned(), origin),
+        ]);
+    }
+    Ok(table.print()?)
+}
+
+/// Where a name comes from.
+fn origin(name: &v1::ClusterName) -> String {
+    match &name.carried {
+        Some(from) => format!(
+            "version {}, cluster {} ({} of {} members)",
+            from.version,
+            u64::from(from.cluster) + 1,
+            grouped(from.shared),
+            grouped(from.members)
+        ),
+        None if name.by_machine => "the rule-based judge".to_owned(),
+        None => "a person".to_owned(),
+    }
+}

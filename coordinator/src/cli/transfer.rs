@@ -1,0 +1,189 @@
+//! `export` and `import`: a campaign as a folder of files, and back.
+
+use super::{
+    CliError, Global,
+    connection::{self, Connection},
+    files::is_there,
+    heard::heard,
+    json,
+};
+use crate::local::InProcess;
+use murmuration_export::{ExportError, Exported, NewFolder, ReadFolder};
+use murmuration_link::{errln, outln, termination};
+use murmuration_model::CampaignState;
+use murmuration_proto::{counted, v1};
+use murmuration_store::{
+    DataDirectory, Store, StoreError,
+    transfer::{Part, Sequence},
+};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+use tokio::sync::mpsc;
+use tokio_stream::{StreamExt as _, wrappers::ReceiverStream};
+use tonic::Code;
+
+/// Arguments of `export`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+The folder has the individuals, labels and generations as Parquet, the pictures as NPZ, the embedders as ONNX, the specification, \
+a README.md about every column, and a datasheet. Of a running campaign it has everything that is on disk at this moment. \
+`murmuration import` takes the folder back.
+
+Examples:
+  murmuration export latest my-campaign
+  murmuration export latest my-campaign --csv --force")]
+pub(super) struct Export {
+    /// Campaign id, or `latest`
+    campaign: String,
+    /// New folder for the files
+    folder: PathBuf,
+    /// Add every table as CSV
+    #[arg(long)]
+    csv: bool,
+    /// Replace an export that is in the folder
+    #[arg(long)]
+    force: bool,
+}
+
+/// Arguments of `import`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Every file is checked against its digest, every value is checked, and the archive must have the digest that it was exported with; \
+otherwise nothing is imported. The campaign keeps its id. One that was running is paused: `murmuration resume` continues it.
+
+Examples:
+  murmuration import my-campaign
+  murmuration import my-campaign --data other-data")]
+pub(super) struct Import {
+    /// Folder that `murmuration export` wrote
+    folder: PathBuf,
+}
+
+impl Export {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        // A command that is ended removes what it has half written.
+        let export = async |connection: &mut Connection| {
+            tokio::select! {
+                exported = self.export(connection) => exported,
+                signal = termination() => Err(CliError::Failed(signal.to_owned())),
+            }
+        };
+        let exported = connection::with(global, InProcess::NONE, export).await?;
+        let record = &exported.campaign.record;
+        errln!(
+            "exported: campaign {} ({}), {} of {}, and {} of its label log",
+            record.id,
+            record.state.name(),
+            counted(record.individuals(), "individual"),
+            counted(record.generations_done.into(), "generation"),
+            counted(exported.campaign.label_entries, "entry")
+        );
+        if record.state == CampaignState::Running {
+            errln!("the campaign is running: later generations are not in the export");
+        }
+        if global.json {
+            json::print(json::Export::from(&exported))?;
+        } else {
+            outln!("{}", exported.folder.display())?;
+        }
+        Ok(())
+    }
+
+    async fn export(&self, connection: &mut Connection) -> Result<Exported, CliError> {
+        let request = v1::ExportCampaignRequest {
+            campaign: self.campaign.clone(),
+        };
+        let mut parts = connection.transfers.export_campaign(request).await?.into_inner();
+        let mut sequence = Sequence::default();
+        let first = parts.next().await.transpose()?.unwrap_or_default();
+        let Part::Campaign(campaign) = sequence.next(first)? else {
+            let said = "the coordinator's answer does not begin with the campaign";
+            return Err(CliError::Failed(said.to_owned()));
+        };
+        let (target, csv, force) = (self.folder.clone(), self.csv, self.force);
+        let mut folder = on_disk(move || NewFolder::create(&target, *campaign, csv, force)).await?;
+        while let Some(part) = parts.next().await.transpose()? {
+            let part = sequence.next(part)?;
+            folder = on_disk(move || folder.add(part).map(|()| folder)).await?;
+        }
+        sequence.end()?;
+        on_disk(move || folder.finish()).await
+    }
+}
+
+impl Import {
+    pub(super) async fn execute(self, global: &Global) -> Result<(), CliError> {
+        let folder = self.folder.clone();
+        // Everything is checked before a data directory is made, or a coordinator asked, for it.
+        let folder = on_disk(move || {
+            let folder = ReadFolder::open(&folder)?;
+            folder.read(&mut |_| true)?;
+            Ok(folder)
+        })
+        .await?;
+        let id = folder.campaign().to_owned();
+        let import = async |connection: &mut Connection| {
+            tokio::select! {
+                imported = import(connection, folder) => imported,
+                signal = termination() => Err(CliError::Failed(signal.to_owned())),
+            }
+        };
+        let is_new = global.coordinator.is_none() && !is_there(&global.data)?;
+        let imported = connection::with_new(global, InProcess::NONE, import).await;
+        if imported.is_err() && is_new {
+            remove_empty(&global.data);
+        }
+        let campaign = imported?;
+        let state = CampaignState::try_from(campaign.state())?;
+        let next = match state {
+            CampaignState::Completed => global.next(&format!("show {id}")),
+            _ => global.next(&format!("resume {id}")),
+        };
+        errln!("imported: campaign {id} ({}); next: {next}", state.name());
+        if global.json {
+            json::print(json::Campaign::from(&campaign))?;
+        } else {
+            outln!("{id}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Removes a data directory that this command made, if there is nothing in it. What cannot be removed is in nobody's way.
+fn remove_empty(data: &Path) {
+    let Ok(_held) = DataDirectory::watch(data) else {
+        return;
+    };
+    let is_empty = match Store::look(data, true) {
+        Ok((store, _)) => store.campaigns().is_ok_and(|campaigns| campaigns.is_empty()),
+        Err(StoreError::NoDirectory(_)) => true,
+        Err(_) => false,
+    };
+    if is_empty {
+        let _ = fs::remove_dir_all(data);
+    }
+}
+
+/// Sends a folder that has been checked to the coordinator, which keeps it once it is whole.
+async fn import(connection: &mut Connection, folder: ReadFolder) -> Result<v1::Campaign, CliError> {
+    let (parts, stream) = mpsc::channel::<v1::CampaignPart>(2);
+    let reading = on_disk(move || folder.read(&mut |part| parts.blocking_send(part.into()).is_ok()));
+    let importing = connection.transfers.import_campaign(ReceiverStream::new(stream));
+    match tokio::join!(reading, importing) {
+        (_, Err(status)) if status.code() == Code::AlreadyExists => {
+            Err(CliError::Input(status.message().to_owned()))
+        }
+        (_, Err(status)) => Err(status.into()),
+        (read, Ok(campaign)) => read.and_then(|_| heard(campaign)),
+    }
+}
+
+async fn on_disk<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, ExportError> + Send + 'static,
+) -> Result<T, CliError> {
+    let done = tokio::task::spawn_blocking(work).await;
+    let broken = |_| CliError::Failed("the files could not be written or read because of a bug".to_owned());
+    Ok(done.map_err(broken)??)
+}

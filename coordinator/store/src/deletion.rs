@@ -1,0 +1,127 @@
+//! Deleting a campaign with everything that is of it alone.
+
+use super::{
+    Store, StoreError,
+    campaigns::number_of,
+    hidden::{HIDDEN, hidden_id},
+    runs::state,
+};
+use murmuration_model::{CampaignId, CampaignState};
+use murmuration_proto::{CampaignName, counted};
+use rusqlite::params;
+use std::collections::BTreeSet;
+
+/// What is deleted with a campaign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Deletion {
+    /// Individuals of its archive.
+    pub individuals: u64,
+    /// Pictures of its dataset.
+    pub pictures: u64,
+    /// Individuals with a label.
+    pub labelled: u64,
+    /// Comparisons that stand.
+    pub comparisons: u64,
+    /// Whether it has a taxonomy, or a former version of one.
+    pub taxonomy: bool,
+}
+
+impl Deletion {
+    /// What is deleted, as a part of a sentence.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let taxonomy = match self.taxonomy {
+            true => ", its taxonomy",
+            false => "",
+        };
+        let comparisons = match self.comparisons {
+            0 => String::new(),
+            comparisons => format!(", {}", counted(comparisons, "comparison")),
+        };
+        format!(
+            "{}, {} of the dataset, the labels of {}{comparisons}{taxonomy} and its notices",
+            counted(self.individuals, "individual"),
+            counted(self.pictures, "picture"),
+            counted(self.labelled, "individual"),
+        )
+    }
+}
+
+/// Why a campaign was not deleted.
+#[derive(Debug, thiserror::Error)]
+pub enum DeletionError {
+    /// The store could not be read or written.
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    /// It runs.
+    #[error("cannot delete campaign {0}: it is running; cancel it first")]
+    Running(CampaignId),
+    /// A study needs it.
+    #[error(
+        "cannot delete campaign {id}: it belongs to the study {study}; name the study to delete it all the same (--study {study})"
+    )]
+    OfStudy {
+        /// The campaign.
+        id: CampaignId,
+        /// The study.
+        study: String,
+    },
+}
+
+impl Store {
+    /// What would be deleted with a campaign.
+    ///
+    /// # Errors
+    /// [`StoreError::NoCampaign`], or if it cannot be read.
+    pub fn deletion(&self, campaign: &CampaignId) -> Result<Deletion, StoreError> {
+        let record = self.campaign(campaign.as_str())?;
+        let labels = self.labels(campaign)?;
+        let labelled: BTreeSet<u64> = labels.standing().map(|label| label.index).collect();
+        Ok(Deletion {
+            individuals: record.individuals(),
+            pictures: record.pictures_done,
+            labelled: labelled.len() as u64,
+            comparisons: labels.comparisons().count() as u64,
+            taxonomy: !self.taxonomy_versions(campaign)?.is_empty(),
+        })
+    }
+
+    /// Deletes a campaign with everything that is of it alone; checkpoints stay. One short transaction decides, after which nobody
+    /// sees it; many others remove its rows, or those of the next start do, if they cannot. Its number, and so its id, is never
+    /// given again. A campaign of a study is only deleted for somebody who names the study. `has_failed` says that its run failed
+    /// and could not write that down.
+    ///
+    /// # Errors
+    /// [`DeletionError`]; nothing was deleted then.
+    pub fn delete_campaign(
+        &self,
+        campaign: &CampaignId,
+        study: Option<&CampaignName>,
+        has_failed: bool,
+    ) -> Result<(), DeletionError> {
+        let number = self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            if state(transaction, number)? == CampaignState::Running && !has_failed {
+                return Ok(Err(DeletionError::Running(campaign.clone())));
+            }
+            let of = "SELECT study FROM campaigns WHERE number = ?1";
+            let of: String = transaction.query_row(of, [number], |row| row.get(0))?;
+            if !of.is_empty() && study.map(CampaignName::as_str) != Some(of.as_str()) {
+                let id = campaign.clone();
+                return Ok(Err(DeletionError::OfStudy { id, study: of }));
+            }
+            transaction.execute("INSERT INTO deleted (number) VALUES (?1)", [number])?;
+            transaction.execute(
+                "UPDATE campaigns SET id = ?2, state = ?3, request = NULL WHERE number = ?1",
+                params![number, hidden_id(number), HIDDEN],
+            )?;
+            Ok(Ok(number))
+        })??;
+        self.followed.forget(campaign);
+        self.remove_hidden_or_later(number);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

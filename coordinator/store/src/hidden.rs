@@ -1,0 +1,71 @@
+//! Rows of campaigns that nobody sees: of one that is taken over until it is whole, and of one that is deleted.
+//!
+//! An archive is written and removed in many short transactions, between which others write. Meanwhile the campaign's own row
+//! has the state [`HIDDEN`], with which no query returns it, and an id that no campaign has.
+
+use crate::{Store, StoreError};
+use rusqlite::params;
+
+/// The state of the row of a campaign that nobody sees.
+pub(crate) const HIDDEN: &str = "hidden";
+
+/// The tables with rows of campaigns, each with its key beside the campaign.
+pub(crate) const TABLES: [(&str, &str); 11] = [
+    ("generations", "generation"),
+    ("individuals", "place"),
+    ("images", "place"),
+    ("embeddings", "checkpoint, place"),
+    ("pictures", "place"),
+    ("provenance", "result, place"),
+    ("epochs", "round, epoch"),
+    ("notices", "number"),
+    ("taxonomies", "version"),
+    ("trainings", "campaign"),
+    ("labels", "entry"),
+];
+
+/// Rows that one transaction removes.
+const ROWS: i64 = if cfg!(test) { 16 } else { 1024 };
+
+/// The id of a campaign that nobody sees: no other's begins so.
+pub(crate) fn hidden_id(number: i64) -> String {
+    format!(".{HIDDEN}-{number}")
+}
+
+impl Store {
+    /// Removes what imports and deletions that did not end have left.
+    pub(crate) fn remove_all_hidden(&self) -> Result<(), StoreError> {
+        let numbers: Vec<i64> = self.read(|connection| {
+            let mut statement = connection.prepare("SELECT number FROM campaigns WHERE state = ?1")?;
+            let rows = statement.query_map([HIDDEN], |row| row.get(0))?;
+            Ok(rows.collect::<Result<_, _>>()?)
+        })?;
+        numbers
+            .into_iter()
+            .try_for_each(|number| self.remove_hidden(number))
+    }
+
+    /// Removes the rows of a campaign that nobody sees; what cannot be removed now is removed when the store is opened the next
+    /// time.
+    pub(crate) fn remove_hidden_or_later(&self, number: i64) {
+        if let Err(error) = self.remove_hidden(number) {
+            tracing::warn!(%error, "a campaign that nobody sees is not removed from the disk yet");
+        }
+    }
+
+    /// Its own row goes last, so that no row is of a campaign which is not there.
+    fn remove_hidden(&self, number: i64) -> Result<(), StoreError> {
+        for (table, key) in TABLES {
+            let some = format!(
+                "DELETE FROM {table} WHERE campaign = ?1 AND ({key}) IN
+                    (SELECT {key} FROM {table} WHERE campaign = ?1 LIMIT ?2)"
+            );
+            while self.write(|transaction| Ok(transaction.execute(&some, params![number, ROWS])?))? > 0 {}
+        }
+        self.write(|transaction| {
+            let row = "DELETE FROM campaigns WHERE number = ?1 AND state = ?2";
+            transaction.execute(row, params![number, HIDDEN])?;
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,293 @@
+//! Rows of taxonomies. A campaign that learns gets a new one each time; the former ones stay as versions.
+
+use super::{
+    Store, StoreError,
+    campaigns::{ended_ms, number_of},
+    numbers::{blob_to_floats, blob_to_numbers, floats_to_blob, now_ms, numbers_to_blob},
+    provenance::suspects,
+};
+use murmuration_model::{CampaignId, CampaignState};
+use murmuration_proto::CheckpointDigest;
+use murmuration_search::medoids::Clustering;
+use rusqlite::{Connection, OptionalExtension as _, Row, Transaction, params};
+
+/// A taxonomy as it is stored; everything else about it follows from the archive.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StoredTaxonomy {
+    /// Archive indices of the medoids, largest cluster first.
+    pub medoids: Vec<u64>,
+    /// For each individual, the place in `medoids` of the nearest.
+    pub clusters: Vec<u32>,
+    /// Sum of the distances to the nearest medoids.
+    pub loss: f64,
+    /// What was measured of each cluster when the taxonomy was made, as many as there are medoids.
+    pub measures: Vec<ClusterMeasures>,
+    /// For each individual, the number of its trials to which no other medoid is nearer than its own; empty if individuals
+    /// have one trial.
+    pub robust_trials: Vec<u8>,
+}
+
+/// What is measured of a cluster when its taxonomy is made, in units of the behaviour space.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ClusterMeasures {
+    /// Mean distance of its members, the medoid included, to the medoid.
+    pub mean_distance: f64,
+    /// Mean distance of the medoid to its nearest neighbours in the whole archive.
+    pub novelty: f64,
+}
+
+/// A version of a campaign's taxonomy: what it was made of, and when.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TaxonomyVersion {
+    /// From 1, in the order in which they were made.
+    pub version: u32,
+    /// Whether it is about the archive as it is now embedded; false of former versions.
+    pub stands: bool,
+    /// When it was made, milliseconds since 1970-01-01 UTC; `None` where nobody noted it.
+    pub made_ms: Option<u64>,
+    /// The checkpoint whose embeddings were clustered, if there was one.
+    pub checkpoint: Option<CheckpointDigest>,
+    /// Rounds of feedback before it.
+    pub rounds: u32,
+    /// Complete generations that were clustered.
+    pub generations: u32,
+    /// Their individuals.
+    pub individuals: u64,
+}
+
+impl StoredTaxonomy {
+    /// Whether every cluster that is named has a medoid, and every medoid its measures.
+    fn is_whole(&self) -> bool {
+        let medoids = self.medoids.len();
+        let robust = self.robust_trials.len();
+        self.measures.len() == medoids
+            && (robust == 0 || robust == self.clusters.len())
+            && self.clusters.iter().all(|&cluster| (cluster as usize) < medoids)
+    }
+}
+
+impl From<StoredTaxonomy> for Clustering {
+    fn from(stored: StoredTaxonomy) -> Self {
+        Self {
+            medoids: stored.medoids.into_iter().map(|index| index as usize).collect(),
+            clusters: stored.clusters,
+            loss: stored.loss,
+        }
+    }
+}
+
+impl Store {
+    /// Stores the taxonomy as a new version, with what was measured of its clusters and individuals, and completes the campaign,
+    /// in one transaction; whether it did: not while something of the campaign rests on the word of workers that were found
+    /// wrong. `points` is where each individual is on the map, in units of the behaviour space; or nothing.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn complete(
+        &self,
+        campaign: &CampaignId,
+        taxonomy: &Clustering,
+        measures: &[ClusterMeasures],
+        robust_trials: &[u8],
+        points: &[[f32; 2]],
+    ) -> Result<bool, StoreError> {
+        let stored = StoredTaxonomy {
+            medoids: taxonomy.medoids.iter().map(|&index| index as u64).collect(),
+            clusters: taxonomy.clusters.clone(),
+            loss: taxonomy.loss,
+            measures: measures.to_vec(),
+            robust_trials: robust_trials.to_vec(),
+        };
+        self.write(|transaction| {
+            let number = number_of(transaction, campaign)?;
+            if !suspects(transaction, number)?.is_empty() {
+                return Ok(false);
+            }
+            insert_taxonomy(transaction, number, &stored, points, Some(now_ms()))?;
+            transaction.execute(
+                "UPDATE campaigns SET state = ?2, error = '', ended_ms = ?3 WHERE number = ?1",
+                params![
+                    number,
+                    CampaignState::Completed.name(),
+                    ended_ms(CampaignState::Completed)
+                ],
+            )?;
+            Ok(true)
+        })
+    }
+
+    /// The taxonomy of a completed campaign; `None` before that.
+    ///
+    /// # Errors
+    /// If it cannot be read, or its parts do not fit each other.
+    pub fn taxonomy(&self, campaign: &CampaignId) -> Result<Option<StoredTaxonomy>, StoreError> {
+        self.read(|connection| whole_taxonomy(connection, campaign, "stands"))
+    }
+
+    /// A version of a campaign's taxonomy, former or not; `None` if there is none of that number.
+    ///
+    /// # Errors
+    /// As [`Store::taxonomy`].
+    pub fn taxonomy_of_version(
+        &self,
+        campaign: &CampaignId,
+        version: u32,
+    ) -> Result<Option<StoredTaxonomy>, StoreError> {
+        self.read(|connection| whole_taxonomy(connection, campaign, &format!("version = {version}")))
+    }
+
+    /// The versions of a campaign's taxonomy, oldest first; only the last can stand.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn taxonomy_versions(&self, campaign: &CampaignId) -> Result<Vec<TaxonomyVersion>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let mut statement = connection.prepare_cached(
+                "SELECT t.version, t.stands, t.made_ms, c.digest, t.rounds, t.generations, length(t.clusters) / 4
+                 FROM taxonomies t LEFT JOIN checkpoints c ON c.number = t.checkpoint
+                 WHERE t.campaign = ?1 ORDER BY t.version",
+            )?;
+            let rows = statement.query_map([number], |row| {
+                let digest: Option<String> = row.get(3)?;
+                let version = TaxonomyVersion {
+                    version: row.get(0)?,
+                    stands: row.get(1)?,
+                    made_ms: row.get::<_, Option<i64>>(2)?.map(i64::unsigned_abs),
+                    checkpoint: None,
+                    rounds: row.get(4)?,
+                    generations: row.get(5)?,
+                    individuals: row.get::<_, i64>(6)?.unsigned_abs(),
+                };
+                Ok((version, digest))
+            })?;
+            rows.map(|row| {
+                let (version, digest) = row?;
+                let checkpoint = digest.map(|digest| digest.parse()).transpose();
+                let damaged = |error: murmuration_proto::Invalid| StoreError::damaged(error.to_string());
+                Ok(TaxonomyVersion {
+                    checkpoint: checkpoint.map_err(damaged)?,
+                    ..version
+                })
+            })
+            .collect()
+        })
+    }
+
+    /// Where each individual was on the map of a version, along the principal axes of the behaviour space, in its units, by
+    /// index. Nothing where that was not kept: of versions that were imported, or made before maps were kept.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn taxonomy_points(&self, campaign: &CampaignId, version: u32) -> Result<Vec<[f32; 2]>, StoreError> {
+        self.read(|connection| {
+            let number = number_of(connection, campaign)?;
+            let query = "SELECT points FROM taxonomies WHERE campaign = ?1 AND version = ?2";
+            let points: Option<Vec<u8>> = connection
+                .query_row(query, params![number, version], |row| row.get(0))
+                .optional()?;
+            Ok(blob_to_numbers(&points.unwrap_or_default())
+                .as_chunks()
+                .0
+                .to_vec())
+        })
+    }
+}
+
+/// The version of a campaign's taxonomy of which the SQL expression `which` is true.
+fn whole_taxonomy(
+    connection: &Connection,
+    campaign: &CampaignId,
+    which: &str,
+) -> Result<Option<StoredTaxonomy>, StoreError> {
+    let number = number_of(connection, campaign)?;
+    let query = format!(
+        "SELECT medoids, clusters, loss, measures, robust_trials FROM taxonomies WHERE campaign = ?1 AND {which}"
+    );
+    let stored = connection
+        .query_row(&query, [number], stored_taxonomy)
+        .optional()?;
+    match stored {
+        Some(stored) if !stored.is_whole() => Err(StoreError::damaged(format!(
+            "the taxonomy of campaign {campaign}: its clusters, medoids and measures do not fit each other"
+        ))),
+        stored => Ok(stored),
+    }
+}
+
+/// Has no version stand any more: the archive is embedded otherwise from now on.
+pub(super) fn retire_taxonomy(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
+    transaction.execute("UPDATE taxonomies SET stands = 0 WHERE campaign = ?1", [campaign])?;
+    Ok(())
+}
+
+/// Deletes the version that stands, which is wrong, and all others about individuals that are no longer there.
+pub(super) fn withdraw_taxonomies(transaction: &Transaction<'_>, campaign: i64) -> Result<(), StoreError> {
+    transaction.execute(
+        "DELETE FROM taxonomies WHERE campaign = ?1 AND (stands OR length(clusters) / 4 >
+            (SELECT coalesce(max(place) + 1, 0) FROM individuals WHERE campaign = ?1))",
+        [campaign],
+    )?;
+    Ok(())
+}
+
+/// Stores a taxonomy as the version that stands, made at `made_ms` if that is known. One of the same archive and checkpoint gives way
+/// to it.
+pub(super) fn insert_taxonomy(
+    transaction: &Transaction<'_>,
+    campaign: i64,
+    taxonomy: &StoredTaxonomy,
+    points: &[[f32; 2]],
+    made_ms: Option<i64>,
+) -> Result<(), StoreError> {
+    let medoids = taxonomy.medoids.iter().flat_map(|index| index.to_le_bytes());
+    let clusters = taxonomy.clusters.iter().flat_map(|place| place.to_le_bytes());
+    let measures = taxonomy.measures.iter();
+    let measures: Vec<f64> = measures
+        .flat_map(|cluster| [cluster.mean_distance, cluster.novelty])
+        .collect();
+    let clusters: Vec<u8> = clusters.collect();
+    transaction.execute(
+        "DELETE FROM taxonomies WHERE campaign = ?1 AND stands AND length(clusters) = ?2
+            AND checkpoint IS (SELECT checkpoint FROM campaigns WHERE number = ?1)",
+        params![campaign, clusters.len() as i64],
+    )?;
+    retire_taxonomy(transaction, campaign)?;
+    transaction.execute(
+        "INSERT INTO taxonomies (campaign, version, stands, made_ms, checkpoint, rounds, generations, medoids, clusters, loss,
+            measures, robust_trials, points)
+         SELECT number, (SELECT coalesce(max(version), 0) + 1 FROM taxonomies WHERE campaign = ?1), 1, ?2, checkpoint, rounds,
+            (SELECT coalesce(max(generation) + 1, 0) FROM generations WHERE campaign = ?1), ?3, ?4, ?5, ?6, ?7, ?8
+         FROM campaigns WHERE number = ?1",
+        params![
+            campaign,
+            made_ms,
+            medoids.collect::<Vec<u8>>(),
+            clusters,
+            taxonomy.loss,
+            floats_to_blob(&measures),
+            taxonomy.robust_trials,
+            numbers_to_blob(points.as_flattened()),
+        ],
+    )?;
+    Ok(())
+}
+
+fn stored_taxonomy(row: &Row<'_>) -> rusqlite::Result<StoredTaxonomy> {
+    let blob = |column| row.get::<_, Vec<u8>>(column);
+    let measures = blob_to_floats(&blob(3)?);
+    let measured = |&[mean_distance, novelty]: &[f64; 2]| ClusterMeasures {
+        mean_distance,
+        novelty,
+    };
+    let (medoids, clusters) = (blob(0)?, blob(1)?);
+    let medoids = medoids.as_chunks().0.iter();
+    let clusters = clusters.as_chunks().0.iter();
+    Ok(StoredTaxonomy {
+        medoids: medoids.map(|bytes| u64::from_le_bytes(*bytes)).collect(),
+        clusters: clusters.map(|bytes| u32::from_le_bytes(*bytes)).collect(),
+        loss: row.get(2)?,
+        measures: measures.as_chunks().0.iter().map(measured).collect(),
+        robust_trials: blob(4)?,
+    })
+}

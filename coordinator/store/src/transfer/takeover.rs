@@ -1,0 +1,218 @@
+//! Rows of a campaign on their way from the store that it was put together in to the one that keeps it.
+//!
+//! They are copied in many short transactions, between which others write. Until the last of them, nobody sees the campaign.
+
+use crate::{
+    Store, StoreError,
+    campaigns::{next_number, number_of},
+    hidden::{HIDDEN, hidden_id},
+};
+use murmuration_model::CampaignId;
+use rusqlite::{Connection, OptionalExtension as _, Transaction, params, params_from_iter, types::Value};
+use std::collections::BTreeMap;
+
+/// The tables that are copied.
+const TABLES: [&str; 6] = [
+    "generations",
+    "individuals",
+    "images",
+    "embeddings",
+    "labels",
+    "taxonomies",
+];
+
+/// How much higher the number of an id may be than all there are: a store does not have so many campaigns.
+const FAR: i64 = 1_000_000_000;
+
+/// Bytes of rows that one transaction copies.
+const BYTES: usize = if cfg!(test) { 1 << 10 } else { 8 << 20 };
+
+impl Store {
+    /// Takes over a campaign of another store with its checkpoints; false if there is one of that id. Nobody sees the campaign
+    /// before all of it is there.
+    ///
+    /// # Errors
+    /// If it cannot be read there or written here. There is no such campaign then; checkpoints may have stayed.
+    pub(super) fn take_transferred(&self, from: &Self, campaign: &CampaignId) -> Result<bool, StoreError> {
+        let Some(number) = self.reserve(campaign)? else {
+            return Ok(false);
+        };
+        let taken = from.read(|source| {
+            let checkpoints = self.write(|target| take_checkpoints(source, target))?;
+            let copied = Copied {
+                source,
+                target: self,
+                campaign: number,
+                checkpoints,
+            };
+            for table in TABLES {
+                copied.table(table)?;
+            }
+            copied.show(campaign)
+        });
+        if !matches!(taken, Ok(true)) {
+            self.remove_hidden_or_later(number);
+        }
+        taken
+    }
+
+    /// Adds a row that nobody sees for a campaign that is taken over; its number. `None` if there is a campaign of that id.
+    fn reserve(&self, campaign: &CampaignId) -> Result<Option<i64>, StoreError> {
+        self.write(|transaction| {
+            if is_there(transaction, campaign)? {
+                return Ok(None);
+            }
+            let number = new_number(transaction, campaign)?;
+            transaction.execute(
+                "INSERT INTO campaigns (number, id, spec, simulator_version, state, error, created_ms)
+                 VALUES (?1, ?2, '', '', ?3, '', 0)",
+                params![number, hidden_id(number), HIDDEN],
+            )?;
+            Ok(Some(number))
+        })
+    }
+}
+
+fn is_there(transaction: &Transaction<'_>, campaign: &CampaignId) -> Result<bool, StoreError> {
+    match number_of(transaction, campaign) {
+        Ok(_) => Ok(true),
+        Err(StoreError::NoCampaign(_)) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// The number of a campaign that comes with its id. Ids of new campaigns end with their numbers, so the number is none below
+/// that of the id, unless that is far away: the numbers after it might be too high to be exported.
+fn new_number(target: &Transaction<'_>, campaign: &CampaignId) -> Result<i64, StoreError> {
+    let next = next_number(target)?;
+    let named = campaign.number().and_then(|number| i64::try_from(number).ok());
+    let near = named.filter(|named| *named < next.saturating_add(FAR));
+    Ok(near.map_or(next, |named| named.max(next)))
+}
+
+/// Takes over the checkpoints that are not there yet; the new numbers of all, by what they were.
+fn take_checkpoints(source: &Connection, target: &Transaction<'_>) -> Result<BTreeMap<i64, i64>, StoreError> {
+    let columns =
+        "digest, size, parent, data_digest, label_digest, configuration, metrics, created_ms, labelled";
+    let mut select = source.prepare(&format!(
+        "SELECT number, {columns} FROM checkpoints ORDER BY number"
+    ))?;
+    let mut insert = target.prepare(&format!(
+        "INSERT INTO checkpoints ({columns}) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (digest) DO NOTHING"
+    ))?;
+    let mut numbers = BTreeMap::new();
+    let mut rows = select.query([])?;
+    while let Some(row) = rows.next()? {
+        let values = (1..=9).map(|column| row.get(column));
+        let values: Vec<Value> = values.collect::<Result<_, _>>()?;
+        insert.execute(params_from_iter(values))?;
+        let digest: String = row.get(1)?;
+        let number = "SELECT number FROM checkpoints WHERE digest = ?1";
+        let number = target.query_row(number, [digest], |row| row.get(0)).optional()?;
+        let number = number.ok_or_else(|| StoreError::damaged("a checkpoint is gone at once".to_owned()))?;
+        numbers.insert(row.get(0)?, number);
+    }
+    Ok(numbers)
+}
+
+/// Rows on their way to another store, where keys are others.
+struct Copied<'a> {
+    source: &'a Connection,
+    target: &'a Store,
+    campaign: i64,
+    /// The keys of checkpoints, by what they were.
+    checkpoints: BTreeMap<i64, i64>,
+}
+
+impl Copied<'_> {
+    /// Copies a table, some rows in each transaction.
+    fn table(&self, table: &str) -> Result<(), StoreError> {
+        let mut select = self.source.prepare(&format!("SELECT * FROM {table}"))?;
+        let names: Vec<String> = select.column_names().map(str::to_owned).collect();
+        let mut rows = select.query([])?;
+        loop {
+            let (mut batch, mut bytes) = (Vec::new(), 0);
+            while bytes < BYTES {
+                let Some(row) = rows.next()? else { break };
+                let mut values = Vec::with_capacity(names.len());
+                for (column, name) in names.iter().enumerate() {
+                    values.push(self.renumbered(name, row.get(column)?));
+                }
+                bytes += values.iter().map(bytes_of).sum::<usize>();
+                batch.push(values);
+            }
+            if batch.is_empty() {
+                return Ok(());
+            }
+            self.target
+                .write(|target| insert_rows(target, table, &names, &batch))?;
+        }
+    }
+
+    /// Gives the campaign's row what it has in the other store, with which it is seen: false if one of its id has come meanwhile.
+    fn show(&self, campaign: &CampaignId) -> Result<bool, StoreError> {
+        let mut select = self.source.prepare("SELECT * FROM campaigns WHERE id = ?1")?;
+        let names: Vec<String> = select.column_names().map(str::to_owned).collect();
+        let places: Vec<String> = names.iter().map(|name| format!("{name} = ?")).collect();
+        let values = select.query_row([campaign.as_str()], |row| {
+            let values = names.iter().enumerate();
+            values
+                .map(|(column, name)| match name.as_str() {
+                    "number" => Ok(Value::Integer(self.campaign)),
+                    name => Ok(self.renumbered(name, row.get(column)?)),
+                })
+                .collect::<Result<Vec<Value>, _>>()
+        })?;
+        let update = format!(
+            "UPDATE campaigns SET {} WHERE number = {}",
+            places.join(", "),
+            self.campaign
+        );
+        self.target.write(|target| {
+            if is_there(target, campaign)? {
+                return Ok(false);
+            }
+            target.execute(&update, params_from_iter(values))?;
+            Ok(true)
+        })
+    }
+
+    /// A value with the numbers that its campaign and checkpoints have here.
+    fn renumbered(&self, column: &str, value: Value) -> Value {
+        match (column, value) {
+            ("campaign", Value::Integer(_)) => Value::Integer(self.campaign),
+            ("checkpoint" | "next_checkpoint", Value::Integer(number)) => {
+                let number = self.checkpoints.get(&number).copied();
+                number.map_or(Value::Null, Value::Integer)
+            }
+            (_, other) => other,
+        }
+    }
+}
+
+fn insert_rows(
+    target: &Transaction<'_>,
+    table: &str,
+    names: &[String],
+    rows: &[Vec<Value>],
+) -> Result<(), StoreError> {
+    let places = vec!["?"; names.len()].join(", ");
+    let insert = format!("INSERT INTO {table} ({}) VALUES ({places})", names.join(", "));
+    let mut insert = target.prepare_cached(&insert)?;
+    for row in rows {
+        insert.execute(params_from_iter(row))?;
+    }
+    Ok(())
+}
+
+/// Bytes that a value takes up, about.
+fn bytes_of(value: &Value) -> usize {
+    match value {
+        Value::Null | Value::Integer(_) | Value::Real(_) => 8,
+        Value::Text(text) => text.len(),
+        Value::Blob(bytes) => bytes.len(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

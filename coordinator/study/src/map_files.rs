@@ -1,0 +1,213 @@
+//! The maps of a study as files and on its page: one set for each row, of its first replicate.
+
+use crate::{
+    maps::{MappedIndividual, Maps},
+    outcome::{MeasuredCell, Outcome},
+    report_error::ReportError,
+};
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use csv::Writer;
+use maud::{Markup, html};
+use murmuration_proto::Class;
+use murmuration_report::{Folder, class_map, class_map::ClassPoint, score_histogram};
+use murmuration_search::filter::CUTOFF;
+use std::{
+    fs,
+    io::{self, Write},
+    path::Path,
+};
+
+/// The folder of the files.
+const FOLDER: &str = "maps";
+/// Most characters of the name of a file that come from the names of a row.
+const NAME_CHARS: usize = 60;
+
+/// The pictures of a row.
+pub(crate) struct RowMaps {
+    /// The row in words.
+    words: String,
+    /// What the names of its files begin with.
+    stem: String,
+    behaviours: Picture,
+    controllers: Picture,
+    /// SVG.
+    scores: String,
+    /// How many neighbours are of a class, on the map of behaviours and on that of controllers, percent.
+    alike: [Option<f64>; 2],
+}
+
+/// A map as SVG and as PNG.
+struct Picture {
+    svg: String,
+    png: Vec<u8>,
+}
+
+impl Picture {
+    fn of(maps: &Maps, at: impl Fn(&MappedIndividual) -> [f64; 2], title: &str) -> Result<Self, ReportError> {
+        let point = |individual: &MappedIndividual| ClassPoint {
+            at: at(individual),
+            class: individual.class(),
+        };
+        let points: Vec<ClassPoint> = maps.individuals.iter().map(point).collect();
+        let png = class_map::png(&points).map_err(|error| ReportError::Map {
+            title: title.to_owned(),
+            reason: error.to_string(),
+        })?;
+        Ok(Self {
+            svg: class_map::svg(&points, title),
+            png,
+        })
+    }
+}
+
+/// The pictures of every row whose maps were made.
+pub(crate) fn draw(outcome: &Outcome) -> Result<Vec<RowMaps>, ReportError> {
+    let rows = outcome.study().rows().into_iter().enumerate();
+    let maps = rows.filter_map(|(place, values)| {
+        let mut cells = outcome.cells().filter(|cell| cell.cell.values == values);
+        let (cell, maps) = cells.find_map(|cell| Some((cell, cell.measured.maps.as_ref()?)))?;
+        Some(row(outcome, place, &cell, maps))
+    });
+    maps.collect()
+}
+
+fn row(
+    outcome: &Outcome,
+    place: usize,
+    cell: &MeasuredCell<'_>,
+    maps: &Maps,
+) -> Result<RowMaps, ReportError> {
+    let words = outcome.study().row_in_words(&cell.cell.values);
+    let scores: Vec<(f64, Class)> = maps
+        .individuals
+        .iter()
+        .map(|individual| (individual.score, individual.class()))
+        .collect();
+    Ok(RowMaps {
+        stem: format!("{}-{}", place + 1, file_name(&words)),
+        behaviours: Picture::of(maps, |of| of.behaviour, &format!("Behaviours: {words}"))?,
+        controllers: Picture::of(maps, |of| of.controller, &format!("Controllers: {words}"))?,
+        scores: score_histogram::svg(&scores, CUTOFF, &format!("Heuristic scores: {words}")),
+        alike: [maps.alike(|of| of.behaviour), maps.alike(|of| of.controller)],
+        words,
+    })
+}
+
+/// Words as part of the name of a file: lower-case letters and digits, hyphens between.
+fn file_name(words: &str) -> String {
+    let parts = words.split(|c: char| !c.is_ascii_alphanumeric());
+    let parts: Vec<String> = parts
+        .filter(|part| !part.is_empty())
+        .map(str::to_lowercase)
+        .collect();
+    parts.join("-").chars().take(NAME_CHARS).collect()
+}
+
+/// What the names of files of maps end with.
+const ENDS: [&str; 5] = [
+    "-behaviours.svg",
+    "-behaviours.png",
+    "-controllers.svg",
+    "-controllers.png",
+    "-scores.svg",
+];
+
+/// The maps in the folder of a report, by their names in it; none if it has none.
+pub(crate) fn earlier(folder: &Path) -> Vec<String> {
+    let Ok(entries) = fs::read_dir(folder.join(FOLDER)) else {
+        return Vec::new();
+    };
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let maps = names.filter(|name| ENDS.iter().any(|end| name.ends_with(end)));
+    maps.map(|name| format!("{FOLDER}/{name}")).collect()
+}
+
+/// Writes the pictures and `maps.csv` into the folder of the report.
+pub(crate) fn write(outcome: &Outcome, rows: &[RowMaps], files: &mut Folder) -> Result<(), ReportError> {
+    files.folder(FOLDER)?;
+    for row in rows {
+        let name = |what: &str| format!("{FOLDER}/{}-{what}", row.stem);
+        for (what, picture) in [("behaviours", &row.behaviours), ("controllers", &row.controllers)] {
+            files.text(&name(&format!("{what}.svg")), &picture.svg)?;
+            files.bytes(&name(&format!("{what}.png")), &picture.png)?;
+        }
+        files.text(&name("scores.svg"), &row.scores)?;
+    }
+    files.write("maps.csv", |file| csv(outcome, file))?;
+    Ok(())
+}
+
+/// One row for each individual of a map, of every measured cell.
+pub(crate) fn csv(outcome: &Outcome, file: &mut dyn Write) -> io::Result<()> {
+    let mut table = Writer::from_writer(file);
+    let axes = outcome.study().axes().iter().map(|axis| axis.name.as_str());
+    let last = [
+        "seed",
+        "index",
+        "class",
+        "heuristic_score",
+        "controller_x",
+        "controller_y",
+        "behaviour_x",
+        "behaviour_y",
+    ];
+    table.write_record(["cell", "campaign"].into_iter().chain(axes).chain(last))?;
+    for cell in outcome.cells() {
+        for individual in cell.measured.maps.iter().flat_map(|maps| &maps.individuals) {
+            let known = [cell.measured.cell.as_str(), cell.measured.campaign.as_str()].into_iter();
+            let known = known
+                .chain(outcome.study().names(&cell.cell.values))
+                .map(str::to_owned);
+            let of = [
+                cell.cell.spec.seed().to_string(),
+                individual.index.to_string(),
+                individual.class.clone(),
+            ];
+            let numbers = [individual.score]
+                .into_iter()
+                .chain(individual.controller)
+                .chain(individual.behaviour);
+            table.write_record(known.chain(of).chain(numbers.map(|number| number.to_string())))?;
+        }
+    }
+    table.flush()
+}
+
+/// The pictures on the page.
+pub(crate) fn shown(rows: &[RowMaps]) -> Markup {
+    html! {
+        @for row in rows {
+            h3 { (row.words) }
+            @if let [Some(behaviours), Some(controllers)] = row.alike {
+                p.lead {
+                    "Of the individuals that are not random, the nearest one is of the same class for " (format!("{behaviours:.0}"))
+                    " % on the map of behaviours, and for " (format!("{controllers:.0}")) " % on the map of controllers."
+                }
+            }
+            div.maps {
+                @for (what, picture) in [("behaviours", &row.behaviours), ("controllers", &row.controllers)] {
+                    figure {
+                        img loading="lazy" alt={ "Map of " (what) ": " (row.words) } src={ "data:image/svg+xml;base64," (STANDARD.encode(&picture.svg)) };
+                    }
+                }
+                figure {
+                    img loading="lazy" alt={ "Histogram of heuristic scores: " (row.words) } src={ "data:image/svg+xml;base64," (STANDARD.encode(&row.scores)) };
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_files_are_plain() {
+        assert_eq!(
+            file_name("single sensor · Latent + labels"),
+            "single-sensor-latent-labels"
+        );
+        assert_eq!(file_name("../x"), "x");
+    }
+}

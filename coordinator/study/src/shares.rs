@@ -1,0 +1,87 @@
+//! The shares of classes and patterns among all trials of a cell, as the workers' judge named them.
+
+use crate::figure::Figure;
+use murmuration_proto::{Class, Pattern, Verdict};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How many trials of a cell the judge gave each verdict.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JudgedTrials {
+    /// Trials by the name of their verdict ([`Verdict::name`]): a trial with a pattern is counted by its pattern alone.
+    pub verdicts: BTreeMap<String, u64>,
+}
+
+impl JudgedTrials {
+    /// Counts another trial.
+    pub fn add(&mut self, verdict: Verdict) {
+        *self.verdicts.entry(verdict.name().to_owned()).or_default() += 1;
+    }
+
+    /// The trials of all classes.
+    #[must_use]
+    pub fn trials(&self) -> u64 {
+        Verdict::all().map(|verdict| self.of(verdict)).sum()
+    }
+
+    /// The trials of a class, those of its patterns included.
+    #[must_use]
+    pub fn of_class(&self, class: Class) -> u64 {
+        let verdicts = Verdict::all().filter(|verdict| verdict.class() == class);
+        verdicts.map(|verdict| self.of(verdict)).sum()
+    }
+
+    /// The shares of all trials, percent; none without trials.
+    #[must_use]
+    pub fn figures(&self) -> BTreeMap<Figure, f64> {
+        let trials = self.trials();
+        if trials == 0 {
+            return BTreeMap::new();
+        }
+        let percent = |count: u64| 100.0 * count as f64 / trials as f64;
+        let classes = Class::ALL.map(|class| (Figure::Share(class), percent(self.of_class(class))));
+        let pattern = |pattern| percent(self.of(Verdict::Pattern(pattern)));
+        let patterns = Pattern::ALL.map(|named| (Figure::PatternShare(named), pattern(named)));
+        classes.into_iter().chain(patterns).collect()
+    }
+
+    fn of(&self, verdict: Verdict) -> u64 {
+        self.verdicts.get(verdict.name()).copied().unwrap_or_default()
+    }
+}
+
+impl FromIterator<Verdict> for JudgedTrials {
+    fn from_iter<I: IntoIterator<Item = Verdict>>(verdicts: I) -> Self {
+        let mut trials = Self::default();
+        verdicts.into_iter().for_each(|verdict| trials.add(verdict));
+        trials
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_of_classes_are_of_all_trials_and_patterns_are_random_too() {
+        let verdicts = [
+            Verdict::Class(Class::Milling),
+            Verdict::Class(Class::Random),
+            Verdict::Pattern(Pattern::Chain),
+            Verdict::Pattern(Pattern::SmallClusters),
+        ];
+        let figures = JudgedTrials::from_iter(verdicts).figures();
+        assert_eq!(figures[&Figure::Share(Class::Milling)], 25.0);
+        assert_eq!(figures[&Figure::Share(Class::Random)], 75.0);
+        assert_eq!(figures[&Figure::PatternShare(Pattern::Chain)], 25.0);
+        assert_eq!(figures[&Figure::PatternShare(Pattern::MovingClumps)], 0.0);
+        let classes = Class::ALL.map(|class| figures[&Figure::Share(class)]);
+        assert_eq!(classes.iter().sum::<f64>(), 100.0);
+    }
+
+    #[test]
+    fn a_cell_without_trials_has_no_shares() {
+        assert_eq!(JudgedTrials::default().figures(), BTreeMap::new());
+    }
+}

@@ -1,0 +1,152 @@
+//! The answers that stand: people look through them, change theirs, and withdraw them.
+
+use super::{
+    Web,
+    layout::{Part, campaign_page},
+    page_error::PageError,
+    parts,
+    refused::Refused,
+    teach,
+    visitor::Visitor,
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+};
+use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::labels::{Annotator, Answer, ClassName, Label, Labels};
+use murmuration_proto::v1::{self, label_service_server::LabelService as _};
+use murmuration_report::picture::columns::column;
+use murmuration_service::OrStatus as _;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use tonic::Request;
+
+/// Stands for an answer that names no class, in the column of answers.
+const NOT_SURE: u16 = u16::MAX;
+const SKIP: u16 = u16::MAX - 1;
+
+const KEYS: [(&str, &str); 5] = [
+    ("Tab", "go from picture to picture"),
+    ("Space", "select the picture, or take it out of the selection"),
+    ("Escape", "select nothing"),
+    ("0", "answer “not sure” for the selection"),
+    ("Delete", "withdraw your answers about the selection"),
+];
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Answers" }
+            (parts::keys(&[&KEYS[..], &parts::PALETTE_KEYS].concat()))
+            div.choices.once-named.scripted {
+                label { "By " select #by { option value="" { "everybody" } } }
+                label { "Answer " select #said { option value="" { "any" } } }
+            }
+        }
+        (parts::who())
+        p.lead.once-named.scripted {
+            "The answers that stand, the newest first. Click pictures to select them, then name another class, or withdraw your answers. "
+            "What you answer is stored under your name; other people’s answers stay."
+        }
+        div.columns.sheeted.once-named {
+            section.sight.scripted aria-label="Answers" {
+                p #counted.reason role="status" { "…" }
+                div #answers.answers role="group" aria-label="Pictures" {}
+                p.empty hidden {}
+                button.plain #more type="button" hidden { "Show more" }
+            }
+            section.side aria-label="Your answer" {
+                (parts::stage("Motion of the behaviour that you selected last", record.spec.world()))
+                p #selected.reason.scripted role="status" { "Nothing is selected." }
+                div.others.scripted {
+                    button.plain #all type="button" { "Select all shown" }
+                    button.plain #withdraw type="button" disabled { "Withdraw " kbd { "Delete" } }
+                }
+                (parts::palette(record.spec.world(), false))
+                (parts::status_line())
+                (parts::downloads(&record))
+            }
+        }
+        (parts::confirm())
+    };
+    Ok(campaign_page(
+        &record,
+        Part::Answers,
+        &visitor,
+        "answers.js",
+        content,
+    ))
+}
+
+/// The answers that stand, in columns: the individual, the place of the annotator, the place of the class, and when, in
+/// milliseconds since 1970-01-01 UTC.
+pub(super) async fn standing(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+) -> Result<Json<Value>, Refused> {
+    let store = web.store.clone();
+    let read = move || store.labels_of(&campaign);
+    let labels = blocking(read).await.or_status()?.or_status()?;
+    let told = blocking(move || columns(&labels)).await.or_status()?;
+    Ok(Json(told))
+}
+
+fn columns(labels: &Labels) -> Value {
+    let classes = labels.classes();
+    let place: BTreeMap<&ClassName, u16> = classes.iter().map(|class| &class.name).zip(0..).collect();
+    let standing: Vec<Label> = labels.standing().collect();
+    let mut people: BTreeMap<&Annotator, u16> = BTreeMap::new();
+    for label in &standing {
+        let next = people.len() as u16;
+        people.entry(&label.annotator).or_insert(next);
+    }
+    let said = |answer: &Answer| match answer {
+        Answer::Class(class) => place.get(class).copied().unwrap_or(NOT_SURE),
+        Answer::NotSure => NOT_SURE,
+        Answer::Skip => SKIP,
+    };
+    let mut names: Vec<(&Annotator, u16)> = people.iter().map(|(name, place)| (*name, *place)).collect();
+    names.sort_by_key(|(_, place)| *place);
+    json!({
+        "classes": classes.iter().map(teach::class).collect::<Vec<_>>(),
+        "annotators": names.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(),
+        "individual": column(standing.iter().map(|label| (label.index as u32).to_le_bytes())),
+        "annotator": column(standing.iter().map(|label| people.get(&label.annotator).copied().unwrap_or_default().to_le_bytes())),
+        "answer": column(standing.iter().map(|label| said(&label.answer).to_le_bytes())),
+        "time": column(standing.iter().map(|label| (label.time_ms as f64).to_le_bytes())),
+    })
+}
+
+/// Answers of one annotator to withdraw.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Withdraw {
+    request_id: String,
+    annotator: String,
+    individuals: Vec<u64>,
+}
+
+/// Withdraws answers; responds with the classes after that.
+pub(super) async fn withdraw(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(said): Json<Withdraw>,
+) -> Result<Json<Value>, Refused> {
+    let request = v1::WithdrawLabelsRequest {
+        campaign: campaign.clone(),
+        request_id: said.request_id,
+        annotator: said.annotator,
+        indices: said.individuals,
+    };
+    web.labels.withdraw_labels(Request::new(request)).await?;
+    teach::classes(&web, campaign).await
+}

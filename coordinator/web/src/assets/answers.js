@@ -1,0 +1,233 @@
+// The Answers page: shows the answers that stand; people select some, change theirs, or withdraw them.
+import { annotator, introduced, session } from "./annotator.js";
+import { archived, follow, get, insist, path, pause } from "./coordinator.js";
+import { column } from "./drawing.js";
+import { isForPage } from "./keys.js";
+import { Outbox, complain } from "./outbox.js";
+import { Palette } from "./palette.js";
+import { Player } from "./player.js";
+import { counted, grouped, shown } from "./words.js";
+
+// Least time between two requests for all answers.
+const PAUSE_MS = 1000;
+// Pictures that are added at once.
+const PART = 60;
+// Stand for answers that name no class.
+const NOT_SURE = 65535;
+const SKIP = 65534;
+
+const at = (id) => document.getElementById(id);
+const status = at("status");
+const list = at("answers");
+const player = new Player(document.querySelector(".player"));
+let told = { classes: [], annotators: [] };
+// Every answer that stands, the newest first.
+let answers = [];
+let found = [];
+let room = PART;
+// By entry of `keyOf`, the answers that are selected.
+const selected = new Map();
+
+const keyOf = ({ index, by }) => `${index} ${by}`;
+
+await introduced();
+const outbox = new Outbox(await session(), {
+  told: (_, reply) => palette.show(reply.classes),
+  refused: (_, error) => complain(status, error),
+  changed: (outbox) => outbox.tell(status),
+});
+const palette = new Palette({ answer, outbox });
+
+// The individuals that are selected, each once.
+const individuals = () => [...new Set([...selected.values()].map(({ index }) => index))];
+const own = (indices) => answers.filter(({ index, by }) => by === annotator() && indices.includes(index));
+
+async function answer(text) {
+  const indices = individuals();
+  if (indices.length === 0) {
+    complain(status, new Error("Select pictures first: click them."));
+    return;
+  }
+  const others = own(indices).filter(({ said }) => said !== text);
+  if (indices.length > 1 && others.length > 0) {
+    const asked =
+      `You answered ${grouped(others.length)} of the ${counted(indices.length, "selected behaviour")} otherwise. ` +
+      `“${shown(text)}” replaces these answers of yours.`;
+    if (!(await agreed("Replace your answers?", asked, `Name all ${grouped(indices.length)}`))) return;
+  }
+  outbox.answer(indices, text);
+  select([]);
+  return indices;
+}
+
+async function withdraw() {
+  const indices = own(individuals()).map(({ index }) => index);
+  if (indices.length === 0) {
+    complain(status, new Error("None of the selected answers is yours. You can withdraw only your own."));
+    return;
+  }
+  if (indices.length > 1) {
+    const asked =
+      `${counted(indices.length, "answer")} of yours will no longer count, and these behaviours are asked about again. ` +
+      "Undo does not bring them back.";
+    if (!(await agreed("Withdraw your answers?", asked, `Withdraw ${grouped(indices.length)}`))) return;
+  }
+  outbox.add("withdraw", { annotator: annotator(), individuals: indices });
+  select([]);
+}
+
+async function agreed(title, text, yes) {
+  const dialog = at("confirm");
+  at("confirm-title").textContent = title;
+  dialog.querySelector("p").textContent = text;
+  dialog.querySelector("[value=yes]").textContent = yes;
+  dialog.returnValue = "";
+  dialog.showModal();
+  await new Promise((resolve) => dialog.addEventListener("close", resolve, { once: true }));
+  return dialog.returnValue === "yes";
+}
+
+function select(chosen) {
+  selected.clear();
+  for (const one of chosen) selected.set(keyOf(one), one);
+  tell();
+}
+
+function toggle(one) {
+  if (!selected.delete(keyOf(one))) {
+    selected.set(keyOf(one), one);
+    player.show(one.index).catch((error) => complain(status, error));
+  }
+  status.classList.remove("wrong");
+  outbox.tell(status);
+  tell();
+}
+
+function tell() {
+  for (const card of list.children) card.setAttribute("aria-pressed", String(selected.has(card.dataset.key)));
+  const mine = own(individuals()).length;
+  at("selected").textContent =
+    selected.size === 0
+      ? "Nothing is selected."
+      : `${counted(selected.size, "answer")} selected, ${grouped(mine)} of them yours: which class?`;
+  at("withdraw").disabled = mine === 0;
+}
+
+// Shows the answers that the menus ask for.
+function sift() {
+  const [by, said] = [at("by").value, at("said").value];
+  found = answers.filter((one) => (by === "" || one.by === by) && (said === "" || one.said === said));
+  for (const [key, one] of selected) if (!found.includes(one)) selected.delete(key);
+  lay();
+}
+
+function lay() {
+  const focused = list.contains(document.activeElement) ? document.activeElement.dataset.key : null;
+  list.replaceChildren(...found.slice(0, room).map(card));
+  if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+  at("counted").textContent = `${counted(found.length, "answer")}${found.length === answers.length ? "" : ` of ${grouped(answers.length)}`}`;
+  at("more").hidden = found.length <= room;
+  const empty = document.querySelector(".sight .empty");
+  empty.hidden = found.length > 0;
+  empty.textContent = answers.length ? "No answer is like that." : "Nobody has answered yet.";
+  tell();
+}
+
+function card(one) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "answer";
+  button.dataset.key = keyOf(one);
+  const picture = document.createElement("img");
+  picture.loading = "lazy";
+  picture.width = 100;
+  picture.height = 100;
+  picture.alt = "";
+  picture.src = path(archived(one.index));
+  const what = document.createElement("span");
+  what.className = "said";
+  what.textContent = shown(one.said);
+  if (one.colour) what.style.setProperty("--class", one.colour);
+  const who = document.createElement("span");
+  who.className = "reason";
+  who.textContent = `${grouped(one.index)} · ${one.by}`;
+  who.title = new Date(one.time).toLocaleString("en");
+  button.append(picture, what, who);
+  button.addEventListener("click", () => toggle(one));
+  return button;
+}
+
+async function load() {
+  told = await insist(() => get("answers/standing"));
+  const [index, by] = [column(told.individual, Uint32Array), column(told.annotator, Uint16Array)];
+  const [said, time] = [column(told.answer, Uint16Array), column(told.time, Float64Array)];
+  const nameOf = (place) => (place === NOT_SURE ? "not sure" : place === SKIP ? "skip" : told.classes[place].name);
+  answers = Array.from(index, (of, i) => ({
+    index: of,
+    by: told.annotators[by[i]],
+    said: nameOf(said[i]),
+    colour: told.classes[said[i]]?.colour,
+    time: time[i],
+  }));
+  answers.sort((one, other) => other.time - one.time || other.index - one.index);
+  const chosen = [...selected.keys()];
+  selected.clear();
+  for (const one of answers) if (chosen.includes(keyOf(one))) selected.set(keyOf(one), one);
+  palette.show(told.classes);
+  fill(at("by"), "everybody", [...told.annotators].sort().map((name) => [name, name]));
+  const used = [...new Set(answers.map(({ said }) => said))].sort();
+  fill(at("said"), "any", used.map((name) => [name, shown(name)]));
+  sift();
+}
+
+// Offers values in a menu, and keeps what is chosen.
+function fill(menu, all, entries) {
+  const chosen = menu.value;
+  menu.replaceChildren(new Option(all, ""), ...entries.map(([value, text]) => new Option(text, value)));
+  menu.value = entries.some(([value]) => value === chosen) ? chosen : "";
+}
+
+for (const id of ["by", "said"]) {
+  at(id).addEventListener("change", () => {
+    room = PART;
+    sift();
+  });
+}
+at("more").addEventListener("click", () => {
+  room += PART;
+  lay();
+});
+at("all").addEventListener("click", () => select(found.slice(0, room)));
+at("withdraw").addEventListener("click", withdraw);
+document.addEventListener("keydown", (event) => {
+  if (!isForPage(event)) return;
+  if (event.key === "Escape") select([]);
+  else if (event.key === "0") answer("not sure");
+  else if (event.key === "Delete" || event.key === "Backspace") withdraw();
+  else return;
+  event.preventDefault();
+});
+
+// How long the label log is, how long it was when the answers were loaded, and whether they are loaded now.
+let entries = null;
+let loaded = null;
+let loading = false;
+
+async function renew() {
+  if (loading) return;
+  loading = true;
+  try {
+    while (loaded !== entries) {
+      loaded = entries;
+      await load();
+      await pause(PAUSE_MS);
+    }
+  } finally {
+    loading = false;
+  }
+}
+
+follow((seen) => {
+  entries = seen.labels;
+  renew();
+});

@@ -1,0 +1,191 @@
+// Lines over a common axis, whose values are told at a pointer or by arrow keys.
+import { grouped } from "./words.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const HEIGHT = 180;
+const ROOM = { left: 52, right: 12, top: 10, bottom: 24 };
+// About as many lines of the grid, besides the axis.
+const GRID = 4;
+// The least step of a grid that does not begin at 0: three digits tell percentages so far apart.
+const LEAST_STEP = 0.1;
+
+const element = (name, attributes = {}, text = "") => {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.textContent = text;
+  return made;
+};
+
+// The smallest of 1, 2, 5, 10, 20 and so on (and of their tenths and so on) that is no less.
+function roundUp(value) {
+  const unit = 10 ** Math.floor(Math.log10(value));
+  return unit * [1, 2, 5, 10].find((times) => times * unit >= value * (1 - 1e-9));
+}
+
+const short = (value) => (Number.isFinite(value) ? Number(value.toPrecision(3)).toString() : "–");
+const lastOf = (values) => values.findLast(Number.isFinite);
+
+export class Chart {
+  // `across` names the axis, `lines` the lines; `name` says what a place on the axis is called. The heights begin at 0,
+  // unless `fromLeast`: then below the least value, as for percentages that are all high.
+  constructor(root, { across, lines, name = grouped, fromLeast = false }) {
+    this.root = root;
+    this.across = across;
+    this.lines = lines;
+    this.name = name;
+    this.fromLeast = fromLeast;
+    this.events = [];
+    this.at = -1;
+    this.x = [];
+    // It takes the arrow keys itself, which a screen reader leaves to applications alone.
+    this.svg = element("svg", { role: "application", "aria-roledescription": "chart", tabindex: "0" });
+    this.told = document.createElement("p");
+    this.told.className = "reason";
+    // Says what keys point at, and nothing while values arrive.
+    this.spoken = document.createElement("p");
+    this.spoken.className = "unseen";
+    this.spoken.setAttribute("role", "status");
+    root.append(this.svg, this.told, this.spoken);
+    this.svg.addEventListener("pointermove", ({ offsetX }) => this.point(this.nearest(offsetX)));
+    this.svg.addEventListener("pointerleave", () => this.point(-1));
+    this.svg.addEventListener("keydown", (event) => {
+      const way = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (!way || this.x.length === 0) return;
+      event.preventDefault();
+      const from = this.at < 0 ? this.x.length - 1 : this.at + way;
+      this.point(Math.min(Math.max(from, 0), this.x.length - 1));
+      this.spoken.textContent = this.told.textContent;
+    });
+    new ResizeObserver(() => this.draw()).observe(root);
+  }
+
+  // Shows the values of each line at each x, NaN where there is none, and marks events: each an x and a text.
+  show(x, values, events = []) {
+    this.x = x;
+    this.values = values;
+    this.events = events.filter(({ x: at }) => at >= x[0] && at <= x.at(-1));
+    const none = this.root.querySelector(".none");
+    if (none) none.hidden = x.length > 1;
+    for (const part of [this.svg, this.told]) part.toggleAttribute("hidden", x.length < 2);
+    if (this.at >= x.length) this.at = -1;
+    this.draw();
+  }
+
+  draw() {
+    const width = this.root.clientWidth;
+    if (this.x.length < 2 || width === 0) return;
+    const finite = this.values.flat().filter(Number.isFinite);
+    const [first, last] = [this.x[0], this.x.at(-1)];
+    const most = Math.max(...finite, 0);
+    // Values are never below 0.
+    const least = this.fromLeast && finite.length ? Math.min(...finite) : 0;
+    const fitting = roundUp((most - least || 1) / GRID);
+    const step = this.fromLeast ? Math.max(fitting, LEAST_STEP) : fitting;
+    const low = step * Math.floor(least / step + 1e-9);
+    const high = Math.max(step * Math.ceil(most / step - 1e-9), low + step);
+    const [wide, tall] = [width - ROOM.left - ROOM.right, HEIGHT - ROOM.top - ROOM.bottom];
+    this.acrossOf = (x) => ROOM.left + ((x - first) / (last - first)) * wide;
+    this.downOf = (y) => ROOM.top + tall * (1 - (y - low) / (high - low));
+    this.svg.setAttribute("viewBox", `0 0 ${width} ${HEIGHT}`);
+    this.svg.setAttribute("height", HEIGHT);
+    this.svg.setAttribute("aria-label", this.summary());
+    this.svg.replaceChildren(...this.grid(step, low, high, width), ...this.marked(), ...this.curves(), this.mark());
+    this.tell();
+  }
+
+  grid(step, low, high, width) {
+    const heights = Array.from({ length: Math.round((high - low) / step) + 1 }, (_, i) => low + step * i);
+    const lines = heights.flatMap((value) => {
+      const y = this.downOf(value);
+      return [
+        element("line", { class: "grid", x1: ROOM.left, x2: width - ROOM.right, y1: y, y2: y }),
+        element("text", { x: ROOM.left - 6, y: y + 4, "text-anchor": "end" }, short(value)),
+      ];
+    });
+    const y = HEIGHT - 6;
+    return [
+      ...lines,
+      element("text", { x: ROOM.left, y }, this.name(this.x[0])),
+      element("text", { x: width / 2, y, "text-anchor": "middle" }, this.across),
+      element("text", { x: width - ROOM.right, y, "text-anchor": "end" }, this.name(this.x.at(-1))),
+    ];
+  }
+
+  // A line down for each event, with a flag on top that names it.
+  marked() {
+    return this.events.map(({ x: at, text }) => {
+      const x = this.acrossOf(at);
+      const group = element("g", { class: "event" });
+      const title = element("title", {}, text);
+      const flag = element("path", { d: `M${x - 5} ${ROOM.top - 8}h10l-5 7z` });
+      group.append(title, element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }), flag);
+      return group;
+    });
+  }
+
+  curves() {
+    return this.values.map((values, line) => {
+      const points = values.map((y, i) => (Number.isFinite(y) ? `${this.acrossOf(this.x[i])},${this.downOf(y)}` : null));
+      return element("polyline", { class: `line line-${line}`, points: points.filter(Boolean).join(" ") });
+    });
+  }
+
+  mark() {
+    const group = element("g", { class: "mark-at" });
+    if (this.at < 0) return group;
+    const x = this.acrossOf(this.x[this.at]);
+    group.append(element("line", { x1: x, x2: x, y1: ROOM.top, y2: HEIGHT - ROOM.bottom }));
+    this.values.forEach((values, line) => {
+      const y = values[this.at];
+      if (Number.isFinite(y)) group.append(element("circle", { class: `dot-${line}`, cx: x, cy: this.downOf(y), r: 4 }));
+    });
+    return group;
+  }
+
+  nearest(offset) {
+    if (this.x.length < 2 || !this.acrossOf) return -1;
+    return this.nearestBy((x) => Math.abs(this.acrossOf(x) - offset));
+  }
+
+  // The place of the x that an event is nearest to.
+  nearestTo(at) {
+    return this.nearestBy((x) => Math.abs(x - at));
+  }
+
+  nearestBy(distance) {
+    let best = 0;
+    for (let i = 1; i < this.x.length; i++) if (distance(this.x[i]) < distance(this.x[best])) best = i;
+    return best;
+  }
+
+  point(at) {
+    if (at === this.at) return;
+    this.at = at;
+    this.svg.querySelector(".mark-at")?.replaceWith(this.mark());
+    this.tell();
+  }
+
+  // The values where the pointer is, or else the last.
+  tell() {
+    const at = this.at < 0 ? this.x.length - 1 : this.at;
+    const events = this.events.filter((event) => this.nearestTo(event.x) === at).map(({ text }) => ` · ${text}`);
+    this.told.replaceChildren(
+      `${this.across} ${this.name(this.x[at])}: `,
+      ...this.lines.flatMap((name, line) => {
+        const key = document.createElement("span");
+        key.className = `key-${line}`;
+        // A line that ends earlier than others says where.
+        const place = this.at < 0 ? this.values[line].findLastIndex((value) => Number.isFinite(value)) : at;
+        const where = place >= 0 && place !== at ? ` (${this.across} ${this.name(this.x[place])})` : "";
+        key.textContent = `${name} ${short(this.values[line][place])}${where}`;
+        return line === 0 ? [key] : [" · ", key];
+      }),
+      ...events,
+    );
+  }
+
+  summary() {
+    const last = this.lines.map((name, line) => `${name} ${short(lastOf(this.values[line]))}`).join(", ");
+    return `${this.lines.join(" and ")} by ${this.across}, last ${last}. Arrow keys tell single values.`;
+  }
+}

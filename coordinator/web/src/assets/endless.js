@@ -1,0 +1,86 @@
+// The motion of a swarm that has no end, with the controls of its player.
+import { Unavailable } from "./coordinator.js";
+import { Pieces, draw } from "./pieces.js";
+import { Playback, STEPS_A_SECOND } from "./playback.js";
+import { grouped, sentence } from "./words.js";
+
+// In how much time what is left of a motion would be shown at most: where the coordinator simulates more slowly than it is
+// shown, the motion slows down instead of halting.
+const LEFT_MS = 400;
+
+// A swarm without an end on a canvas. `state` says by `query()` which one, and by `shown()` how its robots are drawn; `status` is the
+// line for what goes wrong, and `url` answers with pieces of the motion.
+export class Endless extends Playback {
+  constructor(player, state, status, url = "/play/motion") {
+    super(player, { speed: player.querySelector(".speed") });
+    this.state = state;
+    this.status = status;
+    this.motion = state;
+    this.piece = null;
+    this.target = null;
+    this.waiting = player.querySelector(".waiting");
+    this.pieces = new Pieces({ came: (...came) => this.came(...came), failed: (error) => this.failed(error), url });
+  }
+
+  // Shows the present state's motion from a step on.
+  begin(step) {
+    this.target = step;
+    this.await(true);
+    this.pieces.begin(this.state.query(), step);
+  }
+
+  came(piece, isNew) {
+    this.waiting.hidden = true;
+    this.status.textContent = "";
+    this.status.classList.remove("wrong");
+    if (!isNew) return;
+    this.step = piece.first;
+    this.target = null;
+    this.await(false);
+    this.tell();
+  }
+
+  // Whether what is shown is not yet what the controls say.
+  await(is) {
+    this.canvas.parentElement.setAttribute("aria-busy", is);
+  }
+
+  failed(error) {
+    const text = sentence(error.message);
+    if (!(error instanceof Unavailable)) this.await(false);
+    if (this.piece) this.status.textContent = text;
+    else this.waiting.textContent = text;
+    this.waiting.hidden = Boolean(this.piece);
+    this.status.classList.toggle("wrong", !(error instanceof Unavailable));
+  }
+
+  advance(ms) {
+    const wanted = (ms / 1000) * STEPS_A_SECOND * Number(this.speed.value);
+    const left = Math.max(this.pieces.last - this.step, 0);
+    this.step += Math.min(wanted, left * Math.min(ms / LEFT_MS, 1));
+    this.tell();
+  }
+
+  once() {
+    this.step = Math.min(Math.floor(this.step) + 1, this.pieces.last);
+    this.pause();
+  }
+
+  tell() {
+    this.draw();
+    this.button.classList.toggle("playing", this.playing);
+    this.button.setAttribute("aria-label", this.playing ? "Pause" : "Play");
+    if (this.piece) this.output.textContent = `step ${grouped(Math.floor(this.step))}`;
+  }
+
+  draw() {
+    this.piece = this.pieces?.of(this.step) ?? null;
+    const shown = this.state.shown();
+    if (this.piece && shown.swarm) draw(this.canvas, this.piece, this.step, shown);
+  }
+
+  pace(faster) {
+    const place = this.speed.selectedIndex + (faster ? 1 : -1);
+    if (place >= 0 && place < this.speed.length) this.speed.selectedIndex = place;
+  }
+}

@@ -1,0 +1,60 @@
+// The pictures of what is selected, to be looked at before it is named.
+import { archived, path } from "./coordinator.js";
+import { grouped } from "./words.js";
+
+// As many pictures as are looked at in a few seconds.
+const MOST = 60;
+
+export class Gallery {
+  // `play(index)` plays a motion, `drop(index)` takes an individual out of the selection.
+  constructor(root, line, { play, drop }) {
+    this.root = root;
+    this.line = line;
+    this.shown = "";
+    root.addEventListener("click", (event) => {
+      const index = Number(event.target.closest(".card")?.dataset.index ?? NaN);
+      if (Number.isNaN(index)) return;
+      if (event.shiftKey) drop(index);
+      else play(index);
+    });
+    root.addEventListener("keydown", (event) => {
+      if (event.key !== "Delete" && event.key !== "Backspace") return;
+      const card = event.target.closest(".card");
+      const next = (card.nextElementSibling ?? card.previousElementSibling)?.dataset.index;
+      event.preventDefault();
+      drop(Number(card.dataset.index));
+      root.querySelector(`[data-index="${next}"]`)?.focus();
+    });
+  }
+
+  // Shows these individuals; of many, some evenly chosen.
+  show(indices, nameOf) {
+    const every = Math.max(indices.length / MOST, 1);
+    const shown = Array.from({ length: Math.min(indices.length, MOST) }, (_, i) => indices[Math.floor(i * every)]);
+    this.root.hidden = shown.length === 0;
+    this.line.hidden = shown.length === 0;
+    const part = shown.length < indices.length ? `${grouped(shown.length)} of ${grouped(indices.length)} are shown, evenly chosen. ` : "";
+    this.line.textContent = `${part}Click a picture to play its motion; Shift and a click, or Delete, take it out of the selection.`;
+    const cards = shown.map((index) => [index, nameOf(index)]);
+    // Cards that are the same stay, with the focus that one of them may have.
+    if (this.shown === JSON.stringify(cards)) return;
+    this.shown = JSON.stringify(cards);
+    const focused = document.activeElement?.closest(".card")?.dataset.index;
+    this.root.replaceChildren(...cards.map(([index, name]) => card(index, name)));
+    if (focused !== undefined) this.root.querySelector(`[data-index="${focused}"]`)?.focus();
+  }
+}
+
+function card(index, name) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.className = "card";
+  button.dataset.index = index;
+  button.title = `${grouped(index)} · ${name}`;
+  const picture = document.createElement("img");
+  picture.loading = "lazy";
+  picture.src = path(archived(index));
+  picture.alt = `Individual ${grouped(index)}, ${name}`;
+  button.append(picture);
+  return button;
+}

@@ -1,0 +1,24 @@
+// Asks before an answer about many individuals replaces earlier ones.
+import { grouped, shown } from "./words.js";
+
+const dialog = document.getElementById("overwrite");
+
+// Which of these individuals are to be of the class `text`, where some are of another already. `known` holds the classes, and by
+// individual the place of its class.
+export async function agreed(known, indices, text) {
+  const other = (i) => known.of.has(i) && known.classes[known.of.get(i)].name !== text;
+  const others = indices.filter(other);
+  if (others.length === 0 || indices.length === 1) return indices;
+  const rest = indices.length - others.length;
+  dialog.querySelector("p").textContent =
+    `${grouped(others.length)} of the ${grouped(indices.length)} selected have another class already. ` +
+    `“${shown(text)}” would replace it.`;
+  dialog.querySelector("[value=all]").textContent = `Name all ${grouped(indices.length)}`;
+  dialog.querySelector("[value=rest]").textContent = `Name only the other ${grouped(rest)}`;
+  dialog.querySelector("[value=rest]").hidden = rest === 0;
+  dialog.returnValue = "";
+  dialog.showModal();
+  await new Promise((resolve) => dialog.addEventListener("close", resolve, { once: true }));
+  if (dialog.returnValue === "all") return indices;
+  return dialog.returnValue === "rest" ? indices.filter((i) => !other(i)) : [];
+}

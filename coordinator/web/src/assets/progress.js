@@ -1,0 +1,79 @@
+// The Progress page: what changes is sent by the coordinator; novelty and trainings are drawn as curves.
+import "./live.js";
+import { Chart } from "./chart.js";
+import { get, insist, pause } from "./coordinator.js";
+import { noveltyOf, trainingOf } from "./curves.js";
+import { follow } from "./moving.js";
+
+// Least time between two requests for the curves.
+const PAUSE_MS = 1000;
+
+const live = document.querySelector("[data-live]");
+const facts = () => live.querySelector("[data-generations]").dataset;
+let nameOfEpoch = String;
+const novelty = new Chart(document.querySelector("#novelty .chart"), { across: "generation", lines: ["best", "mean"] });
+const training = new Chart(document.querySelector("#training .chart"), {
+  across: "epoch",
+  lines: ["accuracy on held-out triplets, %"],
+  name: (x) => nameOfEpoch(x),
+  fromLeast: true,
+});
+// How the campaign stood when the curves were drawn.
+let drawn = "";
+let asking = false;
+
+const stand = () => {
+  const { generations, epoch, notices } = facts();
+  return [generations, epoch, notices].join(" ");
+};
+
+function show(section, chart, x, values, events) {
+  if (x.length > 1) document.getElementById(section).hidden = false;
+  chart.show(x, values, events);
+}
+
+async function draw() {
+  const now = stand();
+  if (asking || now === drawn) return;
+  asking = true;
+  try {
+    const [generations, told] = await Promise.all(["generations", "epochs"].map((what) => insist(() => get(what))));
+    drawn = now;
+    const { generation, best, mean } = noveltyOf(generations);
+    const events = told.events.map(({ generation: at, text }) => ({ x: Math.max(at - 1, 0), text }));
+    show("novelty", novelty, generation, [best, mean], events);
+    const { x, accuracy, name, events: rounds } = trainingOf(told.epochs);
+    nameOfEpoch = name;
+    show("training", training, x, [accuracy], rounds);
+    await pause(PAUSE_MS);
+  } finally {
+    asking = false;
+  }
+  draw();
+}
+
+const searching = () => facts().searching !== undefined;
+
+const found = document.getElementById("found");
+const taxonomy = live.querySelector("[data-slot=taxonomy]");
+
+// The taxonomy takes the place of what was found on the way: what is below both stays where it is.
+function replace() {
+  const shown = document.getElementById("shown");
+  const there = taxonomy.childElementCount > 0;
+  if (shown.hidden || !there) return;
+  found.style.minHeight = `${shown.offsetHeight + parseFloat(getComputedStyle(shown).marginTop)}px`;
+  shown.hidden = true;
+}
+
+function changed() {
+  replace();
+  draw();
+  follow(searching);
+}
+
+const observer = new MutationObserver(changed);
+for (const slot of live.querySelectorAll("[data-slot]")) {
+  observer.observe(slot, { childList: true, subtree: true, attributes: true, characterData: true });
+}
+changed();

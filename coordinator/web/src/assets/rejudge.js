@@ -1,0 +1,111 @@
+// The medoids on the page of a study: their motion on a click, and what people say of them.
+import { annotator, introduced } from "./annotator.js";
+import { insist, reply } from "./coordinator.js";
+import { Endless } from "./endless.js";
+import { complain } from "./outbox.js";
+
+const root = document.getElementById("judging");
+const status = document.getElementById("status");
+const calm = matchMedia("(prefers-reduced-motion: reduce)");
+
+// The medoid that is played.
+const state = {
+  swarm: null,
+  index: 0,
+  query: () => `index=${state.index}`,
+  shown: () => ({ swarm: state.swarm, counts: [Infinity], genes: state.genes }),
+  genes: [],
+};
+
+function play(endless, card) {
+  const { campaign, swarm } = card.parentElement.dataset;
+  state.swarm = JSON.parse(swarm);
+  state.index = Number(card.dataset.index);
+  const { width, height } = state.swarm.world;
+  endless.canvas.parentElement.style.aspectRatio = `${width} / ${height}`;
+  endless.button.disabled = false;
+  endless.pieces.url = `/campaigns/${campaign}/pieces`;
+  for (const other of root.querySelectorAll(".played")) other.classList.remove("played");
+  card.classList.add("played");
+  endless.begin(0);
+  if (calm.matches) endless.pause();
+  else endless.play();
+}
+
+// The newest word about each individual that the coordinator has not kept yet, the oldest first. One is sent after the other: an
+// older word that is sent again must not arrive after a newer one.
+const unsent = new Map();
+let sending = false;
+
+async function say(card, text) {
+  const details = card.closest("details");
+  const { cell } = card.parentElement.dataset;
+  const index = Number(card.dataset.index);
+  await introduced();
+  const body = JSON.stringify({ cell, index, class: text, by: annotator() });
+  unsent.set(`${cell} ${index}`, { details, body });
+  if (!sending) await send();
+}
+
+async function send() {
+  sending = true;
+  status.classList.remove("wrong");
+  status.textContent = "Saving…";
+  let refused = null;
+  try {
+    while (unsent.size > 0) {
+      const [about, { details }] = unsent.entries().next().value;
+      try {
+        await keep(about);
+        // What is said of this cell meanwhile would seem to be taken back.
+        if (![...unsent.values()].some((word) => word.details === details)) await open(details);
+      } catch (error) {
+        unsent.delete(about);
+        refused = error;
+      }
+    }
+  } finally {
+    sending = false;
+  }
+  if (refused) throw refused;
+  status.textContent = "All saved.";
+}
+
+// Has the coordinator keep what was said last about an individual.
+async function keep(about) {
+  let word;
+  const ask = () => {
+    word = unsent.get(about);
+    const headers = { "content-type": "application/json" };
+    return reply(fetch(root.dataset.classes, { method: "POST", headers, body: word.body }));
+  };
+  await insist(ask, ({ message }) => (status.textContent = `Not saved yet: ${message}.`));
+  // Another word came while this one was on its way.
+  if (unsent.get(about) === word) unsent.delete(about);
+}
+
+// Shows the medoids of a cell as they stand, with the focus where it was.
+async function open(details) {
+  const focused = document.activeElement?.closest("[data-class]");
+  const [index, text] = [focused?.closest("[data-index]")?.dataset.index, focused?.dataset.class];
+  const answer = await insist(() => reply(fetch(details.dataset.medoids)));
+  details.lastElementChild.innerHTML = await answer.text();
+  if (index === undefined) return;
+  const card = details.querySelector(`[data-index="${index}"]`);
+  (card?.querySelector(`[data-class="${text}"]`) ?? card?.querySelector("[aria-pressed=true]"))?.focus();
+}
+
+if (root) {
+  const endless = new Endless(root.querySelector(".player"), state, status);
+  const tell = (error) => complain(status, error);
+  for (const details of root.querySelectorAll("details")) {
+    details.addEventListener("toggle", () => details.open && open(details).catch(tell));
+  }
+  root.addEventListener("click", ({ target }) => {
+    const card = target.closest("[data-index]");
+    if (!card) return;
+    if (target.closest(".stage")) return play(endless, card);
+    const button = target.closest("[data-class]");
+    if (button) say(card, button.dataset.class).catch(tell);
+  });
+}

@@ -1,0 +1,37 @@
+// Campaigns side by side: their curves over each other.
+import { Chart } from "./chart.js";
+import { insist, reply } from "./coordinator.js";
+import { noveltyOf, trainingOf } from "./curves.js";
+
+const ids = [...document.querySelectorAll(".compared [data-campaign]")].map(({ dataset }) => dataset.campaign);
+const ask = async (id, what) => (await reply(fetch(`/campaigns/${id}/${what}`))).json();
+
+// Lines of their own places on one axis: what a line does not have at a place of another is told as its value before.
+function over(lines) {
+  const x = [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b);
+  const values = lines.map((line) => {
+    let at = -1;
+    return x.map((place) => {
+      while (at + 1 < line.x.length && line.x[at + 1] <= place) at += 1;
+      return at < 0 || place > line.x.at(-1) ? NaN : line.y[at];
+    });
+  });
+  return { x, values };
+}
+
+function draw(section, across, lines, heights = {}) {
+  const root = document.querySelector(`#${section} .chart`);
+  const { x, values } = over(lines);
+  document.querySelector(`#${section} .none`).hidden = x.length > 1;
+  new Chart(root, { across, lines: ids, ...heights }).show(x, values);
+}
+
+const [novelty, training] = await Promise.all(
+  ["generations", "epochs"].map((what) => Promise.all(ids.map((id) => insist(() => ask(id, what))))),
+);
+const curves = novelty.map(noveltyOf);
+for (const which of ["best", "mean"]) {
+  draw(which, "generation", curves.map((curve) => ({ x: curve.generation, y: curve[which] })));
+}
+const trainings = training.map(({ epochs }) => trainingOf(epochs));
+draw("training", "epoch", trainings.map(({ x, accuracy }) => ({ x, y: accuracy })), { fromLeast: true });

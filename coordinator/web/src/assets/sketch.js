@@ -1,0 +1,35 @@
+// What lies over the points of the map and changes with the pointer: a line that is drawn, the point that is pointed at, medoids.
+import { fit } from "./drawing.js";
+import { trace } from "./lasso.js";
+
+export class Sketch {
+  // `medoids()` are the points with a ring.
+  constructor(canvas, plot, medoids) {
+    this.canvas = canvas;
+    this.plot = plot;
+    this.medoids = medoids;
+    this.hovered = -1;
+    this.line = null;
+  }
+
+  draw() {
+    const { canvas, plot } = this;
+    fit(canvas);
+    const pen = canvas.getContext("2d");
+    const dense = canvas.width / Math.max(canvas.clientWidth, 1);
+    pen.setTransform(dense, 0, 0, dense, 0, 0);
+    pen.clearRect(0, 0, canvas.clientWidth, canvas.clientHeight);
+    const ink = getComputedStyle(canvas).color;
+    pen.strokeStyle = ink;
+    for (const i of this.medoids()) if (i < plot.count && plot.isShown(i)) this.ring(pen, i, 5, 1.5);
+    if (this.line) trace(pen, this.line, ink);
+    if (this.hovered >= 0) this.ring(pen, this.hovered, 7, 2);
+  }
+
+  ring(pen, i, radius, width) {
+    pen.lineWidth = width;
+    pen.beginPath();
+    pen.arc(this.plot.across[i], this.plot.down[i], radius, 0, 2 * Math.PI);
+    pen.stroke();
+  }
+}

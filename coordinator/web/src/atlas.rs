@@ -1,0 +1,192 @@
+//! The atlas of a campaign that evaluates all controllers of four speeds: its map, with the motion of the controller that
+//! somebody chose beside it. The coordinator simulates that motion itself, as for the page Play.
+
+mod others;
+
+use super::{
+    Web,
+    layout::{Part, atlas_of, campaign_page},
+    page_error::PageError,
+    parts,
+    play::described,
+    visitor::Visitor,
+};
+use axum::{
+    body::Bytes,
+    extract::{Path, State},
+    http::header::CONTENT_TYPE,
+    response::IntoResponse,
+};
+use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::{ArchiveVersion, CampaignRecord};
+use murmuration_report::{
+    ReportError,
+    atlas::{self, Atlas, AtlasEntry, Layout},
+};
+use murmuration_search::filter::Score;
+use murmuration_store::{ArchivedIndividual, Store, StoreError, kept::Kept};
+use std::sync::Arc;
+use tokio::sync::Mutex;
+use tonic::Status;
+
+/// Individuals that are read at once.
+const CHUNK: u64 = 4096;
+
+/// Most bytes of the atlases that are kept; the one that was drawn last is kept whatever it has.
+const MOST_BYTES: usize = 64 << 20;
+
+/// The atlases that were drawn last, for the requests of their pages; cheap to clone.
+#[derive(Debug, Clone)]
+pub struct DrawnAtlas(Arc<Kept<Mutex<Latest>>>);
+
+impl Default for DrawnAtlas {
+    fn default() -> Self {
+        Self(Arc::new(Kept::within(MOST_BYTES)))
+    }
+}
+
+/// What was drawn of a campaign, and of which archive; `None` before anything was.
+type Latest = Option<(Drawn, Arc<Parts>)>;
+
+/// Which archive was drawn: version, individuals.
+type Drawn = (ArchiveVersion, u64);
+
+/// What the page draws from.
+#[derive(Debug)]
+struct Parts {
+    /// JSON.
+    data: Bytes,
+    /// PNG.
+    picture: Bytes,
+}
+
+/// Why an atlas cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+enum Undrawn {
+    #[error("{0}")]
+    Store(#[from] StoreError),
+    #[error("{0}")]
+    Report(#[from] ReportError),
+}
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
+    let others = others::others(&web, &record).await?;
+    let (id, spec) = (&record.id, &record.spec);
+    let swarm = described(spec.model(), spec.world());
+    let content = html! {
+        div.wide-bar {
+            h1 { "Atlas" }
+            @if let Some(others) = &others { (others.sliders()) }
+        }
+        @if record.individuals() == 0 {
+            p.empty { "The map is empty until the first generation is complete." }
+        } @else {
+            div.lead {
+                (atlas::explained(spec, &layout, record.individuals()))
+                @if record.individuals() < spec.evaluations() { p { "The campaign goes on: load the page again to see more." } }
+            }
+            div.columns.atlas data-swarm=(swarm.to_string()) {
+                section.plane.scripted aria-label="All controllers" {
+                    (atlas::canvas())
+                    img #source src={ "/campaigns/" (id) "/atlas/map.png" } alt="" hidden;
+                }
+                section.side aria-label="The chosen controller" {
+                    div.player.scripted {
+                        div.stage { canvas role="img" aria-label="Motion of the chosen controller" {} p.waiting { "Choose a controller on the map." } }
+                        div.transport {
+                            button.toggle type="button" aria-label="Play" disabled {}
+                            label { span.unseen { "Speed" } (parts::speeds()) }
+                            output.step { "–" }
+                        }
+                    }
+                    (parts::status_line())
+                    div #chosen aria-live="polite" { p.reason { "Point at a controller." } }
+                    ul #classes aria-label="Classes: each button shows its controllers alone" {}
+                }
+            }
+            p.reason.scripted { (atlas::HOW) " Space plays and pauses the motion." }
+        }
+    };
+    Ok(campaign_page(&record, Part::Atlas, &visitor, "atlas.js", content))
+}
+
+/// What the script of the page draws from.
+pub(super) async fn data(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let parts = parts_of(&web, &id).await?;
+    Ok(([(CONTENT_TYPE, "application/json")], parts.data.clone()))
+}
+
+/// The picture, a pixel a controller.
+pub(super) async fn picture(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let parts = parts_of(&web, &id).await?;
+    Ok(([(CONTENT_TYPE, "image/png")], parts.picture.clone()))
+}
+
+async fn parts_of(web: &Web, id: &str) -> Result<Arc<Parts>, PageError> {
+    let record = web.campaigns.status(id).await?.record;
+    let layout = atlas_of(&record).ok_or(PageError::NoPage)?;
+    let wanted = (record.archive_version(), record.individuals());
+    let slot = web.atlas.0.of(&record.id);
+    // One request draws, and others about the same campaign wait for it: both requests of a page are about the same archive.
+    let mut drawn = slot.lock().await;
+    if let Some((of, parts)) = drawn.as_ref()
+        && *of == wanted
+    {
+        return Ok(Arc::clone(parts));
+    }
+    let (store, campaign) = (web.store.clone(), record.id.clone());
+    let parts = blocking(move || Parts::draw(&store, &record, &layout)).await?;
+    let parts = Arc::new(parts.map_err(|error| Status::internal(error.to_string()))?);
+    *drawn = Some((wanted, Arc::clone(&parts)));
+    web.atlas
+        .0
+        .weigh(&campaign, parts.data.len() + parts.picture.len());
+    Ok(parts)
+}
+
+impl Parts {
+    fn draw(store: &Store, record: &CampaignRecord, layout: &Layout) -> Result<Self, Undrawn> {
+        let mut entries = Vec::new();
+        let all = record.individuals();
+        for first in (0..all).step_by(CHUNK as usize) {
+            let range = first..(first + CHUNK).min(all);
+            let individuals = store.individuals(&record.id, record.spec.model(), range, false)?;
+            entries.extend(individuals.into_iter().map(entry));
+        }
+        let atlas = Atlas {
+            campaign: record.id.to_string(),
+            digest: String::new(),
+            spec: record.spec.clone(),
+            entries,
+        };
+        let (data, picture) = atlas::for_page(&atlas, layout)?;
+        Ok(Self {
+            data: data.into(),
+            picture: picture.into(),
+        })
+    }
+}
+
+fn entry(individual: ArchivedIndividual) -> AtlasEntry {
+    AtlasEntry {
+        seed: individual.seed,
+        verdicts: individual.verdicts().collect(),
+        features: individual.features(),
+        score: Score::of(&individual.controller).total(),
+        controller: individual.controller,
+    }
+}

@@ -1,0 +1,196 @@
+//! The classes of a campaign: people rename, merge, colour and delete them, give them keys, and revert that.
+
+use super::{
+    Web,
+    layout::{Part, campaign_page},
+    page_error::PageError,
+    parts,
+    refused::Refused,
+    visitor::Visitor,
+};
+use axum::{
+    Json,
+    extract::{Path, State},
+};
+use maud::{Markup, html};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::{
+    Timestamp,
+    labels::{Action, Answer, ClassName, Labels, Shortcut},
+};
+use murmuration_proto::v1::{self, change_class_request::Change, label_service_server::LabelService as _};
+use murmuration_service::OrStatus as _;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use tonic::Request;
+
+/// Pictures of a class that its row shows.
+const PICTURES: usize = 6;
+/// Changes that the page lists.
+const CHANGES: usize = 20;
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let keys: Vec<String> = Shortcut::all().map(|key| key.to_string()).collect();
+    let content = html! {
+        div.wide-bar {
+            h1 { "Classes" }
+            form.naming.once-named.scripted #create {
+                label { span.unseen { "New class" } input name="class" maxlength="64" autocomplete="off" placeholder="A class" required; }
+                button.plain { "Add" }
+            }
+        }
+        (parts::who())
+        p.lead.once-named.scripted {
+            "What you change here is changed for everybody. Each change is an entry of the label log, and the newest can be undone."
+        }
+        p #status.status.once-named role="status" {}
+        ul #list.class-list.once-named.scripted data-keys=(keys.join("")) {}
+        p.empty hidden { "There are no classes yet. The first answer that names one creates it." }
+        section #history.once-named.scripted hidden {
+            h2 { "Changes" }
+            ol #changes {}
+        }
+        dialog #change aria-labelledby="change-title" {
+            h2 #change-title {}
+            form method="dialog" {
+                label.field { span #field-name {} }
+                p #effect role="status" {}
+                button.plain type="button" data-do="back" { "Go back" }
+                button #agree value="yes" { "Change" }
+            }
+        }
+    };
+    Ok(campaign_page(
+        &record,
+        Part::Classes,
+        &visitor,
+        "classes.js",
+        content,
+    ))
+}
+
+/// The classes, each with who named it and some of its individuals; and the changes of classes that stand, the newest first.
+pub(super) async fn details(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+) -> Result<Json<Value>, Refused> {
+    let store = web.store.clone();
+    let read = move || store.labels_of(&campaign);
+    let labels = blocking(read).await.or_status()?.or_status()?;
+    let told = blocking(move || told(&labels)).await.or_status()?;
+    Ok(Json(told))
+}
+
+/// Who named a class, and some of its individuals.
+#[derive(Default)]
+struct Named {
+    people: BTreeSet<String>,
+    individuals: BTreeSet<u64>,
+}
+
+fn told(labels: &Labels) -> Value {
+    let mut named: BTreeMap<ClassName, Named> = BTreeMap::new();
+    for label in labels.standing() {
+        if let Answer::Class(class) = label.answer {
+            let named = named.entry(class).or_default();
+            named.people.insert(label.annotator.to_string());
+            if named.individuals.len() < PICTURES {
+                named.individuals.insert(label.index);
+            }
+        }
+    }
+    let classes = labels.classes().into_iter().map(|class| {
+        let Named { people, individuals } = named.remove(&class.name).unwrap_or_default();
+        json!({
+            "name": class.name.as_str(),
+            "colour": class.colour.to_string(),
+            "shortcut": class.shortcut.map(|key| key.to_string()),
+            "labels": class.labels,
+            "people": people,
+            "individuals": individuals,
+        })
+    });
+    let changes = labels.class_changes().rev().take(CHANGES).map(|(entry, change)| {
+        json!({
+            "entry": entry,
+            "annotator": change.annotator.as_str(),
+            "time": Timestamp::from_ms(change.time_ms).to_string(),
+            "said": said(&change.action),
+        })
+    });
+    json!({ "classes": classes.collect::<Vec<_>>(), "changes": changes.collect::<Vec<_>>() })
+}
+
+/// What somebody did to a class, after their name.
+fn said(action: &Action) -> String {
+    match action {
+        Action::Create { class } => format!("added “{}”", class.shown()),
+        Action::Rename { class, to } => format!("renamed “{}” to “{}”", class.shown(), to.shown()),
+        Action::Merge { class, into } => format!("merged “{}” into “{}”", class.shown(), into.shown()),
+        Action::Colour { class, colour } => format!("gave “{}” the colour {colour}", class.shown()),
+        Action::Delete { class } => format!("deleted “{}”", class.shown()),
+        Action::Shortcut { class, shortcut } => match shortcut {
+            Some(key) => format!("gave “{}” the key {key}", class.shown()),
+            None => format!("took the chosen key of “{}” away", class.shown()),
+        },
+        Action::Answer { .. }
+        | Action::Undo
+        | Action::Withdraw { .. }
+        | Action::Revert { .. }
+        | Action::Compare { .. }
+        | Action::WithdrawComparison { .. } => String::new(),
+    }
+}
+
+/// A change of a class.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Changed {
+    request_id: String,
+    annotator: String,
+    change: Wanted,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum Wanted {
+    Create { class: String },
+    Rename { class: String, to: String },
+    Merge { class: String, into: String },
+    Colour { class: String, colour: String },
+    Shortcut { class: String, shortcut: String },
+    Delete { class: String },
+    Revert { entry: u64 },
+}
+
+/// Changes a class; responds as [`details`].
+pub(super) async fn change(
+    State(web): State<Web>,
+    Path(campaign): Path<String>,
+    Json(said): Json<Changed>,
+) -> Result<Json<Value>, Refused> {
+    let change = match said.change {
+        Wanted::Create { class } => Change::Create(v1::CreateClass { class }),
+        Wanted::Rename { class, to } => Change::Rename(v1::RenameClass { class, to }),
+        Wanted::Merge { class, into } => Change::Merge(v1::MergeClass { class, into }),
+        Wanted::Colour { class, colour } => Change::Colour(v1::ColourClass { class, colour }),
+        Wanted::Shortcut { class, shortcut } => Change::Shortcut(v1::ShortcutClass { class, shortcut }),
+        Wanted::Delete { class } => Change::Delete(v1::DeleteClass { class }),
+        Wanted::Revert { entry } => Change::Revert(v1::RevertChange { entry }),
+    };
+    let request = v1::ChangeClassRequest {
+        campaign: campaign.clone(),
+        request_id: said.request_id,
+        annotator: said.annotator,
+        change: Some(change),
+    };
+    web.labels.change_class(Request::new(request)).await?;
+    details(State(web), Path(campaign)).await
+}

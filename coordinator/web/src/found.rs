@@ -1,0 +1,232 @@
+//! What somebody looks for in the list of campaigns, and what is found: a page of it at a time, so that the list answers quickly
+//! with any number of campaigns.
+
+use murmuration_engine::campaign::ListedCampaign;
+use murmuration_model::{CampaignId, CampaignState};
+use murmuration_proto::CampaignName;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Most lines of a page, and most campaigns that a study of it shows.
+const MOST: usize = 50;
+
+/// The words by which the list can be filtered, with all stages of running campaigns together.
+pub(super) const STATES: [&str; 7] = [
+    "running",
+    "waiting",
+    "interrupted",
+    "paused",
+    "completed",
+    "failed",
+    "cancelled",
+];
+
+/// What the address of the list says; an empty field asks for nothing.
+#[derive(Debug, Clone, Default, Deserialize, Serialize)]
+#[serde(default)]
+pub(super) struct Wanted {
+    /// Words of the id, the state, the study or the first lines of the specification.
+    pub(super) words: String,
+    /// One of [`STATES`].
+    pub(super) state: String,
+    /// The campaigns of this study alone, none of them folded.
+    pub(super) study: String,
+    /// The page, from 0.
+    pub(super) page: usize,
+}
+
+/// A page of the list.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Found {
+    /// Newest first.
+    pub(super) lines: Vec<Line>,
+    /// How many campaigns match, on all pages.
+    pub(super) matching: usize,
+    /// How many there are.
+    pub(super) all: usize,
+    /// How many pages the matching ones take.
+    pub(super) pages: usize,
+}
+
+/// A line of the list.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Line {
+    Campaign(CampaignId),
+    Study {
+        name: CampaignName,
+        /// The newest of its campaigns that match, newest first.
+        cells: Vec<CampaignId>,
+        /// How many match, by state.
+        states: BTreeMap<&'static str, u64>,
+    },
+}
+
+impl Wanted {
+    /// Whether it leaves campaigns out.
+    pub(super) fn filters(&self) -> bool {
+        [&self.words, &self.state, &self.study]
+            .into_iter()
+            .any(|asked| !asked.trim().is_empty())
+    }
+
+    /// The address of a page of what is wanted.
+    pub(super) fn address(&self, path: &str, page: usize) -> String {
+        let wanted = Self { page, ..self.clone() };
+        match serde_urlencoded::to_string(wanted) {
+            Ok(query) => format!("{path}?{query}"),
+            Err(_) => path.to_owned(),
+        }
+    }
+
+    /// What is wanted of `campaigns`, which are sorted oldest first.
+    pub(super) fn of(&self, campaigns: &[ListedCampaign]) -> Found {
+        let words: Vec<String> = self
+            .words
+            .to_lowercase()
+            .split_whitespace()
+            .map(str::to_owned)
+            .collect();
+        let matching: Vec<_> = campaigns
+            .iter()
+            .filter(|listed| self.matches(&words, listed))
+            .collect();
+        let lines = self.lines(&matching);
+        let pages = lines.len().div_ceil(MOST).max(1);
+        let first = self.page.min(pages - 1) * MOST;
+        Found {
+            lines: lines.into_iter().skip(first).take(MOST).collect(),
+            matching: matching.len(),
+            all: campaigns.len(),
+            pages,
+        }
+    }
+
+    fn matches(&self, words: &[String], listed: &ListedCampaign) -> bool {
+        let study = listed.head.study.as_ref().map_or("", CampaignName::as_str);
+        let state = state_word(listed);
+        let text = || format!("{} {study} {state} {}", listed.head.id, listed.head.opening).to_lowercase();
+        (self.state.is_empty() || self.state == state)
+            && (self.study.is_empty() || self.study == study)
+            && (words.is_empty() || words.iter().all(|word| text().contains(word)))
+    }
+
+    /// Newest first; a study is where its newest campaign would be.
+    fn lines(&self, matching: &[&ListedCampaign]) -> Vec<Line> {
+        let mut lines = Vec::new();
+        let mut places: BTreeMap<&str, usize> = BTreeMap::new();
+        for listed in matching.iter().rev() {
+            let id = &listed.head.id;
+            let Some(study) = listed.head.study.as_ref().filter(|_| self.study.is_empty()) else {
+                lines.push(Line::Campaign(id.clone()));
+                continue;
+            };
+            let place = *places.entry(study.as_str()).or_insert_with(|| {
+                lines.push(Line::Study {
+                    name: study.clone(),
+                    cells: Vec::new(),
+                    states: BTreeMap::new(),
+                });
+                lines.len() - 1
+            });
+            if let Line::Study { cells, states, .. } = &mut lines[place] {
+                if cells.len() < MOST {
+                    cells.push(id.clone());
+                }
+                *states.entry(state_word(listed)).or_default() += 1;
+            }
+        }
+        lines
+    }
+}
+
+impl Found {
+    /// The campaigns of this page.
+    pub(super) fn ids(&self) -> Vec<CampaignId> {
+        let of = |line: &Line| match line {
+            Line::Campaign(id) => vec![id.clone()],
+            Line::Study { cells, .. } => cells.clone(),
+        };
+        self.lines.iter().flat_map(of).collect()
+    }
+}
+
+/// The state by which the list is filtered.
+fn state_word(listed: &ListedCampaign) -> &'static str {
+    match listed.head.state {
+        CampaignState::Running if !listed.active => "interrupted",
+        CampaignState::Running if listed.waiting => "waiting",
+        CampaignState::Running => "running",
+        state => state.name(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_model::CampaignHead;
+
+    fn listed(number: usize, study: &str, state: CampaignState) -> ListedCampaign {
+        let name = if study.is_empty() { "alone" } else { study };
+        ListedCampaign {
+            head: CampaignHead {
+                id: format!("{name}-{number}").parse().unwrap(),
+                study: CampaignName::try_from(study.to_owned()).ok(),
+                state,
+                opening: "name = \"x\"\nmethod = \"Latent\"\n".to_owned(),
+            },
+            active: true,
+            waiting: false,
+        }
+    }
+
+    fn wanted(words: &str, state: &str, study: &str, page: usize) -> Wanted {
+        let [words, state, study] = [words, state, study].map(str::to_owned);
+        Wanted {
+            words,
+            state,
+            study,
+            page,
+        }
+    }
+
+    #[test]
+    fn ten_thousand_are_shown_a_page_at_a_time() {
+        let campaigns: Vec<_> = (1..=10_000)
+            .map(|number| listed(number, "", CampaignState::Completed))
+            .collect();
+        let last = wanted("", "", "", 199).of(&campaigns);
+        assert_eq!((last.pages, last.matching, last.lines.len()), (200, 10_000, MOST));
+        assert_eq!(
+            last.lines.last(),
+            Some(&Line::Campaign("alone-1".parse().unwrap()))
+        );
+        let beyond = wanted("", "", "", 1_000).of(&campaigns);
+        assert_eq!(beyond, last);
+        let few = wanted("LATENT alone-77", "completed", "", 0).of(&campaigns);
+        assert_eq!((few.matching, few.all, few.pages), (111, 10_000, 3));
+        assert_eq!(wanted("", "running", "", 0).of(&campaigns).lines, []);
+    }
+
+    #[test]
+    fn a_study_is_one_line_until_it_is_asked_for() {
+        let mut campaigns: Vec<_> = (1..=60)
+            .map(|number| listed(number, "mini", CampaignState::Paused))
+            .collect();
+        campaigns.push(listed(61, "", CampaignState::Running));
+        campaigns.push(listed(62, "mini", CampaignState::Running));
+        let folded = wanted("", "", "", 0).of(&campaigns);
+        let [Line::Study { cells, states, .. }, Line::Campaign(_)] = &folded.lines[..] else {
+            panic!("{folded:?}");
+        };
+        assert_eq!((cells.len(), cells[0].as_str()), (MOST, "mini-62"));
+        assert_eq!(states, &BTreeMap::from([("paused", 60), ("running", 1)]));
+        let unfolded = wanted("", "", "mini", 1).of(&campaigns);
+        assert_eq!((unfolded.lines.len(), unfolded.pages), (11, 2));
+    }
+
+    #[test]
+    fn an_address_keeps_what_is_wanted() {
+        let address = wanted("a b", "paused", "", 0).address("/", 2);
+        assert_eq!(address, "/?words=a+b&state=paused&study=&page=2");
+    }
+}

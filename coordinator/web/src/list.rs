@@ -1,0 +1,247 @@
+//! The list of campaigns: one line for each, those of a study together.
+
+use super::{
+    Web, archived,
+    found::{Line, STATES, Wanted},
+    glossary::term,
+    layout::layout_with,
+    page_error::PageError,
+    pages::progress,
+    parts,
+    visitor::Visitor,
+};
+use axum::{
+    extract::{Path, Query, State},
+    response::Redirect,
+};
+use maud::{Markup, html};
+use murmuration_engine::{
+    blocking::blocking,
+    campaign::{CampaignError, CampaignStatus},
+};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
+use murmuration_proto::{CampaignName, counted, grouped};
+use std::{
+    collections::BTreeMap,
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Query(wanted): Query<Wanted>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let table = table(&web, &wanted).await?;
+    Ok(layout_with(
+        "Campaigns",
+        &visitor,
+        &["live.js", "campaigns.js"],
+        html! {
+            div.heading {
+                h1 { "Campaigns" }
+                a.button href="/new" { "New campaign" }
+            }
+            p.lead { "Each " (term("campaign", "campaign")) " searches for the collective behaviours that a swarm of simple robots can show." }
+            noscript { p.scriptless {
+                "Without JavaScript this list does not update. Reload the page to see the current state."
+            } }
+            form #find.filters method="get" action="/" role="search" {
+                label { "Find " input #words name="words" type="search" placeholder="words" autocomplete="off" value=(wanted.words); }
+                label { "State "
+                    select #state name="state" {
+                        option value="" { "all" }
+                        @for state in STATES { option selected[wanted.state == state] { (state) } }
+                    }
+                }
+                @if !wanted.study.is_empty() { input type="hidden" name="study" value=(wanted.study); }
+                button.plain { "Find" }
+            }
+            section aria-label="Campaigns" data-live=(wanted.address("/events", wanted.page)) { (table) }
+            form #compare.comparing method="get" action="/compare" {
+                button.plain { "Compare the chosen campaigns" }
+                button.plain.scripted #clear type="button" hidden { "Choose none" }
+                p.reason #comparing role="status" { "Choose two to six campaigns with the boxes on the left." }
+            }
+        },
+    ))
+}
+
+/// The part of the list that changes, newest first.
+pub(super) async fn table(web: &Web, wanted: &Wanted) -> Result<Markup, CampaignError> {
+    let found = wanted.of(&web.campaigns.heads().await?);
+    let statuses = web.campaigns.statuses(found.ids()).await?;
+    let by_id: BTreeMap<&str, &CampaignStatus> = statuses
+        .iter()
+        .map(|status| (status.record.id.as_str(), status))
+        .collect();
+    let line_of =
+        |id: &CampaignId| html! { @if let Some(status) = by_id.get(id.as_str()) { (line(status)) } };
+    Ok(html! {
+        p.reason #shown {
+            @if wanted.filters() { (grouped(found.matching as u64)) " of " (grouped(found.all as u64)) " shown. " a href="/" { "Show all" } }
+        }
+        @if found.all == 0 {
+            p { "There are no campaigns yet. " a href="/new" { "Start one" } "." }
+        } @else if found.matching == 0 {
+            p { "No campaign matches." }
+        } @else {
+            ul.campaigns {
+                @for entry in &found.lines {
+                    @match entry {
+                        Line::Campaign(id) => (line_of(id)),
+                        Line::Study { name, cells, states } => (folded(wanted, name, states, html! { @for id in cells { (line_of(id)) } })),
+                    }
+                }
+            }
+            (pages(wanted, found.pages))
+        }
+    })
+}
+
+/// Links to the other pages of the list; nothing if there is one.
+fn pages(wanted: &Wanted, pages: usize) -> Markup {
+    let page = wanted.page.min(pages - 1);
+    html! {
+        @if pages > 1 {
+            nav.pages aria-label="Pages of the list" {
+                @if page > 0 { a href=(wanted.address("/", page - 1)) { "Newer" } }
+                span { "Page " (page + 1) " of " (grouped(pages as u64)) }
+                @if page + 1 < pages { a href=(wanted.address("/", page + 1)) { "Older" } }
+            }
+        }
+    }
+}
+
+/// The campaigns of a study, which a click unfolds.
+fn folded(wanted: &Wanted, study: &CampaignName, states: &BTreeMap<&str, u64>, cells: Markup) -> Markup {
+    let all: u64 = states.values().sum();
+    let said: Vec<String> = states
+        .iter()
+        .map(|(state, count)| format!("{count} {state}"))
+        .collect();
+    let of_study = Wanted {
+        study: study.as_str().to_owned(),
+        ..wanted.clone()
+    };
+    html! {
+        li.study id={ "study-" (study.as_str()) } {
+            details open[wanted.filters()] {
+                summary {
+                    strong { "Study " (study.as_str()) }
+                    span.about { (counted(all, "campaign")) ": " (said.join(", ")) }
+                }
+                ul.campaigns { (cells) }
+                p.reason { a href=(of_study.address("/", 0)) { "Only the campaigns of this study" } }
+            }
+        }
+    }
+}
+
+/// One campaign.
+fn line(status: &CampaignStatus) -> Markup {
+    let record = &status.record;
+    let id = record.id.as_str();
+    html! {
+        li.listed id={ "line-" (id) } {
+            input.choose type="checkbox" form="compare" name="campaign" value=(id) aria-label={ "Compare " (id) };
+            img src=(picture(record)) alt="" width="60" height="60" loading="lazy";
+            div.what {
+                a id={ "campaign-" (id) } href={ "/campaigns/" (id) } { (id) }
+                span.about { (record.spec.model()) " · " (record.spec.method()) }
+                span.about { (when(record)) }
+            }
+            (progress(status))
+            @if record.state == CampaignState::Running {
+                span.delete {}
+            } @else {
+                a.delete href={ "/campaigns/" (id) "/delete" } aria-label={ "Delete " (id) } { "Delete" }
+            }
+        }
+    }
+}
+
+/// The picture of a campaign: the behaviour of its largest cluster, else its newest individual, else its robot.
+fn picture(record: &CampaignRecord) -> String {
+    match record.individuals().checked_sub(1) {
+        None => format!("/campaigns/{}/robot", record.id),
+        Some(_) if record.state == CampaignState::Completed => format!("/campaigns/{}/behaviour", record.id),
+        Some(newest) => archived::picture(record, newest),
+    }
+}
+
+/// Leads to the picture of the largest cluster's medoid: only a browser that shows a campaign asks which individual that is.
+pub(super) async fn behaviour(State(web): State<Web>, Path(id): Path<String>) -> Result<Redirect, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let (store, campaign) = (web.store.clone(), record.id.clone());
+    let first = blocking(move || store.first_medoid(&campaign)).await??;
+    let first = first.ok_or(PageError::NoPage)?;
+    Ok(Redirect::temporary(&archived::picture(&record, first)))
+}
+
+/// When a campaign was created, and how long it took.
+fn when(record: &CampaignRecord) -> Markup {
+    let is_running = record.state == CampaignState::Running;
+    let ended = record.ended_ms.or_else(|| is_running.then(now_ms));
+    let took = ended.map(|ended| {
+        let ms = ended.saturating_sub(record.created_ms);
+        // The list is sent again whenever it changes, so this changes once a minute.
+        if is_running { so_far(ms) } else { duration(ms) }
+    });
+    html! {
+        (parts::moment(record.created_ms))
+        @if let Some(took) = took { " · " (took) @if is_running { " so far" } }
+    }
+}
+
+fn now_ms() -> u64 {
+    let age = SystemTime::now().duration_since(UNIX_EPOCH);
+    age.map_or(0, |age| age.as_millis() as u64)
+}
+
+/// A duration that goes on, to the minute.
+fn so_far(ms: u64) -> String {
+    match ms / 60_000 {
+        0 => "under a minute".to_owned(),
+        minutes @ 1..60 => format!("{minutes} min"),
+        _ => duration(ms),
+    }
+}
+
+/// A duration, to two parts at most.
+fn duration(ms: u64) -> String {
+    let seconds = ms / 1000;
+    match seconds {
+        0..60 => format!("{seconds} s"),
+        60..3600 => format!("{} min {} s", seconds / 60, seconds % 60),
+        3600..86_400 => format!("{} h {} min", seconds / 3600, seconds / 60 % 60),
+        _ => format!("{} d {} h", seconds / 86_400, seconds / 3600 % 24),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_have_two_parts() {
+        for (seconds, said) in [
+            (59, "59 s"),
+            (60, "1 min 0 s"),
+            (3_599, "59 min 59 s"),
+            (3_660, "1 h 1 min"),
+            (180_000, "2 d 2 h"),
+        ] {
+            assert_eq!(duration(seconds * 1000 + 999), said);
+        }
+    }
+
+    #[test]
+    fn a_duration_that_goes_on_changes_once_a_minute() {
+        for minute in [0, 1, 59, 60, 61, 2000] {
+            let begins = minute * 60_000;
+            assert_eq!(so_far(begins), so_far(begins + 59_999));
+        }
+        assert_eq!(so_far(61_000), "1 min");
+    }
+}

@@ -1,0 +1,213 @@
+//! A campaign that is being described: what the form holds, and what is wrong with it.
+
+use super::{
+    super::{examples::EXAMPLES, page_error::PageError},
+    Parameters,
+    fields::{Kind, fields},
+    given,
+};
+use murmuration_proto::{CampaignSpec, Invalid, Method, SpecFileError, line_of_field, text::quoted};
+use toml::Table;
+
+/// A campaign that is being described.
+pub(super) enum Draft {
+    /// By the fields of the form; the rest of the file has no field there.
+    Fields(Table),
+    /// As a campaign file.
+    File(String),
+}
+
+/// What is wrong with a draft.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Problem {
+    /// The field, as its path in a campaign file; nothing if it is not known.
+    pub(super) field: String,
+    /// The line of the file, from 1.
+    pub(super) line: Option<usize>,
+    /// What is wrong, in words.
+    pub(super) text: String,
+}
+
+impl Draft {
+    /// What the form begins with.
+    pub(super) fn usual() -> Self {
+        let [model, method] = [("model", "single-sensor"), ("method", Method::Latent.name())]
+            .map(|(name, value)| (name.to_owned(), value.into()));
+        Self::Fields(Table::from_iter([model, method]))
+    }
+
+    /// A specification with all its fields.
+    pub(super) fn copy(spec: &CampaignSpec) -> Self {
+        Self::File(spec.to_toml()).into_fields()
+    }
+
+    /// An example, by its name.
+    pub(super) fn example(name: &str) -> Result<Self, PageError> {
+        let found = EXAMPLES.iter().find(|(known, _, _)| *known == name);
+        let (_, _, text) = found.ok_or_else(|| {
+            let names = EXAMPLES.map(|(name, _, _)| name).join(", ");
+            Invalid::new("example", quoted(name), format!("one of {names}"))
+        })?;
+        Ok(Self::File((*text).to_owned()).into_fields())
+    }
+
+    /// What somebody sent.
+    pub(super) fn of_form(parameters: &Parameters) -> Result<Self, PageError> {
+        if parameters.iter().any(|(name, _)| name == "text") {
+            // Browsers send the line ends of Windows.
+            return Ok(Self::File(given(parameters, "text").replace("\r\n", "\n")));
+        }
+        let rest = given(parameters, "rest");
+        let mut table: Table = rest
+            .parse()
+            .map_err(|_| Invalid::new("rest", quoted(rest), "what the page holds"))?;
+        for field in fields() {
+            let text = given(parameters, &field.path());
+            if field.kind == Kind::Model && !text.is_empty() {
+                for others in ["robot", "species", "ratios"] {
+                    table.remove(others);
+                }
+            }
+            field.put(&mut table, text);
+        }
+        Ok(Self::Fields(suited(table)))
+    }
+
+    /// The same as fields, if it can be read at all.
+    pub(super) fn into_fields(self) -> Self {
+        match self {
+            Self::File(text) => match text.parse() {
+                Ok(table) => Self::Fields(table),
+                Err(_) => Self::File(text),
+            },
+            fields @ Self::Fields(_) => fields,
+        }
+    }
+
+    /// The same as a campaign file.
+    pub(super) fn into_file(self) -> Self {
+        match self {
+            Self::Fields(table) => Self::File(without_empty(table).to_string()),
+            file @ Self::File(_) => file,
+        }
+    }
+
+    /// The specification, or what is wrong with it.
+    pub(super) fn checked(&self) -> Result<CampaignSpec, Problem> {
+        match self {
+            Self::Fields(table) => {
+                let read = CampaignSpec::from_table(without_empty(table.clone()));
+                read.map_err(|error| Problem::of(&error, ""))
+            }
+            Self::File(text) => CampaignSpec::from_toml(text).map_err(|error| Problem::of(&error, text)),
+        }
+    }
+}
+
+impl Problem {
+    /// An error, in the campaign file `text` if there is one.
+    fn of(error: &SpecFileError, text: &str) -> Self {
+        match error {
+            SpecFileError::Value(invalid) => Self {
+                field: invalid.field.clone(),
+                line: line_of_field(text, &invalid.field),
+                text: invalid.to_string(),
+            },
+            SpecFileError::Syntax(error) => {
+                let text = error.to_string();
+                let said = text.split_once("line ").map_or("", |(_, rest)| rest);
+                let digits: String = said.chars().take_while(char::is_ascii_digit).collect();
+                let last = text.lines().last().unwrap_or_default();
+                Self {
+                    field: last.split(" must be ").next().unwrap_or_default().to_owned(),
+                    line: digits.parse().ok(),
+                    text,
+                }
+            }
+        }
+    }
+
+    /// Whether it is about a field of the form.
+    pub(super) fn is_about(&self, path: &str) -> bool {
+        let last = |path: &str| path.rsplit('.').next().map(str::to_owned);
+        self.field == path || (!self.field.contains('.') && Some(&self.field) == last(path).as_ref())
+    }
+}
+
+/// Without what the method has no use for: a form shows the fields of all methods.
+fn suited(mut table: Table) -> Table {
+    let method = table
+        .get("method")
+        .and_then(toml::Value::as_str)
+        .unwrap_or_default();
+    let embeds = Method::ALL
+        .iter()
+        .find(|known| known.name() == method)
+        .is_none_or(|method| method.embeds());
+    if !embeds {
+        for unused in ["dataset", "training", "feedback", "checkpoint"] {
+            table.remove(unused);
+        }
+    }
+    table
+}
+
+/// Without tables that hold nothing.
+fn without_empty(mut table: Table) -> Table {
+    table.retain(|_, value| value.as_table().is_none_or(|inner| !inner.is_empty()));
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn form(fields: &[(&str, &str)]) -> Parameters {
+        let fields = fields.iter();
+        fields
+            .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()))
+            .collect()
+    }
+
+    #[test]
+    fn a_copy_of_a_campaign_is_that_campaign() {
+        for (name, _, text) in EXAMPLES {
+            let spec = CampaignSpec::from_toml(text).unwrap();
+            assert_eq!(Draft::copy(&spec).checked(), Ok(spec.clone()), "{name}");
+            assert_eq!(Draft::example(name).unwrap().checked(), Ok(spec), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_fields_of_the_form_and_the_rest_make_a_campaign() {
+        let draft = Draft::of_form(&form(&[
+            ("rest", "[world]\nwidth = 700.0\n[robot]\nsensors = [{}]\n"),
+            ("model", "two-sensor"),
+            ("method", "hand-crafted"),
+            ("search.population", "1_000"),
+            ("dataset.controllers", "40"),
+        ]));
+        let spec = draft.unwrap().checked().unwrap();
+        assert_eq!(spec.search().population(), 1000);
+        assert_eq!(spec.world().width().to_string(), "700");
+        assert_eq!(spec.embedder(), None);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_field_and_line() {
+        let of = |text: &str| Draft::File(text.to_owned()).checked().unwrap_err();
+        let wrong = of("model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = 0\n");
+        assert!(
+            wrong.is_about("search.population") && wrong.line == Some(4),
+            "{wrong:?}"
+        );
+        let wrong = of("model = \"single-sensor\"\nmethod = \"random\"\n[search]\npopulation = \"x\"\n");
+        assert!(
+            wrong.is_about("search.population") && wrong.line == Some(4),
+            "{wrong:?}"
+        );
+        assert_eq!(of("model = ").line, Some(1));
+        let wrong = Draft::of_form(&form(&[("method", "random"), ("seed", "-1")]));
+        assert!(wrong.unwrap().checked().is_err());
+    }
+}

@@ -1,0 +1,306 @@
+//! The fields of a campaign that the form has, each explained by the contract.
+
+use murmuration_proto::{Method, Preset, spec_sections};
+use toml::{Table, Value};
+
+/// A field of the form.
+pub(super) struct Field {
+    /// The section of a campaign file that has it.
+    pub(super) section: &'static str,
+    /// Its name there.
+    pub(super) name: &'static str,
+    /// What it is called on the page.
+    pub(super) label: &'static str,
+    /// What it does, in a sentence for somebody who reads of it for the first time.
+    pub(super) meaning: &'static str,
+    pub(super) kind: Kind,
+}
+
+/// What a field holds.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Text,
+    Number,
+    Flag,
+    /// The robots of a preset, or others that only a campaign file can describe.
+    Model,
+    Method,
+}
+
+const fn field(
+    path: (&'static str, &'static str),
+    label: &'static str,
+    kind: Kind,
+    meaning: &'static str,
+) -> Field {
+    let (section, name) = path;
+    Field {
+        section,
+        name,
+        label,
+        meaning,
+        kind,
+    }
+}
+
+/// The groups of the form, in order.
+pub(super) const GROUPS: [(&str, &[Field]); 4] = [
+    (
+        "What to search",
+        &[
+            field(
+                ("", "name"),
+                "Name",
+                Kind::Text,
+                "The name of the campaign, which its address begins with.",
+            ),
+            field(
+                ("", "model"),
+                "Robots",
+                Kind::Model,
+                "The robots of the swarm: what they sense and how they drive.",
+            ),
+            field(
+                ("", "method"),
+                "Method",
+                Kind::Method,
+                "How the search tells behaviours apart. latent: by a network that learns from pictures of them. hand-crafted: by five measured numbers. random: it draws controllers and compares nothing. exhaustive: it tries all of them.",
+            ),
+            field(
+                ("", "seed"),
+                "Seed",
+                Kind::Number,
+                "The number that all chance follows from. The same campaign with the same seed finds the same.",
+            ),
+            field(
+                ("world", "agents"),
+                "Number of robots",
+                Kind::Number,
+                "How many robots move at once.",
+            ),
+            field(
+                ("world", "horizon"),
+                "Steps",
+                Kind::Number,
+                "How long a simulation runs.",
+            ),
+        ],
+    ),
+    (
+        "How far",
+        &[
+            field(
+                ("search", "population"),
+                "Population",
+                Kind::Number,
+                "How many controllers are tried before the next ones are bred from the best of them.",
+            ),
+            field(
+                ("search", "generations"),
+                "Generations",
+                Kind::Number,
+                "How often that is repeated. Twice as many take twice as long.",
+            ),
+            field(
+                ("evaluation", "starts"),
+                "Starts of each controller",
+                Kind::Number,
+                "From how many places each controller is tried: more make the result less a matter of luck.",
+            ),
+            field(
+                ("taxonomy", "medoids"),
+                "Behaviours in the taxonomy",
+                Kind::Number,
+                "How many behaviours the result shows. Each is the middle (the medoid) of a cluster of behaviours that are alike.",
+            ),
+            field(
+                ("", "filter"),
+                "Leave out dull controllers",
+                Kind::Flag,
+                "A rule of thumb (the paper's heuristic filter) leaves out controllers that will hardly do anything, before they are simulated.",
+            ),
+        ],
+    ),
+    (
+        "The network that compares behaviours, for the method latent",
+        &[
+            field(
+                ("dataset", "controllers"),
+                "Controllers it learns from",
+                Kind::Number,
+                "How many random controllers are simulated first, for pictures that the network (the embedder) learns from.",
+            ),
+            field(
+                ("dataset", "starts"),
+                "Starts of each",
+                Kind::Number,
+                "From how many places each of these is simulated: the network learns that they are the same behaviour.",
+            ),
+        ],
+    ),
+    (
+        "Learning from labels, for the method latent",
+        &[
+            field(
+                ("feedback", "rounds"),
+                "Rounds without people",
+                Kind::Number,
+                "How often the campaign labels with its rule-based judge, learns from that and searches on. People can begin further rounds on the pages.",
+            ),
+            field(
+                ("feedback", "labels"),
+                "Labels of a round",
+                Kind::Number,
+                "How many behaviours the judge labels each time.",
+            ),
+            field(
+                ("feedback", "generations"),
+                "Generations after each round",
+                Kind::Number,
+                "How far the search goes on after each round.",
+            ),
+        ],
+    ),
+];
+
+/// Every field of the form.
+pub(super) fn fields() -> impl Iterator<Item = &'static Field> {
+    GROUPS.iter().flat_map(|(_, fields)| *fields)
+}
+
+impl Field {
+    /// Its path in a campaign file, which is its name in the form.
+    pub(super) fn path(&self) -> String {
+        match self.section {
+            "" => self.name.to_owned(),
+            section => format!("{section}.{}", self.name),
+        }
+    }
+
+    /// What the contract says of it, without the names of its methods.
+    pub(super) fn explanation(&self) -> String {
+        let said = spec_sections::explanation(self.section, self.name).unwrap_or_default();
+        said.replace(" (RefineCampaign)", "")
+    }
+
+    /// The values to choose from, for a field that has such.
+    pub(super) fn choices(&self) -> Vec<&'static str> {
+        match self.kind {
+            Kind::Model => Preset::ALL.iter().map(|preset| preset.name()).collect(),
+            Kind::Method => Method::ALL.iter().map(|method| method.name()).collect(),
+            Kind::Text | Kind::Number | Kind::Flag => Vec::new(),
+        }
+    }
+
+    /// Its value in a campaign file, as text; nothing if the file leaves it out.
+    pub(super) fn value(&self, table: &Table) -> String {
+        let table = match self.section {
+            "" => Some(table),
+            section => table.get(section).and_then(Value::as_table),
+        };
+        match table.and_then(|table| table.get(self.name)) {
+            Some(Value::String(text)) => text.clone(),
+            Some(value) => value.to_string(),
+            None => String::new(),
+        }
+    }
+
+    /// Puts what somebody wrote into a campaign file; nothing takes the field out.
+    pub(super) fn put(&self, table: &mut Table, text: &str) {
+        let text = text.trim();
+        let value = match (self.kind, text) {
+            (_, "") => None,
+            (Kind::Flag, _) => Some(Value::Boolean(true)),
+            (Kind::Number, text) => Some(number(text)),
+            (Kind::Text | Kind::Model | Kind::Method, text) => Some(Value::String(text.to_owned())),
+        };
+        let table = match self.section {
+            "" => table,
+            section => {
+                let entry = table.entry(section).or_insert_with(|| Value::Table(Table::new()));
+                // What is no table is refused when the whole is read.
+                let Some(table) = entry.as_table_mut() else { return };
+                table
+            }
+        };
+        match value {
+            Some(value) => drop(table.insert(self.name.to_owned(), value)),
+            None => drop(table.remove(self.name)),
+        }
+    }
+}
+
+/// A number, with or without commas; what is none stays text, and is refused by the name of its field.
+fn number(text: &str) -> Value {
+    let plain = without_groups(text);
+    match (plain.parse::<i64>(), plain.parse::<f64>()) {
+        (Ok(whole), _) => Value::Integer(whole),
+        (_, Ok(other)) => Value::Float(other),
+        _ => Value::String(text.to_owned()),
+    }
+}
+
+/// A number without what parts its thousands, as in `10,000` and `10_000`. Other commas stay: `1,5` is no 15.
+fn without_groups(text: &str) -> String {
+    for separator in [',', '_'] {
+        let mut groups = text.trim_start_matches('-').split(separator);
+        let first = groups.next().map_or(0, str::len);
+        let is_group = |group: &str| group.len() == 3 && group.bytes().all(|byte| byte.is_ascii_digit());
+        if text.contains(separator) && (1..=3).contains(&first) && groups.all(is_group) {
+            return text.replace(separator, "");
+        }
+    }
+    text.to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commas_part_thousands_and_nothing_else() {
+        let read = ["10,000", "1_000_000", "-1,000", "1,5", "1,0000", "2.5", "7"].map(number);
+        let said = |text: &str| Value::String(text.to_owned());
+        assert_eq!(
+            read,
+            [
+                Value::Integer(10_000),
+                Value::Integer(1_000_000),
+                Value::Integer(-1_000),
+                said("1,5"),
+                said("1,0000"),
+                Value::Float(2.5),
+                Value::Integer(7),
+            ]
+        );
+    }
+
+    #[test]
+    fn every_field_is_one_of_campaign_files_and_explained() {
+        let sections = spec_sections::sections();
+        for field in fields() {
+            let (_, known) = sections.iter().find(|(name, _)| *name == field.section).unwrap();
+            assert!(known.iter().any(|name| name == field.name), "{}", field.path());
+            assert!(
+                !field.explanation().is_empty() && field.meaning.ends_with('.'),
+                "{}",
+                field.path()
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_put_in_and_what_is_emptied_is_taken_out() {
+        let population = fields()
+            .find(|field| field.path() == "search.population")
+            .unwrap();
+        let mut table = Table::new();
+        population.put(&mut table, " 1,000 ");
+        assert_eq!(table.to_string(), "[search]\npopulation = 1000\n");
+        assert_eq!(population.value(&table), "1000");
+        population.put(&mut table, "many");
+        assert_eq!(population.value(&table), "many");
+        population.put(&mut table, "");
+        assert_eq!(population.value(&table), "");
+    }
+}

@@ -1,0 +1,95 @@
+//! Starting a campaign: from fields, from a campaign file, as a copy of another, or from an example. What it will cost is said
+//! before it starts.
+
+mod draft;
+mod fields;
+mod view;
+
+use super::{Web, actions::page_of, page_error::PageError, visitor::Visitor};
+use axum::{
+    Form,
+    extract::{Query, State},
+    response::{IntoResponse, Response},
+};
+use draft::Draft;
+use murmuration_model::{NewCampaign, labels::RequestId};
+use murmuration_proto::CampaignSpec;
+use std::{
+    hash::{DefaultHasher, Hash as _, Hasher as _},
+    sync::atomic::{AtomicU64, Ordering},
+    time::{SystemTime, UNIX_EPOCH},
+};
+
+/// The fields of a form or of an address, as often as they are there.
+type Parameters = Vec<(String, String)>;
+
+/// The value of a field; nothing if it is not there.
+fn given<'a>(parameters: &'a Parameters, name: &str) -> &'a str {
+    let found = parameters.iter().find(|(known, _)| known == name);
+    found.map_or("", |(_, value)| value)
+}
+
+/// The page, empty or filled with an example or another campaign's specification.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Query(parameters): Query<Parameters>,
+    visitor: Visitor,
+) -> Result<Response, PageError> {
+    let from = given(&parameters, "from");
+    let draft = match (from, given(&parameters, "example")) {
+        ("", "") => Draft::usual(),
+        ("", example) => Draft::example(example)?,
+        (id, _) => Draft::copy(&web.campaigns.status(id).await?.record.spec),
+    };
+    let draft = match given(&parameters, "as") {
+        "file" => draft.into_file(),
+        _ => draft,
+    };
+    Ok(view::page(&draft, &token(), false, &visitor).into_response())
+}
+
+/// What the form was sent for: to see what it costs, to be shown in the other way, or to start.
+pub(super) async fn submitted(
+    State(web): State<Web>,
+    visitor: Visitor,
+    Form(parameters): Form<Parameters>,
+) -> Result<Response, PageError> {
+    let draft = Draft::of_form(&parameters)?;
+    let token = match given(&parameters, "request") {
+        "" => self::token(),
+        token => token.to_owned(),
+    };
+    let was_sent = ["start", "check"].contains(&given(&parameters, "step"));
+    let shown = |draft: &Draft| Ok(view::page(draft, &token, was_sent, &visitor).into_response());
+    match (given(&parameters, "step"), draft.checked()) {
+        ("start", Ok(spec)) => {
+            let request = Some(request_of(&token, &spec)?);
+            let new = NewCampaign {
+                request,
+                ..spec.into()
+            };
+            let created = web.campaigns.create(new).await?;
+            Ok(page_of(created.record.id.as_str()).into_response())
+        }
+        // A part of the page, for its script.
+        ("outcome", _) => Ok(view::outcome(&draft).into_response()),
+        ("file", _) => shown(&draft.into_file()),
+        ("fields", _) => shown(&draft.into_fields()),
+        _ => shown(&draft),
+    }
+}
+
+/// Tells the pages that this process has made apart.
+pub(super) fn token() -> String {
+    static PAGES: AtomicU64 = AtomicU64::new(0);
+    let age = SystemTime::now().duration_since(UNIX_EPOCH);
+    let nanos = age.map_or(0, |age| age.as_nanos());
+    format!("{nanos:x}.{:x}", PAGES.fetch_add(1, Ordering::Relaxed))
+}
+
+/// The request to start a campaign from a page: sent twice, it starts one. A form that was changed in between asks for another.
+pub(super) fn request_of(token: &str, spec: &CampaignSpec) -> Result<RequestId, PageError> {
+    let mut hasher = DefaultHasher::new();
+    spec.to_toml().hash(&mut hasher);
+    Ok(format!("page-{token}-{:x}", hasher.finish()).parse()?)
+}

@@ -1,0 +1,62 @@
+//! The motion of an archived individual from its first start, a piece at a time, simulated by the coordinator.
+
+use super::{
+    super::{Web, refused::Refused},
+    Play,
+    address::MOST_ROBOTS,
+    piece,
+};
+use axum::{
+    Form,
+    extract::{Path, State},
+    response::IntoResponse,
+};
+use murmuration_engine::blocking::blocking;
+use murmuration_proto::Invalid;
+use murmuration_service::OrStatus as _;
+use murmuration_store::StoreError;
+use serde::Deserialize;
+
+/// Which piece is asked for.
+#[derive(Debug, Deserialize)]
+pub(in super::super) struct Wanted {
+    /// The individual.
+    index: u64,
+    /// The first step.
+    #[serde(default)]
+    from: u32,
+}
+
+/// A piece of the motion of an individual, as [`motion`](super::motion) has them.
+pub(in super::super) async fn pieces(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Form(Wanted { index, from }): Form<Wanted>,
+) -> Result<impl IntoResponse, Refused> {
+    let record = web.campaigns.status(&id).await.or_status()?.record;
+    let world = record.spec.world().clone();
+    if world.agents() > MOST_ROBOTS {
+        let allowed = format!("at most {MOST_ROBOTS}, which a coordinator simulates by itself");
+        return Err(Invalid::new("world.agents", world.agents(), allowed).into());
+    }
+    let first = super::step(from)?;
+    let (store, id) = (web.store.clone(), record.id.clone());
+    let found = blocking(move || {
+        let model = record.spec.model();
+        let range = index..index.saturating_add(1);
+        let found = store.individuals(&record.id, model, range, false)?.pop();
+        let len = record.individuals();
+        found.ok_or(StoreError::NoIndividual {
+            campaign: id.to_string(),
+            index,
+            len,
+        })
+    });
+    let individual = found.await.or_status()?.or_status()?;
+    let play = Play {
+        controller: individual.controller,
+        seed: individual.seed,
+        world,
+    };
+    piece(web, play, first).await
+}

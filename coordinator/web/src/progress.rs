@@ -1,0 +1,158 @@
+//! The curves of a campaign's novelty and trainings, for the scripts of its Progress page.
+
+use super::{Web, refused::Refused};
+use axum::{
+    Json,
+    extract::{Path, State},
+};
+use murmuration_engine::blocking::blocking;
+use murmuration_model::{CampaignRecord, Stage};
+use murmuration_report::{GenerationSummary, condensed, picture::columns::column};
+use murmuration_service::OrStatus as _;
+use murmuration_store::StoreError;
+use serde_json::{Value, json};
+
+/// The best and the mean novelty of each generation, as they were evaluated; of many generations, of several together.
+pub(super) async fn generations(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<Json<Value>, Refused> {
+    let id = web.campaigns.status(&id).await.or_status()?.record.id;
+    let store = web.store.clone();
+    let records = blocking(move || store.generations(&id))
+        .await
+        .or_status()?
+        .or_status()?;
+    let all: Vec<_> = records
+        .into_iter()
+        .map(|record| GenerationSummary {
+            generation: record.generation,
+            best_novelty: record.best_novelty,
+            mean_novelty: record.mean_novelty,
+            filtered: record.filtered,
+        })
+        .collect();
+    let steps = condensed(&all);
+    Ok(Json(json!({
+        "generation": column(steps.iter().map(|step| step.generation.to_le_bytes())),
+        "best": column(steps.iter().map(|step| step.best_novelty.to_le_bytes())),
+        "mean": column(steps.iter().map(|step| step.mean_novelty.to_le_bytes())),
+    })))
+}
+
+/// What each epoch of the trainings measured, in order; and what happened when: the ends of rounds and the notices, each with the
+/// number of complete generations that there were then.
+pub(super) async fn epochs(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let status = web.campaigns.status(&id).await.or_status()?;
+    let (store, id) = (web.store.clone(), status.record.id.clone());
+    let epochs = blocking(move || store.epochs(&id))
+        .await
+        .or_status()?
+        .or_status()?;
+    let mut events = Vec::new();
+    for pair in epochs.windows(2) {
+        if let [(last, at), (first, _)] = pair
+            && last.round != first.round
+        {
+            events.push(learned(last.round, *at));
+        }
+    }
+    if let Some((last, at)) = epochs.last()
+        && has_ended(&status.record, last.round)
+    {
+        events.push(learned(last.round, *at));
+    }
+    for notice in status.notices {
+        if let Some(at) = notice.generations {
+            events.push(json!({ "generation": at, "text": notice.text }));
+        }
+    }
+    let epochs: Vec<Value> = epochs
+        .iter()
+        .map(|(epoch, _)| json!([epoch.round, epoch.epoch, epoch.loss, epoch.accuracy]))
+        .collect();
+    Ok(Json(json!({ "epochs": epochs, "events": events })))
+}
+
+/// Whether the training of a round ended, from which epochs are known: a campaign may be paused in the middle of one.
+fn has_ended(record: &CampaignRecord, round: u32) -> bool {
+    match round {
+        0 => Stage::of(record) != Stage::Pretrain,
+        round => record.rounds.done >= round,
+    }
+}
+
+fn learned(round: u32, generation: u32) -> Value {
+    let text = match round {
+        0 => "first checkpoint".to_owned(),
+        round => format!("new checkpoint, after round {round}"),
+    };
+    json!({ "generation": generation, "text": text })
+}
+
+const SHOWN: u32 = super::pages::SHOWN as u32;
+
+/// The newest individuals and the most novel ones, for the moving pictures of a campaign that searches: of each its index, its
+/// generation and its novelty when evaluated.
+pub(super) async fn shown(State(web): State<Web>, Path(id): Path<String>) -> Result<Json<Value>, Refused> {
+    let record = web.campaigns.status(&id).await.or_status()?.record;
+    let store = web.store.clone();
+    let (newest, novel) = blocking(move || {
+        let last = record.individuals();
+        let range = last.saturating_sub(u64::from(SHOWN))..last;
+        let newest = store.individuals(&record.id, record.spec.model(), range, false)?;
+        Ok::<_, StoreError>((newest, store.most_novel(&record.id, SHOWN)?))
+    })
+    .await
+    .or_status()?
+    .or_status()?;
+    let newest: Vec<_> = newest
+        .iter()
+        .map(|one| (one.index, one.generation, one.novelty))
+        .collect();
+    Ok(Json(json!({ "newest": newest, "novel": novel })))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_model::{ArchiveEmbedder, CampaignState, Rounds, Weight};
+    use murmuration_proto::{CampaignSpec, CheckpointDigest};
+
+    #[test]
+    fn a_training_in_the_middle_of_which_a_campaign_is_paused_has_not_ended() {
+        let first = CampaignRecord {
+            id: "two-1".parse().unwrap(),
+            spec: CampaignSpec::from_toml("model = \"two-sensor\"\nmethod = \"latent\"").unwrap(),
+            weight: Weight::default(),
+            study: None,
+            state: CampaignState::Paused,
+            error: String::new(),
+            created_ms: 7,
+            ended_ms: None,
+            rollbacks: 0,
+            decisions: 0,
+            simulator_version: String::new(),
+            generations_done: 0,
+            last_novelty: None,
+            embedder: ArchiveEmbedder::None,
+            pictures_done: 20_000,
+            rounds: Rounds::default(),
+        };
+        assert!(!has_ended(&first, 0));
+        let taught = CampaignRecord {
+            embedder: ArchiveEmbedder::Checkpoint(CheckpointDigest::of(b"own")),
+            rounds: Rounds {
+                current_cutoff: Some(9),
+                ..Rounds::default()
+            },
+            ..first
+        };
+        assert!(has_ended(&taught, 0) && !has_ended(&taught, 1));
+        let rounds = Rounds {
+            done: 1,
+            ..Rounds::default()
+        };
+        assert!(has_ended(&CampaignRecord { rounds, ..taught }, 1));
+    }
+}

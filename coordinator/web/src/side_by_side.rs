@@ -1,0 +1,173 @@
+//! Campaigns side by side: their curves over each other, their taxonomies in columns, and what their specifications do not share.
+
+use super::{
+    Web, archived, layout::layout_with, named::NamedTaxonomy, page_error::PageError, visitor::Visitor,
+};
+use axum::extract::{Query, State};
+use maud::{Markup, html};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::{Invalid, counted};
+use murmuration_study::wide;
+use std::collections::{BTreeMap, BTreeSet};
+use toml::{Table, Value};
+
+/// Most campaigns that are compared: as many as there are colours for lines.
+const MOST: usize = 6;
+
+/// The page of the campaigns that the address names.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Query(parameters): Query<Vec<(String, String)>>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let named = parameters.into_iter().filter(|(name, _)| name == "campaign");
+    let mut seen = BTreeSet::new();
+    let ids: Vec<String> = named
+        .map(|(_, id)| id)
+        .filter(|id| seen.insert(id.clone()))
+        .collect();
+    if !(2..=MOST).contains(&ids.len()) {
+        let allowed = format!("2 to {MOST} campaigns: choose them in the list");
+        return Err(Invalid::new("campaign", counted(ids.len() as u64, "campaign"), allowed).into());
+    }
+    let mut compared = Vec::with_capacity(ids.len());
+    for id in ids {
+        let record = web.campaigns.status(&id).await?.record;
+        let taxonomy = NamedTaxonomy::read(&web, &record).await?;
+        compared.push((record, taxonomy));
+    }
+    Ok(layout_with(
+        "Compare",
+        &visitor,
+        &["sidebyside.js"],
+        shown(&compared),
+    ))
+}
+
+fn shown(compared: &[(CampaignRecord, Option<NamedTaxonomy>)]) -> Markup {
+    html! {
+        h1 { "Campaigns side by side" }
+        noscript { p.scriptless { "Without JavaScript this page draws no curves. Taxonomies and specifications are below." } }
+        ul.legend.compared {
+            @for (place, (record, _)) in compared.iter().enumerate() {
+                li data-campaign=(record.id) {
+                    svg.swatch viewBox="0 0 32 8" width="32" height="8" aria-hidden="true" { line class={ "line line-" (place) } x1="0" x2="32" y1="4" y2="4" {} }
+                    a href={ "/campaigns/" (record.id) } { (record.id) }
+                    span.about { (record.spec.model()) " · " (record.spec.method()) " · " (record.state.name()) }
+                }
+            }
+        }
+        @for (id, title, note) in [
+            ("best", "Best novelty", "Novelty of different methods is in different units."),
+            ("mean", "Mean novelty", ""),
+            ("training", "Training", "Accuracy on held-out triplets; the trainings of rounds follow the first."),
+        ] {
+            section.scripted #(id) aria-label=(title) {
+                h2 { (title) }
+                @if !note.is_empty() { p.reason { (note) } }
+                div.chart {}
+                p.reason.none hidden { "None of these campaigns has such a curve." }
+            }
+        }
+        section aria-labelledby="taxonomies" {
+            h2 #taxonomies { "Taxonomies" }
+            div.taxonomies { @for (record, taxonomy) in compared { (column(record, taxonomy.as_ref())) } }
+        }
+        section aria-labelledby="differences" {
+            h2 #differences { "Specifications" }
+            (differences(&compared.iter().map(|(record, _)| record).collect::<Vec<_>>()))
+        }
+    }
+}
+
+/// The medoids of a campaign, largest cluster first.
+fn column(record: &CampaignRecord, named: Option<&NamedTaxonomy>) -> Markup {
+    html! {
+        div.column {
+            h3 { (record.id) }
+            @match named {
+                None => p.reason { "It has no taxonomy yet." },
+                Some(named) => {
+                    ol {
+                        @for (place, medoid) in named.taxonomy.medoids.iter().enumerate() {
+                            @let index = medoid.individual.index;
+                            li {
+                                img src=(archived::picture(record, index)) width="75" height="75" loading="lazy"
+                                    alt={ "Paths of behaviour " (place + 1) " of " (record.id) };
+                                (named.caption(place))
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The fields in which the specifications differ.
+fn differences(records: &[&CampaignRecord]) -> Markup {
+    let fields: Vec<BTreeMap<String, String>> = records
+        .iter()
+        .map(|record| flat(&record.spec.to_toml()))
+        .collect();
+    let names: BTreeSet<&String> = fields.iter().flat_map(BTreeMap::keys).collect();
+    let differs = |name: &&&String| {
+        let mut values = fields.iter().map(|fields| fields.get(**name));
+        let first = values.next();
+        values.any(|value| Some(value) != first)
+    };
+    let differing: Vec<&&String> = names.iter().filter(differs).collect();
+    html! {
+        @if differing.is_empty() {
+            p { "Their specifications are the same." }
+        } @else {
+            p.reason { (differing.len()) " of " (counted(names.len() as u64, "field")) " differ." }
+            (wide("Differences", &html! { table {
+                thead { tr { th scope="col" { "Field" } @for record in records { th scope="col" { (record.id) } } } }
+                tbody {
+                    @for name in differing {
+                        tr {
+                            th scope="row" { code { (name) } }
+                            @for fields in &fields { td { (fields.get(*name).map_or("–", String::as_str)) } }
+                        }
+                    }
+                }
+            } }))
+        }
+    }
+}
+
+/// The fields of a campaign file by their paths.
+fn flat(text: &str) -> BTreeMap<String, String> {
+    fn add(table: Table, path: &str, fields: &mut BTreeMap<String, String>) {
+        for (name, value) in table {
+            let path = match path {
+                "" => name,
+                path => format!("{path}.{name}"),
+            };
+            match value {
+                Value::Table(inner) => add(inner, &path, fields),
+                Value::String(text) => drop(fields.insert(path, text)),
+                other => drop(fields.insert(path, other.to_string())),
+            }
+        }
+    }
+    let mut fields = BTreeMap::new();
+    add(text.parse().unwrap_or_default(), "", &mut fields);
+    fields
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_are_known_by_their_paths() {
+        let fields = flat("seed = 1\n[world.start]\nshape = \"disc\"\n");
+        let known: Vec<(&str, &str)> = fields
+            .iter()
+            .map(|(name, value)| (name.as_str(), value.as_str()))
+            .collect();
+        assert_eq!(known, [("seed", "1"), ("world.start.shape", "disc")]);
+    }
+}

@@ -1,0 +1,219 @@
+//! The campaigns of a coordinator as the pages of studies look for them: by their specification.
+
+use murmuration_engine::{
+    blocking::blocking,
+    campaign::{CampaignError, CampaignStatus, Campaigns, ListedCampaign},
+};
+use murmuration_model::{CampaignId, CampaignRecord, CampaignState};
+use murmuration_study::cell_digest;
+use std::{
+    collections::{BTreeMap, BTreeSet, btree_map::Entry},
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    time::Instant,
+};
+
+/// How far a campaign of a study is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum State {
+    /// Nothing has begun.
+    Waiting,
+    /// The campaign has so many generations of so many.
+    Running(u32, u32),
+    /// Somebody paused the campaign, or its process ended.
+    Stopped(&'static str),
+    /// The campaign is completed, and what it is for is not known yet.
+    Measuring,
+    /// It failed for this reason.
+    Failed(String),
+    /// What it is for is known.
+    Done,
+}
+
+impl State {
+    /// The word for it.
+    pub(super) const fn name(&self) -> &'static str {
+        match self {
+            Self::Waiting => "waiting",
+            Self::Running(..) => "running",
+            Self::Stopped(how) => how,
+            Self::Measuring => "measuring",
+            Self::Failed(_) => "failed",
+            Self::Done => "done",
+        }
+    }
+}
+
+/// Records that are in memory at once while the campaigns are read.
+const AT_ONCE: usize = 50;
+
+/// Digests of the specifications of campaigns, which never change.
+#[derive(Debug, Default)]
+pub(super) struct Digests(Mutex<BTreeMap<CampaignId, String>>);
+
+impl Digests {
+    fn kept(&self) -> MutexGuard<'_, BTreeMap<CampaignId, String>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn get(&self, id: &CampaignId) -> Option<String> {
+        self.kept().get(id).cloned()
+    }
+
+    fn add(&self, record: &CampaignRecord) {
+        let digest = cell_digest(&record.spec);
+        self.kept().insert(record.id.clone(), digest);
+    }
+
+    /// Forgets campaigns that are gone; those whose digest is not kept.
+    fn missing(&self, campaigns: &[ListedCampaign]) -> Vec<CampaignId> {
+        let there: BTreeSet<&CampaignId> = campaigns.iter().map(|listed| &listed.head.id).collect();
+        let mut kept = self.kept();
+        kept.retain(|id, _| there.contains(id));
+        let missing = there.into_iter().filter(|id| !kept.contains_key(*id));
+        missing.cloned().collect()
+    }
+}
+
+/// The campaigns of a coordinator, as studies look for them.
+#[derive(Debug)]
+pub(super) struct Known {
+    /// The oldest that nobody cancelled, by the digest of its specification.
+    by_digest: BTreeMap<String, (String, State)>,
+    /// The ids of all.
+    ids: BTreeSet<String>,
+    /// When they began to be listed.
+    listed: Instant,
+}
+
+impl Known {
+    /// The campaigns as they stand. Of the records of all, only some are in memory at a time, and those of campaigns whose
+    /// specification was read before are read only where they run or have failed.
+    pub(super) async fn read(campaigns: &Campaigns, digests: &Arc<Digests>) -> Result<Self, CampaignError> {
+        let listed = Instant::now();
+        let heads = campaigns.heads().await?;
+        let missing = digests.missing(&heads);
+        for some in missing.chunks(AT_ONCE) {
+            let statuses = campaigns.statuses(some.to_vec()).await?;
+            let digests = Arc::clone(digests);
+            blocking(move || statuses.iter().for_each(|status| digests.add(&status.record))).await?;
+        }
+        let (mut known, further) = Self::of(&heads, listed, |id| digests.get(id));
+        for some in further.chunks(AT_ONCE) {
+            for status in campaigns.statuses(some.to_vec()).await? {
+                if let Some(digest) = digests.get(&status.record.id) {
+                    known
+                        .by_digest
+                        .insert(digest, (status.record.id.to_string(), state(&status)));
+                }
+            }
+        }
+        Ok(known)
+    }
+
+    /// These campaigns, oldest first, which began to be listed at `listed`; and those of them of whose state more is to be said.
+    fn of(
+        campaigns: &[ListedCampaign],
+        listed: Instant,
+        digest_of: impl Fn(&CampaignId) -> Option<String>,
+    ) -> (Self, Vec<CampaignId>) {
+        let mut by_digest = BTreeMap::new();
+        let mut further = Vec::new();
+        for campaign in campaigns {
+            let id = &campaign.head.id;
+            let state = match campaign.head.state {
+                CampaignState::Cancelled => continue,
+                CampaignState::Running if campaign.active => State::Running(0, 0),
+                CampaignState::Running => State::Stopped("interrupted"),
+                CampaignState::Paused => State::Stopped("paused"),
+                CampaignState::Failed => State::Failed(String::new()),
+                CampaignState::Completed => State::Measuring,
+            };
+            let Some(digest) = digest_of(id) else { continue };
+            if let Entry::Vacant(place) = by_digest.entry(digest) {
+                let has_more = matches!(state, State::Running(..) | State::Failed(_));
+                further.extend(has_more.then(|| id.clone()));
+                place.insert((id.to_string(), state));
+            }
+        }
+        let ids = campaigns.iter().map(|campaign| campaign.head.id.to_string());
+        let known = Self {
+            by_digest,
+            listed,
+            ids: ids.collect(),
+        };
+        (known, further)
+    }
+
+    /// The campaign with this digest of its specification, and how far it is.
+    pub(super) fn get(&self, digest: &str) -> Option<&(String, State)> {
+        self.by_digest.get(digest)
+    }
+
+    /// Whether a campaign that there was at some time is no more; what was listed before that time does not tell.
+    pub(super) fn lost(&self, id: &str, there_at: Instant) -> bool {
+        self.listed > there_at && !self.ids.contains(id)
+    }
+}
+
+/// The state of a campaign.
+fn state(status: &CampaignStatus) -> State {
+    let record = &status.record;
+    match record.state {
+        CampaignState::Running if status.active => {
+            State::Running(record.generations_done, record.generations())
+        }
+        CampaignState::Running => State::Stopped("interrupted"),
+        CampaignState::Paused => State::Stopped("paused"),
+        CampaignState::Failed => State::Failed(record.error.clone()),
+        CampaignState::Completed => State::Measuring,
+        CampaignState::Cancelled => State::Waiting,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_model::CampaignHead;
+    use std::time::Duration;
+
+    #[test]
+    fn a_campaign_is_lost_only_by_a_list_that_is_newer_than_it() {
+        let of = |listed| Known::of(&[], listed, |_| None).0;
+        let listed = Instant::now();
+        let known = of(listed);
+        assert!(!known.lost("one-1", listed));
+        let later = Instant::now() + Duration::from_secs(1);
+        assert!(!known.lost("one-1", later));
+        assert!(of(later + Duration::from_secs(1)).lost("one-1", later));
+    }
+
+    #[test]
+    fn of_equal_specifications_the_oldest_counts_that_nobody_cancelled() {
+        let listed = |number: u32, state, active| ListedCampaign {
+            head: CampaignHead {
+                id: format!("one-{number}").parse().unwrap(),
+                study: None,
+                state,
+                opening: String::new(),
+            },
+            active,
+            waiting: false,
+        };
+        let campaigns = [
+            listed(1, CampaignState::Cancelled, false),
+            listed(2, CampaignState::Running, true),
+            listed(3, CampaignState::Completed, false),
+        ];
+        let same = |_: &CampaignId| Some("same".to_owned());
+        let (known, further) = Known::of(&campaigns, Instant::now(), same);
+        assert_eq!(
+            known.get("same"),
+            Some(&("one-2".to_owned(), State::Running(0, 0)))
+        );
+        assert_eq!(further, [campaigns[1].head.id.clone()]);
+        let digests = Digests::default();
+        digests.kept().insert(campaigns[0].head.id.clone(), String::new());
+        assert_eq!(digests.missing(&campaigns[1..]).len(), 2);
+        assert_eq!(digests.get(&campaigns[0].head.id), None);
+    }
+}

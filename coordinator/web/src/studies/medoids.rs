@@ -1,0 +1,133 @@
+//! The medoids of a study's cells, which people may judge again: each with its picture, its motion and the classes.
+
+use super::loaded::Loaded;
+use crate::{Web, page_error::PageError, parts, play::described, refused::Refused};
+use axum::{
+    Json,
+    extract::{Path, State},
+    http::StatusCode,
+};
+use maud::{Markup, html};
+use murmuration_proto::{Class, Invalid, counted, grouped};
+use murmuration_study::{JUDGE, MeasuredCell};
+use serde::Deserialize;
+
+/// The part of a study's page with the medoids: the script asks for those of a cell when somebody opens it.
+pub(super) fn section(loaded: &Loaded) -> Markup {
+    let (study, name) = (loaded.outcome.study(), loaded.outcome.study().name().as_str());
+    let judged = || loaded.outcome.cells().filter(|cell| !last(cell).is_empty());
+    html! {
+        @if judged().next().is_some() {
+            section #judging.scripted aria-labelledby="medoids-title" data-classes={ "/studies/" (name) "/classes" } {
+                h2 #medoids-title { "The medoids" }
+                p.lead {
+                    "The last taxonomy of each cell, with the class that each medoid was given. Click a picture to play its motion, and a \
+                     class to say what you see: the tables then count your word instead of the judge's, and say so. The judge tells two more \
+                     classes apart than the page Label offers: nested cycle and concave path, which few controllers of the paper's robots show."
+                }
+                (parts::who())
+                (parts::status_line())
+                div.beside {
+                    div.player {
+                        div.stage { canvas role="img" aria-label="Motion of the medoid that you clicked" {} p.waiting { "Click a picture." } }
+                        div.transport {
+                            button.toggle type="button" aria-label="Play" disabled {}
+                            label { span.unseen { "Speed" } (parts::speeds()) }
+                            output.step { "–" }
+                        }
+                    }
+                    div {
+                        @for cell in judged() {
+                            details data-medoids={ "/studies/" (name) "/medoids/" (cell.measured.cell) } {
+                                summary { (study.cell_in_words(cell.cell)) " · " (counted(last(&cell).len() as u64, "medoid")) }
+                                div {}
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The medoids of the last taxonomy of a cell; none if they were not judged.
+fn last<'a>(cell: &MeasuredCell<'a>) -> &'a [u64] {
+    let behaviours = cell.measured.behaviours.as_ref();
+    let taxonomy = behaviours.and_then(|behaviours| behaviours.taxonomies.last());
+    taxonomy.map_or(&[], |taxonomy| taxonomy.medoids.as_slice())
+}
+
+/// The medoids of a cell, by its digest.
+pub(crate) async fn of_cell(
+    State(web): State<Web>,
+    Path((name, digest)): Path<(String, String)>,
+) -> Result<Markup, PageError> {
+    let loaded = web.studies.loaded(&name).await?;
+    let cell = loaded.outcome.cell(&digest).ok_or(PageError::NoPage)?;
+    let (measured, spec) = (cell.measured, &cell.cell.spec);
+    let swarm = described(spec.model(), spec.world());
+    let known = web.studies.known(&web.campaigns).await?;
+    Ok(html! {
+        @if known.lost(&measured.campaign, loaded.jobs.read) {
+            p.reason { "Campaign " (measured.campaign) " was deleted, and with it the pictures and motions of these individuals." }
+        }
+        ul.rejudged data-campaign=(measured.campaign) data-cell=(measured.cell) data-swarm=(swarm.to_string()) {
+            @for &index in last(&cell) {
+                @let (class, by) = loaded.outcome.class_of(measured, index);
+                li data-index=(index) {
+                    button.stage type="button" aria-label={ "Play individual " (grouped(index)) } {
+                        img src={ "/campaigns/" (measured.campaign) "/individuals/" (index) } width="120" height="120" loading="lazy"
+                            alt={ "Picture of individual " (grouped(index)) };
+                    }
+                    div {
+                        p { "Individual " (grouped(index)) " · " span.by { (by) } }
+                        div.given role="group" aria-label={ "Class of individual " (grouped(index)) } {
+                            @for known in Class::ALL {
+                                button.plain type="button" data-class=(known.name()) aria-pressed=((known == class).to_string()) {
+                                    (known.words())
+                                }
+                            }
+                            @if by != JUDGE { button.plain type="button" data-class="" { "The judge's word" } }
+                        }
+                    }
+                }
+            }
+        }
+    })
+}
+
+/// What somebody says of an individual.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Said {
+    /// Digest of the cell.
+    cell: String,
+    index: u64,
+    /// Name of the class; empty for the judge's word.
+    class: String,
+    /// Who says so.
+    by: String,
+}
+
+/// Keeps what somebody says.
+pub(crate) async fn judge(
+    State(web): State<Web>,
+    Path(name): Path<String>,
+    Json(said): Json<Said>,
+) -> Result<StatusCode, Refused> {
+    let class = match said.class.as_str() {
+        "" => None,
+        given => Some(class_of(given)?),
+    };
+    let kept = web.studies.judge(&name, (said.cell, said.index), class, said.by);
+    kept.await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+fn class_of(name: &str) -> Result<Class, Invalid> {
+    let class = Class::ALL.into_iter().find(|class| class.name() == name);
+    class.ok_or_else(|| {
+        let names = Class::ALL.map(Class::name).join(", ");
+        Invalid::new("class", format!("{name:?}"), format!("one of {names}"))
+    })
+}

@@ -1,0 +1,175 @@
+//! The pages of studies: which campaign of the grid is how far, and the tables and plots of the report as they stand.
+//!
+//! They read what `murmuration study run` keeps in the data directory, and begin nothing themselves.
+
+mod known;
+mod loaded;
+pub(super) mod medoids;
+mod sight;
+
+use super::{
+    Web,
+    layout::{STUDIES, layout, study_page},
+    live::{Events, follow, permit},
+    page_error::PageError,
+    visitor::Visitor,
+};
+use axum::{
+    extract::{Path, State},
+    http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
+    response::IntoResponse,
+};
+pub use loaded::Studies;
+use loaded::{Loaded, Unusable};
+use maud::{Markup, PreEscaped, html};
+use murmuration_proto::{counted, grouped};
+use sight::Sight;
+use tonic::Status;
+
+/// The list of studies.
+pub(super) async fn list(State(web): State<Web>, visitor: Visitor) -> Result<Markup, PageError> {
+    let names = web.studies.names().await?;
+    let known = web.studies.known(&web.campaigns).await?;
+    let mut listed = Vec::new();
+    for name in names {
+        let jobs = web.studies.jobs(&name).await;
+        listed.push((name, jobs.map(|jobs| Sight::of(&jobs, &known))));
+    }
+    Ok(layout(
+        STUDIES,
+        &visitor,
+        html! {
+            h1 { "Studies" }
+            p.lead { "A study is a grid of campaigns, each in several replicates, with one report." }
+            @if listed.is_empty() {
+                p { "There are no studies in this data directory yet. The command " code { "murmuration study run FILE --data DIR" } " runs one; DIR is the coordinator's." }
+            } @else {
+                ul.campaigns {
+                    @for (name, sight) in &listed {
+                        li {
+                            a href={ "/studies/" (name) } { (name) } " "
+                            @match sight {
+                                Ok(sight) => {
+                                    span.about { (counted(sight.cells() as u64, "cell")) }
+                                    (sight.progress())
+                                },
+                                Err(error) => span.error { (error) },
+                            }
+                        }
+                    }
+                }
+            }
+        },
+    ))
+}
+
+/// A study: its cells, and its tables and plots.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(name): Path<String>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let loaded = web.studies.loaded(&name).await?;
+    let study = loaded.outcome.study();
+    let name = study.name().as_str();
+    Ok(study_page(
+        name,
+        &visitor,
+        html! {
+            p.eyebrow { "Study" }
+            div.wide-bar {
+                h1 { (name) }
+                @if loaded.jobs.measured() > 0 { a.button href={ "/studies/" (name) "/report" } { "Export the report" } }
+            }
+            p.lead {
+                (counted(study.rows().len() as u64, "row")) ", " (counted(study.seeds().len() as u64, "replicate")) " each: "
+                (counted(study.cells().len() as u64, "campaign")) ". "
+            }
+            noscript { p.scriptless { "Without JavaScript this page does not update. Reload it to see the current state." } }
+            section aria-label="Cells" data-live={ "/studies/" (name) "/events" } { (sight(&web, &loaded).await?.markup(&loaded)) }
+            div #tables.study data-tables={ "/studies/" (name) "/tables" } { (tables(&loaded)) }
+            (medoids::section(&loaded))
+        },
+    ))
+}
+
+/// The state of the cells, whenever it changes.
+pub(super) async fn events(State(web): State<Web>, Path(name): Path<String>) -> Result<Events, PageError> {
+    web.studies.loaded(&name).await?;
+    let permit = permit(&web)?;
+    let look = move || {
+        let (web, name) = (web.clone(), name.clone());
+        async move {
+            let loaded = web.studies.loaded(&name).await?;
+            let sight = sight(&web, &loaded).await?;
+            Ok::<_, PageError>(sight.markup(&loaded).into_string())
+        }
+    };
+    Ok(follow(permit, look))
+}
+
+/// The tables and plots as they stand, for the script of the page.
+pub(super) async fn current_tables(
+    State(web): State<Web>,
+    Path(name): Path<String>,
+) -> Result<Markup, PageError> {
+    Ok(tables(&*web.studies.loaded(&name).await?))
+}
+
+/// The report as one file to download.
+pub(super) async fn export(
+    State(web): State<Web>,
+    Path(name): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let loaded = web.studies.loaded(&name).await?;
+    let name = loaded.outcome.study().name().as_str().to_owned();
+    let permit = web.archive.permits.export();
+    let permit = permit.map_err(|status| PageError::Busy(status.message().to_owned()))?;
+    let page = loaded.report(permit).await;
+    let page = page.map_err(|error| Status::internal(error.to_string()))?;
+    let headers = [
+        (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
+        (
+            CONTENT_DISPOSITION,
+            format!("attachment; filename=\"{name}.html\""),
+        ),
+    ];
+    Ok((headers, page))
+}
+
+async fn sight(web: &Web, loaded: &Loaded) -> Result<Sight, PageError> {
+    let known = web.studies.known(&web.campaigns).await?;
+    Ok(Sight::of(&loaded.jobs, &known))
+}
+
+fn tables(loaded: &Loaded) -> Markup {
+    html! {
+        @if let Some(problem) = &loaded.problem {
+            p.error role="alert" { (problem) ". Until that is mended, the judge's word stands for every individual." }
+        }
+        @if loaded.jobs.measured() == 0 {
+            p.lead { "The tables and plots appear when the first cell is done." }
+        } @else {
+            @if loaded.jobs.measured() < loaded.outcome.study().cells().len() {
+                p.lead { "From the " (grouped(loaded.jobs.measured() as u64)) " cells that are done." }
+            }
+            (PreEscaped(&loaded.tables))
+        }
+    }
+}
+
+impl From<Unusable> for Status {
+    fn from(error: Unusable) -> Self {
+        match error {
+            Unusable::None(_) => Self::not_found(error.to_string()),
+            Unusable::Answer(invalid) => invalid.into(),
+            Unusable::Folder(_) | Unusable::Broken(_) => Self::internal(error.to_string()),
+        }
+    }
+}
+
+impl From<Unusable> for PageError {
+    fn from(error: Unusable) -> Self {
+        Self::Service(error.into())
+    }
+}

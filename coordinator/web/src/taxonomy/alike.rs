@@ -1,0 +1,130 @@
+//! Clusters that may be one behaviour, and those that people have merged: a name makes them one.
+
+use super::{Shown, starts};
+use crate::archived;
+use maud::{Markup, html};
+use murmuration_accuracy::RANDOM;
+use murmuration_engine::taxonomy::{Alike, Origin};
+use murmuration_model::{CampaignRecord, labels::ClassName};
+use murmuration_proto::{counted, grouped};
+
+/// Pairs that are listed at once, the nearest, and most that are listed when somebody asks for the others.
+const AT_ONCE: usize = 3;
+const MOST: usize = 50;
+
+/// The name that people gave a cluster, or that was carried over; none that many behaviours may have.
+fn name_of(shown: &Shown, place: usize) -> Option<&ClassName> {
+    let name = shown.names.names.get(place)?.as_ref()?;
+    (name.origin != Origin::Judge && name.class.key().as_str() != RANDOM).then_some(&name.class)
+}
+
+/// The clusters, largest first, those with one name together: they are one behaviour.
+pub(super) fn groups(shown: &Shown) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for place in 0..shown.taxonomy.medoids.len() {
+        let name = name_of(shown, place);
+        let same = |group: &&mut Vec<usize>| {
+            name.is_some() && group.first().is_some_and(|&first| name_of(shown, first) == name)
+        };
+        match groups.iter_mut().find(same) {
+            Some(group) => group.push(place),
+            None => groups.push(vec![place]),
+        }
+    }
+    groups
+}
+
+/// The pairs that are alike and not one yet.
+fn open(shown: &Shown) -> impl Iterator<Item = &Alike> {
+    let is_one = |pair: &&Alike| {
+        let name = name_of(shown, pair.one);
+        name.is_some() && name == name_of(shown, pair.other)
+    };
+    shown.alike.iter().filter(move |pair| !is_one(pair))
+}
+
+/// The mark on the card of a cluster that may be one with others.
+pub(super) fn mark(shown: &Shown, place: usize) -> Markup {
+    let others = open(shown).filter_map(|pair| match place {
+        place if place == pair.one => Some(pair.other),
+        place if place == pair.other => Some(pair.one),
+        _ => None,
+    });
+    let others: Vec<usize> = others.collect();
+    html! {
+        @if !others.is_empty() {
+            p.alike {
+                "≈ maybe the same as behaviour "
+                @for (nth, other) in others.iter().enumerate() {
+                    @if nth > 0 { ", " }
+                    a href={ "#behaviour-" (other + 1) } { (other + 1) }
+                }
+            }
+        }
+    }
+}
+
+/// The pairs that are alike, each to be merged with a click.
+pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
+    html! {
+        @if open(shown).next().is_some() {
+            section.pairs aria-labelledby="pairs" {
+                h2 #pairs { "Possibly the same behaviour" }
+                p.reason {
+                    "These clusters touch: their medoids are nearer to each other than the members of both are to their medoids, on average and taken together. "
+                    span.scripted { "Merge gives both medoids one name, and the page shows them as one behaviour; Undo takes that back. The clusters themselves stay." }
+                }
+                ul { @for pair in open(shown).take(AT_ONCE) { li { (pair_of(record, shown, pair)) } } }
+                @let further = open(shown).count().saturating_sub(AT_ONCE);
+                @if further > 0 {
+                    details {
+                        summary { (counted(further as u64, "further pair")) " of clusters " (if further == 1 { "touches" } else { "touch" }) }
+                        ul { @for pair in open(shown).take(MOST).skip(AT_ONCE) { li { (pair_of(record, shown, pair)) } } }
+                        @if further > MOST - AT_ONCE { p.reason { "These are the nearest; merge some, and others are shown." } }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn pair_of(record: &CampaignRecord, shown: &Shown, pair: &Alike) -> Markup {
+    let medoids = [pair.one, pair.other].map(|place| &shown.taxonomy.medoids[place]);
+    let indices = medoids.map(|medoid| medoid.individual.index);
+    let [one, other] = [pair.one + 1, pair.other + 1];
+    let words = indices.map(|index| shown.words.get(&index).copied());
+    let name = name_of(shown, pair.one).or_else(|| name_of(shown, pair.other));
+    // Where the judge tells them apart, it suggests no name for both.
+    let word = words[0].filter(|verdict| words[1] == Some(*verdict) && verdict.name() != RANDOM);
+    let suggested = name
+        .map(ClassName::shown)
+        .or_else(|| word.map(|verdict| verdict.name().replace('_', " ")));
+    let said: Vec<String> = indices.iter().map(u64::to_string).collect();
+    html! {
+        div.pictures aria-hidden="true" {
+            @for index in indices { img src=(archived::picture(record, index)) width="75" height="75" loading="lazy" alt=""; }
+        }
+        div {
+            p {
+                "Behaviours " a href={ "#behaviour-" (one) } { (one) } " and " a href={ "#behaviour-" (other) } { (other) }
+                ": their medoids are " (figure(pair.distance)) " apart; members are "
+                (figure(medoids[0].mean_distance)) " and " (figure(medoids[1].mean_distance)) " from them on average, "
+                (grouped(medoids[0].cluster_size)) " and " (grouped(medoids[1].cluster_size)) " in number."
+                @if let [Some(first), Some(second)] = words {
+                    @if first == second { " The judge calls both " (starts::in_words(first)) "." }
+                    @else { " The judge tells them apart: " (starts::in_words(first)) " and " (starts::in_words(second)) "." }
+                }
+            }
+            form.merge.scripted.once-named data-indices=(said.join(" ")) {
+                label { span.unseen { "One name for behaviours " (one) " and " (other) }
+                    input name="name" list="names" maxlength="64" autocomplete="off" required placeholder="One name for both" value=[suggested];
+                }
+                button.plain { "Merge" span.unseen { " behaviours " (one) " and " (other) } }
+            }
+        }
+    }
+}
+
+fn figure(distance: f64) -> String {
+    format!("{distance:.3}")
+}

@@ -1,0 +1,443 @@
+//! Before and after: two versions of a taxonomy side by side, with what became of clusters and names.
+
+use super::{map, versions};
+use crate::{
+    Web, archived,
+    layout::{Part, campaign_page},
+    page_error::PageError,
+    parts,
+    visitor::Visitor,
+};
+use axum::extract::{Path, Query, State};
+use maud::{Markup, html};
+use murmuration_engine::{
+    blocking::blocking,
+    maps::Maps,
+    space::SpaceError,
+    taxonomy::{Change, ClusterName, Names, Origin},
+};
+use murmuration_model::{CampaignRecord, colours};
+use murmuration_proto::{counted, grouped};
+use murmuration_report::point_map;
+use murmuration_service::OrStatus as _;
+use murmuration_store::{Store, StoredTaxonomy, TaxonomyVersion};
+use serde::Deserialize;
+
+/// Side of a map in the units of its drawing.
+const MAP: f64 = 480.0;
+/// Room above and below what is on a map.
+const MARGIN: f64 = 40.0;
+
+/// Which versions are asked for; the newest, and the one before it, without them.
+#[derive(Debug, Deserialize)]
+pub(crate) struct Asked {
+    before: Option<u32>,
+    after: Option<u32>,
+}
+
+/// One of the two versions.
+struct Side {
+    version: TaxonomyVersion,
+    stored: StoredTaxonomy,
+    /// Share of the held-out triplets that its checkpoint tells apart, as far as known.
+    accuracy: Option<f64>,
+    /// Where its medoids are on its map, by place; none where the map is not known.
+    rings: Vec<[f64; 2]>,
+    /// The first and the last row of the map on which something is.
+    rows: [f64; 2],
+}
+
+/// Both, and what changed.
+struct Compared {
+    versions: Vec<TaxonomyVersion>,
+    before: Side,
+    after: Side,
+    change: Change,
+    /// The names before, and those that went on.
+    named: Names,
+    names: Names,
+}
+
+/// The page.
+pub(crate) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Query(asked): Query<Asked>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let (store, maps, of) = (web.store.clone(), web.maps.clone(), record.clone());
+    let compared = blocking(move || read(&store, &maps, &of, &asked))
+        .await?
+        .or_status()?;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Before and after" }
+            a.button href={ "/campaigns/" (record.id) "/taxonomy" } { "Back to the taxonomy" }
+        }
+        @match &compared {
+            None => p.empty {
+                "There is nothing to compare: this needs two versions of the taxonomy. A version is made whenever the campaign has "
+                "learned from labels and searched on."
+            },
+            Some(compared) => {
+                (choices(compared))
+                (summary(&record, compared))
+                (maps_of(&record, compared))
+                (clusters(&record, compared))
+                (names(compared))
+            }
+        }
+    };
+    Ok(campaign_page(
+        &record,
+        Part::Taxonomy,
+        &visitor,
+        "taxonomy.js",
+        content,
+    ))
+}
+
+/// The two versions that are asked for; `None` if they are not there, or one.
+fn read(
+    store: &Store,
+    maps: &Maps,
+    record: &CampaignRecord,
+    asked: &Asked,
+) -> Result<Option<Compared>, SpaceError> {
+    let versions = store.taxonomy_versions(&record.id)?;
+    let place = |asked: Option<u32>, otherwise: Option<usize>| match asked {
+        Some(number) => versions.iter().position(|known| known.version == number),
+        None => otherwise,
+    };
+    let last = versions.len().checked_sub(1);
+    let after = place(asked.after, last);
+    let before = place(asked.before, after.and_then(|after| after.checked_sub(1)));
+    let (Some(before), Some(after)) = (before, after) else {
+        return Ok(None);
+    };
+    let (from, to) = (before.min(after), before.max(after));
+    if from == to {
+        return Ok(None);
+    }
+    let (before, after) = (&versions[from], &versions[to]);
+    let before = side(store, maps, record, before)?;
+    let (Some(before), Some(after)) = (before, side(store, maps, record, after)?) else {
+        return Ok(None);
+    };
+    let labels = store.labels(&record.id)?;
+    let change = Change::between(&before.stored, &after.stored);
+    let named = Names::read(store, &record.id, &versions[..=from], &labels)?;
+    let medoids = (after.stored.medoids.as_slice(), &labels.given_classes());
+    let names = named.carried(before.version.version, &change, medoids);
+    Ok(Some(Compared {
+        versions,
+        before,
+        after,
+        change,
+        named,
+        names,
+    }))
+}
+
+fn side(
+    store: &Store,
+    maps: &Maps,
+    record: &CampaignRecord,
+    version: &TaxonomyVersion,
+) -> Result<Option<Side>, SpaceError> {
+    let Some(stored) = store.taxonomy_of_version(&record.id, version.version)? else {
+        return Ok(None);
+    };
+    let checkpoint = version
+        .checkpoint
+        .map(|digest| store.checkpoint(digest))
+        .transpose()?;
+    let accuracy = checkpoint.and_then(|known| known.lineage.metrics.get("triplet_accuracy").copied());
+    let places = point_map::places(&map::points(store, maps, record, version)?, MAP);
+    let rows = places.iter().map(|[_, y]| *y);
+    let rows = rows.fold([MAP / 2.0; 2], |[first, last], y| [first.min(y), last.max(y)]);
+    let ring = |medoid: &u64| places.get(usize::try_from(*medoid).ok()?).copied();
+    Ok(Some(Side {
+        rings: stored.medoids.iter().filter_map(ring).collect(),
+        rows: [(rows[0] - MARGIN).max(0.0), (rows[1] + MARGIN).min(MAP)],
+        version: version.clone(),
+        stored,
+        accuracy,
+    }))
+}
+
+/// The form that chooses the versions.
+fn choices(compared: &Compared) -> Markup {
+    let menu = |name: &str, chosen: &Side| {
+        html! {
+            select name=(name) {
+                @for known in &compared.versions {
+                    option value=(known.version) selected[*known == chosen.version] { "version " (known.version) ", " (versions::in_words(known)) }
+                }
+            }
+        }
+    };
+    html! {
+        @if compared.versions.len() > 2 {
+            form.choices method="get" {
+                label { "Before " (menu("before", &compared.before)) }
+                label { "After " (menu("after", &compared.after)) }
+                button.plain { "Compare" }
+            }
+        }
+    }
+}
+
+/// What is known of both versions as a whole.
+fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
+    let Compared {
+        before,
+        after,
+        change,
+        names,
+        ..
+    } = compared;
+    let places = 0..after.stored.medoids.len();
+    let came = places
+        .clone()
+        .filter(|&place| change.predecessors(place).is_empty())
+        .count();
+    let stayed = places.clone().filter(|&place| stays(compared, place)).count();
+    let carried = names.names.iter().flatten();
+    let carried = carried
+        .filter(|name| matches!(name.origin, Origin::Carried { .. }))
+        .count();
+    let sides = [before, after];
+    html! {
+        p.lead {
+            "Of " (counted(places.len() as u64, "behaviour")) " now, " (stayed) " kept the same individual as medoid, "
+            (places.len() - stayed - came) " moved to another, and " (came) " came. "
+            (change.gone().count()) " of the " (before.stored.medoids.len()) " before went. "
+            (counted(carried as u64, "name")) " went on, " (names.uncarried.len()) " did not."
+        }
+        div.wide tabindex="0" role="region" aria-label="Both versions" { table {
+            thead { tr { td {} @for side in sides { th scope="col" { (versions::link(record, side.version.version)) } } } }
+            tbody {
+                (line("Made", sides.map(|side| html! {
+                    @if let Some(made) = side.version.made_ms { (parts::moment(made)) } @else { "–" }
+                })))
+                (line("When", sides.map(|side| html! { (versions::in_words(&side.version)) })))
+                (line("Checkpoint", sides.map(|side| html! {
+                    @match side.version.checkpoint {
+                        Some(digest) => code { (digest.to_string().chars().take(12).collect::<String>()) },
+                        None => "none",
+                    }
+                })))
+                (line("Accuracy on held-out triplets", sides.map(|side| html! {
+                    @match side.accuracy { Some(share) => (format!("{:.1} %", 100.0 * share)), None => "not known" }
+                })))
+                (line("Individuals", sides.map(|side| html! { (grouped(side.version.individuals)) })))
+                (line("Behaviours", sides.map(|side| html! { (side.stored.medoids.len()) })))
+            }
+        } }
+    }
+}
+
+fn line(title: &str, cells: [Markup; 2]) -> Markup {
+    html! { tr { th scope="row" { (title) } @for cell in cells { td { (cell) } } } }
+}
+
+/// Whether the largest cluster that became the one at `place` has the same medoid.
+fn stays(compared: &Compared, place: usize) -> bool {
+    let before = compared.change.predecessors(place).first().copied();
+    before
+        .is_some_and(|before| compared.before.stored.medoids[before] == compared.after.stored.medoids[place])
+}
+
+/// Both maps.
+fn maps_of(record: &CampaignRecord, compared: &Compared) -> Markup {
+    let Compared { before, after, .. } = compared;
+    html! {
+        section aria-labelledby="maps" {
+            h2 #maps { "Maps" }
+            p.reason {
+                "Each map shows the individuals as the checkpoint of its version places them, on the two axes along which they differ "
+                "most. A short axis is stretched to half of the other. The axes of the two maps are not the same. Rings are medoids, with the numbers of their behaviours. A cluster "
+                "before has the colour of the one that it became, and grey if its members are spread."
+            }
+            div.maps {
+                @for (side, title) in [(before, "Before"), (after, "After")] {
+                    figure {
+                        figcaption { (title) ": version " (side.version.version) ", " (versions::in_words(&side.version)) }
+                        @if side.rings.is_empty() {
+                            p.empty { "The map of this version is not known: it was made before maps were kept, or imported." }
+                        } @else {
+                            (map_of(record, side, after))
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn map_of(record: &CampaignRecord, side: &Side, after: &Side) -> Markup {
+    let [top, bottom] = side.rows;
+    let (version, last) = (side.version.version, after.version.version);
+    let created = record.archive_version().origin();
+    let source = format!(
+        "/campaigns/{}/taxonomy/map.png?version={version}&after={last}&created={created}",
+        record.id
+    );
+    html! {
+        svg.version-map viewBox={ "0 " (format!("{top:.1}")) " " (MAP) " " (format!("{:.1}", bottom - top)) } role="img" aria-label={ "Map of version " (version) ", with " (counted(side.rings.len() as u64, "medoid")) } {
+            image href=(source) width=(MAP) height=(MAP) {}
+            @for (place, [x, y]) in side.rings.iter().enumerate() {
+                circle cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r="7" {}
+                text x=(format!("{:.1}", if *x > MAP - 40.0 { x - 11.0 } else { x + 11.0 })) y=(format!("{:.1}", y + 6.0))
+                    text-anchor=[(*x > MAP - 40.0).then_some("end")] { (place + 1) }
+            }
+        }
+    }
+}
+
+/// What became of each cluster.
+fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
+    let Compared {
+        before,
+        after,
+        change,
+        ..
+    } = compared;
+    html! {
+        section aria-labelledby="clusters" {
+            h2 #clusters { "Behaviours" }
+            ul.changes {
+                @for (place, &medoid) in after.stored.medoids.iter().enumerate() {
+                    @let from = change.predecessors(place);
+                    li {
+                        div.pictures {
+                            @for &before_place in &from {
+                                (picture(record, ("Before", before_place), before.stored.medoids[before_place]))
+                            }
+                            @if from.is_empty() { div.none { "new" } }
+                            span.arrow aria-hidden="true" { "→" }
+                            (picture(record, ("After", place), medoid))
+                        }
+                        div {
+                            h3 { (swatch(colours::cluster(place))) "Behaviour " (place + 1) (name_of(&compared.names, place)) }
+                            @if from.is_empty() { (came(change, place)) } @else { (went_on(compared, place, &from)) }
+                        }
+                    }
+                }
+                @for gone in change.gone() {
+                    li {
+                        div.pictures {
+                            (picture(record, ("Before", gone), before.stored.medoids[gone]))
+                            span.arrow aria-hidden="true" { "→" }
+                            div.none { "gone" }
+                        }
+                        div {
+                            h3 { (swatch(colours::LINE)) "Behaviour " (gone + 1) " before" (name_of(&compared.named, gone)) }
+                            p { "No cluster holds most of its " (counted(change.size_before(gone), "individual")) "." }
+                            @if let Some(most_in) = change.largest_part(gone) {
+                                p.reason { "The largest part, " (grouped(change.shared(gone, most_in))) ", is in behaviour " (most_in + 1) "." }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn swatch(colour: colours::Rgb) -> Markup {
+    html! { svg.swatch viewBox="0 0 12 12" width="12" height="12" aria-hidden="true" { circle cx="6" cy="6" r="6" fill=(colours::hex(colour)) {} } " " }
+}
+
+fn name_of(names: &Names, place: usize) -> Markup {
+    let name: Option<&ClusterName> = names.names.get(place).and_then(Option::as_ref);
+    html! { @if let Some(name) = name { " · " (name.class.shown()) } }
+}
+
+fn picture(record: &CampaignRecord, (when, place): (&str, usize), medoid: u64) -> Markup {
+    html! {
+        figure {
+            img src=(archived::picture(record, medoid)) width="100" height="100" loading="lazy"
+                alt={ (when) ": picture of behaviour " (place + 1) };
+            figcaption { (when) ": " (place + 1) }
+        }
+    }
+}
+
+/// What a cluster that became this one brought.
+fn went_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
+    let Compared {
+        before,
+        after,
+        change,
+        ..
+    } = compared;
+    html! {
+        @for &old in from {
+            p {
+                "Was behaviour " (old + 1) ": " (grouped(change.shared(old, place))) " of its "
+                (counted(change.size_before(old), "individual")) " are here."
+                @if before.stored.medoids[old] == after.stored.medoids[place] { " The medoid is the same individual." }
+                @else {
+                    " The medoid moved from individual " (grouped(before.stored.medoids[old])) " to "
+                    (grouped(after.stored.medoids[place])) "."
+                }
+            }
+        }
+        p.reason {
+            "It has " (counted(change.size_after(place), "individual"))
+            @if change.new_in(place) > 0 { ", " (grouped(change.new_in(place))) " of them found since" }
+            "."
+        }
+    }
+}
+
+/// Where the members of a cluster come from that no cluster became.
+fn came(change: &Change, place: usize) -> Markup {
+    html! {
+        p { "Came: no cluster before has most of its individuals here." }
+        p.reason {
+            "Of its " (counted(change.size_after(place), "individual")) ", "
+            @for before in change.sources(place).into_iter().take(3) {
+                (grouped(change.shared(before, place))) " were in behaviour " (before + 1) ", "
+            }
+            (grouped(change.new_in(place))) " were found since."
+        }
+    }
+}
+
+/// What became of the names.
+fn names(compared: &Compared) -> Markup {
+    let carried = compared.names.names.iter().enumerate();
+    let carried: Vec<_> = carried
+        .filter_map(|(place, name)| match name {
+            Some(ClusterName {
+                class,
+                origin: Origin::Carried { place: from, .. },
+            }) => Some((class, *from, place)),
+            _ => None,
+        })
+        .collect();
+    let lost = &compared.names.uncarried;
+    html! {
+        section aria-labelledby="names" {
+            h2 #names { "Names" }
+            @if carried.is_empty() && lost.is_empty() {
+                p.reason { "No name that a person gave before had to go on to another behaviour." }
+            } @else {
+                p.reason {
+                    "A name goes on to the cluster that holds more than half of the members of the one that it named. If two meet there, the one "
+                    "with more members stays. It becomes a label when somebody saves it."
+                }
+                ul.plain-list {
+                    @for (class, from, to) in &carried {
+                        li { strong { (class.shown()) } ", behaviour " (from + 1) " before: now the name of behaviour " (to + 1) "." }
+                    }
+                    @for lost in lost { li { (versions::why_not(lost)) } }
+                }
+            }
+        }
+    }
+}

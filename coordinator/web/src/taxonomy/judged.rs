@@ -1,0 +1,218 @@
+//! What the rule-based judge says of medoids, and of further starts of them. Workers simulate and judge; the answers are kept in memory
+//! for as long as there is room, and stored nowhere.
+
+use crate::Web;
+use murmuration_dispatch::{Evaluated, EvaluationJob};
+use murmuration_engine::{blocking::blocking, taxonomy::Medoid};
+use murmuration_model::CampaignRecord;
+use murmuration_proto::{Controller, Purpose, RandomStream, Starts, Verdict};
+use murmuration_service::OrStatus as _;
+use std::{
+    collections::{BTreeMap, VecDeque},
+    sync::{Arc, Mutex, PoisonError},
+};
+use tonic::Status;
+
+/// Further starts of a medoid that are simulated.
+pub(super) const STARTS: u64 = 20;
+/// Most individuals whose further starts are remembered: their pictures, some 50 kB each.
+const MOST_STARTS: usize = 64;
+/// Most individuals of which the judge's word is remembered.
+const MOST_WORDS: usize = 4096;
+
+/// What the judge has said lately; cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct Judged {
+    starts: Arc<Mutex<Recent<Arc<Vec<Start>>>>>,
+    words: Arc<Mutex<Recent<Verdict>>>,
+    /// One request asks the workers, and others wait for it: they may be about the same.
+    gate: Arc<tokio::sync::Mutex<()>>,
+}
+
+/// A further start of an individual.
+#[derive(Debug)]
+pub(super) struct Start {
+    pub(super) verdict: Verdict,
+    pub(super) image: Vec<u8>,
+}
+
+/// An individual: its campaign's id and origin, and its index.
+type Key = (String, String, u64);
+
+fn key(record: &CampaignRecord, index: u64) -> Key {
+    (record.id.to_string(), record.archive_version().origin(), index)
+}
+
+/// The newest answers.
+#[derive(Debug)]
+struct Recent<T>(VecDeque<(Key, T)>);
+
+impl<T> Default for Recent<T> {
+    fn default() -> Self {
+        Self(VecDeque::new())
+    }
+}
+
+impl<T: Clone> Recent<T> {
+    fn get(&self, key: &Key) -> Option<T> {
+        let found = self.0.iter().find(|(known, _)| known == key);
+        found.map(|(_, value)| value.clone())
+    }
+
+    fn add(&mut self, key: Key, value: T, most: usize) {
+        self.0.retain(|(known, _)| *known != key);
+        self.0.push_back((key, value));
+        while self.0.len() > most {
+            self.0.pop_front();
+        }
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Judged {
+    /// The judge's word on each of these medoids that it has been asked about: by the campaign, of all starts, or lately, of the
+    /// first.
+    pub(super) fn known(&self, record: &CampaignRecord, medoids: &[Medoid]) -> BTreeMap<u64, Verdict> {
+        let lately = lock(&self.words);
+        let word = |medoid: &Medoid| {
+            let individual = &medoid.individual;
+            let said =
+                most_said(individual.verdicts()).or_else(|| lately.get(&key(record, individual.index)));
+            Some((individual.index, said?))
+        };
+        medoids.iter().filter_map(word).collect()
+    }
+
+    /// Has workers judge the medoids of which there is no word yet.
+    pub(super) async fn ask(
+        &self,
+        web: &Web,
+        record: &CampaignRecord,
+        medoids: &[Medoid],
+    ) -> Result<(), Status> {
+        let _alone = self.gate.lock().await;
+        let known = self.known(record, medoids);
+        let open = medoids.iter().map(|medoid| &medoid.individual);
+        let open: Vec<_> = open
+            .filter(|individual| !known.contains_key(&individual.index))
+            .collect();
+        let tasks = open
+            .iter()
+            .map(|individual| (individual.controller.clone(), individual.seed));
+        let evaluated = evaluated(web, record, tasks.collect()).await?;
+        let mut words = lock(&self.words);
+        for (individual, start) in open.iter().zip(evaluated) {
+            if let Some(start) = start {
+                words.add(key(record, individual.index), start.verdict, MOST_WORDS);
+            }
+        }
+        Ok(())
+    }
+
+    /// [`STARTS`] further starts of an individual, none of which is one of its trials.
+    pub(super) async fn starts(
+        &self,
+        web: &Web,
+        record: &CampaignRecord,
+        index: u64,
+    ) -> Result<Arc<Vec<Start>>, Status> {
+        let key = key(record, index);
+        if let Some(known) = lock(&self.starts).get(&key) {
+            return Ok(known);
+        }
+        let _alone = self.gate.lock().await;
+        if let Some(known) = lock(&self.starts).get(&key) {
+            return Ok(known);
+        }
+        let (store, id, model) = (web.store.clone(), record.id.clone(), record.spec.model().clone());
+        let individual = blocking(move || store.individual(&id, &model, index)).await;
+        let individual = individual.or_status()?.or_status()?;
+        let seed = |start| RandomStream::derive(individual.seed, Purpose::FurtherTrial, start).bits();
+        let first = u64::from(Starts::MAX);
+        let tasks = (first..first + STARTS).map(|start| (individual.controller.clone(), seed(start)));
+        let evaluated = evaluated(web, record, tasks.collect()).await?;
+        let starts: Arc<Vec<Start>> = Arc::new(evaluated.into_iter().flatten().collect());
+        lock(&self.starts).add(key, Arc::clone(&starts), MOST_STARTS);
+        Ok(starts)
+    }
+}
+
+/// What came of each task, in the world of a campaign; `None` where it was given up.
+async fn evaluated(
+    web: &Web,
+    record: &CampaignRecord,
+    tasks: Vec<(Controller, u64)>,
+) -> Result<Vec<Option<Start>>, Status> {
+    if tasks.is_empty() {
+        return Ok(Vec::new());
+    }
+    let dispatch = &web.archive.dispatch;
+    dispatch.check_staffed().or_status()?;
+    let job = EvaluationJob {
+        campaign: None,
+        judges: true,
+        ..EvaluationJob::of(record, None, tasks)
+    };
+    let evaluated = dispatch
+        .while_staffed(dispatch.evaluate(job, Arc::default()))
+        .await;
+    let evaluated = evaluated.or_status()?.or_status()?;
+    let start = |evaluated| match evaluated {
+        Evaluated::Done { mut trials, .. } => {
+            let trial = trials.pop()?;
+            Some(Start {
+                verdict: trial.verdict()?,
+                image: trial.into_image(),
+            })
+        }
+        Evaluated::Poisoned(_) => None,
+    };
+    Ok(evaluated.into_iter().map(start).collect())
+}
+
+/// The verdict that is there most often, the first of those that are as often.
+fn most_said(verdicts: impl Iterator<Item = Verdict>) -> Option<Verdict> {
+    counted(verdicts).first().map(|(verdict, _)| *verdict)
+}
+
+/// Verdicts with how often they are there, most first.
+pub(super) fn counted(verdicts: impl Iterator<Item = Verdict>) -> Vec<(Verdict, usize)> {
+    let mut counts: BTreeMap<Verdict, usize> = BTreeMap::new();
+    for verdict in verdicts {
+        *counts.entry(verdict).or_default() += 1;
+    }
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use murmuration_proto::{Class, Pattern};
+
+    #[test]
+    fn what_is_said_most_is_first() {
+        let (milling, chain) = (Verdict::Class(Class::Milling), Verdict::Pattern(Pattern::Chain));
+        let said = [chain, milling, chain, milling, chain];
+        assert_eq!(counted(said.into_iter()), [(chain, 3), (milling, 2)]);
+        assert_eq!(most_said(said.into_iter()), Some(chain));
+        assert_eq!(most_said(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn the_oldest_answer_is_forgotten_first_and_a_newer_one_takes_its_place() {
+        let of = |index| ("small-1".to_owned(), "5".to_owned(), index);
+        let mut recent = Recent::default();
+        for (index, value) in [(1, 'a'), (2, 'b'), (1, 'c'), (3, 'd')] {
+            recent.add(of(index), value, 2);
+        }
+        assert_eq!(
+            [1, 2, 3].map(|index| recent.get(&of(index))),
+            [Some('c'), None, Some('d')]
+        );
+    }
+}

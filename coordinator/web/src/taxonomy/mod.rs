@@ -1,0 +1,223 @@
+//! The taxonomy of a campaign: people watch its behaviours, name them, see what learning changed, and download the report.
+
+mod alike;
+mod card;
+pub(super) mod changes;
+mod judged;
+pub(super) mod map;
+pub(super) mod starts;
+mod versions;
+
+pub use judged::Judged;
+
+use super::{
+    Web,
+    layout::{Part, campaign_page},
+    page_error::PageError,
+    parts,
+    visitor::Visitor,
+};
+use axum::{
+    extract::{Path, Query, State},
+    http::header::{CONTENT_DISPOSITION, CONTENT_TYPE},
+    response::IntoResponse,
+};
+use card::{Card, card};
+use maud::{Markup, html};
+use murmuration_engine::{
+    blocking::blocking,
+    taxonomy::{Alike, Names, Taxonomy},
+};
+use murmuration_model::{CampaignRecord, labels::Labels};
+use murmuration_proto::{
+    Verdict,
+    v1::{
+        campaign_service_client::CampaignServiceClient, campaign_service_server::CampaignServiceServer,
+        label_service_client::LabelServiceClient, label_service_server::LabelServiceServer,
+    },
+};
+use murmuration_report as report;
+use murmuration_service::{OrStatus as _, report_data};
+use murmuration_store::{Store, StoreError, TaxonomyVersion};
+use serde::Deserialize;
+use std::{collections::BTreeMap, sync::Arc};
+use tonic::Status;
+
+const KEYS: [(&str, &str); 3] = [
+    ("Tab", "go from picture to picture and from name to name"),
+    ("Enter Space", "on a picture: play or pause its motion"),
+    ("Enter", "on a name: save it"),
+];
+
+/// What is asked of the page.
+#[derive(Debug, Deserialize)]
+pub(super) struct Asked {
+    /// The version to show; the newest without it.
+    version: Option<u32>,
+    /// Whether the judge is to be asked about the medoids; any value says so.
+    judged: Option<String>,
+}
+
+/// A version of a taxonomy, with the names of its clusters and all other versions.
+struct Shown {
+    versions: Vec<TaxonomyVersion>,
+    version: TaxonomyVersion,
+    taxonomy: Taxonomy,
+    names: Names,
+    labels: Arc<Labels>,
+    /// Pairs of clusters whose medoids are alike, of the version that stands.
+    alike: Vec<Alike>,
+    /// The judge's word on medoids, by their index, as far as it was asked.
+    words: BTreeMap<u64, Verdict>,
+}
+
+/// The page.
+pub(super) async fn page(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+    Query(asked): Query<Asked>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let (store, of) = (web.store.clone(), record.clone());
+    let mut shown = blocking(move || read(&store, &of, asked.version)).await??;
+    match &mut shown {
+        None if asked.version.is_some() => return Err(PageError::NoPage),
+        None => {}
+        Some(shown) => {
+            let medoids = &shown.taxonomy.medoids;
+            if asked.judged.is_some() {
+                web.judged.ask(&web, &record, medoids).await?;
+            }
+            shown.words = web.judged.known(&record, medoids);
+        }
+    }
+    let content = html! {
+        div.wide-bar {
+            h1 { "Taxonomy" }
+            @if let Some(shown) = &shown {
+                (parts::keys(&KEYS))
+                div.choices { (actions(&record, shown)) }
+            }
+        }
+        @match &shown {
+            None => p.empty { "The taxonomy is computed when the search has ended." },
+            Some(shown) => (behaviours(&record, shown)),
+        }
+    };
+    Ok(campaign_page(
+        &record,
+        Part::Taxonomy,
+        &visitor,
+        "taxonomy.js",
+        content,
+    ))
+}
+
+/// What can be done with a version as a whole.
+fn actions(record: &CampaignRecord, shown: &Shown) -> Markup {
+    let of = format!("/campaigns/{}", record.id);
+    html! {
+        @if shown.version.stands {
+            button.plain.scripted.once-named type="button" data-do="undo" { "Undo my last answer" }
+            @if shown.words.len() < shown.taxonomy.medoids.len() {
+                a.button href={ (of) "/taxonomy?judged=yes" } { "Ask the judge for names" }
+            }
+        }
+        @if shown.versions.len() > 1 { a.button href={ (of) "/taxonomy/changes" } { "Before and after" } }
+        @if shown.version.stands { a.button href={ (of) "/report" } { "Export the report" } }
+    }
+}
+
+/// The version of that number, or the newest; `None` if there is none.
+fn read(store: &Store, record: &CampaignRecord, asked: Option<u32>) -> Result<Option<Shown>, StoreError> {
+    let versions = store.taxonomy_versions(&record.id)?;
+    let asked = asked.or(versions.last().map(|version| version.version));
+    let Some(place) = versions.iter().position(|version| Some(version.version) == asked) else {
+        return Ok(None);
+    };
+    let (version, until) = (versions[place].clone(), &versions[..=place]);
+    let of = (&record.id, version.version);
+    let Some(taxonomy) = Taxonomy::read_version(store, of, &record.spec)? else {
+        return Ok(None);
+    };
+    let labels = store.labels(&record.id)?;
+    let names = Names::read(store, &record.id, until, &labels)?;
+    let alike = match version.stands {
+        true => taxonomy.alike(record.spec.method()),
+        false => Vec::new(),
+    };
+    Ok(Some(Shown {
+        alike,
+        words: BTreeMap::new(),
+        versions,
+        version,
+        taxonomy,
+        names,
+        labels,
+    }))
+}
+
+/// The cards of a version, with what is to be said of all of them.
+fn behaviours(record: &CampaignRecord, shown: &Shown) -> Markup {
+    let embeds = record.spec.method().embeds();
+    html! {
+        (versions::list(record, shown))
+        p.lead {
+            "Each card shows the behaviour at the centre of a cluster. The largest cluster is first. "
+            @if shown.version.stands {
+                span.scripted {
+                    "Point at a picture to play its motion. A name counts as a label"
+                    @if embeds { ": the embedding learns from it when it next learns from the labels" }
+                    "."
+                }
+            }
+        }
+        (versions::uncarried(shown))
+        @if shown.version.stands {
+            dialog.introduction aria-label="Your name" { (parts::who()) }
+            datalist #names { @for class in shown.labels.classes() { option value=(class.name.shown()) {} } }
+        }
+        @if shown.version.stands { (parts::status_line()) }
+        (alike::section(record, shown))
+        ul.medoids {
+            @for group in alike::groups(shown) {
+                @if let [place] = group.as_slice() {
+                    li { (card(&Card { record, shown, place: *place })) }
+                } @else {
+                    li.merged { (card::merged(record, shown, &group)) }
+                }
+            }
+        }
+    }
+}
+
+/// The report as one file to download; workers simulate its motions again. An error is answered with a page, so the link
+/// must not be a `download`: browsers would save that page as the report.
+pub(super) async fn export(
+    State(web): State<Web>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, PageError> {
+    let id = web.campaigns.status(&id).await?.record.id;
+    web.archive.dispatch.check_staffed().or_status()?;
+    // The service of this process, without a network between.
+    let mut archive = CampaignServiceClient::new(CampaignServiceServer::new(web.archive));
+    let mut labels = LabelServiceClient::new(LabelServiceServer::new(web.labels));
+    let failed = |error: String| Status::internal(error);
+    let gathered = async {
+        let names = report_data::names(&mut labels, id.as_str()).await?;
+        report_data::report(&mut archive, id.as_str(), names).await
+    };
+    let gathered = gathered.await.map_err(|error| match error {
+        report_data::ReportDataError::Service(status) => status,
+        other => failed(other.to_string()),
+    })?;
+    let page = blocking(move || report::page(&gathered)).await?;
+    let page = page.map_err(|error| failed(error.to_string()))?;
+    let name = format!("attachment; filename=\"{id}.html\"");
+    let headers = [
+        (CONTENT_TYPE, "text/html; charset=utf-8".to_owned()),
+        (CONTENT_DISPOSITION, name),
+    ];
+    Ok((headers, page))
+}

@@ -1,0 +1,108 @@
+//! How robust a behaviour is: its controller from further starts, each judged, with their pictures.
+
+use super::judged::{STARTS, Start, counted};
+use crate::{
+    Web,
+    archived::Created,
+    layout::{Part, campaign_page},
+    page_error::PageError,
+    visitor::Visitor,
+};
+use axum::{
+    extract::{Path, Query, State},
+    http::header::CONTENT_TYPE,
+    response::IntoResponse,
+};
+use maud::{Markup, html};
+use murmuration_model::{CampaignRecord, labels::ClassName};
+use murmuration_proto::{Verdict, grouped};
+use murmuration_report::picture::image_png;
+
+/// Pixels of the picture of a start that each pixel of its image becomes.
+const SCALE: u32 = 2;
+
+/// The page; a script shows the part `starts` of it beside the card.
+pub(crate) async fn page(
+    State(web): State<Web>,
+    Path((id, index)): Path<(String, u64)>,
+    visitor: Visitor,
+) -> Result<Markup, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let starts = web.judged.starts(&web, &record, index).await?;
+    let content = html! {
+        div.wide-bar {
+            h1 { "Individual " (grouped(index)) }
+            a.button href={ "/campaigns/" (record.id) "/taxonomy" } { "Back to the taxonomy" }
+        }
+        (told(&record, index, &starts))
+    };
+    Ok(campaign_page(
+        &record,
+        Part::Taxonomy,
+        &visitor,
+        "taxonomy.js",
+        content,
+    ))
+}
+
+/// A verdict as pages show it.
+pub(super) fn in_words(verdict: Verdict) -> String {
+    match (verdict.pattern(), verdict.class()) {
+        (None, class) => ClassName::from(class).shown(),
+        (Some(pattern), class) => {
+            format!(
+                "{} ({})",
+                pattern.name().replace('_', " "),
+                ClassName::from(class).shown()
+            )
+        }
+    }
+}
+
+/// What the judge said of the starts, and their pictures by class.
+fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
+    let verdicts = counted(starts.iter().map(|start| start.verdict));
+    let missing = STARTS as usize - starts.len();
+    let created = record.archive_version().origin();
+    html! {
+        section #starts aria-labelledby="starts-title" {
+            h2 #starts-title { "From " (STARTS) " further starts" }
+            p.said {
+                @for (place, (verdict, count)) in verdicts.iter().enumerate() {
+                    @if place > 0 { "; " }
+                    @if place == 0 { strong { (count) " of " (starts.len()) " starts: " (in_words(*verdict)) } } @else { (count) ": " (in_words(*verdict)) }
+                }
+                "."
+                @if missing > 0 { " " (missing) " could not be simulated." }
+            }
+            p.reason {
+                "The same controller from other starts. The rule-based judge names each motion; it agrees with people on about nine of ten. None of "
+                "this is stored."
+            }
+            ul.starts {
+                @for (verdict, _) in &verdicts {
+                    @for (place, _) in starts.iter().enumerate().filter(|(_, start)| start.verdict == *verdict) {
+                        li {
+                            img src={ "/campaigns/" (record.id) "/individuals/" (index) "/starts/" (place) "?created=" (created) }
+                                width="100" height="100" alt={ "Picture of start " (place + 1) };
+                            span { (in_words(*verdict)) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The picture of a further start, as a PNG.
+pub(crate) async fn picture(
+    State(web): State<Web>,
+    Path((id, index, place)): Path<(String, u64, usize)>,
+    Query(created): Query<Created>,
+) -> Result<impl IntoResponse, PageError> {
+    let record = web.campaigns.status(&id).await?.record;
+    let starts = web.judged.starts(&web, &record, index).await?;
+    let start = starts.get(place).ok_or(PageError::NoPage)?;
+    let png = image_png(&start.image, record.spec.image().shape(), SCALE)?;
+    Ok(([(CONTENT_TYPE, "image/png"), created.keep(&record)], png))
+}

@@ -1,0 +1,273 @@
+//! A researcher's first hour, from an empty list of campaigns to two that are compared. On the way nothing on a page moves by
+//! itself, and no page has barriers.
+
+use crate::browser::{
+    driver::{Driver, Window},
+    looks::check,
+    scene::{answer, introduce_to_offers, name, saved},
+    selecting::{lasso_ten, name_selected},
+};
+use murmuration_tests::{Cluster, small_latent_spec};
+use serde_json::json;
+use tempfile::TempDir;
+
+const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
+
+/// A researcher at a screen, with a coordinator that has no campaigns yet.
+struct Researcher {
+    window: Window,
+    screen: &'static str,
+    cluster: Cluster,
+    /// Holds the data directory.
+    _folder: TempDir,
+    _driver: Driver,
+}
+
+pub async fn at_a_wide_screen() {
+    hour("1280", (1280, 900), false).await;
+}
+
+pub async fn at_a_phone() {
+    hour("390", (390, 844), false).await;
+}
+
+pub async fn at_200_percent() {
+    hour("200-percent", (640, 450), false).await;
+}
+
+pub async fn in_the_dark() {
+    hour("dark", (1280, 900), true).await;
+}
+
+async fn hour(screen: &'static str, (width, height): (u32, u32), dark: bool) {
+    let driver = Driver::start();
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start(folder.path(), 2).await;
+    let window = driver.open("about:blank").await;
+    window.resize(width, height, dark).await;
+    window.note_shifts().await;
+    window.driver.goto(cluster.url()).await.unwrap();
+    let researcher = Researcher {
+        window,
+        screen,
+        cluster,
+        _folder: folder,
+        _driver: driver,
+    };
+    researcher.start().await;
+    researcher.watch().await;
+    researcher.label().await;
+    researcher.lasso().await;
+    researcher.learn().await;
+    researcher.name().await;
+    researcher.export().await;
+    researcher.start_another().await;
+    researcher.compare().await;
+    assert_eq!(researcher.window.shifts().await, json!([]), "{screen}");
+    researcher.window.close().await;
+    researcher.cluster.stop().await;
+}
+
+impl Researcher {
+    /// That the page as it is now has no barriers; a picture of it.
+    async fn look(&self, page: &str) {
+        // A picture of the whole page is taken from its top: where one had scrolled, everything would move twice.
+        self.window
+            .value("scrollTo({ top: 0, behavior: 'instant' })")
+            .await;
+        self.window.picture(&format!("hour-{page}-{}", self.screen)).await;
+        check(&self.window, page).await;
+    }
+
+    async fn go(&self, page: &str) {
+        let url = format!("{}{page}", self.cluster.url());
+        self.window.driver.goto(url).await.unwrap();
+    }
+
+    /// Follows a link or a button to another page.
+    async fn follow(&self, selector: &str, path: &str) {
+        self.window.click(selector).await;
+        let there = format!("document.readyState === 'complete' && location.pathname === {path:?}");
+        self.window.until(&there).await;
+    }
+
+    async fn start(&self) {
+        let window = &self.window;
+        self.look("campaigns-none").await;
+        self.go("/nowhere").await;
+        window
+            .until("document.querySelector('h1').textContent === 'Page not found'")
+            .await;
+        self.look("not-found").await;
+        self.go("/").await;
+        self.follow(".heading a[href='/new']", "/new").await;
+        self.look("new").await;
+        self.follow("a[href='/new?as=file']", "/new").await;
+        let text = small_latent_spec(FEEDBACK).to_toml();
+        let paste = format!(
+            "const text = document.getElementById('text'); text.value = {}; \
+             text.dispatchEvent(new Event('input', {{ bubbles: true }}))",
+            json!(text)
+        );
+        window.driver.execute(paste, vec![]).await.unwrap();
+        let cost = "document.getElementById('outcome').textContent.includes('100 (5 generations of 20)')";
+        window.until(cost).await;
+        self.look("new-file").await;
+        self.follow("[value=start]", "/campaigns/small-1").await;
+    }
+
+    async fn watch(&self) {
+        self.look("progress-running").await;
+        self.window
+            .until("document.querySelectorAll('#novelty polyline').length === 2")
+            .await;
+        self.completed().await;
+        self.look("progress").await;
+    }
+
+    /// Waits until the campaign of this page is completed, and shows its behaviours.
+    async fn completed(&self) {
+        self.window
+            .until("document.querySelectorAll('.behaviours img').length === 4")
+            .await;
+        self.window
+            .until("[...document.querySelectorAll('.behaviours img')].every((image) => image.complete || image.loading === 'lazy')")
+            .await;
+    }
+
+    async fn label(&self) {
+        self.follow("nav a[href$='/label']", "/campaigns/small-1/label")
+            .await;
+        self.window.until("!document.getElementById('who').hidden").await;
+        self.look("label-name").await;
+        introduce_to_offers(&self.window, "Ana").await;
+        self.look("label").await;
+        name(&self.window, "milling").await;
+        name(&self.window, "my own class").await;
+        for turn in 0..28 {
+            answer(&self.window, ["1", "2"][turn % 2]).await;
+        }
+        saved(&self.window).await;
+        self.look("label-30").await;
+    }
+
+    async fn lasso(&self) {
+        let window = &self.window;
+        self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
+        window
+            .until("!document.querySelector('#projection [value=neighbours]').disabled && document.querySelector('.legend li')")
+            .await;
+        self.look("map").await;
+        let count = lasso_ten(window).await as u64;
+        let pictured = "document.querySelectorAll('#gallery img').length";
+        window.until(&format!("{pictured} === {count}")).await;
+        self.look("map-selected").await;
+        name_selected(window, "edge").await;
+        // Some of the thirty may be among these.
+        let asked = "document.getElementById('overwrite').open";
+        window
+            .until(&format!(
+                "{asked} || document.getElementById('legend').textContent.includes('edge')"
+            ))
+            .await;
+        if window.value(asked).await == json!(true) {
+            self.look("map-asks").await;
+            window.click("#overwrite [value=all]").await;
+        }
+        window
+            .until(&format!(
+                "document.getElementById('legend').textContent.includes('edge · {count}')"
+            ))
+            .await;
+        saved(window).await;
+    }
+
+    async fn learn(&self) {
+        let window = &self.window;
+        let version =
+            "(async () => (await (await fetch('/campaigns/small-1/points')).json()).archive_version)()";
+        let before = window.value(version).await;
+        window.click(".learn button").await;
+        window.until("document.querySelector('dialog.ask').open").await;
+        self.look("map-learn").await;
+        window.click("dialog.ask [value=yes]").await;
+        // One generation of 20 more, placed by what was learned. The page says what is done meanwhile, which may take a moment
+        // only.
+        let in_cluster = "Number(/\\((\\d+)\\)/.exec(option.textContent)?.[1] ?? 0)";
+        let all = format!(
+            "[...document.querySelectorAll('#of-cluster option')].reduce((sum, option) => sum + {in_cluster}, 0)"
+        );
+        window.until(&format!("{all} === 120")).await;
+        window
+            .until("document.getElementById('doing').textContent === ''")
+            .await;
+        assert_ne!(window.value(version).await, before);
+        self.look("map-learned").await;
+    }
+
+    async fn name(&self) {
+        let window = &self.window;
+        self.follow("nav a[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
+            .await;
+        window
+            .until("document.querySelectorAll('.medoid').length === 4")
+            .await;
+        window.click(".medoid form input").await;
+        window.press("whirl").await;
+        window.press("\u{e007}").await;
+        saved(window).await;
+        self.look("taxonomy").await;
+        for (page, ready) in [
+            (
+                "comparisons",
+                "document.querySelector('.triple .which').textContent",
+            ),
+            ("sheet", "document.querySelectorAll('.card').length > 3"),
+            ("answers", "document.querySelectorAll('.answer').length > 3"),
+            ("classes", "document.querySelectorAll('.class-row').length >= 3"),
+        ] {
+            self.follow(
+                &format!("nav a[href$='/{page}']"),
+                &format!("/campaigns/small-1/{page}"),
+            )
+            .await;
+            window.until(ready).await;
+            self.look(page).await;
+        }
+    }
+
+    async fn export(&self) {
+        let window = &self.window;
+        self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
+        for (table, rows) in [("labels", 30), ("archive", 120)] {
+            let read = format!(
+                "(async () => (await (await fetch(document.querySelector(\"a[href$='/{table}.csv']\").href)).text()).trim().split('\\n').length - 1)()"
+            );
+            let read = window.value(&read).await.as_u64().unwrap();
+            assert!(read >= rows, "{table} has {read} rows");
+        }
+    }
+
+    async fn start_another(&self) {
+        let window = &self.window;
+        self.follow("nav a", "/campaigns/small-1").await;
+        self.follow("a[href='/new?from=small-1']", "/new").await;
+        window.click("[name=seed]").await;
+        window.press("7").await;
+        self.follow("[value=start]", "/campaigns/small-2").await;
+        self.completed().await;
+    }
+
+    async fn compare(&self) {
+        let window = &self.window;
+        self.go("/").await;
+        window.click("[value='small-1']").await;
+        window.click("[value='small-2']").await;
+        self.look("campaigns").await;
+        self.follow("#compare button", "/compare").await;
+        window
+            .until("document.querySelectorAll('#best polyline').length === 2 && document.querySelectorAll('#training polyline').length === 2")
+            .await;
+        self.look("compare").await;
+    }
+}

@@ -1,0 +1,161 @@
+//! The list of campaigns, a new campaign, and campaigns side by side.
+
+use crate::browser::{
+    driver::Driver,
+    looks::{SIZES, check},
+    scene::Scene,
+};
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::small_spec;
+use serde_json::json;
+
+fn named(name: &str) -> CampaignSpec {
+    let text = small_spec("seed = 2").to_toml();
+    let text = text.replace("name = \"small\"", &format!("name = \"{name}\""));
+    CampaignSpec::from_toml(&text).unwrap()
+}
+
+pub async fn campaigns_are_found_compared_and_deleted_after_a_question() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    scene.cluster.run(&named("second")).await;
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&named("cell")).into()),
+        study: "mini".to_owned(),
+        ..v1::CreateCampaignRequest::default()
+    };
+    let cell = scene.cluster.client.create_campaign(request).await.unwrap();
+    scene.cluster.finish(&cell.into_inner().id).await;
+    let window = driver.open(&scene.cluster.url()).await;
+    let shown = "[...document.querySelectorAll('.listed')].filter((line) => line.checkVisibility()).length";
+    // The cell is folded.
+    window.until(&format!("{shown} === 2")).await;
+    window.click(".study summary").await;
+    window.until(&format!("{shown} === 3")).await;
+    window.click("#words").await;
+    window.press("second").await;
+    window.until(&format!("{shown} === 1")).await;
+    assert_eq!(window.text("#shown").await, "1 of 3 shown. Show all");
+    // What was chosen stays, also of lines that are not shown now.
+    window.click("[value='second-2']").await;
+    window
+        .driver
+        .execute("const words = document.getElementById('words'); words.value = ''; words.dispatchEvent(new Event('input', { bubbles: true }))", vec![])
+        .await
+        .unwrap();
+    window
+        .until("document.querySelector('#compare button').disabled")
+        .await;
+    window
+        .until("document.querySelector(\"[value='small-1']\")")
+        .await;
+    window.click("[value='small-1']").await;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("campaigns-{width}-{scheme}")).await;
+            check(&window, "campaigns").await;
+        }
+    }
+    window.resize(1280, 900, false).await;
+    window.click("#compare button").await;
+    window
+        .until("document.querySelectorAll('#best polyline').length === 2")
+        .await;
+    assert_eq!(
+        window
+            .value("document.querySelectorAll('.taxonomies img').length")
+            .await,
+        json!(8)
+    );
+    window.focus("#best svg").await;
+    window.press("\u{e012}").await;
+    window.press("\u{e012}").await;
+    let told = window.text("#best .chart p").await;
+    assert!(told.contains("small-1 ") && told.contains("second-2 "), "{told}");
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("compare-{width}-{scheme}")).await;
+            check(&window, "compare").await;
+        }
+    }
+
+    // Deleting says what goes, and asks.
+    window.driver.goto(scene.url("")).await.unwrap();
+    let campaign = window.value("location.pathname").await;
+    window.click("#delete").await;
+    window.until("location.pathname.endsWith('/delete')").await;
+    let asked = window.text("p.lead").await;
+    assert!(
+        asked.contains("100 individuals") && asked.contains("cannot be undone"),
+        "{asked}"
+    );
+    assert_eq!(scene.cluster.campaigns().await.len(), 3);
+    window.click("main p a").await;
+    window.until(&format!("location.pathname === {campaign}")).await;
+    window.click("#delete").await;
+    window.until("location.pathname.endsWith('/delete')").await;
+    window.click("#delete").await;
+    window.until("location.pathname === '/'").await;
+    assert_eq!(scene.cluster.campaigns().await.len(), 2);
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn a_campaign_is_described_checked_and_started_once() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let page = format!("{}/new", scene.cluster.url());
+    let window = driver.open(&page).await;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("new-{width}-{scheme}")).await;
+            check(&window, "new").await;
+        }
+    }
+    window.resize(1280, 900, false).await;
+    // What it costs follows what is written.
+    window.click("[name='search.population']").await;
+    window.press("7").await;
+    window
+        .until("document.getElementById('outcome').textContent.includes('700 (100 generations of 7)')")
+        .await;
+    window.click("[name='search.generations']").await;
+    window.press("none").await;
+    window
+        .until("document.querySelector('[aria-invalid]')?.name === 'search.generations'")
+        .await;
+    // A file says what is wrong at its line, and selects it.
+    window.driver.goto(format!("{page}?as=file")).await.unwrap();
+    let text = "const text = document.getElementById('text'); text.value = 'model = \"single-sensor\"\\nmethod = \"random\"\\nseeed = 1\\n'";
+    window.driver.execute(text, vec![]).await.unwrap();
+    window.click("[value=start]").await;
+    window
+        .until("document.getElementById('text').selectionStart === 42")
+        .await;
+    let told = window.text("#outcome").await;
+    assert!(
+        told.contains("Line 3") && told.contains("did you mean `seed`?"),
+        "{told}"
+    );
+    assert_eq!(scene.cluster.campaigns().await.len(), 1);
+    // A copy starts once, however often its button is pressed.
+    window.driver.goto(format!("{page}?from=small-1")).await.unwrap();
+    window.click("[name=name]").await;
+    window.press("-again").await;
+    let twice = "const form = document.getElementById('new'); const fields = new URLSearchParams(new FormData(form)); \
+                 fields.set('step', 'start'); fetch(form.action, { method: 'POST', body: fields })";
+    window.driver.execute(twice, vec![]).await.unwrap();
+    window.click("[value=start]").await;
+    window
+        .until("location.pathname === '/campaigns/small-again-2'")
+        .await;
+    assert_eq!(scene.cluster.campaigns().await.len(), 2);
+    window.close().await;
+    scene.cluster.stop().await;
+}

@@ -1,0 +1,149 @@
+//! The Progress page: a campaign is watched and ended.
+
+use crate::browser::{
+    driver::Driver,
+    looks::{SIZES, check},
+    scene::Scene,
+};
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::{small_latent_spec, small_spec};
+use serde_json::json;
+
+pub async fn novelty_is_drawn_as_it_grows_and_cancelling_asks_first() {
+    let driver = Driver::start();
+    // Far more than is waited for.
+    let text = small_spec("")
+        .to_toml()
+        .replace("generations = 5", "generations = 100000");
+    let mut scene = Scene::begun(&CampaignSpec::from_toml(&text).unwrap()).await;
+    let window = driver.open(&scene.url("")).await;
+    window
+        .until("document.querySelectorAll('#novelty polyline').length === 2")
+        .await;
+    let last = "Number(/generation ([0-9,]+):/.exec(document.querySelector('#novelty p').textContent)[1].replace(',', ''))";
+    let before = window.value(last).await.as_u64().unwrap();
+    window.until(&format!("{last} > {before}")).await;
+    // Keys tell the values of any generation, and a screen reader hears them; what arrives by itself it does not.
+    assert_eq!(window.text("#novelty [role=status]").await, "");
+    window.focus("#novelty svg").await;
+    window.press("\u{e012}").await;
+    window.press("\u{e012}").await;
+    window
+        .until("document.querySelectorAll('#novelty circle').length === 2")
+        .await;
+    let told = window.text("#novelty p").await;
+    assert!(told.contains("best ") && told.contains("mean "), "{told}");
+    let spoken = window
+        .value("document.querySelector('#novelty [role=status]').textContent")
+        .await;
+    assert!(spoken.as_str().unwrap().contains("best "), "{spoken}");
+
+    // Who works is listed, and what is found is shown moving.
+    let machines = window.text(".machines").await;
+    assert!(
+        machines.contains("worker") && machines.contains("At once"),
+        "{machines}"
+    );
+    window
+        .until("document.querySelectorAll('#shown .player .reason').length === 6 && [...document.querySelectorAll('#shown .player .reason')].every((words) => words.textContent.startsWith('individual '))")
+        .await;
+    window.click("#rest").await;
+    window
+        .until("document.getElementById('rest').ariaPressed === 'true'")
+        .await;
+    for (width, height) in SIZES {
+        window.resize(width, height, width < 500).await;
+        window.picture(&format!("searching-{width}")).await;
+        check(&window, "progress").await;
+    }
+    window.resize(1280, 900, false).await;
+
+    // The page is renewed four times a second: its buttons can be pressed all the same.
+    window.click("#cancel").await;
+    window.until("document.querySelector('dialog.ask').open").await;
+    window.click("dialog.ask [value='']").await;
+    window.until("!document.querySelector('dialog.ask')").await;
+    let running = scene.cluster.status("latest").await;
+    assert_eq!(running.state(), v1::CampaignState::Running);
+    window.click("#cancel").await;
+    window.click("dialog.ask [value=yes]").await;
+    window.until("!document.getElementById('cancel')").await;
+    let cancelled = scene.cluster.status("latest").await;
+    assert_eq!(cancelled.state(), v1::CampaignState::Cancelled);
+    // Nothing is found any more.
+    window.until("document.getElementById('shown').hidden").await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn the_training_and_its_rounds_are_drawn_after_a_reload() {
+    let driver = Driver::start();
+    let taught = "[feedback]\nrounds = 1\ngenerations = 2\nlabels = 40\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
+    let scene = Scene::of(&small_latent_spec(taught)).await;
+    let window = driver.open(&scene.url("")).await;
+    for _ in 0..2 {
+        window
+            .until("document.querySelectorAll('#training .event').length === 1")
+            .await;
+        let event = window.text("#training .event title").await;
+        assert_eq!(event, "round 1 begins");
+        let told = window.text("#training p").await;
+        assert!(told.contains("of round 1: accuracy"), "{told}");
+        let marks =
+            "[...document.querySelectorAll('#novelty .event title')].map((title) => title.textContent)";
+        let marks = window.value(marks).await;
+        assert_eq!(
+            marks,
+            json!(["first checkpoint", "new checkpoint, after round 1"])
+        );
+        window.driver.refresh().await.unwrap();
+    }
+    window.picture("trained-1280").await;
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+pub async fn a_button_never_becomes_another_and_what_was_agreed_to_is_done() {
+    let driver = Driver::start();
+    // Far more than is waited for.
+    let text = small_spec("")
+        .to_toml()
+        .replace("generations = 5", "generations = 100000");
+    let mut scene = Scene::begun(&CampaignSpec::from_toml(&text).unwrap()).await;
+    let window = driver.open(&scene.url("")).await;
+    window.until("document.getElementById('pause')").await;
+    // Another window pauses the campaign while somebody presses the button here.
+    let elsewhere = "window.pressed = document.getElementById('pause'); fetch('/campaigns/small-1/pause', { method: 'POST' })";
+    window.driver.execute(elsewhere, vec![]).await.unwrap();
+    window.until("document.getElementById('resume')").await;
+    let left = "[window.pressed.id, window.pressed.isConnected, window.pressed.form.getAttribute('action').split('/').at(-1)]";
+    assert_eq!(
+        window.value(left).await,
+        serde_json::json!(["pause", false, "pause"])
+    );
+
+    // Where the form is gone, the page says so.
+    window.click("#cancel").await;
+    let gone = "document.querySelector('.actions').replaceChildren()";
+    window.driver.execute(gone, vec![]).await.unwrap();
+    window.click("dialog.ask [value=yes]").await;
+    window
+        .until("document.getElementById('told').textContent.includes('no longer possible')")
+        .await;
+    window.click("dialog.ask button").await;
+    let paused = scene.cluster.status("latest").await;
+    assert_eq!(paused.state(), v1::CampaignState::Paused);
+
+    // Where there is a new one in its place, that is sent.
+    window.driver.refresh().await.unwrap();
+    window.click("#cancel").await;
+    let renewed =
+        "const actions = document.querySelector('.actions'); actions.innerHTML = String(actions.innerHTML)";
+    window.driver.execute(renewed, vec![]).await.unwrap();
+    window.click("dialog.ask [value=yes]").await;
+    window.until("!document.getElementById('cancel')").await;
+    let cancelled = scene.cluster.status("latest").await;
+    assert_eq!(cancelled.state(), v1::CampaignState::Cancelled);
+    window.close().await;
+    scene.cluster.stop().await;
+}

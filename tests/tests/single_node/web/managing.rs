@@ -1,0 +1,152 @@
+//! New campaigns, deleted ones, and campaigns side by side.
+
+use super::Browser;
+use murmuration_proto::{CampaignSpec, v1};
+use murmuration_tests::{Cluster, small_spec};
+use reqwest::StatusCode;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_new_campaign_says_what_it_costs_or_what_is_wrong_before_it_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 0).await;
+    let browser = Browser::at(&cluster);
+    let own = Some(browser.url.clone());
+    let page = browser.page("/new?example=quick-latent").await;
+    assert!(page.contains("1,000 (20 generations of 50)"), "{page}");
+    assert!(
+        page.contains("Controllers per generation, 1 to 100,000"),
+        "{page}"
+    );
+    let send = async |form: &[(&str, &str)]| {
+        let answer = browser.post("/new", form, own.as_deref()).await;
+        assert_eq!(answer.status(), StatusCode::OK);
+        answer.text().await.unwrap()
+    };
+    let text = "model = \"single-sensor\"\r\nmethod = \"random\"\r\n[search]\r\npopulation = 0\r\n";
+    let told = send(&[("step", "start"), ("text", text)]).await;
+    assert!(
+        told.contains("Line 4:") && told.contains("4 | population = 0"),
+        "{told}"
+    );
+    let fields = |seed| {
+        [
+            ("step", "start"),
+            ("model", "two-sensor"),
+            ("method", "random"),
+            ("seed", seed),
+        ]
+    };
+    let told = send(&fields("x")).await;
+    assert!(told.contains("seed must be a whole number"), "{told}");
+    let mut form = fields("7");
+    form[0].1 = "file";
+    let as_file = send(&form).await;
+    assert!(as_file.contains("seed = 7\n"), "{as_file}");
+    assert_eq!(cluster.campaigns().await, []);
+
+    // A copy of a campaign has its specification.
+    let id = cluster.create(&small_spec("seed = 3")).await;
+    let copy = browser.page(&format!("/new?from={id}")).await;
+    assert!(copy.contains("name=\"seed\" value=\"3\""), "{copy}");
+
+    // What is no form starts nothing, and neither does a form without a swarm.
+    let json = browser
+        .client
+        .post(format!("{}/play/search", browser.url))
+        .header("Origin", &browser.url)
+        .header("Content-Type", "application/json");
+    let refused = json.body("{}").send().await.unwrap();
+    assert_eq!(refused.status(), StatusCode::UNSUPPORTED_MEDIA_TYPE);
+    let nothing = browser.post("/play/search", &[], own.as_deref()).await;
+    assert_eq!(nothing.status(), StatusCode::BAD_REQUEST);
+    assert_eq!(cluster.campaigns().await.len(), 1);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_campaign_is_deleted_once_it_does_not_run_and_leaves_the_list() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    let own = Some(browser.url.clone());
+    cluster.run(&small_spec("")).await;
+    let asks = browser.page("/campaigns/small-1/delete").await;
+    assert!(asks.contains("This deletes 100 individuals"), "{asks}");
+    let list = browser.page("/").await;
+    assert!(
+        list.contains("/campaigns/small-1/delete") && list.contains("UTC"),
+        "{list}"
+    );
+    let delete = async |id: &str| {
+        let path = format!("/campaigns/{id}/delete");
+        browser.post(&path, &[], own.as_deref()).await.status()
+    };
+    assert_eq!(delete("latest").await, StatusCode::BAD_REQUEST);
+    assert_eq!(delete("small-1").await, StatusCode::SEE_OTHER);
+    assert_eq!(delete("small-1").await, StatusCode::NOT_FOUND);
+    assert_eq!(cluster.campaigns().await, []);
+    // Its id is not given again.
+    let endless = small_spec("")
+        .to_toml()
+        .replace("generations = 5", "generations = 100000");
+    let next = cluster.create(&CampaignSpec::from_toml(&endless).unwrap()).await;
+    assert_eq!(next, "small-2");
+    assert_eq!(delete(&next).await, StatusCode::CONFLICT);
+
+    // A cell of a study is folded, is not the latest, and goes only by the study's name.
+    let request = v1::CreateCampaignRequest {
+        spec: Some((&small_spec("")).into()),
+        study: "mini".to_owned(),
+        ..v1::CreateCampaignRequest::default()
+    };
+    let cell = cluster
+        .client
+        .create_campaign(request)
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!(cluster.status("latest").await.id, next);
+    assert_eq!(cluster.finish(&cell.id).await.study, "mini");
+    assert!(browser.page("/").await.contains("Study mini"));
+    assert_eq!(delete(&cell.id).await, StatusCode::CONFLICT);
+    let request = v1::DeleteCampaignRequest {
+        campaign: cell.id,
+        study: "mini".to_owned(),
+        preview: false,
+    };
+    let deleted = cluster
+        .client
+        .delete_campaign(request)
+        .await
+        .unwrap()
+        .into_inner();
+    assert_eq!((deleted.individuals, deleted.taxonomy), (100, true));
+    assert_eq!(cluster.campaigns().await.len(), 1);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn campaigns_are_compared_field_by_field() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 1).await;
+    let browser = Browser::at(&cluster);
+    for spec in ["", "seed = 7"] {
+        cluster.run(&small_spec(spec)).await;
+    }
+    let page = browser
+        .page("/compare?campaign=small-1&campaign=small-2&campaign=small-2")
+        .await;
+    assert!(
+        page.contains("<code>seed</code>") && page.contains("<td>7</td>"),
+        "{page}"
+    );
+    assert!(!page.contains("<code>model</code>"), "{page}");
+    assert_eq!(page.matches("Paths of behaviour").count(), 8);
+    for (path, status) in [
+        ("/compare?campaign=small-1", StatusCode::BAD_REQUEST),
+        ("/compare?campaign=small-1&campaign=none-9", StatusCode::NOT_FOUND),
+    ] {
+        assert_eq!(browser.get(path).await.status(), status, "{path}");
+    }
+    cluster.stop().await;
+}

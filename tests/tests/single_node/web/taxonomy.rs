@@ -1,0 +1,235 @@
+//! The taxonomy: its behaviours, its versions, and what learning changed.
+
+use super::Browser;
+use murmuration_proto::{parts::whole, v1};
+use murmuration_tests::{Cluster, small_latent_spec, small_spec};
+use reqwest::StatusCode;
+use serde_json::Value;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_finished_campaign_shows_its_behaviours() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    assert!(browser.page("/").await.contains("There are no campaigns yet"));
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    let list = browser.page("/").await;
+    let shown = "src=\"/campaigns/small-1/behaviour\"";
+    assert!(
+        list.contains(shown) && list.contains("100 of 100 evaluations"),
+        "{list}"
+    );
+    let page = browser.page("/campaigns/small-1").await;
+    let novelty = "<dt>Best novelty of the last generation</dt>";
+    for shown in [novelty, "4 behaviours", ">completed</strong>"] {
+        assert!(page.contains(shown), "{shown}: {page}");
+    }
+
+    let request = v1::GetTaxonomyRequest { campaign: id };
+    let taxonomy = cluster.client.get_taxonomy(request).await.unwrap();
+    let taxonomy = whole(taxonomy.into_inner()).await.unwrap();
+    // The novelty of its day is of an archive that was emptier.
+    let cards = browser.page("/campaigns/small-1/taxonomy").await;
+    for medoid in &taxonomy.medoids {
+        let size = format!("cluster of {}<", medoid.cluster_size);
+        assert!(cards.contains(&size), "{size} {cards}");
+        let shown = format!("<dt>Novelty</dt><dd>{:.4}</dd>", medoid.novelty);
+        assert!(cards.contains(&shown), "{shown} {cards}");
+    }
+    let medoid = taxonomy.medoids[0].individual.as_ref().unwrap();
+    // Under an address that a campaign of another data directory will not have, it may be kept for ever.
+    let path = format!("/campaigns/small-1/individuals/{}", medoid.index);
+    let created = cluster.status("small-1").await.created_ms;
+    let lasting = format!("{path}?created={created}");
+    assert!(page.contains(&lasting), "{page}");
+    for (path, kept) in [
+        (&lasting, "private, max-age=31536000, immutable"),
+        (&path, "private, no-cache"),
+        (&format!("{path}?created=1"), "private, no-cache"),
+        (&format!("{path}/motion"), "private, no-cache"),
+    ] {
+        assert_eq!(browser.get(path).await.headers()["cache-control"], kept, "{path}");
+    }
+    let behaviour = browser.get("/campaigns/small-1/behaviour").await;
+    assert_eq!(behaviour.headers()["location"], lasting);
+    let picture = browser.get(&lasting).await;
+    assert_eq!(picture.headers()["content-type"], "image/png");
+    let bytes = picture.bytes().await.unwrap();
+    let decoder = png::Decoder::new(std::io::Cursor::new(bytes))
+        .read_info()
+        .unwrap();
+    assert_eq!(decoder.info().size(), (50, 50));
+    cluster.stop().await;
+}
+
+const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
+
+/// What Ana calls individuals, as a script says it.
+fn said(request: &str, names: &[(u64, &str)]) -> String {
+    let answers: Vec<Value> = names
+        .iter()
+        .map(|(index, answer)| serde_json::json!({ "index": index, "answer": answer }))
+        .collect();
+    serde_json::json!({ "request_id": request, "annotator": "Ana", "answers": answers }).to_string()
+}
+
+/// The individuals on the cards of a page, in order.
+fn on_cards(page: &str) -> Vec<u64> {
+    let cards = page.split("<article class=\"medoid\" data-index=\"").skip(1);
+    cards
+        .map(|card| card.split('"').next().unwrap().parse().unwrap())
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    let id = cluster.create(&small_latent_spec(FEEDBACK)).await;
+    cluster.finish(&id).await;
+    let page = "/campaigns/small-1/taxonomy";
+    let first = browser.page(page).await;
+    assert!(!first.contains("Before and after"), "{first}");
+    let changes = browser.page("/campaigns/small-1/taxonomy/changes").await;
+    assert!(changes.contains("There is nothing to compare"), "{changes}");
+
+    // All clusters have names: whatever they become, some go on, and the others are accounted for.
+    let medoids = on_cards(&first);
+    let names = ["ring", "wall hugger", "clump", "cloud"];
+    let named: Vec<(u64, &str)> = medoids.iter().copied().zip(names).collect();
+    assert_eq!(named.len(), 4);
+    browser.tell("labels", &said("a", &named), StatusCode::OK).await;
+    let request = v1::RefineCampaignRequest { campaign: id.clone() };
+    cluster.client.refine_campaign(request).await.unwrap();
+    cluster.finish(&id).await;
+
+    let second = browser.page(page).await;
+    let own = on_cards(&second)
+        .iter()
+        .filter(|index| medoids.contains(index))
+        .count();
+    let carried = second.matches("Carried over from behaviour").count();
+    let lost = second.split("class=\"uncarried\"").nth(1).map_or(0, |rest| {
+        let list = rest.split("</details>").next().unwrap();
+        list.matches("<li>").count()
+    });
+    // Two clusters with the same medoid may have met in one, and a name may be its own.
+    assert!(
+        own + carried + lost >= 4 && own + carried > 0,
+        "{own} {carried} {lost} {second}"
+    );
+    // The service and the map say the same of them.
+    let told = cluster.taxonomy(&id).await.medoids;
+    let from: Vec<u32> = told
+        .iter()
+        .filter_map(|medoid| Some(medoid.name.as_ref()?.carried.as_ref()?.version))
+        .collect();
+    assert_eq!(from, vec![1; carried]);
+    let points = browser.get("/campaigns/small-1/points").await;
+    let points = points.text().await.unwrap();
+    let legend = points.matches("(carried over from version 1)").count();
+    assert_eq!(legend, carried, "{points}");
+    assert!(
+        second.contains("Version 2 · after round 1 of learning"),
+        "{second}"
+    );
+
+    // The former one is as it was, and takes no names.
+    let former = browser.page(&format!("{page}?version=1")).await;
+    assert_eq!(on_cards(&former), medoids);
+    assert!(
+        names
+            .iter()
+            .all(|name| former.contains(&format!("<strong>{name}</strong>"))),
+        "{former}"
+    );
+    assert!(!former.contains("<form class=\"naming"), "{former}");
+    let nowhere = browser.get(&format!("{page}?version=7")).await;
+    assert_eq!(nowhere.status(), StatusCode::NOT_FOUND);
+
+    let changes = browser.page("/campaigns/small-1/taxonomy/changes").await;
+    for said in [
+        "<h2 id=\"maps\">Maps</h2>",
+        "Accuracy on held-out triplets",
+        "<td>100</td><td>120</td>",
+    ] {
+        assert!(changes.contains(said), "{said} {changes}");
+    }
+    assert!(!changes.contains("not known"), "{changes}");
+    for version in [1, 2] {
+        let map = browser
+            .get(&format!("{page}/map.png?version={version}&after=2"))
+            .await;
+        assert_eq!(map.headers()["content-type"], "image/png");
+        let bytes = map.bytes().await.unwrap();
+        let reader = png::Decoder::new(std::io::Cursor::new(bytes))
+            .read_info()
+            .unwrap();
+        assert_eq!(reader.info().width, 720);
+    }
+    let nowhere = browser.get(&format!("{page}/map.png?version=1&after=7")).await;
+    assert_eq!(nowhere.status(), StatusCode::NOT_FOUND);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_medoid_is_tried_from_further_starts_and_downloaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start(folder.path(), 2).await;
+    let browser = Browser::at(&cluster);
+    let id = cluster.create(&small_spec("")).await;
+    cluster.finish(&id).await;
+    let cards = browser.page("/campaigns/small-1/taxonomy").await;
+    let index = on_cards(&cards)[0];
+    assert!(!cards.contains("The judge says"), "{cards}");
+    let judged = browser.page("/campaigns/small-1/taxonomy?judged=yes").await;
+    assert_eq!(judged.matches("The judge says").count(), 4, "{judged}");
+    // What was said is still known.
+    let again = browser.page("/campaigns/small-1/taxonomy").await;
+    assert_eq!(again.matches("The judge says").count(), 4);
+
+    // A name in common makes one behaviour of two clusters, but not the name for all that is unlike.
+    let [first, second] = [on_cards(&cards)[1], on_cards(&cards)[3]];
+    for (request, name, merged) in [("a", "ring", true), ("b", "Random", false)] {
+        let names = [(first, name), (second, name)];
+        browser
+            .tell("labels", &said(request, &names), StatusCode::OK)
+            .await;
+        let page = browser.page("/campaigns/small-1/taxonomy").await;
+        assert_eq!(page.contains("One behaviour in 2 clusters"), merged, "{page}");
+    }
+
+    let of = format!("/campaigns/small-1/individuals/{index}");
+    let starts = browser.page(&format!("{of}/starts")).await;
+    assert!(starts.contains(" of 20 starts: "), "{starts}");
+    assert_eq!(starts.matches(&format!("{of}/starts/")).count(), 20);
+    let mut pictures = Vec::new();
+    for place in 0..20 {
+        let picture = browser.get(&format!("{of}/starts/{place}")).await;
+        assert_eq!(picture.headers()["content-type"], "image/png");
+        pictures.push(picture.bytes().await.unwrap());
+    }
+    pictures.push(browser.get(&of).await.bytes().await.unwrap());
+    pictures.sort();
+    pictures.dedup();
+    assert!(pictures.len() > 2, "all starts are the same");
+    let nowhere = browser.get(&format!("{of}/starts/20")).await;
+    assert_eq!(nowhere.status(), StatusCode::NOT_FOUND);
+    assert_eq!(browser.page(&format!("{of}/starts")).await, starts);
+
+    for (name, kind, begins, ending) in [
+        ("motion.gif", "image/gif", &b"GIF89a"[..], "gif"),
+        ("paths.svg", "image/svg+xml", b"<svg", "svg"),
+    ] {
+        let file = browser.get(&format!("{of}/{name}")).await;
+        assert_eq!(file.headers()["content-type"], kind);
+        let attached = format!("attachment; filename=\"small-1-individual-{index}.{ending}\"");
+        assert_eq!(file.headers()["content-disposition"], attached);
+        assert!(file.bytes().await.unwrap().starts_with(begins), "{name}");
+    }
+    let nowhere = browser.get("/campaigns/small-1/individuals/100/motion.gif").await;
+    assert_eq!(nowhere.status(), StatusCode::NOT_FOUND);
+    cluster.stop().await;
+}
