@@ -34,13 +34,13 @@ pub fn small_spec(more: &str) -> CampaignSpec {
     CampaignSpec::from_toml(&text).unwrap()
 }
 
-/// Writes the file of a campaign that takes some seconds, so that it can be interrupted, to `folder`: 60 generations of 20
+/// Writes the file of a campaign that takes some seconds, so that it can be interrupted, to `folder`: 240 generations of 20
 /// controllers, 600 steps each.
 #[must_use]
 pub fn longer_spec(folder: &Path) -> String {
     let text = small_spec("seed = 5").to_toml();
     let text = text
-        .replace("generations = 5", "generations = 60")
+        .replace("generations = 5", "generations = 240")
         .replace("horizon = 200", "horizon = 600");
     let path = folder.join("longer.toml");
     std::fs::write(&path, text).unwrap();

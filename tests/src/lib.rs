@@ -23,6 +23,6 @@ pub use harness::{Test, block_on, run, run_one_by_one};
 pub use http::page;
 pub use murmuration::{Finished, Murmuration, start_trainer, start_worker, start_worker_with};
 pub use process::{PATIENCE, Running};
-pub use process_cluster::{Environment, ProcessClient, ProcessCluster};
+pub use process_cluster::{Environment, OVER_TOO_EARLY, ProcessClient, ProcessCluster};
 pub use requirements::Requirement;
 pub use small_disk::SmallDisk;

@@ -1,11 +1,13 @@
 //! The campaigns to disturb, and their digests without disturbance.
 
+use super::Scale;
 use murmuration_proto::CampaignSpec;
 use murmuration_tests::Murmuration;
 use std::{collections::BTreeMap, fs, sync::Mutex};
 
 /// A hand-crafted campaign of so many generations of ten.
-pub fn campaign(generations: u32, horizon: u32) -> CampaignSpec {
+pub fn campaign(scale: &Scale, generations: u32, horizon: u32) -> CampaignSpec {
+    let generations = scale.stretch * generations;
     let text = format!(
         "name = \"disturbed\"\nmodel = \"single-sensor\"\nmethod = \"hand-crafted\"\nseed = 7\n\
          [world]\nhorizon = {horizon}\n[search]\npopulation = 10\ngenerations = {generations}\n[taxonomy]\nmedoids = 4\n"
@@ -14,7 +16,8 @@ pub fn campaign(generations: u32, horizon: u32) -> CampaignSpec {
 }
 
 /// A campaign on a learned embedding, trained for so many epochs, however little they bring.
-pub fn latent(epochs: u32) -> CampaignSpec {
+pub fn latent(scale: &Scale, epochs: u32) -> CampaignSpec {
+    let epochs = scale.stretch * epochs;
     let text = format!(
         "name = \"disturbed\"\nmodel = \"single-sensor\"\nmethod = \"latent\"\nseed = 7\n\
          [dataset]\ncontrollers = 200\n[training.recipe.in-batch]\nbatch = 50\nepochs = {epochs}\npatience = {epochs}\n\

@@ -11,9 +11,9 @@ use std::cell::Cell;
 
 const DAY: i64 = 86_400;
 
-pub fn jumps(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn jumps(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let jumps = [DAY, -DAY, 3600, -400 * DAY, 0];
-    let spec = campaign(20 * jumps.len() as u32, 1000);
+    let spec = campaign(scale, 20 * jumps.len() as u32, 1000);
     let folder = tempfile::tempdir().unwrap();
     let clock = FaultyLibc::new(folder.path());
     let mut cluster = ProcessCluster::start_in(folder, 2, clock.environment().to_vec());

@@ -40,7 +40,7 @@ const LIMIT: Duration = Duration::from_secs(10);
 /// Cancels that the coordinator acknowledges while it starts, and while campaigns are created.
 pub fn cancels(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills as usize;
-    let spec = campaign(4, 100);
+    let spec = campaign(scale, 4, 100);
     // Without workers every campaign stands still until all cancels are acknowledged.
     let mut cluster = ProcessCluster::start(0);
     let ids: Vec<_> = (0..kills * CAMPAIGNS_A_KILL)

@@ -5,14 +5,14 @@ use super::{
     campaign::{Undisturbed, campaign},
     table::Row,
 };
-use murmuration_proto::{CampaignSpec, v1};
-use murmuration_tests::{FaultyLibc, ProcessCluster, SmallDisk};
+use murmuration_proto::CampaignSpec;
+use murmuration_tests::{FaultyLibc, OVER_TOO_EARLY, ProcessCluster, SmallDisk};
 use std::{fs, thread, time::Duration};
 
-pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn full(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let disk = SmallDisk::new(&folder.path().join("data"), "8m");
-    let spec = campaign(60, 1000);
+    let spec = campaign(scale, 60, 1000);
     let mut cluster = ProcessCluster::start_in(folder, 2, Vec::new());
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
@@ -30,21 +30,25 @@ pub fn full(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn failing(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn failing(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let fails = "syncs that fail (EIO)";
-    refused(undisturbed, fails, |faults, refuse| faults.fail_syncs(refuse))
+    refused(scale, undisturbed, fails, |faults, refuse| {
+        faults.fail_syncs(refuse)
+    })
 }
 
-pub fn read_only(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn read_only(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let fails = "a disk that became read-only (EROFS)";
-    refused(undisturbed, fails, |faults, refuse| faults.read_only(refuse))
+    refused(scale, undisturbed, fails, |faults, refuse| {
+        faults.read_only(refuse)
+    })
 }
 
 /// A disk that refuses what the coordinator writes for a while, in the middle of a campaign.
-fn refused(undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool)) -> Row {
+fn refused(scale: &Scale, undisturbed: &Undisturbed, what: &str, set: impl Fn(&FaultyLibc, bool)) -> Row {
     let folder = tempfile::tempdir().unwrap();
     let faults = FaultyLibc::new(folder.path());
-    let spec = campaign(60, 1000);
+    let spec = campaign(scale, 60, 1000);
     let mut cluster = ProcessCluster::start_in(folder, 2, faults.environment().into());
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done >= 5);
@@ -67,16 +71,16 @@ fn waits(cluster: &mut ProcessCluster, id: &str, spec: &CampaignSpec) -> u32 {
     let mut before = cluster.try_status(id).unwrap().generations_done;
     loop {
         thread::sleep(Duration::from_secs(2));
-        let now = cluster.try_status(id).unwrap();
-        assert_eq!(now.state(), v1::CampaignState::Running, "{}", now.error);
+        let now = cluster.check_running(id);
         if now.generations_done == before && !now.waiting.is_empty() {
             break;
         }
         before = now.generations_done;
     }
+    let all = spec.search().generations();
     assert!(
-        before < spec.search().generations(),
-        "it was over before the disk refused anything"
+        before < all,
+        "{OVER_TOO_EARLY} for the disk to refuse a generation"
     );
     before
 }

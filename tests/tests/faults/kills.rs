@@ -6,7 +6,7 @@ use super::{
     table::Row,
 };
 use murmuration_proto::{Purpose, RandomStream};
-use murmuration_tests::ProcessCluster;
+use murmuration_tests::{OVER_TOO_EARLY, ProcessCluster};
 use std::{thread, time::Duration};
 
 fn dice(scale: &Scale, of: u64) -> RandomStream {
@@ -20,7 +20,7 @@ fn pause(dice: &mut RandomStream, most_ms: u64) {
 pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.worker_kills;
     // Generations go on while a process starts in the place of one that was killed: some twenty, where that is slow.
-    let spec = campaign(20 * kills + 20, 1000);
+    let spec = campaign(scale, 20 * kills + 20, 1000);
     let mut cluster = ProcessCluster::start(3);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 1);
@@ -44,7 +44,7 @@ pub fn workers(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.coordinator_kills;
     // The first worker to come back goes on by itself until the other does.
-    let spec = campaign(40 * kills + 20, 300);
+    let spec = campaign(scale, 40 * kills + 20, 300);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     let mut dice = dice(scale, 2);
@@ -56,11 +56,7 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
         pause(&mut dice, 20);
         cluster.restart_coordinator();
     }
-    let status = cluster.wait_until(&id, |_| true);
-    assert!(
-        status.generations_done < spec.search().generations(),
-        "over before the last kill"
-    );
+    cluster.check_running(&id);
     let digest = cluster.finish(&id);
     Row {
         done: format!("coordinator killed {kills} times, started again"),
@@ -70,7 +66,7 @@ pub fn coordinator(scale: &Scale, undisturbed: &Undisturbed) -> Row {
 
 pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let kills = scale.trainer_kills;
-    let spec = latent(10 * kills + 10);
+    let spec = latent(scale, 10 * kills + 10);
     let mut cluster = ProcessCluster::start(2);
     let url = cluster.url();
     let mut trainer = cluster.worker(&url, "murmuration-trainer");
@@ -82,7 +78,10 @@ pub fn trainer(scale: &Scale, undisturbed: &Undisturbed) -> Row {
             status.trainers == 1 && status.training.is_some_and(|training| training.epoch >= epoch)
         });
         let training = status.training.expect("a training was waited for");
-        assert!(training.epoch < training.epochs, "over before the last kill");
+        assert!(
+            training.epoch < training.epochs,
+            "{OVER_TOO_EARLY}: all epochs are done"
+        );
         pause(&mut dice, 30);
         trainer.kill();
         trainer = cluster.worker(&url, "murmuration-trainer");

@@ -15,7 +15,7 @@ use std::{
 
 pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let count = scale.partitions;
-    let spec = campaign(40 * count + 20, 1000);
+    let spec = campaign(scale, 40 * count + 20, 1000);
     let mut cluster = ProcessCluster::start(0);
     let proxies = [(); 2].map(|()| Proxy::before(cluster.address(), 0));
     let urls = proxies.each_ref().map(Proxy::url);
@@ -52,8 +52,8 @@ pub fn partitions(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn latency(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(20, 1000);
+pub fn latency(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(scale, 20, 1000);
     let mut cluster = ProcessCluster::start(0);
     let proxy = Proxy::before(cluster.address(), 100);
     let url = proxy.url();
@@ -114,14 +114,14 @@ fn run(command: &str) -> bool {
     process.status().is_ok_and(|status| status.success())
 }
 
-pub fn loss(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn loss(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let namespace = Namespace::new();
     let drops = format!(
         "ip netns exec {} iptables -A INPUT -m statistic --mode random --probability 0.05 -j DROP",
         namespace.name
     );
     assert!(run(&drops), "{drops}");
-    let spec = campaign(60, 1000);
+    let spec = campaign(scale, 60, 1000);
     let mut cluster = ProcessCluster::start(0);
     // The coordinator listens on loopback alone, which a namespace has of its own.
     let relay = Proxy::listening(&format!("{}.1:0", namespace.subnet), cluster.address(), 0);

@@ -20,7 +20,7 @@ use tokio::net::TcpSocket;
 use tonic::{Code, Status};
 
 pub fn connections(scale: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(300, 1000);
+    let spec = campaign(scale, 300, 1000);
     // Without workers the campaign cannot be over before the connections are open, however slow they are to open.
     let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
@@ -88,10 +88,10 @@ const _: () = assert!(WANTED > MAX_CONNECTIONS + 500);
 pub const FILES: u64 = WANTED as u64 + 500;
 
 /// More connections than are allowed in all, and from one address; and a larger message.
-pub fn limits(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn limits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     rlimit::increase_nofile_limit(u64::MAX).unwrap();
     // Thousands of connections take a busy machine some seconds.
-    let spec = campaign(1200, 1000);
+    let spec = campaign(scale, 2000, 1000);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.generations_done > 0);

@@ -37,7 +37,7 @@ pub fn memory_mib(process: u32) -> f64 {
 }
 
 pub fn soak(scale: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(20, 300);
+    let spec = campaign(scale, 20, 300);
     let mut cluster = ProcessCluster::start(2);
     let mut dice = RandomStream::derive(scale.seed, Purpose::Jitter, 9);
     let whole = Duration::from_secs(scale.soak_seconds);

@@ -29,9 +29,9 @@ fn answer_all(cluster: &ProcessCluster, evaluation: &v1::Evaluation) -> (usize, 
     })
 }
 
-pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
+pub fn slow(scale: &Scale, undisturbed: &Undisturbed) -> Row {
     let stops = 5;
-    let spec = campaign(40 * stops, 600);
+    let spec = campaign(scale, 40 * stops, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     let mut went_on = 0;
@@ -58,8 +58,8 @@ pub fn slow(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(20, 600);
+pub fn hung(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(scale, 20, 600);
     let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let url = cluster.url();
@@ -80,8 +80,8 @@ pub fn hung(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(60, 600);
+pub fn wrong_bits(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(scale, 300, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     // With only one that could contradict it, nobody could say who is wrong.
@@ -96,8 +96,8 @@ pub fn wrong_bits(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(200, 600);
+pub fn impossible(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(scale, 800, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     cluster.wait_to_strike(&id, |status| status.workers == 2 && status.generations_done > 0);
@@ -184,8 +184,8 @@ pub fn impossible(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let (spec, connections) = (campaign(60, 600), 4);
+pub fn connections_of_a_liar(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let (spec, connections) = (campaign(scale, 300, 600), 4);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     // With only one that could contradict it, nobody could say who is wrong.
@@ -229,8 +229,8 @@ pub fn connections_of_a_liar(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn unfit(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = latent(3);
+pub fn unfit(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = latent(scale, 3);
     let mut cluster = ProcessCluster::start(0);
     let id = cluster.submit(&spec);
     let url = cluster.url();
@@ -257,8 +257,8 @@ pub fn unfit(_: &Scale, undisturbed: &Undisturbed) -> Row {
     }
 }
 
-pub fn foreign_leases(_: &Scale, undisturbed: &Undisturbed) -> Row {
-    let spec = campaign(200, 600);
+pub fn foreign_leases(scale: &Scale, undisturbed: &Undisturbed) -> Row {
+    let spec = campaign(scale, 800, 600);
     let mut cluster = ProcessCluster::start(2);
     let id = cluster.submit(&spec);
     // By then some leases are over, and others are held.

@@ -5,11 +5,11 @@ use murmuration_tests::{Murmuration, longer_spec};
 use serde_json::Value;
 use std::{fs, path::Path, thread, time::Duration};
 
-/// The file of a campaign of 200 generations: long enough to be killed five times.
+/// The file of a campaign of 400 generations: long enough to be killed five times.
 fn longest_spec(folder: &Path) -> String {
     let spec = longer_spec(folder);
     let text = fs::read_to_string(&spec).unwrap();
-    fs::write(&spec, text.replace("generations = 60", "generations = 200")).unwrap();
+    fs::write(&spec, text.replace("generations = 240", "generations = 400")).unwrap();
     spec
 }
 
@@ -38,7 +38,7 @@ fn killed_again_and_again_it_ends_the_same() {
         command = vec!["resume", "latest", "--workers", "1"];
         let now = generations(&killed.latest());
         assert!(
-            (done + 1..200).contains(&now),
+            (done + 1..400).contains(&now),
             "it was killed at the wrong time: {done} generations before, {now} after"
         );
         done = now;

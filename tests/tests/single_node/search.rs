@@ -40,10 +40,10 @@ async fn every_part_of_a_specification_matters() {
     }
 }
 
-/// A campaign of 200 generations, so that there is something to interrupt.
+/// A campaign of 400 generations, so that there is something to interrupt.
 fn longer() -> CampaignSpec {
     let text = small_spec("seed = 3").to_toml();
-    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap()
+    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 400")).unwrap()
 }
 
 /// Watches a campaign until more than so many generations are done, and not all.
@@ -55,7 +55,7 @@ async fn in_the_middle(cluster: &mut Cluster, campaign: &str, after: u32) -> u32
         v1::CampaignState::Running,
         "it was over too early"
     );
-    assert!((after + 1..200).contains(&status.generations_done));
+    assert!((after + 1..400).contains(&status.generations_done));
     status.generations_done
 }
 
@@ -76,7 +76,7 @@ async fn a_coordinator_stopped_in_the_middle_goes_on_by_itself() {
         (stopped.state(), stopped.active),
         (v1::CampaignState::Running, true)
     );
-    assert!((seen..200).contains(&stopped.generations_done), "{stopped:?}");
+    assert!((seen..400).contains(&stopped.generations_done), "{stopped:?}");
     cluster.stop().await;
 
     let mut cluster = Cluster::start(folder.path(), 2).await;

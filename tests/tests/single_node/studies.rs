@@ -208,7 +208,7 @@ fn tables_follow_from_the_files_of_the_report_and_those_from_the_campaigns() {
 #[test]
 fn killed_and_run_again_it_comes_to_the_same_figures() {
     let folder = tempfile::tempdir().unwrap();
-    let text = STUDY.replace("generations = 5", "generations = 40");
+    let text = STUDY.replace("generations = 5", "generations = 200");
     let file = written(folder.path(), &text);
     let undisturbed = run(&Murmuration::over(&folder.path().join("undisturbed")), &file);
 

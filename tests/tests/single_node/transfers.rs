@@ -125,7 +125,7 @@ fn a_campaign_that_was_running_continues_where_it_was_exported() {
         .last_line();
     assert_eq!(exported["state"], "running");
     let generations = exported["generations"].as_u64().unwrap();
-    assert!((4..60).contains(&generations), "{generations}");
+    assert!((4..240).contains(&generations), "{generations}");
     assert_eq!(run.wait(), Some(0));
 
     let there = Murmuration::over(&folder.path().join("imported"));

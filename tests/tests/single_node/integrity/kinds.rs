@@ -42,7 +42,7 @@ async fn evaluate(cluster: &Cluster, lease: v1::LeaseId, batch: v1::EvaluationBa
 async fn what_a_machine_of_another_kind_embedded_is_not_found_wrong() {
     let folder = tempfile::tempdir().unwrap();
     let text = small_latent_spec("").to_toml();
-    let spec = CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 40")).unwrap();
+    let spec = CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap();
     let options = Options {
         // It is not heard while it computes.
         silence_limit: Duration::from_secs(20),

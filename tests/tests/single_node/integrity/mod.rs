@@ -93,10 +93,10 @@ impl Honest {
     }
 }
 
-/// A campaign of forty generations.
+/// A campaign of two hundred generations.
 fn longer() -> CampaignSpec {
     let text = small_spec("").to_toml();
-    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 40")).unwrap()
+    CampaignSpec::from_toml(&text.replace("generations = 5", "generations = 200")).unwrap()
 }
 
 /// The digest of the campaign that the tests disturb, undisturbed.
