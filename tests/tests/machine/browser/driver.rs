@@ -37,6 +37,25 @@ pub struct Driver {
     binary: String,
 }
 
+/// A process of chromedriver and its port; `None` if it ended before it listened.
+fn listening(driver: &str) -> Option<(Child, u16)> {
+    let mut process = Command::new(driver)
+        .arg("--port=0")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let said = BufReader::new(process.stdout.take().unwrap());
+    let port = said.lines().map(Result::unwrap).find_map(|line| {
+        let (_, port) = line.split_once("started successfully on port ")?;
+        port.trim_end_matches('.').parse().ok()
+    });
+    if port.is_none() {
+        process.wait().unwrap();
+    }
+    Some((process, port?))
+}
+
 /// One browser with one window.
 pub struct Window {
     pub driver: WebDriver,
@@ -45,20 +64,9 @@ pub struct Window {
 impl Driver {
     pub fn start() -> Self {
         let (binary, driver) = chromium().expect("the harness asks first whether there is a browser");
-        let mut process = Command::new(driver)
-            .arg("--port=0")
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let said = BufReader::new(process.stdout.take().unwrap());
-        let port = said
-            .lines()
-            .map(Result::unwrap)
-            .find_map(|line| {
-                let (_, port) = line.split_once("started successfully on port ")?;
-                port.trim_end_matches('.').parse::<u16>().ok()
-            })
+        // It takes a free port of IPv6, and ends if somebody has that port of IPv4: another one of many at once may.
+        let (process, port) = (0..10)
+            .find_map(|_| listening(&driver))
             .expect("chromedriver says where it listens");
         Self {
             process,
