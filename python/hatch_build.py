@@ -1,7 +1,6 @@
 """Generates the messages of the contract, `murmuration.v1`, and puts the programs into a wheel that is to have them."""
 
 import os
-import platform
 import re
 import sys
 from collections.abc import Iterable
@@ -48,7 +47,15 @@ class Contract(BuildHookInterface[Any]):
             build_data["tag"] = f"py3-none-{_platform(programs.values())}"
 
 
+# Names that wheels have for the kinds of machine in the header of a program (e_machine, at byte 18 of an ELF file).
+_MACHINES = {62: "x86_64", 183: "aarch64"}
+
+
 def _platform(programs: Iterable[Path]) -> str:
     """The tag of the systems that programs run on: their C library has all symbols that the programs need."""
-    minors = [int(minor) for path in programs for minor in re.findall(rb"GLIBC_2\.(\d+)", path.read_bytes())]
-    return f"manylinux_2_{max(minors)}_{platform.machine()}"
+    contents = [path.read_bytes() for path in programs]
+    minors = [int(minor) for content in contents for minor in re.findall(rb"GLIBC_2\.(\d+)", content)]
+    machines = {int.from_bytes(content[18:20], "little") for content in contents}
+    if len(machines) != 1 or not machines <= _MACHINES.keys():
+        sys.exit(f"no wheel can have programs for machines of the kinds {sorted(machines)}")
+    return f"manylinux_2_{max(minors)}_{_MACHINES[machines.pop()]}"
