@@ -1,6 +1,6 @@
 //! The parts that all pages have around their content.
 
-use super::visitor::Visitor;
+use super::{archive_state::ArchiveState, visitor::Visitor};
 use maud::{DOCTYPE, Markup, html};
 use murmuration_model::CampaignRecord;
 use murmuration_report::atlas::Layout;
@@ -114,7 +114,9 @@ pub(super) fn campaign_page(
         (visitor.account())
     };
     let main = html! {
-        main #content data-campaign=(id) data-created=(record.archive_version().origin()) {
+        main #content data-campaign=(id) data-created=(record.archive_version().origin())
+            data-archive-state=(ArchiveState::of(record).word())
+        {
             noscript { p.scriptless { (without_scripts(record, part)) } }
             (content)
         }

@@ -6,6 +6,7 @@
 
 mod actions;
 mod answers;
+mod archive_state;
 mod archived;
 mod assets;
 mod atlas;

@@ -1,13 +1,12 @@
 //! The event streams of pages: parts of a page are sent again whenever they change.
 
-use super::{Web, found::Wanted, list, page_error::PageError, pages};
+use super::{Web, archive_state::ArchiveState, found::Wanted, list, page_error::PageError, pages};
 use axum::{
     extract::{Path, Query, State},
     response::sse::{Event, KeepAlive, Sse},
 };
 use maud::Markup;
 use murmuration_engine::{blocking::blocking, campaign::CampaignError};
-use murmuration_model::{ArchiveVersion, CampaignRecord, CampaignState};
 use murmuration_service::Permit;
 use serde_json::json;
 use std::{convert::Infallible, sync::Arc, time::Duration};
@@ -61,24 +60,6 @@ pub(super) async fn campaign(State(web): State<Web>, Path(id): Path<String>) -> 
 /// The markup of a taxonomy, and what it was rendered from: the state of the archive, and the length of the label log.
 type RenderedTaxonomy = ((ArchiveState, u64), Markup);
 
-/// The state of an archive: a page that shows the archive is loaded again when the state changes.
-#[derive(PartialEq, Eq)]
-struct ArchiveState {
-    version: ArchiveVersion,
-    individuals: u64,
-    completed: bool,
-}
-
-impl ArchiveState {
-    fn of(record: &CampaignRecord) -> Self {
-        Self {
-            version: record.archive_version(),
-            individuals: record.individuals(),
-            completed: record.state == CampaignState::Completed,
-        }
-    }
-}
-
 /// For scripts: the state of the archive, the length of its label log, and the current stage as a sentence.
 pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> Result<Events, PageError> {
     let id = web.campaigns.status(&id).await?.record.id;
@@ -92,6 +73,7 @@ pub(super) async fn changes(State(web): State<Web>, Path(id): Path<String>) -> R
             let entries = blocking(move || web.store.label_entries(&id)).await??;
             let archive = ArchiveState::of(&record);
             let seen = json!({
+                "archive_state": archive.word(),
                 "archive_version": archive.version.to_string(),
                 "individuals": archive.individuals,
                 "completed": archive.completed,

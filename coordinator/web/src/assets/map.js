@@ -378,9 +378,8 @@ let stands = null;
 let entries = null;
 follow(async (seen) => {
   tellDoing(seen);
-  const now = `${seen.archive_version} ${seen.individuals} ${seen.completed}`;
-  const [moved, said] = [now !== stands, seen.labels !== entries];
-  [stands, entries] = [now, seen.labels];
+  const [moved, said] = [seen.archive_state !== stands, seen.labels !== entries];
+  [stands, entries] = [seen.archive_state, seen.labels];
   if (moved) load().catch((error) => complain(status, error));
   if (said) await label();
   begin();

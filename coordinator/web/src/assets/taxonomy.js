@@ -38,11 +38,14 @@ for (const card of document.querySelectorAll(".medoid")) {
   });
 }
 
-let begun = null;
+// The page says what it was made from: the search may have ended since. A page stays for some seconds, however fast the archive
+// grows.
+const { archiveState } = document.getElementById("content").dataset;
+const STAYS_MS = 3000;
+let next = null;
 follow((seen) => {
-  const stands = `${seen.archive_version} ${seen.individuals} ${seen.completed}`;
-  if (begun !== null && begun !== stands) location.reload();
-  begun = stands;
+  if (next !== null || seen.archive_state === archiveState) return;
+  next = setTimeout(() => location.reload(), Math.max(0, STAYS_MS - performance.now()));
 });
 
 // What is to be said after the page has come again.
