@@ -2,11 +2,13 @@
 """What the programs take for a large archive: seconds, and the peak of resident memory of each process.
 
     cargo build --release --workspace --bins --example fill
-    python3 benches/large_archive.py [--count 100000 1000000] [--folder DIR] [--programs target/release]
+    python3 benches/large_archive.py [--count 100000 1000000] [--evaluated] [--folder DIR] [--programs target/release]
 
-It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation, and
-prints a table. Each item is a fresh process. `serve` finishes the campaign: it is killed with SIGKILL once it answers, and
-started again. The page is asked for ten times a second while the map is made: the longest wait says who holds up whom.
+It fills a data directory with made-up individuals (`coordinator/store/examples/fill.rs`), all but the last generation; with
+--evaluated a campaign of null evaluations runs instead, over gRPC and from its first generation to its last, in generations of
+1,000 (`murmuration bench cluster --keep`). It prints a table. Each item is a fresh process. `serve` finishes the campaign: it is
+killed with SIGKILL once it answers, and started again. The page is asked for ten times a second while the map is made: the
+longest wait says who holds up whom.
 """
 
 import argparse
@@ -25,7 +27,7 @@ import time
 import urllib.request
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-CAMPAIGN = "/campaigns/filled-1"
+MADE_UP, EVALUATED = "/campaigns/filled-1", "/campaigns/bench-1"
 
 
 def row(item, seconds, cpu, mebibytes, note=""):
@@ -66,7 +68,7 @@ def get(url):
 
 
 @contextlib.contextmanager
-def serving(programs, data, workers):
+def serving(programs, data, workers, campaign):
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
         address = "127.0.0.1:%d" % listener.getsockname()[1]
@@ -76,7 +78,7 @@ def serving(programs, data, workers):
     try:
         while True:
             try:
-                get(f"http://{address}{CAMPAIGN}")
+                get(f"http://{address}{campaign}")
                 break
             except OSError:
                 if process.poll() is not None:
@@ -95,30 +97,34 @@ def state(programs, url):
     return said["state"]
 
 
-def longest_wait(url, ended):
+def longest_wait(page, ended):
     """Asks for the campaign's page until `ended`; the longest that one took."""
     longest = 0.0
     while not ended.is_set():
-        longest = max(longest, get(url + CAMPAIGN)[0])
+        longest = max(longest, get(page)[0])
         time.sleep(0.1)
     return longest
 
 
-def while_asking(url, path):
+def while_asking(page, path):
     """Seconds that `path` took, the longest that the page took meanwhile, bytes of the answer."""
     ended, waited = threading.Event(), []
-    asking = threading.Thread(target=lambda: waited.append(longest_wait(url, ended)))
+    asking = threading.Thread(target=lambda: waited.append(longest_wait(page, ended)))
     asking.start()
-    seconds, body = get(url + CAMPAIGN + path)
+    seconds, body = get(page + path)
     ended.set()
     asking.join()
     return seconds, waited[0], len(body)
 
 
-def measure(programs, count, folder):
+def measure(programs, count, folder, evaluated):
     data = folder / "data"
     print(f"\n{count:,} individuals\n\n| item | s | CPU, s | MiB | |\n|---|--:|--:|--:|---|")
-    if not data.exists():
+    campaign = EVALUATED if evaluated else MADE_UP
+    if evaluated:
+        command = ["bench", "cluster", "--generations", 1, "--rounds", 1, "--null-generations", count // 1000, "--keep", data]
+        run("null evaluations", programs / "murmuration", *command)
+    else:
         run("fill", programs / "examples/fill", data, count)
     database = data / "murmuration.sqlite"
     run("digest", programs / "murmuration", "digest", "latest", "--data", data)
@@ -131,11 +137,11 @@ def measure(programs, count, folder):
     run("import", programs / "murmuration", "import", folder / "export", "--data", folder / "imported")
     for name in ("export", "imported"):
         shutil.rmtree(folder / name)
-    with serving(programs, data, 1) as (process, url, seconds):
+    with serving(programs, data, 1, campaign) as (process, url, seconds):
         row("serve: the first page", seconds, cpu(process), peak(process))
         time.sleep(1)
         process.kill()
-    with serving(programs, data, 1) as (process, url, seconds):
+    with serving(programs, data, 1, campaign) as (process, url, seconds):
         begun = time.perf_counter()
         while state(programs, url) == "running":
             time.sleep(0.2)
@@ -143,11 +149,11 @@ def measure(programs, count, folder):
             sys.exit(f"the campaign is {state(programs, url)}")
         seconds = time.perf_counter() - begun
         row("after SIGKILL: last generation and taxonomy", seconds, cpu(process), peak(process))
-    with serving(programs, data, 0) as (process, url, seconds):
+    with serving(programs, data, 0, campaign) as (process, url, seconds):
         row("serve, completed: the first page", seconds, cpu(process), peak(process))
         for path in ["/taxonomy", "/points", "/points/axes", "/points/neighbours"]:
             before = cpu(process)
-            seconds, waited, size = while_asking(url, path)
+            seconds, waited, size = while_asking(url + campaign, path)
             row(path, seconds, cpu(process) - before, peak(process), f"{size:,} bytes; the page meanwhile: {waited:.2f} s at most")
     run("report", programs / "murmuration", "report", "latest", "--data", data, "--out", folder / "report")
     print(f"\n{database.stat().st_size / count:.0f} bytes on disk an individual")
@@ -156,12 +162,13 @@ def measure(programs, count, folder):
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     arguments.add_argument("--count", type=int, nargs="+", default=[100_000])
+    arguments.add_argument("--evaluated", action="store_true", help="run a campaign of null evaluations instead of making one up")
     arguments.add_argument("--folder", type=pathlib.Path, help="where to put the data directories")
     arguments.add_argument("--programs", type=pathlib.Path, default=ROOT / "target/release")
     options = arguments.parse_args()
     for count in options.count:
         with tempfile.TemporaryDirectory(dir=options.folder) as folder:
-            measure(options.programs, count, pathlib.Path(folder))
+            measure(options.programs, count, pathlib.Path(folder), options.evaluated)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 mod all;
 mod cluster;
 mod cpu_time;
+mod floor;
 mod labels;
 mod pipeline;
 
@@ -27,7 +28,7 @@ use std::{
 /// A benchmark.
 #[derive(Debug, clap::Subcommand)]
 pub(super) enum Bench {
-    /// Measure simulation, cluster, training and novelty in short, each beside its peer, in one table
+    /// Measure simulation, campaigns, training, novelty and k-medoids in short, each beside its peer, in one table
     All(all::AllBench),
     /// Measure evaluations a second on one core, with and without SIMD
     Simulate {

@@ -13,6 +13,7 @@ use super::{
         table::{Table, left, right},
     },
     cluster::ClusterBench,
+    floor,
     pipeline::PipelineBench,
     span,
 };
@@ -54,7 +55,7 @@ struct Row {
     ours: f64,
     peer: Option<f64>,
     peer_name: Option<&'static str>,
-    floor: Option<Floor>,
+    floor: Floor,
 }
 
 /// The least that a result takes.
@@ -77,8 +78,8 @@ impl Row {
             peer: self.peer,
             peer_name: self.peer_name,
             ratio: self.ratio(),
-            floor: self.floor.map(|floor| floor.count),
-            floor_unit: self.floor.map(|floor| floor.of),
+            floor: self.floor.count,
+            floor_unit: self.floor.of,
             machine: machine.clone(),
         }
     }
@@ -92,10 +93,7 @@ impl Row {
             or_none(self.peer.map(rate)),
             or_none(self.peer_name.map(str::to_owned)),
             or_none(self.ratio().map(|ratio| format!("{ratio:.2}"))),
-            or_none(
-                self.floor
-                    .map(|floor| format!("{} {}", grouped(floor.count), floor.of)),
-            ),
+            format!("{} {}", grouped(self.floor.count), self.floor.of),
         ]
     }
 }
@@ -148,7 +146,10 @@ impl AllBench {
             ours: pipeline,
             peer: Some(plain),
             peer_name: Some("plain loop"),
-            floor: None,
+            floor: Floor {
+                count: measured.floor(),
+                of: "operations",
+            },
         })
     }
 
@@ -163,7 +164,10 @@ impl AllBench {
             ours: campaign,
             peer: Some(plain),
             peer_name: Some("plain loop"),
-            floor: None,
+            floor: Floor {
+                count: floor::SIMULATION,
+                of: "operations",
+            },
         };
         let null = Row {
             item: "coordinator, null evaluations".to_owned(),
@@ -171,7 +175,10 @@ impl AllBench {
             ours: null,
             peer: None,
             peer_name: None,
-            floor: None,
+            floor: Floor {
+                count: floor::RESULT,
+                of: "bytes received",
+            },
         };
         Ok([campaign, null])
     }

@@ -14,7 +14,7 @@ use super::{
     cpu_time::CpuTime,
 };
 use crate::{cli::Global, local::InProcess};
-pub(super) use campaign::{BenchCampaign, Finished};
+pub(super) use campaign::BenchCampaign;
 use murmuration_link::{InputKind, OutputError, errln};
 use murmuration_proto::{CampaignSpec, CheckpointDigest, grouped};
 use null_worker::NullWorker;
@@ -33,8 +33,9 @@ measured. Its CPU time includes breeding, novelty, network and database, and lea
 
 Each figure is the best of all rounds.
 
-Example:
-  murmuration bench cluster --generations 20 --rounds 1")]
+Examples:
+  murmuration bench cluster --generations 20 --rounds 1
+  murmuration bench cluster --generations 1 --rounds 1 --null-generations 1000 --keep million")]
 pub(in crate::cli) struct ClusterBench {
     /// Workers of the campaign, and threads of the plain loop
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=256))]
@@ -51,6 +52,9 @@ pub(in crate::cli) struct ClusterBench {
     /// ONNX file of an embedder: measure a campaign whose workers embed, too
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
+    /// Measure null evaluations once, in this data directory, which stays
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
 }
 
 /// How long something took.
@@ -136,6 +140,7 @@ impl ClusterBench {
             null_generations,
             rounds: 3,
             checkpoint: None,
+            keep: None,
         }
     }
 
@@ -163,7 +168,8 @@ impl ClusterBench {
         let (mut campaigns, mut loops, mut results) = (Vec::new(), Vec::new(), 0);
         for round in 1..=self.rounds {
             let bench = BenchCampaign::start(crew, model.clone()).await?;
-            let Finished { took, tasks } = bench.run(spec).await?;
+            let finished = bench.run(spec).await?;
+            let (took, tasks) = (finished.took, finished.tasks()?);
             let plain = PlainLoop::new(spec, model.as_deref(), self.workers.into())?;
             let alone = plain.run(&tasks)?;
             errln!(
@@ -185,10 +191,15 @@ impl ClusterBench {
             self.null_generations
         ))?;
         let mut rounds = Vec::new();
-        for _ in 0..self.rounds {
-            let bench = BenchCampaign::start(InProcess::NONE, None).await?;
+        // A folder holds the campaign of one round.
+        let count = if self.keep.is_some() { 1 } else { self.rounds };
+        for _ in 0..count {
+            let bench = match &self.keep {
+                Some(folder) => BenchCampaign::start_kept(folder).await?,
+                None => BenchCampaign::start(InProcess::NONE, None).await?,
+            };
             let worker = NullWorker::start(bench.way(), spec.image())?;
-            let Finished { took, .. } = bench.run(&spec).await?;
+            let took = bench.run(&spec).await?.took;
             let cpu = took.cpu.without(worker.end()?);
             rounds.push(Took { cpu, ..took });
         }

@@ -7,12 +7,13 @@ use super::{
         json,
         table::{Table, left, right},
     },
-    cluster::{BenchCampaign, Finished, PlainLoop, Took},
+    cluster::{BenchCampaign, PlainLoop, Took},
     cpu_time::CpuTime,
+    floor::{SIMULATION, TRAINED_PICTURE},
 };
 use crate::{cli::Global, local::InProcess};
 use murmuration_link::errln;
-use murmuration_proto::{CampaignSpec, grouped, v1::CampaignStage};
+use murmuration_proto::{CampaignSpec, EmbedderSource, grouped, v1::CampaignStage};
 use std::time::{Duration, Instant};
 
 /// Arguments of `bench pipeline`.
@@ -57,6 +58,8 @@ pub(super) struct Pipeline {
     stages: [Took; 4],
     /// Simulations of the dataset and of the archive.
     simulations: u64,
+    /// Multiply-adds of the training, at least.
+    multiply_adds: u64,
     /// As many simulations in a plain loop.
     plain: Duration,
 }
@@ -64,6 +67,11 @@ pub(super) struct Pipeline {
 impl Pipeline {
     fn whole(&self) -> Duration {
         self.stages.iter().map(|took| took.wall).sum()
+    }
+
+    /// Operations for each simulation, at least: its own, and its part of the training. A multiply-add counts twice.
+    pub(super) const fn floor(&self) -> u64 {
+        SIMULATION + 2 * self.multiply_adds / self.simulations
     }
 
     /// Simulations a second of the pipeline and of the plain loop.
@@ -131,7 +139,7 @@ impl PipelineBench {
         };
         let mut stages = [Took::default(); 4];
         let mut before: Option<(usize, Instant, CpuTime)> = None;
-        let Finished { tasks, .. } = BenchCampaign::start(crew, None)
+        let finished = BenchCampaign::start(crew, None)
             .await?
             .complete(&spec, PAUSE, |stage| {
                 let (now, cpu_now) = (Instant::now(), CpuTime::of_process());
@@ -145,13 +153,24 @@ impl PipelineBench {
                 before = Some((place, now, cpu_now));
             })
             .await?;
+        let tasks = finished.tasks()?;
         let plain = PlainLoop::new(&spec, None, self.workers.into())?.run(&tasks)?;
         let simulations = u64::from(self.controllers) * u64::from(STARTS) + spec.search().evaluations();
         Ok(Pipeline {
             stages,
             simulations,
+            multiply_adds: self.multiply_adds(&spec),
             plain: plain.wall.mul_f64(simulations as f64 / tasks.len() as f64),
         })
+    }
+
+    /// Multiply-adds of the training: an epoch shows every behaviour that is not held out in two pictures.
+    fn multiply_adds(&self, spec: &CampaignSpec) -> u64 {
+        let Some(EmbedderSource::Trained { training, .. }) = spec.embedder() else {
+            return 0;
+        };
+        let shown = u64::from(self.controllers) - training.held_out(self.controllers as usize) as u64;
+        2 * shown * training.recipe().epochs() * TRAINED_PICTURE
     }
 
     fn spec(&self) -> Result<CampaignSpec, CliError> {

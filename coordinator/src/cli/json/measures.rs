@@ -130,10 +130,10 @@ pub(in crate::cli) struct BenchAll {
     pub(in crate::cli) peer_name: Option<&'static str>,
     /// `ours` divided by `peer`; null without `peer`.
     pub(in crate::cli) ratio: Option<f64>,
-    /// The least that one result takes, as docs/performance.md counts it by hand; null where nothing was counted.
-    pub(in crate::cli) floor: Option<u64>,
-    /// What the floor counts; null without `floor`.
-    pub(in crate::cli) floor_unit: Option<&'static str>,
+    /// The least that one result takes, as docs/performance.md counts it by hand.
+    pub(in crate::cli) floor: u64,
+    /// What the floor counts.
+    pub(in crate::cli) floor_unit: &'static str,
     /// Where it was measured.
     pub(in crate::cli) machine: Machine,
 }

@@ -1,6 +1,13 @@
 //! Simulations and evaluations of uniform controllers on one thread, beside the simulation's loop in numba.
 
-use super::{super::cpu_time::CpuTime, CliError, Floor, Row, in_turns, peer::Peer};
+use super::{
+    super::{
+        cpu_time::CpuTime,
+        floor::{ONE_SENSOR, PAIRS, TWO_SENSORS},
+    },
+    CliError, Floor, Row, in_turns,
+    peer::Peer,
+};
 use murmuration_proto::{
     Controller, ControllerSpace, ImageFormat, Preset, Purpose, RandomStream, RobotController, World, v1,
 };
@@ -15,8 +22,6 @@ const LOOP: &str = include_str!("../../../../../worker/benches/numba_loop.py");
 /// Controllers in all, and how many of them are evaluated at once.
 const CONTROLLERS: usize = 48;
 const AT_ONCE: usize = 8;
-/// Pairs of robots that look at each other in an evaluation of the paper's world.
-const PAIRS: u64 = 24 * 23 * 1200;
 
 /// The loop alone, and with features and picture.
 pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 2], CliError> {
@@ -30,8 +35,8 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
     };
     let bare = ImageFormat::for_swarm(shortest, &world, &model.into())?;
     let (simulation, evaluation, operations_a_pair) = match model {
-        Preset::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", 14),
-        _ => ("simulation, two sensors", "evaluation, two sensors", 21),
+        Preset::SingleSensor => ("simulation, one sensor", "evaluation, one sensor", ONE_SENSOR),
+        _ => ("simulation, two sensors", "evaluation, two sensors", TWO_SENSORS),
     };
     let floor = Floor {
         count: PAIRS * operations_a_pair,
@@ -50,7 +55,7 @@ pub(super) fn rows(model: Preset, span: Duration, python: &str) -> Result<[Row; 
             ours: rate(ours),
             peer: peer.map(rate),
             peer_name: Some("numba, loop alone"),
-            floor: Some(floor),
+            floor,
         })
     };
     Ok([row(simulation, &bare)?, row(evaluation, &ImageFormat::default())?])

@@ -30,10 +30,10 @@ pub(super) fn row(span: Duration) -> Result<Row, CliError> {
         ours: rate(ours),
         peer: full.map(rate),
         peer_name: Some("FasterPAM"),
-        floor: Some(Floor {
+        floor: Floor {
             count: MEDOIDS as u64,
             of: "distances",
-        }),
+        },
     })
 }
 

@@ -25,10 +25,10 @@ pub(super) fn row(span: Duration) -> Result<Row, CliError> {
         ours: rate(ours),
         peer: brute_force.map(rate),
         peer_name: Some("brute force"),
-        floor: Some(Floor {
+        floor: Floor {
             count: NEIGHBOURS as u64 + 1,
             of: "distances",
-        }),
+        },
     })
 }
 

@@ -22,9 +22,15 @@ fn a_peer_that_is_missing_has_no_figure_and_no_ratio() {
         ours: 1234.5,
         peer: least.1,
         peer_name: Some("numba"),
-        floor: None,
+        floor: Floor {
+            count: 9_273_600,
+            of: "operations",
+        },
     };
-    assert_eq!(row.cells()[2..], ["1,235", "-", "numba", "-", "-"]);
+    assert_eq!(
+        row.cells()[2..],
+        ["1,235", "-", "numba", "-", "9,273,600 operations"]
+    );
 }
 
 #[test]

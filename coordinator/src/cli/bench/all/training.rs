@@ -1,6 +1,10 @@
 //! A training step on one thread, beside PyTorch's.
 
-use super::{super::cpu_time::CpuTime, CliError, Floor, Row, in_turns, peer::Peer};
+use super::{
+    super::{cpu_time::CpuTime, floor::TRAINED_PICTURE},
+    CliError, Floor, Row, in_turns,
+    peer::Peer,
+};
 use murmuration_trainer::bench::Steps;
 use rayon::ThreadPoolBuilder;
 use std::time::Duration;
@@ -8,8 +12,6 @@ use std::time::Duration;
 const STEP: &str = include_str!("../../../../../trainer/benches/pytorch_step.py");
 /// Anchors of a step of the default recipe.
 const ANCHORS: usize = 256;
-/// Multiply-adds of a picture, forward and back; docs/performance.md counts them.
-const A_PICTURE: u64 = 4_546_112;
 
 pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
     let cannot = |error: &dyn std::error::Error| CliError::Failed(error.to_string());
@@ -29,10 +31,10 @@ pub(super) fn row(span: Duration, python: &str) -> Result<Row, CliError> {
         ours: ours.recip(),
         peer: peer.map(f64::recip),
         peer_name: Some("PyTorch at its best"),
-        floor: Some(Floor {
-            count: 2 * ANCHORS as u64 * A_PICTURE,
+        floor: Floor {
+            count: 2 * ANCHORS as u64 * TRAINED_PICTURE,
             of: "multiply-adds",
-        }),
+        },
     })
 }
 

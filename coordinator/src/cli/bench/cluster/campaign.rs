@@ -1,4 +1,4 @@
-//! One campaign in a cluster of this process, over a folder that lasts as long as it does.
+//! One campaign in a cluster of this process, over a folder that lasts as long as it does, or that is kept.
 
 use super::{CliError, CpuTime, Took};
 use crate::{
@@ -17,7 +17,10 @@ use murmuration_proto::{
 };
 use murmuration_store::{DataDirectory, Store};
 use murmuration_worker::simulate::Start;
-use std::time::{Duration, Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
 use tempfile::TempDir;
 
 /// Shortest and longest pause between two questions of how far the campaign is.
@@ -25,16 +28,45 @@ const PAUSES: (Duration, Duration) = (Duration::from_millis(3), Duration::from_m
 
 /// A cluster without campaigns.
 pub(in crate::cli::bench) struct BenchCampaign {
-    folder: TempDir,
+    folder: Folder,
     cluster: LocalCluster,
+}
+
+/// The data directory of a cluster.
+enum Folder {
+    Temporary(TempDir),
+    Kept(PathBuf),
+}
+
+impl Folder {
+    fn path(&self) -> &Path {
+        match self {
+            Self::Temporary(folder) => folder.path(),
+            Self::Kept(folder) => folder,
+        }
+    }
 }
 
 /// A campaign that has come to its end.
 pub(in crate::cli::bench) struct Finished {
     /// From the request to create it to its end.
     pub(in crate::cli::bench) took: Took,
+    folder: Folder,
+    spec: CampaignSpec,
+    id: String,
+}
+
+impl Finished {
     /// What was evaluated, in the order of the archive.
-    pub(in crate::cli::bench) tasks: Vec<(Controller, Start)>,
+    pub(in crate::cli::bench) fn tasks(&self) -> Result<Vec<(Controller, Start)>, CliError> {
+        let (store, _) = Store::look(self.folder.path(), true)?;
+        let record = store.campaign(&self.id)?;
+        let range = 0..self.spec.search().evaluations();
+        let individuals = store.individuals(&record.id, self.spec.model(), range, false)?;
+        let tasks = individuals.into_iter();
+        let tasks = tasks.map(|individual| (individual.controller, Start::seeded(individual.seed)));
+        Ok(tasks.collect())
+    }
 }
 
 impl BenchCampaign {
@@ -45,6 +77,15 @@ impl BenchCampaign {
     ) -> Result<Self, CliError> {
         let folder = tempfile::tempdir()
             .map_err(|error| CliError::Failed(format!("cannot create a temporary folder: {error}")))?;
+        Self::start_in(Folder::Temporary(folder), crew, model).await
+    }
+
+    /// Starts a cluster without workers whose data directory is `folder`, and stays.
+    pub(super) async fn start_kept(folder: &Path) -> Result<Self, CliError> {
+        Self::start_in(Folder::Kept(folder.to_owned()), InProcess::NONE, None).await
+    }
+
+    async fn start_in(folder: Folder, crew: InProcess, model: Option<Vec<u8>>) -> Result<Self, CliError> {
         let options = Options {
             data: DataDirectory::hold(folder.path())?,
             listen: ListenConfig::loopback(0),
@@ -126,15 +167,11 @@ impl BenchCampaign {
             cpu: CpuTime::of_process().without(cpu),
         };
         self.cluster.shutdown().await?;
-        let (store, _) = Store::look(self.folder.path(), true)?;
-        let record = store.campaign(&campaign.id)?;
-        let range = 0..spec.search().evaluations();
-        let individuals = store.individuals(&record.id, spec.model(), range, false)?;
-        let tasks = individuals.into_iter();
-        let tasks = tasks.map(|individual| (individual.controller, Start::seeded(individual.seed)));
         Ok(Finished {
             took,
-            tasks: tasks.collect(),
+            folder: self.folder,
+            spec: spec.clone(),
+            id: campaign.id,
         })
     }
 }
