@@ -3,7 +3,7 @@
 CARGO ?= cargo
 export CARGO_TERM_COLOR ?= auto
 
-.PHONY: demo test test-python guide wheel wheel-aarch64 test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
+.PHONY: demo test test-python guide wheel wheel-programs wheel-aarch64 test-browser test-faults faults test-containers lint build install runtime browser toolchain bench instructions fuzz clean
 
 # Builds, runs the paper's single-sensor campaign on a learned embedding, and prints the path of its report.
 demo: build runtime
@@ -40,26 +40,30 @@ test-containers: toolchain runtime
 test-python: toolchain
 	$(CARGO) build --workspace --bins
 	scripts/test-python
-	rm -rf target/wheel
-	scripts/test-wheel "$$(scripts/wheel target/debug target/wheel)"
+	rm -rf target/tested-wheel
+	scripts/test-wheel "$$(scripts/wheel target/debug target/tested-wheel)"
 
 # Makes the guide, a book of the pages in docs/, in target/guide/html, and follows its links.
 guide: toolchain
 	$(CARGO) build --workspace --bins
 	scripts/guide
 
-# A wheel of the Python library with the programs in it, for pip, in the folder dist.
-wheel: build
-	scripts/wheel target/release dist
+# A wheel of the Python library with the programs in it, for pip, in the folder dist. The programs are smaller than those of `build`,
+# and take longer to build (the profile `wheel` in Cargo.toml).
+wheel: wheel-programs
+	scripts/wheel target/wheel dist
+
+wheel-programs: toolchain
+	$(CARGO) build --profile wheel --workspace --bins
 
 # The same for ARM64, made on another kind of machine. It needs `rustup target add aarch64-unknown-linux-gnu`, and of Debian the
 # packages gcc-aarch64-linux-gnu and g++-aarch64-linux-gnu.
 wheel-aarch64: export CC_aarch64_unknown_linux_gnu = aarch64-linux-gnu-gcc
 wheel-aarch64: export CXX_aarch64_unknown_linux_gnu = aarch64-linux-gnu-g++
 wheel-aarch64: export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER = aarch64-linux-gnu-gcc
-wheel-aarch64: build
-	$(CARGO) build --release --workspace --bins --target aarch64-unknown-linux-gnu
-	STRIP=aarch64-linux-gnu-strip scripts/wheel target/aarch64-unknown-linux-gnu/release dist target/release/murmuration
+wheel-aarch64: wheel-programs
+	$(CARGO) build --profile wheel --workspace --bins --target aarch64-unknown-linux-gnu
+	STRIP=aarch64-linux-gnu-strip scripts/wheel target/aarch64-unknown-linux-gnu/wheel dist target/wheel/murmuration
 
 lint: toolchain
 	$(CARGO) fmt --all --check

@@ -44,18 +44,53 @@ class Contract(BuildHookInterface[Any]):
             build_data["shared_scripts"] = {str(path): name for name, path in programs.items()}
             build_data["shared_data"] = {os.fspath(Path(given, "share")): "share"}
             build_data["pure_python"] = False
-            build_data["tag"] = f"py3-none-{_platform(programs.values())}"
+            contents = (path.read_bytes() for path in programs.values())
+            build_data["tag"] = f"py3-none-{platform_tag(contents)}"
 
 
-# Names that wheels have for the kinds of machine in the header of a program (e_machine, at byte 18 of an ELF file).
-_MACHINES = {62: "x86_64", 183: "aarch64"}
+# Names that wheels have for the kinds of machine in the header of a program: of Linux (e_machine, at byte 18 of an ELF
+# file), and of macOS (cputype, at byte 4 of a Mach-O file).
+_LINUX_MACHINES = {62: "x86_64", 183: "aarch64"}
+_MACOS_MACHINES = {0x0100_0007: "x86_64", 0x0100_000C: "arm64"}
+_MACH_O = bytes.fromhex("cffaedfe")
+# Commands of a Mach-O file that say for which systems it is, and where in them the oldest version is.
+_OLDEST_SYSTEM = {0x24: 8, 0x32: 12}
 
 
-def _platform(programs: Iterable[Path]) -> str:
-    """The tag of the systems that programs run on: their C library has all symbols that the programs need."""
-    contents = [path.read_bytes() for path in programs]
-    minors = [int(minor) for content in contents for minor in re.findall(rb"GLIBC_2\.(\d+)", content)]
-    machines = {int.from_bytes(content[18:20], "little") for content in contents}
-    if len(machines) != 1 or not machines <= _MACHINES.keys():
-        sys.exit(f"no wheel can have programs for machines of the kinds {sorted(machines)}")
-    return f"manylinux_2_{max(minors)}_{_MACHINES[machines.pop()]}"
+def platform_tag(programs: Iterable[bytes]) -> str:
+    """The tag of the systems that programs run on, which are as new as the programs need.
+
+    Args:
+        programs: The contents of their files.
+    """
+    contents = list(programs)
+    if all(content.startswith(_MACH_O) for content in contents):
+        machines = {_MACOS_MACHINES.get(_word(content, 4)) for content in contents}
+        major, minor = max(_macos_version(content) for content in contents)
+        # From macOS 11 on, pip knows the first number alone.
+        name = f"macosx_{major}_{0 if major >= 11 else minor}"
+    else:
+        # Their C library has all symbols that the programs need.
+        minors = [int(minor) for content in contents for minor in re.findall(rb"GLIBC_2\.(\d+)", content)]
+        machines = {_LINUX_MACHINES.get(int.from_bytes(content[18:20], "little")) for content in contents}
+        name = f"manylinux_2_{max(minors, default=0)}"
+    machine = machines.pop()
+    if machines or machine is None:
+        sys.exit("no wheel can have these programs: they are for several kinds of machine, or for an unknown one")
+    return f"{name}_{machine}"
+
+
+def _macos_version(program: bytes) -> tuple[int, int]:
+    """The oldest macOS that a program runs on."""
+    place = 32
+    for _ in range(_word(program, 16)):
+        command, length = _word(program, place), _word(program, place + 4)
+        if command in _OLDEST_SYSTEM:
+            version = _word(program, place + _OLDEST_SYSTEM[command])
+            return version >> 16, version >> 8 & 0xFF
+        place += length
+    sys.exit("no wheel can have these programs: they do not say for which macOS they are")
+
+
+def _word(content: bytes, place: int) -> int:
+    return int.from_bytes(content[place : place + 4], "little")

@@ -3,6 +3,7 @@
 import json
 import threading
 import time
+import uuid
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ import tomli_w
 
 import murmuration as mm
 from conftest import SPEC
+from murmuration import _programs as programs
 from murmuration._progress import step_of
 from murmuration.v1 import campaign_pb2 as v1
+from murmuration.v1 import label_pb2 as labels
 
 
 def test_a_file_and_a_dict_and_the_specification_filled_in_are_the_same_campaign(
@@ -117,6 +120,58 @@ def test_controllers_that_cannot_be_evaluated(
         client.evaluate("single-sensor", controllers, seeds)
 
 
+def test_a_controller_moves_as_an_individual_and_as_the_program_says(
+    client: mm.Client, campaign: mm.Campaign, tmp_path: Path
+) -> None:
+    archive = campaign.archive()
+    for index in (0, 42):
+        genes, seed = archive["genes"][index].as_py(), archive["seed"][index].as_py()
+        motion = client.replay(campaign.spec, genes, seed)
+        assert motion.dtype == np.float64 and motion.shape == (201, 24, 3)
+        assert (motion.astype(np.float32) == campaign.replay(index).poses).all()
+        assert (client.replay(SPEC, np.array(genes), np.uint64(seed), steps=20) == motion[:21]).all()
+        # The program writes every digit.
+        file, robots = tmp_path / f"{index}.csv", tmp_path / "spec.toml"
+        robots.write_text(tomli_w.dumps(SPEC))
+        words = ("simulate", f"--controller={','.join(map(str, genes))}", "--seed", str(seed), "--spec", str(robots))
+        programs.run(programs.find(None), [*words, "--tracks", str(file)], {})
+        rows = np.genfromtxt(file, delimiter=",", names=True)
+        tracks = np.stack([rows[name].reshape(201, 24) for name in ("x", "y", "heading")], axis=-1)
+        assert (tracks == motion).all()
+
+
+def test_a_motion_comes_in_parts_and_needs_no_worker_and_no_embedder() -> None:
+    spec = {"model": "two-sensor", "method": "latent", "world": {"agents": 50, "horizon": 2_000}}
+    genes = [0.8, 0.5, 0.6, -0.5, -0.5, 0.0, -0.2, 0.5, -1.0]
+    with mm.local(workers=0, trainers=0) as client:
+        motion = client.replay(spec, genes)
+        assert motion.shape == (2_001, 50, 3)
+        assert np.isfinite(motion).all()
+        assert (motion[:, :, :2] >= 0).all() and (motion[:, :, :2] <= 500).all()
+
+
+@pytest.mark.parametrize(
+    ("controller", "seed", "steps", "field", "limit"),
+    [
+        ([0.1, 0.2, 0.3, 0.4], 0, 166_666, "steps", "a whole number from 1 to 166665 for 24 robots"),
+        ([0.1, 0.2, 0.3, 0.4], 0, 0, "steps", "a whole number from 1"),
+        ([0.1, 0.2, 0.3, 0.4], 0, -1, "steps", "a whole number from 1"),
+        ([0.1, 0.2, 0.3, 0.4], 1 << 64, None, "seed", "a whole number from 0"),
+        ([0.1, 0.2, 0.3], 0, None, "controller", "4 values"),
+        ([0.1, 0.2, 0.3, 2.0], 0, None, "controller.right_1", "a number from -1 to 1"),
+        ([[0.1, 0.2, 0.3, 0.4]], 0, None, "controller", "the genes of one"),
+        ([0.1, 0.2, 0.3, "left"], 0, None, "controller", "numbers"),
+    ],
+)
+def test_motions_that_cannot_be_simulated(
+    client: mm.Client, controller: list[float], seed: int, steps: int | None, field: str, limit: str
+) -> None:
+    with pytest.raises(mm.InvalidError) as refused:
+        client.replay("single-sensor", controller, seed, steps=steps)
+    assert refused.value.field == field
+    assert refused.value.limit is not None and limit in refused.value.limit
+
+
 def test_a_stride_keeps_the_last_step(campaign: mm.Campaign) -> None:
     replay = campaign.replay(0, stride=150)
     assert replay.steps.tolist() == [0, 150, 200]
@@ -169,6 +224,35 @@ def test_trials_and_species_have_columns_and_channels(client: mm.Client) -> None
     assert taxonomy.robustness is not None
     assert set(np.round(taxonomy.robustness * 3, 6)) <= {0.0, 1.0, 2.0, 3.0}
     assert "<img" in taxonomy._repr_html_()
+
+
+def test_comparisons_stand_until_they_are_replaced_or_withdrawn(client: mm.Client) -> None:
+    spec = SPEC | {"search": {"population": 10, "generations": 1}, "taxonomy": {"medoids": 2}}
+    campaign = client.run(spec)
+    assert campaign.comparisons().num_rows == 0
+
+    def compare(triple: tuple[int, int, int], preference: labels.Preference) -> None:
+        reference, left, right = triple
+        asked = labels.Triple(reference=reference, left=left, right=right)
+        request = labels.AnswerComparisonRequest(
+            campaign=campaign.id,
+            request_id=str(uuid.uuid4()),
+            annotator="ana",
+            comparison=labels.Comparison(triple=asked, preference=preference),
+        )
+        client.rpc.call("LabelService/AnswerComparison", request, labels.AnswerComparisonResponse)
+
+    compare((0, 1, 2), labels.PREFERENCE_LEFT)
+    compare((3, 4, 5), labels.PREFERENCE_NEITHER)
+    # The same question with its sides exchanged, and one that is withdrawn.
+    compare((0, 2, 1), labels.PREFERENCE_LEFT)
+    compare((6, 7, 8), labels.PREFERENCE_RIGHT)
+    request = labels.WithdrawComparisonRequest(campaign=campaign.id, request_id=str(uuid.uuid4()), annotator="ana")
+    client.rpc.call("LabelService/WithdrawComparison", request, labels.WithdrawComparisonResponse)
+    # A label is not a comparison.
+    campaign.label({3: "milling"}, annotator="ana")
+    standing = campaign.comparisons().select(["reference", "left", "right", "answer", "annotator"]).to_pylist()
+    assert [tuple(row.values()) for row in standing] == [(3, 4, 5, "neither", "ana"), (0, 2, 1, "left", "ana")]
 
 
 def test_the_last_class_that_was_given_counts(client: mm.Client) -> None:

@@ -2,7 +2,7 @@
 
 use crate::simulate::{Start, Swarm};
 use murmuration_proto::{Controller, Frames, Invalid, Replay, World};
-use std::num::NonZeroU32;
+use std::{iter, num::NonZeroU32};
 
 /// Maximum number of poses in a replay (240 MB). A longer replay is refused.
 pub const MAX_POSES: u64 = 20_000_000;
@@ -49,24 +49,39 @@ pub fn replay_frames(
 /// # Errors
 /// If `start` does not fit the world, or there would be more than [`MAX_POSES`].
 pub fn poses(controller: &Controller, world: &World, start: &Start) -> Result<Vec<Vec<[f64; 3]>>, Invalid> {
-    let mut swarm = Swarm::new(controller, world, start)?;
-    let poses = (u64::from(world.horizon()) + 1) * u64::from(world.agents());
+    let motion = motion(controller, world, start)?;
+    let frames = u64::from(world.horizon()) + 1;
+    let poses = frames * u64::from(world.agents());
     if poses > MAX_POSES {
         let allowed = format!("short enough to keep {poses} poses under {MAX_POSES}");
         return Err(Invalid::new("world.horizon", world.horizon(), allowed));
     }
+    Ok(motion.take(frames as usize).collect())
+}
+
+/// Simulates `controller` from `start` for as long as frames are taken, whatever the world's horizon: the pose (x, y, heading) of
+/// each robot before the first step, and then after every step, in full precision.
+///
+/// # Errors
+/// If `start` does not fit the world.
+pub fn motion(
+    controller: &Controller,
+    world: &World,
+    start: &Start,
+) -> Result<impl Iterator<Item = Vec<[f64; 3]>> + use<>, Invalid> {
+    let mut swarm = Swarm::new(controller, world, start)?;
     let now = |swarm: &Swarm| {
         let agents = swarm.agents();
         agents
             .map(|agent| [agent.position[0], agent.position[1], agent.theta])
-            .collect::<Vec<_>>()
+            .collect()
     };
-    let mut frames = vec![now(&swarm)];
-    while swarm.steps() < world.horizon() {
+    let start = now(&swarm);
+    let after_each_step = iter::repeat_with(move || {
         swarm.step();
-        frames.push(now(&swarm));
-    }
-    Ok(frames)
+        now(&swarm)
+    });
+    Ok(iter::once(start).chain(after_each_step))
 }
 
 /// The motion of a swarm at these steps, ascending from 0, with this number of poses.

@@ -58,3 +58,5 @@ pub const MAX_EXPORTS: usize = 8;
 pub const MAX_IMPORTS: usize = 4;
 /// Swarms that the coordinator itself simulates at once, for people who play. Each for two seconds at most.
 pub const MAX_PLAYED: usize = 4;
+/// Parts of motions that the coordinator itself simulates at once, for clients. Each has at most 1 MiB of poses.
+pub const MAX_SIMULATIONS: usize = 4;

@@ -1,14 +1,17 @@
 //! Evaluations for searches that run elsewhere: the work of campaigns, without a campaign.
 
 use super::{Permits, Streamed};
-use crate::status::{IntoStatus as _, OrStatus as _};
+use crate::{
+    simulations::{Simulation, send_motion, spec_of},
+    status::{IntoStatus as _, OrStatus as _},
+};
 use futures_util::{Stream, StreamExt as _, stream};
 use murmuration_dispatch::{Dispatch, Evaluated, EvaluationJob, JobError};
 use murmuration_model::{EmbedderRef, MachineId, Maker, Quarantined, Weight};
 use murmuration_proto::{
     CampaignSpec, Controller, EmbedderSource, Invalid, counted,
     parts::parts,
-    v1::{self, evaluate_request::Part, evaluation_description::Campaign},
+    v1::{self, evaluate_request::Part},
 };
 use murmuration_store::checkpoints::Checkpoints;
 use std::{
@@ -116,6 +119,23 @@ impl v1::evaluation_service_server::EvaluationService for EvaluationApi {
         let end = stream::once(said).filter_map(|said| std::future::ready(said.ok().map(Err)));
         Ok(Response::new(Box::pin(ReceiverStream::new(receiver).chain(end))))
     }
+
+    type SimulateStream = Streamed<v1::Motion>;
+
+    async fn simulate(
+        &self,
+        request: Request<v1::SimulateRequest>,
+    ) -> Result<Response<Self::SimulateStream>, Status> {
+        let simulation = Simulation::try_from(request.into_inner())?;
+        let seat = self.permits.replay()?;
+        let permits = self.permits.clone();
+        let (parts, stream) = mpsc::channel(1);
+        tokio::spawn(async move {
+            let _held = seat;
+            send_motion(simulation, &permits, &parts).await;
+        });
+        Ok(Response::new(Box::pin(ReceiverStream::new(stream))))
+    }
 }
 
 impl EvaluationApi {
@@ -124,13 +144,7 @@ impl EvaluationApi {
             let allowed = "a description in the first request";
             return Err(Invalid::new("part", "something else", allowed).into());
         };
-        let spec = match description.campaign {
-            Some(Campaign::Spec(spec)) => CampaignSpec::try_from(spec)?,
-            Some(Campaign::Toml(text)) => {
-                CampaignSpec::from_toml(&text).map_err(|error| Status::invalid_argument(error.to_string()))?
-            }
-            None => return Err(Invalid::new("campaign", "nothing", "a campaign").into()),
-        };
+        let spec = spec_of(description.campaign)?;
         let embedder = match spec.embedder() {
             Some(EmbedderSource::Published(checkpoint)) => Some(
                 self.checkpoints

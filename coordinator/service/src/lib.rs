@@ -8,6 +8,7 @@ mod lease_id;
 mod nearest;
 mod permits;
 pub mod report_data;
+mod simulations;
 mod snapshots;
 mod spread;
 mod status;

@@ -1,14 +1,14 @@
-//! How many may do at once what goes on for long.
+//! How many may do at once what goes on for long, or computes.
 
 use murmuration_access::limits::{
-    MAX_EVALUATION_STREAMS, MAX_EXPORTS, MAX_IMPORTS, MAX_REPLAYS, MAX_WATCHES,
+    MAX_EVALUATION_STREAMS, MAX_EXPORTS, MAX_IMPORTS, MAX_REPLAYS, MAX_SIMULATIONS, MAX_WATCHES,
 };
 use std::sync::Arc;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::Status;
 
-/// Room for those who watch, for replays, for searches elsewhere, for exports, and for imports; shared by gRPC and pages, cheap
-/// to clone.
+/// Room for those who watch, for replays, for searches elsewhere, for exports, for imports, and for simulations of the
+/// coordinator; shared by gRPC and pages, cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Permits {
     watches: Arc<Semaphore>,
@@ -16,6 +16,7 @@ pub struct Permits {
     evaluations: Arc<Semaphore>,
     exports: Arc<Semaphore>,
     imports: Arc<Semaphore>,
+    simulations: Arc<Semaphore>,
 }
 
 /// One seat, until it is dropped.
@@ -29,14 +30,15 @@ impl Default for Permits {
             MAX_EVALUATION_STREAMS,
             MAX_EXPORTS,
             MAX_IMPORTS,
+            MAX_SIMULATIONS,
         ])
     }
 }
 
 impl Permits {
     /// As many of each as the fields are in order.
-    fn new(counts: [usize; 5]) -> Self {
-        let [watches, replays, evaluations, exports, imports] =
+    fn new(counts: [usize; 6]) -> Self {
+        let [watches, replays, evaluations, exports, imports, simulations] =
             counts.map(|count| Arc::new(Semaphore::new(count)));
         Self {
             watches,
@@ -44,6 +46,7 @@ impl Permits {
             evaluations,
             exports,
             imports,
+            simulations,
         }
     }
 
@@ -59,7 +62,7 @@ impl Permits {
     pub fn replay(&self) -> Result<Permit, Status> {
         take(
             &self.replays,
-            "too many replays are waiting for workers: try again later",
+            "too many replays are simulated or wait to be: try again later",
         )
     }
 
@@ -86,6 +89,12 @@ impl Permits {
             "too many campaigns are imported into this coordinator: try again later",
         )
     }
+
+    /// For a part of a motion that the coordinator itself simulates, once others have finished theirs: parts are short.
+    pub async fn simulation(&self) -> Result<Permit, Status> {
+        let room = self.simulations.clone().acquire_owned().await;
+        room.map_err(|_| Status::unavailable("the coordinator simulates no more"))
+    }
 }
 
 fn take(permits: &Arc<Semaphore>, full: &str) -> Result<Permit, Status> {
@@ -102,7 +111,7 @@ mod tests {
 
     #[test]
     fn one_too_many_is_refused_until_another_leaves() {
-        let permits = Permits::new([2, 1, 1, 1, 1]);
+        let permits = Permits::new([2, 1, 1, 1, 1, 1]);
         let first = permits.watch().unwrap();
         let _second = permits.clone().watch().unwrap();
         assert_eq!(permits.watch().unwrap_err().code(), Code::ResourceExhausted);

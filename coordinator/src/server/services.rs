@@ -48,7 +48,7 @@ const CHECKPOINTS: MethodRequirements = &[
     ("PublishCheckpoint", MachineOr(Trainer, Role::Operator)),
 ];
 
-const EVALUATIONS: MethodRequirements = &[("Evaluate", OPERATOR)];
+const EVALUATIONS: MethodRequirements = &[("Evaluate", OPERATOR), ("Simulate", OPERATOR)];
 
 const LABELS: MethodRequirements = &[
     ("AppendLabels", ANNOTATOR),

@@ -306,6 +306,21 @@ class Campaign:
         """
         return tables.answers(self._standing())
 
+    def comparisons(self) -> pa.Table:
+        """The standing comparisons of all annotators, by entry: which of two individuals is more like a third.
+
+        Returns:
+            A table: `reference`, `left` and `right`, indices of individuals; `answer`, `left`, `right` or `neither`;
+            `annotator`; `time`; `entry`, its place in the label log.
+
+        Example:
+            >>> campaign.comparisons().column_names
+            ['reference', 'left', 'right', 'answer', 'annotator', 'time', 'entry']
+        """
+        request = label_v1.ListLabelEntriesRequest(campaign=self.id)
+        log = self._client.rpc.whole("LabelService/ListLabelEntries", request, label_v1.ListLabelEntriesResponse)
+        return tables.comparisons(log.entries)
+
     def label(self, answers: Mapping[int, str], *, annotator: str) -> None:
         """Adds answers about individuals: all of them, or none if one is refused.
 

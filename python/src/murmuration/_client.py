@@ -16,7 +16,7 @@ from . import _programs as programs_
 from ._campaign import Campaign
 from ._cluster import Cluster
 from ._errors import InvalidError, NotFoundError
-from ._evaluations import Evaluations, described, evaluate
+from ._evaluations import Evaluations, described, evaluate, replay
 from ._rpc import Connection
 from .v1 import campaign_pb2 as v1
 
@@ -141,8 +141,43 @@ class Client:
             >>> result.features.shape
             (2, 5)
         """
-        campaign = _document(robot) if isinstance(robot, Mapping) else robot
-        return evaluate(self.rpc, described(campaign), controllers, seeds, pictures)
+        return evaluate(self.rpc, _described(robot), controllers, seeds, pictures)
+
+    def replay(
+        self,
+        robot: str | os.PathLike[str] | Mapping[str, Any],
+        controller: npt.ArrayLike,
+        seed: int = 0,
+        *,
+        steps: int | None = None,
+    ) -> npt.NDArray[np.float64]:
+        """The motion of one controller, in full precision. The coordinator simulates it: no worker is needed.
+
+        The same controller and seed move in the same way on every machine, and as an individual of a campaign.
+
+        Args:
+            robot: As for `evaluate`: the name of a capability model, or a campaign that describes robots and world. If
+                its method embeds, it needs no `checkpoint` here.
+            controller: Genes, (genes,), within the ranges of their sensors and drives.
+            seed: The seed of the start, 0 to 2^64 - 1, such as an individual's.
+            steps: Number of steps, 1 or more; by default the world's horizon.
+
+        Returns:
+            x and y (world units, y points down the screen) and heading (radians, not wrapped) of each robot, at the
+            start and after each step; float64 (steps + 1, robots, 3).
+
+        Raises:
+            InvalidError: If the campaign or the controller is not valid, or the motion has more than 4,000,000 poses.
+
+        Example:
+            >>> motion = client.replay("single-sensor", [-0.7, 0.3, 1.0, 1.0], seed=7, steps=100)
+            >>> motion.shape
+            (101, 24, 3)
+            >>> x, y, heading = motion[-1, 0]  # of robot 0, at the end
+            >>> bool(0 <= x <= 500)
+            True
+        """
+        return replay(self.rpc, _described(robot), controller, seed, steps)
 
     def campaign(self, identifier: str = "latest") -> Campaign:
         """A campaign by its id; the newest by default.
@@ -295,6 +330,11 @@ def connect(
         client.close()
         raise
     return client
+
+
+def _described(robot: str | os.PathLike[str] | Mapping[str, Any]) -> str:
+    """The text of a campaign file that describes robots and world."""
+    return described(_document(robot) if isinstance(robot, Mapping) else robot)
 
 
 def _document(spec: Mapping[str, Any]) -> dict[str, Any]:

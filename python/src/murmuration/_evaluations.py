@@ -52,15 +52,12 @@ def evaluate(
     pictures: bool,
 ) -> Evaluations:
     """Has controllers evaluated as the text of a campaign file describes it."""
-    try:
-        genes = np.asarray(controllers, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidError(f"controllers = what is no array: must be numbers, (controllers, genes): {error}") from None
+    genes = _numbers("controllers", controllers, "(controllers, genes)")
     if genes.ndim != 2 or not len(genes):
         raise InvalidError(f"controllers = an array of shape {genes.shape}: must be (controllers, genes), at least one")
     # Not by an array of numpy: numbers from 2^63 on may become floating-point numbers in it.
     given = [seeds] * len(genes) if isinstance(seeds, (int, np.integer)) else seeds
-    numbers = [_seed(place, seed) for place, seed in enumerate(given)]
+    numbers = [_whole(f"seeds[{place}]", seed, 0, 64) for place, seed in enumerate(given)]
     if len(numbers) != len(genes):
         raise InvalidError(f"seeds = {len(numbers)} of them: must be one, or one for each of {len(genes)} controllers")
     requests = _requests(description, genes, numbers, pictures)
@@ -86,6 +83,30 @@ def evaluate(
     )
 
 
+def replay(
+    rpc: Connection, description: str, controller: npt.ArrayLike, seed: int, steps: int | None
+) -> npt.NDArray[np.float64]:
+    """Has the motion of a controller simulated, in a world as the text of a campaign file describes it."""
+    genes = _numbers("controller", controller, "(genes,)")
+    if genes.ndim != 1:
+        raise InvalidError(f"controller = an array of shape {genes.shape}: must be the genes of one, (genes,)")
+    request = v1.SimulateRequest(
+        description=v1.EvaluationDescription(toml=description),
+        controller=genes.tolist(),
+        seed=_whole("seed", seed, 0, 64),
+        steps=None if steps is None else _whole("steps", steps, 1, 32),
+    )
+    parts = rpc.stream("EvaluationService/Simulate", request, v1.Motion)
+    return np.concatenate([np.array(part.poses, np.float64).reshape(-1, part.agents, 3) for part in parts])
+
+
+def _numbers(field: str, given: npt.ArrayLike, shape: str) -> npt.NDArray[np.float64]:
+    try:
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidError(f"{field} = what is no array: must be numbers, {shape}: {error}") from None
+
+
 def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
     """What a controller that could not be evaluated has in the place of trials."""
     usual = result.trials[0]
@@ -95,10 +116,10 @@ def _nothing_like(result: v1.EvaluateResult) -> list[worker.Evaluation]:
     return [lost]
 
 
-def _seed(place: int, seed: object) -> int:
-    if isinstance(seed, (int, np.integer)) and 0 <= seed < 1 << 64:
-        return int(seed)
-    raise InvalidError(f"seeds[{place}] = {seed}: must be a whole number from 0 to {(1 << 64) - 1}")
+def _whole(field: str, number: object, least: int, bits: int) -> int:
+    if isinstance(number, (int, np.integer)) and least <= number < 1 << bits:
+        return int(number)
+    raise InvalidError(f"{field} = {number}: must be a whole number from {least} to {(1 << bits) - 1}")
 
 
 def described(campaign: str | os.PathLike[str] | Mapping[str, Any]) -> str:

@@ -58,8 +58,10 @@ def _onnxruntime() -> Path | None:
     package = importlib.util.find_spec("onnxruntime")
     places = package.submodule_search_locations if package else None
     for place in places or ():
-        for library in sorted(Path(place, "capi").glob("libonnxruntime.so*")):
-            return library
+        # Its name on Linux, and on macOS.
+        for name in ("libonnxruntime.so*", "libonnxruntime.*dylib"):
+            for library in sorted(Path(place, "capi").glob(name)):
+                return library
     return None
 
 

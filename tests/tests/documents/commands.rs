@@ -42,6 +42,8 @@ pub const NO_ENCODER: &str = "ffmpeg need not be there";
 pub fn of_the_readme() {
     let port = free_port();
     Script::of("README.md")
+        // It would make a folder at home.
+        .replace("python3 -m venv ~/swarms && . ~/swarms/bin/activate", "true")
         .replace(
             "murmuration serve --workers 0",
             format!("murmuration serve --workers 0 --listen 127.0.0.1:{port}"),

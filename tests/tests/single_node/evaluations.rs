@@ -1,8 +1,11 @@
 //! Controllers of searches that run elsewhere: evaluated as those of a campaign, and stored nowhere.
 
-use murmuration_proto::v1::{
-    self, evaluate_request::Part, evaluation_description::Campaign,
-    evaluation_service_client::EvaluationServiceClient,
+use murmuration_proto::{
+    parts::whole,
+    v1::{
+        self, evaluate_request::Part, evaluation_description::Campaign,
+        evaluation_service_client::EvaluationServiceClient,
+    },
 };
 use murmuration_tests::{Cluster, small_latent_spec, small_spec};
 use tonic::{Code, Status};
@@ -139,6 +142,107 @@ async fn what_cannot_be_evaluated_is_refused() {
         let refused = evaluate(&cluster, parts).await.unwrap_err();
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
         assert!(refused.message().contains(said), "{said}: {refused}");
+    }
+    cluster.stop().await;
+}
+
+fn to_simulate(campaign: Campaign, individual: &v1::Individual) -> v1::SimulateRequest {
+    v1::SimulateRequest {
+        description: Some(v1::EvaluationDescription {
+            campaign: Some(campaign),
+            pictures: false,
+        }),
+        controller: individual.controller.clone(),
+        seed: individual.seed,
+        steps: None,
+    }
+}
+
+async fn simulate(cluster: &Cluster, request: v1::SimulateRequest) -> Result<v1::Motion, Status> {
+    let mut client = EvaluationServiceClient::new(cluster.channel().await);
+    whole(client.simulate(request).await?.into_inner()).await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_motion_of_a_controller_is_that_of_the_individual_in_full_precision() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cluster = Cluster::start_without_trainer(folder.path(), 1).await;
+    let spec = small_spec("");
+    let campaign = cluster.create(&spec).await;
+    cluster.finish(&campaign).await;
+    let individual = cluster.archive(&campaign).await.remove(3);
+    let replay = v1::GetReplayRequest {
+        campaign,
+        index: 3,
+        stride: 1,
+    };
+    let replay = cluster.client.get_replay(replay).await.unwrap().into_inner();
+    let replay = whole(replay).await.unwrap();
+    let request = to_simulate(Campaign::Spec((&spec).into()), &individual);
+    let motion = simulate(&cluster, request.clone()).await.unwrap();
+    let rounded: Vec<f32> = motion.poses.iter().map(|&value| value as f32).collect();
+    assert_eq!(rounded, replay.poses);
+    // They are not the rounded ones again.
+    assert!(motion.poses.iter().any(|&value| f64::from(value as f32) != value));
+    // Fewer steps are the beginning of it, and the text of a file is the same campaign.
+    let shorter = v1::SimulateRequest {
+        steps: Some(10),
+        ..to_simulate(Campaign::Toml(spec.to_toml()), &individual)
+    };
+    let beginning = simulate(&cluster, shorter).await.unwrap().poses;
+    assert_eq!(beginning.len(), 11 * motion.agents as usize * 3);
+    assert_eq!(beginning, motion.poses[..beginning.len()]);
+    cluster.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn motions_need_no_worker_and_what_has_none_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let cluster = Cluster::start_without_trainer(folder.path(), 0).await;
+    let individual = v1::Individual {
+        controller: vec![0.1, 0.2, 0.3, 0.4],
+        ..v1::Individual::default()
+    };
+    // It learns an embedder, which a motion does not need.
+    let latent = small_latent_spec("");
+    let good = to_simulate(Campaign::Toml(latent.to_toml()), &individual);
+    let motion = simulate(&cluster, good.clone()).await.unwrap();
+    let frames = latent.world().horizon() as usize + 1;
+    assert_eq!(motion.poses.len(), frames * motion.agents as usize * 3);
+    let refusals = [
+        (
+            v1::SimulateRequest {
+                description: None,
+                ..good.clone()
+            },
+            "campaign = nothing: must be",
+        ),
+        (
+            v1::SimulateRequest {
+                controller: vec![0.1, 0.2],
+                ..good.clone()
+            },
+            "controller = [0.1, 0.2]: must be 4 values",
+        ),
+        (
+            v1::SimulateRequest {
+                controller: vec![0.1, 0.2, 0.3, f64::NAN],
+                ..good.clone()
+            },
+            "controller.right_1 = NaN",
+        ),
+        (
+            v1::SimulateRequest {
+                steps: Some(u32::MAX),
+                ..good.clone()
+            },
+            "steps = 4294967295: must be a whole number from 1 to",
+        ),
+    ];
+    for (request, said) in refusals {
+        let refused = simulate(&cluster, request).await.unwrap_err();
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+        assert!(refused.message().starts_with(said), "{said}: {refused}");
     }
     cluster.stop().await;
 }

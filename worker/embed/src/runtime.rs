@@ -12,7 +12,15 @@ use std::{
 pub const ONNX_RUNTIME_VERSION: &str = "1.28.0";
 
 /// Names of a system's library: in the development package, then in the library's own package.
-const SYSTEM_NAMES: [&str; 2] = ["libonnxruntime.so", "libonnxruntime.so.1"];
+#[cfg(not(target_os = "macos"))]
+const SYSTEM_NAMES: &[&str] = &["libonnxruntime.so", "libonnxruntime.so.1"];
+#[cfg(target_os = "macos")]
+const SYSTEM_NAMES: &[&str] = &["libonnxruntime.dylib"];
+
+/// Where the folder of a Python environment has packages: in a version's folder of these.
+const LIBRARY_FOLDERS: [&str; 2] = ["lib", "lib64"];
+/// There: in most environments, and in those of Debian that pip shares with the system.
+const PACKAGE_FOLDERS: [&str; 2] = ["site-packages", "dist-packages"];
 
 /// ONNX Runtime, loaded into this process.
 ///
@@ -28,8 +36,9 @@ pub struct Runtime {
 pub enum RuntimeError {
     /// The library was not found.
     #[error(
-        "ONNX Runtime, which embedders run on, is not installed. `make runtime` fetches it; or set ORT_DYLIB_PATH to \
-         the libonnxruntime.so of another (1.17 or newer). Looked for:{}",
+        "ONNX Runtime, which embedders run on, is not installed. `make runtime` fetches it, and so does \
+         `pip install onnxruntime=={ONNX_RUNTIME_VERSION}` in the Python environment that this program is in; or set \
+         ORT_DYLIB_PATH to the libonnxruntime.so of another (1.17 or newer). Looked for:{}",
         .0.iter().map(|place| format!("\n  {place}")).collect::<String>()
     )]
     Missing(Vec<String>),
@@ -109,7 +118,10 @@ fn named_library() -> Option<PathBuf> {
 
 /// The possible places of the library: in Python's package, then of the pinned version.
 fn known_libraries() -> Vec<PathBuf> {
-    let file = format!("libonnxruntime.so.{ONNX_RUNTIME_VERSION}");
+    let file = match cfg!(target_os = "macos") {
+        true => format!("libonnxruntime.{ONNX_RUNTIME_VERSION}.dylib"),
+        false => format!("libonnxruntime.so.{ONNX_RUNTIME_VERSION}"),
+    };
     let program = env::current_exe().ok();
     let folder = program.as_deref().and_then(Path::parent);
     let of_python = folder.into_iter().flat_map(of_python_environment);
@@ -125,23 +137,31 @@ fn known_libraries() -> Vec<PathBuf> {
 /// The libraries in the packages `onnxruntime` of the Python environment that has its programs in this folder: there pip puts the
 /// package that a wheel of Murmuration depends on.
 fn of_python_environment(programs: &Path) -> Vec<PathBuf> {
-    let within = |folder: PathBuf, name: &str| -> Vec<PathBuf> {
+    let within = |folder: PathBuf, is_wanted: fn(&str) -> bool| -> Vec<PathBuf> {
         let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-        let named = entries.filter(|entry| entry.file_name().to_string_lossy().starts_with(name));
-        let mut paths: Vec<_> = named.map(|entry| entry.path()).collect();
+        let wanted = entries.filter(|entry| is_wanted(&entry.file_name().to_string_lossy()));
+        let mut paths: Vec<_> = wanted.map(|entry| entry.path()).collect();
         paths.sort_unstable();
         paths
     };
     let Some(environment) = programs.parent() else {
         return Vec::new();
     };
-    let versions = within(environment.join("lib"), "python3.");
-    let packages = versions
+    let folders = LIBRARY_FOLDERS.map(|folder| environment.join(folder));
+    // Debian has one folder for packages of all versions, `python3`.
+    let versions = folders
         .into_iter()
-        .map(|version| version.join("site-packages/onnxruntime/capi"));
+        .flat_map(|folder| within(folder, |name| name.starts_with("python3")));
+    let packages = versions.flat_map(|version| PACKAGE_FOLDERS.map(|packages| version.join(packages)));
     packages
-        .flat_map(|package| within(package, "libonnxruntime.so."))
+        .flat_map(|packages| within(packages.join("onnxruntime/capi"), is_library))
         .collect()
+}
+
+/// Whether a file of Python's package `onnxruntime` is the library: its version is after `so`, or before `dylib`.
+fn is_library(file: &str) -> bool {
+    let version = file.strip_prefix("libonnxruntime.");
+    version.is_some_and(|version| version.starts_with("so.") || version.ends_with(".dylib"))
 }
 
 /// Loads the named library, else the library at the first pinned place that has it, else the system's.
@@ -153,7 +173,7 @@ fn find(named: Option<PathBuf>, pinned: &[PathBuf]) -> Result<Runtime, RuntimeEr
         .iter()
         .map(|library| library.display().to_string())
         .collect();
-    for name in SYSTEM_NAMES {
+    for &name in SYSTEM_NAMES {
         match load(PathBuf::from(name)) {
             // Here the loader does not distinguish an absent library from one that is too old.
             Err(error) => tried.push(format!("{name} of the system: {error}")),
@@ -212,22 +232,40 @@ mod tests {
         let environment = tempfile::tempdir().unwrap();
         let programs = environment.path().join("bin");
         assert_eq!(of_python_environment(&programs), Vec::<PathBuf>::new());
-        let package = environment
-            .path()
-            .join("lib/python3.12/site-packages/onnxruntime/capi");
-        fs::create_dir_all(&package).unwrap();
-        for name in ["libonnxruntime.so.1.28.0", "libonnxruntime_providers_shared.so"] {
-            fs::write(package.join(name), "a library").unwrap();
-        }
-        let found = of_python_environment(&programs);
-        assert_eq!(found, [package.join("libonnxruntime.so.1.28.0")]);
+        // As pip puts it on Linux, on macOS, on Fedora, and on Debian outside of an environment.
+        let places = [
+            ("lib/python3.12/site-packages", "libonnxruntime.so.1.28.0"),
+            ("lib/python3.13/site-packages", "libonnxruntime.1.28.0.dylib"),
+            ("lib/python3/dist-packages", "libonnxruntime.so.1.24.4"),
+            ("lib64/python3.14/site-packages", "libonnxruntime.so.1.28.0"),
+        ];
+        let libraries = places.map(|(packages, library)| {
+            let package = environment.path().join(packages).join("onnxruntime/capi");
+            fs::create_dir_all(&package).unwrap();
+            for name in [
+                library,
+                "libonnxruntime_providers_shared.so",
+                "libonnxruntime.dylib.txt",
+            ] {
+                fs::write(package.join(name), "a library").unwrap();
+            }
+            package.join(library)
+        });
+        let [linux, macos, debian, fedora] = libraries;
+        assert_eq!(of_python_environment(&programs), [debian, linux, macos, fedora]);
     }
 
     #[test]
     fn what_is_missing_says_how_to_get_it() {
         let said = RuntimeError::Missing(vec!["/here".into(), "/there".into()]).to_string();
         assert!(
-            said.contains("`make runtime`") && said.contains("ORT_DYLIB_PATH"),
+            [
+                "`make runtime`",
+                "`pip install onnxruntime==1.28.0`",
+                "ORT_DYLIB_PATH"
+            ]
+            .iter()
+            .all(|way| said.contains(way)),
             "{said}"
         );
         assert!(said.ends_with("Looked for:\n  /here\n  /there"), "{said}");
