@@ -13,6 +13,13 @@ use tempfile::TempDir;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
+/// Scrolls to the top, and waits until nothing scrolls any more: a picture of the whole page is taken from its top, and where one
+/// had scrolled, everything would move twice. What was typed last may scroll for some frames yet.
+const TO_THE_TOP: &str = "(async () => { \
+    for (let still = 0; still < 3; still = scrollY === 0 ? still + 1 : 0) { \
+        scrollTo({ top: 0, behavior: 'instant' }); \
+        await new Promise(requestAnimationFrame); } })()";
+
 /// A researcher at a screen, with a coordinator that has no campaigns yet.
 struct Researcher {
     window: Window,
@@ -76,10 +83,7 @@ async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
 impl Researcher {
     /// That the page as it is now has no barriers; a picture of it.
     async fn look(&self, page: &str) {
-        // A picture of the whole page is taken from its top: where one had scrolled, everything would move twice.
-        self.window
-            .value("scrollTo({ top: 0, behavior: 'instant' })")
-            .await;
+        self.window.value(TO_THE_TOP).await;
         self.window.picture(&format!("hour-{page}-{}", self.screen)).await;
         check(&self.window, page).await;
     }
