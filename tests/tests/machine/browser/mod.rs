@@ -6,6 +6,7 @@
 mod axe;
 mod comparisons;
 mod driver;
+mod exploring;
 mod first_hour;
 mod keys;
 mod labelling;
@@ -76,9 +77,9 @@ pub fn tests() -> Vec<Test> {
         test!(async selecting::ten_are_lassoed_on_the_map_and_named),
         test!(async selecting::the_map_zooms_hides_and_asks_before_it_replaces),
         test!(async selecting::what_is_hidden_stays_so_when_another_class_goes),
-        test!(async selecting::what_the_map_shows_is_remembered_until_all_is_shown),
-        test!(async selecting::the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replaced),
-        test!(async selecting::what_was_looked_at_shows_its_paths),
+        test!(async exploring::what_the_map_shows_is_remembered_until_all_is_shown),
+        test!(async exploring::the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replaced),
+        test!(async exploring::what_was_looked_at_shows_its_paths),
         test!(async selecting::a_cluster_is_named_but_for_those_that_differ),
         test!(async selecting::clusters_are_looked_at_while_the_archive_grows),
         test!(async selecting::medoids_are_named_and_the_report_is_taken_away),
