@@ -1,7 +1,7 @@
 //! The answers that stand: people look through them, change theirs, and withdraw them.
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -28,12 +28,11 @@ use tonic::Request;
 const NOT_SURE: u16 = u16::MAX;
 const SKIP: u16 = u16::MAX - 1;
 
-const KEYS: [(&str, &str); 5] = [
+const KEYS: [(&str, &str); 4] = [
+    keys::CLASSES,
     ("Tab", "go from picture to picture"),
     ("Space", "select the picture, or take it out of the selection"),
     ("Escape", "select nothing"),
-    ("0", "answer “not sure” for the selection"),
-    ("Delete", "withdraw your answers about the selection"),
 ];
 
 /// The page.
@@ -46,7 +45,7 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Answers" }
-            (parts::keys(&[&KEYS[..], &parts::PALETTE_KEYS].concat()))
+            (keys::list(&KEYS, keys::Page::Answers))
             div.choices.once-named.scripted {
                 label { "By " select #by { option value="" { "everybody" } } }
                 label { "Answer " select #said { option value="" { "any" } } }
@@ -54,8 +53,8 @@ pub(super) async fn page(
         }
         (parts::who())
         p.lead.once-named.scripted {
-            "The answers that stand, the newest first. Click pictures to select them, then name another class, or withdraw your answers. "
-            "What you answer is stored under your name; other people’s answers stay."
+            "The current answers, newest first. Click pictures to select them, then choose another class, or withdraw your answers. "
+            "You change only answers of your own."
         }
         div.columns.sheeted.once-named {
             section.sight.scripted aria-label="Answers" {
@@ -69,7 +68,7 @@ pub(super) async fn page(
                 p #selected.reason.scripted role="status" { "Nothing is selected." }
                 div.others.scripted {
                     button.plain #all type="button" { "Select all shown" }
-                    button.plain #withdraw type="button" disabled { "Withdraw " kbd { "Delete" } }
+                    button.plain #withdraw type="button" disabled { "Withdraw " (keys::mark("withdraw")) }
                 }
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())

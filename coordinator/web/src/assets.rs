@@ -12,7 +12,7 @@ const CSS: &str = "text/css";
 const SCRIPT: &str = "text/javascript";
 
 /// The file name, type and content of each asset, without the scripts that reports share.
-const ASSETS: [(&str, &str, &str); 48] = [
+const ASSETS: [(&str, &str, &str); 50] = [
     ("icon.svg", "image/svg+xml", include_str!("assets/icon.svg")),
     ("style.css", CSS, include_str!("assets/style.css")),
     ("teach.css", CSS, include_str!("assets/teach.css")),
@@ -42,6 +42,7 @@ const ASSETS: [(&str, &str, &str); 48] = [
     ("label.js", SCRIPT, include_str!("assets/label.js")),
     ("lasso.js", SCRIPT, include_str!("assets/lasso.js")),
     ("map.js", SCRIPT, include_str!("assets/map.js")),
+    ("menus.js", SCRIPT, include_str!("assets/menus.js")),
     ("moving.js", SCRIPT, include_str!("assets/moving.js")),
     ("new.js", SCRIPT, include_str!("assets/new.js")),
     ("outbox.js", SCRIPT, include_str!("assets/outbox.js")),
@@ -61,6 +62,7 @@ const ASSETS: [(&str, &str, &str); 48] = [
     ("sketch.js", SCRIPT, include_str!("assets/sketch.js")),
     ("study.js", SCRIPT, include_str!("assets/study.js")),
     ("taxonomy.js", SCRIPT, include_str!("assets/taxonomy.js")),
+    ("views.js", SCRIPT, include_str!("assets/views.js")),
 ];
 
 /// Serves an asset.

@@ -1,7 +1,7 @@
 //! The classes of a campaign: people rename, merge, colour and delete them, give them keys, and revert that.
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -30,6 +30,12 @@ const PICTURES: usize = 6;
 /// Changes that the page lists.
 const CHANGES: usize = 20;
 
+const KEYS: [(&str, &str); 3] = [
+    ("Tab", "go from class to class and from button to button"),
+    ("Enter", "in the field of a new class: add it"),
+    ("Escape", "in a dialog: go back without a change"),
+];
+
 /// The page.
 pub(super) async fn page(
     State(web): State<Web>,
@@ -41,6 +47,7 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Classes" }
+            (keys::fixed(&KEYS))
             form.naming.once-named.scripted #create {
                 label { span.unseen { "New class" } input name="class" maxlength="64" autocomplete="off" placeholder="A class" required; }
                 button.plain { "Add" }
@@ -48,7 +55,7 @@ pub(super) async fn page(
         }
         (parts::who())
         p.lead.once-named.scripted {
-            "What you change here is changed for everybody. Each change is an entry of the label log, and the newest can be undone."
+            "Changes on this page apply to everybody. Each is an entry in the label log, and the newest can be undone."
         }
         p #status.status.once-named role="status" {}
         ul #list.class-list.once-named.scripted data-keys=(keys.join("")) {}

@@ -1,7 +1,7 @@
 //! The page on which people compare behaviours: which of two is more like a third.
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -22,19 +22,11 @@ use tonic::Request;
 
 type Told = Result<Json<Value>, Refused>;
 
-const KEYS: [(&str, &str); 5] = [
-    ("←", "the left one is more like the reference"),
-    ("→", "the right one is more like the reference"),
-    ("↓", "neither, or both"),
-    ("z", "withdraw your last comparison, and answer it again"),
-    ("Space", "play or pause"),
-];
-
-/// The three behaviours from left to right: the id of the place, its name, and the button below it with its answer and key.
-const PLACES: [(&str, &str, (&str, Preference, &str)); 3] = [
-    ("left", "Left", ("Left is more alike", Preference::Left, "←")),
-    ("reference", "Reference", ("Neither", Preference::Neither, "↓")),
-    ("right", "Right", ("Right is more alike", Preference::Right, "→")),
+/// The three behaviours from left to right: the id of the place, its name, and the button below it with its answer.
+const PLACES: [(&str, &str, (&str, Preference)); 3] = [
+    ("left", "Left", ("Left is more alike", Preference::Left)),
+    ("reference", "Reference", ("Neither", Preference::Neither)),
+    ("right", "Right", ("Right is more alike", Preference::Right)),
 ];
 
 /// The page.
@@ -47,19 +39,19 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Which is more like the reference?" }
-            (parts::keys(&KEYS))
+            (keys::list(&[], keys::Page::Comparisons))
             p.counted.once-named.scripted { span #count { "…" } span #others {} }
         }
         (parts::who())
         p.lead.once-named.scripted {
-            "Compare what the swarms do, not where they are or which way they turn. If neither is more alike, or both are, say so: nothing "
-            "is learned from that answer."
+            "Compare what the swarms do, not where they are or which way they turn. If neither is more alike, or both are, choose Neither: "
+            "the campaign learns nothing from that answer."
             @if !record.spec.method().embeds() {
-                " This campaign embeds nothing, so it learns from no answer: comparisons are only kept and exported."
+                " This campaign has no embedding, so it learns from no comparison. Comparisons are stored and exported."
             }
         }
         div.triple.once-named.scripted role="group" aria-label="Three behaviours" {
-            @for (place, name, (said, preference, key)) in PLACES {
+            @for (place, name, (said, preference)) in PLACES {
                 figure.player #(place) {
                     figcaption { strong { (name) } " " span.which {} }
                     div.stage {
@@ -67,19 +59,29 @@ pub(super) async fn page(
                         canvas role="img" aria-label={ (name) ": motion of the behaviour" } {}
                         p.waiting hidden {}
                     }
-                    button.plain type="button" data-preference=(preference.name()) { (said) " " kbd { (key) } }
+                    button.plain type="button" data-preference=(preference.name()) { (said) " " (keys::mark(preference.name())) }
                 }
             }
         }
         div.once-named.scripted {
             p #question.reason aria-live="polite" { "…" }
             div.choices {
-                button.plain #undo type="button" { "Withdraw the last " kbd { "z" } }
+                button.plain #undo type="button" { "Withdraw the last " (keys::mark("withdraw-last")) }
+                button.plain #several type="button" disabled { "Withdraw several…" }
                 button.plain #rest type="button" aria-pressed="false" { "Pause" }
                 (parts::rename())
             }
             (parts::status_line())
             (parts::learn(&record))
+        }
+        dialog #withdraw aria-labelledby="withdraw-title" {
+            h2 #withdraw-title { "Withdraw your last comparisons" }
+            form method="dialog" {
+                label.field { "How many " input name="count" type="number" min="1" step="1" required; }
+                p #effect role="status" {}
+                button.plain type="button" data-do="back" { "Go back" }
+                button value="yes" { "Withdraw" }
+            }
         }
     };
     Ok(campaign_page(

@@ -25,7 +25,7 @@ pub(super) async fn page(
             @if record.state == CampaignState::Running {
                 p.lead { "This campaign is running. Cancel it first." }
             } @else if let Some(study) = &record.study {
-                p.lead { "This campaign belongs to the study " (study.as_str()) ". This command deletes it all the same:" }
+                p.lead { "This campaign belongs to the study " (study.as_str()) ". To delete it anyway, run:" }
                 pre { code { "murmuration delete " (id) " --study " (study.as_str()) " --yes" } }
             } @else {
                 p.lead {

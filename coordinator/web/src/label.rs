@@ -1,7 +1,7 @@
 //! The pages on which people label behaviours: one at a time, or a cluster at once.
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -25,7 +25,7 @@ pub(super) async fn one(
     let content = html! {
         div.wide-bar {
             h1 { "What does this swarm do?" }
-            (parts::keys(&[&parts::PALETTE_KEYS[..], &NO_CLASS_KEYS, &parts::PLAYER_KEYS].concat()))
+            (keys::list(&[keys::CLASSES], keys::Page::Label))
             p.counted.once-named.scripted {
                 progress #share max="1" value="0" aria-label="Answered by you" {}
                 span #count { "…" }
@@ -45,7 +45,7 @@ pub(super) async fn one(
                 (parts::status_line())
                 (parts::learn(&record))
                 @if record.spec.method().embeds() {
-                    p.reason { "You need no names to " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } "." }
+                    p.reason { "You can also " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } ", which needs no names." }
                 }
                 (parts::downloads(&record))
             }
@@ -78,12 +78,9 @@ const STRATEGIES: [(Strategy, &str); 2] = [
     (Strategy::Random, "at random"),
 ];
 
-/// The keys for answers that name no class.
-const NO_CLASS_KEYS: [(&str, &str); 2] = [("0", "not sure"), ("s", "skip")];
-
-/// The keys of the sheet besides those of its palette.
+/// The keys of the sheet that nobody can change.
 const SHEET_KEYS: [(&str, &str); 3] = [
-    ("← →", "the previous or next cluster"),
+    keys::CLASSES,
     ("Tab", "go from picture to picture, and play its motion"),
     ("Space", "mark the picture as different, or unmark it"),
 ];
@@ -98,11 +95,11 @@ pub(super) async fn sheet(
     let content = html! {
         div.wide-bar {
             h1 { "Which of these differ?" }
-            (parts::keys(&[&parts::PALETTE_KEYS[..], &SHEET_KEYS].concat()))
+            (keys::list(&SHEET_KEYS, keys::Page::Sheet))
             div.choices.once-named.scripted {
-                button.plain #before type="button" { "Previous " kbd { "←" } }
+                button.plain #before type="button" { "Previous " (keys::mark("previous")) }
                 label { "Cluster " select #cluster {} }
-                button.plain #after type="button" { "Next " kbd { "→" } }
+                button.plain #after type="button" { "Next " (keys::mark("next")) }
             }
         }
         (parts::who())

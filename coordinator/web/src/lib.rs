@@ -18,6 +18,7 @@ mod examples;
 mod found;
 mod glossary;
 mod guard;
+mod keys;
 mod label;
 mod layout;
 mod list;

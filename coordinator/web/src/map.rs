@@ -1,7 +1,7 @@
 //! The map of a campaign's behaviours: the page, and the points that its script asks for.
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -28,8 +28,9 @@ use murmuration_search::medoids::Clustering;
 use murmuration_service::OrStatus as _;
 use serde_json::{Value, json};
 
-/// The keys of the map itself, while it has the focus, and of the selection.
-const KEYS: [(&str, &str); 6] = [
+/// The keys that nobody can change: those of the map itself, while it has the focus, and of the selection.
+const KEYS: [(&str, &str); 8] = [
+    keys::CLASSES,
     ("arrows", "on the map: go from one behaviour to the next"),
     ("Enter", "on the map: play the behaviour"),
     (
@@ -37,6 +38,7 @@ const KEYS: [(&str, &str); 6] = [
         "on the map: select the behaviour, or take it out of the selection",
     ),
     ("+ - Home", "on the map: zoom in, zoom out, show the whole map"),
+    ("Backspace", "on the map: back to the part shown before"),
     ("Escape", "select nothing"),
     ("Delete", "on a picture of the selection: take it out"),
 ];
@@ -51,7 +53,7 @@ pub(super) async fn page(
     let content = html! {
         div.wide-bar {
             h1 { "Map" }
-            (parts::keys(&[&KEYS[..], &parts::PALETTE_KEYS, &parts::PLAYER_KEYS].concat()))
+            (keys::list(&KEYS, keys::Page::Map))
             div.choices.scripted {
                 label { "Layout " select #projection {
                     option value="axes" { "principal axes" }
@@ -73,6 +75,7 @@ pub(super) async fn page(
                     canvas #over tabindex="0" role="application" aria-describedby="how"
                         aria-label="Map of the behaviours: arrow keys go from one to the next, Enter plays it, Space selects it" {}
                     div.zoom role="group" aria-label="Zoom" {
+                        button #back type="button" disabled title="Back to the part shown before" { "Back" }
                         button #move type="button" aria-pressed="false" { "Move" }
                         (scripts::zoom_buttons())
                     }
@@ -83,10 +86,13 @@ pub(super) async fn page(
                 div.choices {
                     label { "Generations from " input #from type="number" min="0" step="1" size="6"; }
                     label { "to " input #to type="number" min="0" step="1" size="6"; }
-                    label { "Cluster " select #of-cluster { option value="" { "any" } } }
-                    label { "Answers by " select #answered-by { option value="" { "anybody or nobody" } } }
-                    button #show-all.plain type="button" hidden { "Show all" }
-                    span #shown.reason role="status" {}
+                    label { "Class " select #of-class { option value="" { "all" } } }
+                    label { "Cluster " select #of-cluster { option value="" { "all" } } }
+                    label { "Answered by " select #answered-by { option value="" { "all, answered or not" } } }
+                }
+                div.choices.sifted {
+                    button #show-all.plain type="button" disabled { "Show all" }
+                    span #shown.reason role="status" { "…" }
                 }
                 p #distances.reason role="status" {}
                 p #how.reason {
@@ -109,7 +115,7 @@ pub(super) async fn page(
             }
         }
         dialog #overwrite aria-labelledby="overwrite-title" {
-            h2 #overwrite-title { "Replace earlier classes?" }
+            h2 #overwrite-title { "Replace an earlier class?" }
             p {}
             form method="dialog" {
                 button.plain value="" { "Cancel" }

@@ -1,5 +1,6 @@
 //! Parts that several pages share.
 
+use super::keys;
 use maud::{Markup, html};
 use murmuration_accuracy::RANDOM;
 use murmuration_model::{CampaignRecord, CampaignState, Timestamp};
@@ -55,39 +56,6 @@ pub(super) fn speeds() -> Markup {
     }
 }
 
-/// The button that shows the keys of a page, and the list, which the key `?` shows too.
-pub(super) fn keys(keys: &[(&str, &str)]) -> Markup {
-    html! {
-        button.plain.scripted.once-named type="button" data-do="keys" { "Keys " kbd { "?" } }
-        dialog #keys aria-labelledby="keys-title" {
-            h2 #keys-title { "Keys of this page" }
-            dl.keys {
-                @for (key, what) in keys { div { dt { kbd { (key) } } dd { (what) } } }
-                div { dt { kbd { "?" } } dd { "show these keys" } }
-            }
-            form method="dialog" { button.plain { "Close" } }
-        }
-    }
-}
-
-/// The keys of every palette.
-pub(super) const PALETTE_KEYS: [(&str, &str); 3] = [
-    (
-        "1 … z",
-        "the class with that key, as its button shows; choose keys on the page Classes",
-    ),
-    ("n", "name a class, new or existing"),
-    ("u", "undo your last answer"),
-];
-
-/// The keys of every player.
-pub(super) const PLAYER_KEYS: [(&str, &str); 4] = [
-    ("Space", "play or pause"),
-    ("← →", "a few steps back or forward"),
-    ("- +", "slower or faster"),
-    ("r", "restart the motion"),
-];
-
 /// Buttons for the classes, which a script adds, and for other answers; `single` where the page asks about one behaviour. The
 /// paper's classes are offered, those that have a meaning in `world`.
 pub(super) fn palette(world: &World, single: bool) -> Markup {
@@ -99,22 +67,22 @@ pub(super) fn palette(world: &World, single: bool) -> Markup {
         div.palette.scripted aria-label="Classes" role="group" data-offered=(offered.join(" ")) {
             div.classes {}
             div.offered hidden {
-                p.reason { "A dashed line is around classes of the paper that no answer names yet." }
+                p.reason { "Classes with a dashed border are the paper’s. They have no answers yet." }
                 button.plain type="button" data-do="own" { "Hide these" }
             }
             form.naming.new {
                 label { span.unseen { "Class" }
                     input name="class" list="known" maxlength="64" autocomplete="off" placeholder="A class";
                 }
-                button.plain { "New class " kbd { "n" } }
+                button.plain { "New class " (keys::mark("name")) }
                 datalist #known {}
             }
             div.others {
                 @if single {
-                    button.plain type="button" data-answer="not sure" { "Not sure " kbd { "0" } }
-                    button.plain type="button" data-answer="skip" { "Skip " kbd { "s" } }
+                    button.plain type="button" data-answer="not sure" { "Not sure " (keys::mark("not-sure")) }
+                    button.plain type="button" data-answer="skip" { "Skip " (keys::mark("skip")) }
                 }
-                button.plain type="button" data-do="undo" { "Undo " kbd { "u" } }
+                button.plain type="button" data-do="undo" { "Undo " (keys::mark("undo")) }
             }
             div.near role="status" hidden {
                 p.reason {}

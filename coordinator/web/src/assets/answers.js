@@ -2,9 +2,10 @@
 import { annotator, introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path, pause } from "./coordinator.js";
 import { column } from "./drawing.js";
-import { isForPage } from "./keys.js";
+import { actionOf, isForPage } from "./keys.js";
 import { Outbox, complain } from "./outbox.js";
 import { Palette } from "./palette.js";
+import { layPaths } from "./paths.js";
 import { Player } from "./player.js";
 import { counted, grouped, shown } from "./words.js";
 
@@ -51,8 +52,8 @@ async function answer(text) {
   const others = own(indices).filter(({ said }) => said !== text);
   if (indices.length > 1 && others.length > 0) {
     const asked =
-      `You answered ${grouped(others.length)} of the ${counted(indices.length, "selected behaviour")} otherwise. ` +
-      `“${shown(text)}” replaces these answers of yours.`;
+      `You have already answered ${grouped(others.length)} of the ${counted(indices.length, "selected behaviour")} differently. ` +
+      `“${shown(text)}” would replace your earlier answers.`;
     if (!(await agreed("Replace your answers?", asked, `Name all ${grouped(indices.length)}`))) return;
   }
   outbox.answer(indices, text);
@@ -97,6 +98,7 @@ function toggle(one) {
   if (!selected.delete(keyOf(one))) {
     selected.set(keyOf(one), one);
     player.show(one.index).catch((error) => complain(status, error));
+    layPaths(list.querySelector(`[data-key="${CSS.escape(keyOf(one))}"]`), one.index);
   }
   status.classList.remove("wrong");
   outbox.tell(status);
@@ -129,7 +131,7 @@ function lay() {
   at("more").hidden = found.length <= room;
   const empty = document.querySelector(".sight .empty");
   empty.hidden = found.length > 0;
-  empty.textContent = answers.length ? "No answer is like that." : "Nobody has answered yet.";
+  empty.textContent = answers.length ? "No answers match these filters." : "Nobody has answered yet.";
   tell();
 }
 
@@ -201,9 +203,10 @@ at("all").addEventListener("click", () => select(found.slice(0, room)));
 at("withdraw").addEventListener("click", withdraw);
 document.addEventListener("keydown", (event) => {
   if (!isForPage(event)) return;
+  const name = actionOf(event.key);
   if (event.key === "Escape") select([]);
-  else if (event.key === "0") answer("not sure");
-  else if (event.key === "Delete" || event.key === "Backspace") withdraw();
+  else if (name === "not-sure") answer("not sure");
+  else if (name === "withdraw") withdraw();
   else return;
   event.preventDefault();
 });

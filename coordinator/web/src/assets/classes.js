@@ -1,7 +1,7 @@
 // The Classes page: people rename, merge, colour and delete classes and give them keys; what a change does is said before.
 import { annotator, introduced, random } from "./annotator.js";
 import { archived, follow, get, insist, path, post } from "./coordinator.js";
-import "./keys.js";
+import { chosenFor } from "./keys.js";
 import { complain } from "./outbox.js";
 import { counted, grouped, shown } from "./words.js";
 
@@ -36,7 +36,7 @@ const ACTS = {
     effect: (of, into) => {
       const other = classes.find(({ name }) => name === into);
       if (!other) return "There is no other class.";
-      return `${answersOf(of)} will be called “${shown(into)}”, beside the ${counted(other.labels, "answer")} that are called so now.`;
+      return `${answersOf(of)} will be called “${shown(into)}”, like the ${counted(other.labels, "answer")} of that class.`;
     },
     change: ({ name }, into) => ({ merge: { class: name, into } }),
   },
@@ -53,7 +53,7 @@ const ACTS = {
     title: ({ name }) => `Key of “${shown(name)}”`,
     field: ({ shortcut }) => {
       const keys = [...list.dataset.keys].map((key) => [key, key]);
-      const field = menu([["", "whichever is free"], ...keys]);
+      const field = menu([["", "the first free key"], ...keys]);
       field.value = shortcut ?? "";
       return [field, "Key"];
     },
@@ -62,7 +62,7 @@ const ACTS = {
       const other = key && classes.find((one) => one !== of && one.shortcut === key);
       const loses = other ? ` “${shown(other.name)}”, which has the key now, gets another.` : "";
       return key
-        ? `The key ${key} will name “${shown(of.name)}” for everybody.${loses} No answer changes.`
+        ? `The key ${key} will name “${shown(of.name)}” for everybody.${loses}${ownUse(key)} No answer changes.`
         : `“${shown(of.name)}” gets the first key that is free. No answer changes.`;
     },
     change: ({ name }, shortcut) => ({ shortcut: { class: name, shortcut } }),
@@ -81,9 +81,15 @@ const ACTS = {
   },
 };
 
+// What else somebody chose a key for in this browser.
+function ownUse(key) {
+  const what = chosenFor(key);
+  return what ? ` In this browser you chose the key for something else (${what}), which it will no longer do.` : "";
+}
+
 // How many answers a change is about, and whose they are.
 function answersOf({ labels, people }) {
-  if (labels === 0) return "No answer names this class yet: later ones";
+  if (labels === 0) return "No answer names this class yet. Later answers";
   const names = people.length > 3 ? `${counted(people.length, "annotator")}` : people.join(", ");
   return `${counted(labels, "answer")} (by ${names})`;
 }

@@ -1,13 +1,13 @@
 // The page Comparisons: shows three behaviours and takes the answer which of two is more like the reference.
 import { annotator, introduced, rename, session } from "./annotator.js";
 import { follow, insist, post } from "./coordinator.js";
-import { isForPage } from "./keys.js";
+import { actionOf, isForPage } from "./keys.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Player } from "./player.js";
 import { counted, grouped } from "./words.js";
 
 const PLACES = ["left", "reference", "right"];
-const KEYS = { ArrowLeft: "left", ArrowRight: "right", ArrowDown: "neither" };
+const PREFERENCES = ["left", "right", "neither"];
 
 const at = (id) => document.getElementById(id);
 const status = at("status");
@@ -16,6 +16,8 @@ const players = Object.fromEntries(PLACES.map((place) => [place, new Player(at(p
 // What is asked; null while an answer is on its way, or if there is nothing to ask.
 let question = null;
 let asking = false;
+// How many comparisons of the annotator stand, as far as told.
+let standing = 0;
 let resting = calm.matches;
 
 await introduced();
@@ -57,6 +59,8 @@ async function ask() {
 }
 
 function show({ triple, own, comparisons, individuals }) {
+  standing = own;
+  at("several").disabled = own === 0;
   at("count").textContent = `${counted(own, "comparison")} by you`;
   at("others").textContent = `${grouped(comparisons - own)} by others`;
   question = triple;
@@ -103,10 +107,32 @@ function answer(preference) {
   outbox.add("comparisons", { annotator: annotator(), ...asked, preference });
 }
 
-function withdraw() {
+function withdraw(count = 1) {
   question = null;
   status.classList.remove("wrong");
-  outbox.add("comparisons/withdraw", { annotator: annotator() });
+  for (let i = 0; i < count; i++) outbox.add("comparisons/withdraw", { annotator: annotator() });
+}
+
+// Asks how many of the last comparisons to withdraw, and withdraws them.
+async function withdrawSeveral() {
+  const dialog = at("withdraw");
+  const { count } = dialog.querySelector("form").elements;
+  count.max = standing;
+  count.value = 1;
+  tellEffect(count);
+  dialog.returnValue = "";
+  dialog.showModal();
+  count.select();
+  await new Promise((resolve) => dialog.addEventListener("close", resolve, { once: true }));
+  if (dialog.returnValue === "yes") withdraw(Number(count.value));
+}
+
+function tellEffect(count) {
+  const many = Number(count.value);
+  const which = many === 1 ? "Your last comparison" : `Your last ${grouped(many)} comparisons`;
+  at("effect").textContent = count.validity.valid
+    ? `${which} will no longer count. The questions come again, the oldest first.`
+    : `You have ${counted(standing, "comparison")}: choose a number from 1 to ${grouped(standing)}.`;
 }
 
 function rest() {
@@ -125,13 +151,17 @@ function onClick(button, act) {
 
 at("rest").setAttribute("aria-pressed", String(resting));
 onClick(at("rest"), rest);
-onClick(at("undo"), withdraw);
+onClick(at("undo"), () => withdraw());
+onClick(at("several"), withdrawSeveral);
+at("withdraw").querySelector("[name=count]").addEventListener("input", (event) => tellEffect(event.target));
+at("withdraw").querySelector("[data-do=back]").addEventListener("click", () => at("withdraw").close());
 for (const button of document.querySelectorAll("[data-preference]")) onClick(button, () => answer(button.dataset.preference));
 document.addEventListener("keydown", (event) => {
   if (!isForPage(event) || event.repeat) return;
-  if (event.key in KEYS) answer(KEYS[event.key]);
-  else if (event.key === "z") withdraw();
-  else if (event.key === " ") rest();
+  const name = actionOf(event.key);
+  if (PREFERENCES.includes(name)) answer(name);
+  else if (name === "withdraw-last") withdraw();
+  else if (name === "play") rest();
   else return;
   event.preventDefault();
 });

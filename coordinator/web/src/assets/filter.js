@@ -1,22 +1,55 @@
-// Which points of the map are shown: those of no class, cluster or generation that somebody has hidden.
+// Which points of the map are shown: those that the menus ask for, of no class, cluster or robustness that somebody has hidden.
+// The browser keeps it, for each campaign.
+
+const KINDS = ["class", "cluster", "robustness"];
 
 export class Filter {
-  constructor() {
+  // `key` is where the browser keeps it.
+  constructor(key) {
+    this.key = key;
     this.showAll();
+    this.read();
   }
 
   showAll() {
     // By what points are coloured, the values that are hidden. Classes are known by their names: their places change.
-    this.hidden = { class: new Set(), cluster: new Set(), robustness: new Set() };
+    this.hidden = Object.fromEntries(KINDS.map((kind) => [kind, new Set()]));
     this.generations = [0, Infinity];
     // The only values that are shown; null for all.
-    this.picked = { cluster: null, annotator: null };
+    this.picked = { class: null, cluster: null, annotator: null };
   }
 
-  // Shows again what was hidden by clusters, whose numbers now mean others.
-  forgetClusters() {
-    this.hidden.cluster.clear();
-    this.hidden.robustness.clear();
+  // What was kept, as far as it can be read.
+  read() {
+    try {
+      const kept = JSON.parse(localStorage.getItem(this.key)) ?? {};
+      // Which clusters those are that it names.
+      this.clusters = kept.clusters ?? null;
+      for (const kind of KINDS) this.hidden[kind] = new Set(kept.hidden?.[kind] ?? []);
+      const [first, last] = kept.generations ?? [];
+      this.generations = [first ?? 0, last ?? Infinity];
+      this.picked = { ...this.picked, ...kept.picked };
+    } catch {
+      this.showAll();
+    }
+  }
+
+  keep() {
+    if (this.isOpen()) return localStorage.removeItem(this.key);
+    const { clusters, generations, picked } = this;
+    const hidden = Object.fromEntries(KINDS.map((kind) => [kind, [...this.hidden[kind]]]));
+    localStorage.setItem(this.key, JSON.stringify({ clusters, generations, picked, hidden }));
+  }
+
+  // Hears which clusters there are. If they are others, what was hidden by their numbers is shown again.
+  of(clusters) {
+    if (this.clusters === clusters) return;
+    if (this.clusters !== null) {
+      this.hidden.cluster.clear();
+      this.hidden.robustness.clear();
+      this.picked.cluster = null;
+    }
+    this.clusters = clusters;
   }
 
   // Hides what has a value, or shows it again.

@@ -89,8 +89,8 @@ function nothing() {
   const why = queue.individuals === 0
     ? "The first generation is not complete yet. Questions appear by themselves."
     : queue.agreement
-      ? "You have answered every behaviour that others have classified, or another window is asking about it."
-      : "Every behaviour has been answered, or another window is asking about it.";
+      ? "You have answered every behaviour that others have classified, or another window is asking about the rest."
+      : "Every behaviour has been answered, or another window is asking about the rest.";
   return ["No questions left", why];
 }
 

@@ -1,19 +1,22 @@
 // The Map page: shows which behaviours are alike, and names those that a line is drawn around.
 import { introduced, session } from "./annotator.js";
 import { NAMELESS_CLASS, colouring, legendEntry } from "./colours.js";
-import { archived, follow, get, insist, path, pause } from "./coordinator.js";
+import { archived, follow, get, insist, keptAs, path, pause } from "./coordinator.js";
 import { column } from "./drawing.js";
 import { Filter } from "./filter.js";
 import { Gallery } from "./gallery.js";
 import { isForPage } from "./keys.js";
 import { lasso } from "./lasso.js";
+import { Menus } from "./menus.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { agreed } from "./overwrite.js";
 import { Palette } from "./palette.js";
+import { layPaths } from "./paths.js";
 import { Player, playerKey } from "./player.js";
 import { steer, zoomButtons } from "./plot.js";
 import { Points } from "./points.js";
 import { Sketch } from "./sketch.js";
+import { Views } from "./views.js";
 import { counted, grouped, shown } from "./words.js";
 
 const at = (id) => document.getElementById(id);
@@ -24,11 +27,15 @@ const dark = matchMedia("(prefers-color-scheme: dark)");
 const plot = new Points(at("points"));
 const sketch = new Sketch(over, plot, () => points?.isMedoid ?? []);
 const player = new Player(document.querySelector(".player"));
-const filter = new Filter();
+const filter = new Filter(`${keptAs}.map`);
+const menus = new Menus(filter, (kind) => (kind === "annotator" ? answeredBy() : sift()));
+const views = new Views(plot, (canGoBack) => (at("back").disabled = !canGoBack));
 const gallery = new Gallery(at("gallery"), at("gallery-line"), {
   play: choose,
   drop: (i) => select([...selected].filter((other) => other !== i)),
 });
+// Milliseconds that a pointer stays before a motion is asked for: one that only passes wants none.
+const STAYS_MS = 150;
 // What was chosen on this page before, in any campaign.
 const CHOICE = "murmuration.map.";
 let known = { classes: [], of: new Map(), machine: new Set() };
@@ -84,13 +91,14 @@ function valueOf(kind, i) {
   if (kind === "class") return known.classes[known.of.get(i)]?.name ?? NAMELESS_CLASS;
   if (kind === "cluster") return points.cluster[i];
   if (kind === "robustness") return points.robust[i];
-  if (kind === "annotator") return answered?.has(i);
+  if (kind === "annotator") return answered?.has(i) ? filter.picked.annotator : null;
   return Math.floor(i / points.population);
 }
 
 // Hides and shows points as the filter says; what is hidden is not selected.
 function sift() {
   if (!points) return;
+  filter.keep();
   plot.visible = filter.shown(points.count, valueOf);
   plot.sort();
   if (plot.visible) selected = new Set([...selected].filter((i) => plot.visible[i]));
@@ -101,8 +109,9 @@ function sift() {
 
 function tellShown() {
   const shown = plot.visible ? plot.visible.reduce((sum, is) => sum + is, 0) : points.count;
-  at("shown").textContent = plot.visible ? `${grouped(shown)} of ${counted(points.count, "individual")} are shown.` : "";
-  at("show-all").hidden = plot.visible === null;
+  const all = counted(points.count, "individual");
+  at("shown").textContent = plot.visible ? `${grouped(shown)} of ${all} are shown.` : `All ${all} are shown.`;
+  at("show-all").disabled = plot.visible === null;
 }
 
 function nameOf(i) {
@@ -123,10 +132,14 @@ function robustnessOf(i) {
   return i < points.robust.length ? ` · robustness ${points.robust[i]} of ${points.starts}` : "";
 }
 
+let stays = 0;
 function hover(i) {
   if (i === sketch.hovered) return;
   sketch.hovered = i;
   tip.hidden = i < 0;
+  tip.querySelector(".paths")?.remove();
+  clearTimeout(stays);
+  if (i >= 0) stays = setTimeout(() => layPaths(tip, i, () => sketch.hovered === i), STAYS_MS);
   if (i >= 0) {
     tip.querySelector("img").src = path(archived(i));
     tip.querySelector("p").textContent = `${grouped(i)} · ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}`;
@@ -142,6 +155,8 @@ function choose(i) {
   if (i < 0) return;
   at("chosen").textContent = `Individual ${grouped(i)}, generation ${grouped(Math.floor(i / points.population))}, ${nameOf(i)}${clusterOf(i)}${robustnessOf(i)}.`;
   player.show(i).catch((error) => complain(status, error));
+  const card = at("gallery").querySelector(`[data-index="${i}"]`);
+  if (card) layPaths(card, i);
 }
 
 function select(indices, adds = false) {
@@ -165,9 +180,18 @@ const isMoving = () => at("move").getAttribute("aria-pressed") === "true";
 at("move").addEventListener("click", () => at("move").setAttribute("aria-pressed", String(!isMoving())));
 function moved() {
   if (!points) return;
+  views.moved();
   hover(-1);
   redraw();
 }
+function back() {
+  if (!points || !views.back()) return;
+  hover(-1);
+  redraw();
+}
+at("back").addEventListener("click", back);
+// Each click on a button is a step of its own to go back.
+document.querySelector(".zoom").addEventListener("click", () => views.settle(), true);
 // Once for each picture of the screen, however often the map is moved meanwhile.
 let due = false;
 function redraw() {
@@ -201,11 +225,15 @@ over.addEventListener("keydown", (event) => {
   const { hovered } = sketch;
   if (way) {
     const next = plot.towards(hovered, ...way);
-    if (next >= 0 && plot.reveal(next)) draw();
+    if (next >= 0 && plot.reveal(next)) {
+      views.moved();
+      draw();
+    }
     hover(next);
   } else if (event.key === "+" || event.key === "-" || event.key === "Home") {
     document.querySelector(`[data-zoom=${{ "+": "in", "-": "out", Home: "whole" }[event.key]}]`).click();
-  } else if (event.key === "Enter") choose(hovered);
+  } else if (event.key === "Backspace") back();
+  else if (event.key === "Enter") choose(hovered);
   else if (event.key === " " && hovered >= 0) {
     if (selected.has(hovered)) select([...selected].filter((i) => i !== hovered));
     else select([hovered], true);
@@ -229,40 +257,17 @@ at("legend").addEventListener("click", (event) => {
   else filter.toggle(kind, value);
   sift();
 });
-for (const id of ["from", "to"]) {
-  at(id).addEventListener("change", () => {
-    const [from, to] = ["from", "to"].map((id) => at(id).value);
-    filter.generations = [from === "" ? 0 : Number(from), to === "" ? Infinity : Number(to)];
-    sift();
-  });
-}
-at("of-cluster").addEventListener("change", () => {
-  filter.picked.cluster = at("of-cluster").value === "" ? null : Number(at("of-cluster").value);
-  sift();
-});
-at("answered-by").addEventListener("change", answeredBy);
 // Reads what the annotator of the filter has answered.
 async function answeredBy() {
-  const name = at("answered-by").value;
-  filter.picked.annotator = name === "" ? null : true;
-  if (name !== "") {
+  const name = filter.picked.annotator;
+  if (name !== null) {
     const told = await insist(() => get("answers/standing"));
+    if (name !== filter.picked.annotator) return;
     const [individual, by] = [column(told.individual, Uint32Array), column(told.annotator, Uint16Array)];
     answered = new Set(individual.filter((_, i) => told.annotators[by[i]] === name));
   }
   sift();
 }
-// Offers values in a menu, and keeps what is chosen.
-function fill(menu, entries) {
-  const chosen = menu.value;
-  menu.replaceChildren(menu.options[0], ...entries.map(([value, text]) => new Option(text, value)));
-  menu.value = entries.some(([value]) => String(value) === chosen) ? chosen : "";
-}
-at("show-all").addEventListener("click", () => {
-  filter.showAll();
-  for (const id of ["from", "to", "of-cluster", "answered-by"]) at(id).value = "";
-  sift();
-});
 at("colouring").addEventListener("change", () => {
   localStorage.setItem(`${CHOICE}colouring`, at("colouring").value);
   paint();
@@ -270,6 +275,7 @@ at("colouring").addEventListener("change", () => {
 at("projection").addEventListener("change", () => {
   localStorage.setItem(`${CHOICE}projection`, at("projection").value);
   plot.whole();
+  views.forget();
   settle();
 });
 dark.addEventListener("change", paint);
@@ -308,8 +314,7 @@ function chooseColours() {
 async function load() {
   const [about, axes] = await Promise.all([insist(() => get("points")), insist(() => get("points/axes"))]);
   const cluster = column(about.cluster, Uint16Array);
-  const isSame = points?.archive_version === about.archive_version && String(points?.medoids) === String(about.medoids);
-  if (!isSame) filter.forgetClusters();
+  filter.of(`${about.archive_version} ${about.medoids}`);
   const sizes = about.medoids.map(() => 0);
   for (const of of cluster) sizes[of]++;
   const [robust, isMedoid] = [column(about.robust, Uint8Array), new Set(about.medoids)];
@@ -320,8 +325,7 @@ async function load() {
     if (option.value === "cluster") option.disabled = sizes.length === 0;
     if (option.value === "robustness") option.disabled = points.robust.length === 0;
   }
-  fill(at("of-cluster"), sizes.map((size, place) => [place, `${place + 1} (${grouped(size)})`]));
-  filter.picked.cluster = at("of-cluster").value === "" ? null : Number(at("of-cluster").value);
+  menus.offer("cluster", sizes.map((size, place) => [place, `${place + 1} (${grouped(size)})`]));
   offer(false);
   chooseColours();
   settle();
@@ -361,7 +365,8 @@ async function label() {
     machine: new Set(individual.filter((_, i) => machine[i])),
   };
   palette.show(labels.classes);
-  fill(at("answered-by"), labels.annotators.map((name) => [name, name]));
+  menus.offer("annotator", labels.annotators.map((name) => [name, name]));
+  menus.offer("class", [...labels.classes.map(({ name }) => [name, shown(name)]), [NAMELESS_CLASS, "unnamed"]]);
   if (points) chooseColours();
   await answeredBy();
 }

@@ -1,4 +1,4 @@
-// Asks before an answer about many individuals replaces earlier ones.
+// Asks before an answer replaces earlier ones.
 import { grouped, shown } from "./words.js";
 
 const dialog = document.getElementById("overwrite");
@@ -8,12 +8,10 @@ const dialog = document.getElementById("overwrite");
 export async function agreed(known, indices, text) {
   const other = (i) => known.of.has(i) && known.classes[known.of.get(i)].name !== text;
   const others = indices.filter(other);
-  if (others.length === 0 || indices.length === 1) return indices;
+  if (others.length === 0) return indices;
   const rest = indices.length - others.length;
-  dialog.querySelector("p").textContent =
-    `${grouped(others.length)} of the ${grouped(indices.length)} selected have another class already. ` +
-    `“${shown(text)}” would replace it.`;
-  dialog.querySelector("[value=all]").textContent = `Name all ${grouped(indices.length)}`;
+  dialog.querySelector("p").textContent = `${already(known, indices, others)} “${shown(text)}” would replace it.`;
+  dialog.querySelector("[value=all]").textContent = indices.length === 1 ? "Replace it" : `Name all ${grouped(indices.length)}`;
   dialog.querySelector("[value=rest]").textContent = `Name only the other ${grouped(rest)}`;
   dialog.querySelector("[value=rest]").hidden = rest === 0;
   dialog.returnValue = "";
@@ -21,4 +19,11 @@ export async function agreed(known, indices, text) {
   await new Promise((resolve) => dialog.addEventListener("close", resolve, { once: true }));
   if (dialog.returnValue === "all") return indices;
   return dialog.returnValue === "rest" ? indices.filter((i) => !other(i)) : [];
+}
+
+// What class those have already that an answer would change.
+function already(known, indices, others) {
+  if (indices.length > 1) return `${grouped(others.length)} of the ${grouped(indices.length)} selected have another class already.`;
+  const { name } = known.classes[known.of.get(indices[0])];
+  return `Individual ${grouped(indices[0])} has the class “${shown(name)}” already.`;
 }

@@ -1,6 +1,6 @@
 // The classes as buttons with keys, and a field for those that are new.
 import { keptAs } from "./coordinator.js";
-import { isForPage } from "./keys.js";
+import { actionOf, claim, isChosen, isForPage } from "./keys.js";
 import { counted, grouped, shown } from "./words.js";
 
 // The keys that classes get by themselves, in this order: digits, then the letters that no page uses.
@@ -61,21 +61,27 @@ export class Palette {
   press(key) {
     const chosen = this.keys.get(key);
     if (chosen !== undefined) this.answer(chosen);
-    else if (key === "n") this.field.focus();
-    else if (key === "u") this.outbox.undo();
-    else if (key === "0" && this.root.querySelector("[data-answer='not sure']")) this.answer("not sure");
-    else if (key === "s" && this.root.querySelector("[data-answer='skip']")) this.answer("skip");
-    else return /^[1-9]$/.test(key);
+    else return this.act(actionOf(key)) || /^[1-9]$/.test(key);
+    return true;
+  }
+
+  // Does what a key of the palette is for; whether it is one.
+  act(name) {
+    if (name === "name") this.field.focus();
+    else if (name === "undo") this.outbox.undo();
+    else if (name === "not-sure" && this.root.querySelector("[data-answer='not sure']")) this.answer("not sure");
+    else if (name === "skip") this.answer("skip");
+    else return false;
     return true;
   }
 
   // A class has the key that somebody chose for it. Else it keeps its key for as long as it is there, whichever others go; one
-  // that comes has the first that is free.
+  // that comes has the first that is free, and that nobody here chose for something else.
   assign(classes) {
     const former = new Map([...this.keys].map(([key, name]) => [name, key]));
     this.keys = new Map(classes.filter(({ shortcut }) => shortcut).map(({ name, shortcut }) => [shortcut, name]));
     const others = classes.filter(({ shortcut }) => !shortcut).map(({ name }) => name);
-    const free = (key) => key !== undefined && !this.keys.has(key);
+    const free = (key) => key !== undefined && !this.keys.has(key) && !isChosen(key);
     const fresh = others.filter((name) => {
       const keeps = free(former.get(name));
       if (keeps) this.keys.set(former.get(name), name);
@@ -85,6 +91,7 @@ export class Palette {
       const key = KEYS.find(free);
       if (key) this.keys.set(key, name);
     }
+    claim(this.keys);
   }
 
   // The paper's classes that no answer names yet. Where others began with words of their own, nothing is offered.

@@ -1,10 +1,26 @@
 // The whole motion of a swarm in one picture: the path of each robot in its colour, and where the robots end.
 import { drawArena, drawBodies, fit } from "./drawing.js";
+import { motionOf } from "./player.js";
 
 // Poses that are joined by lines, at most: of longer motions of larger swarms every so many steps.
 const MOST_POSES = 60_000;
 // Half a world: on a torus, a longer way between two frames is a jump to the other side.
 const JUMP = 32768;
+
+// Lays the paths of an individual over its picture, which `root` holds, once its motion is there, if that is still wanted.
+export async function layPaths(root, index, isWanted = () => root.isConnected) {
+  // The player says why there is no motion.
+  const motion = await motionOf(index).motion.catch(() => null);
+  if (!motion || !isWanted()) return;
+  let canvas = root.querySelector(".paths");
+  if (!canvas) {
+    canvas = document.createElement("canvas");
+    canvas.className = "paths";
+    canvas.setAttribute("aria-hidden", "true");
+    root.append(canvas);
+  }
+  drawPaths(canvas, motion);
+}
 
 export function drawPaths(canvas, { run, world, colours }) {
   fit(canvas);

@@ -1,7 +1,7 @@
 // The page Play: a person sets a controller, and the swarm that it controls moves.
 import { Comparison } from "./compare.js";
 import { Endless } from "./endless.js";
-import { isForPage } from "./keys.js";
+import { actionOf, isForPage } from "./keys.js";
 
 // Where a motion is shown from when its controller is changed: at the latest here, as far as the paper looks at it; and before
 // this many steps of one robot, which are simulated at once.
@@ -105,14 +105,14 @@ function playground() {
   at("one-step").addEventListener("click", acts.once);
   document.addEventListener("keydown", (event) => {
     if (!isForPage(event)) return;
-    const { key } = event;
-    if (key === " ") endless.toggle();
-    else if (key === "ArrowRight") acts.once();
-    else if (key === "r") acts.restart();
-    else if (key === "n") acts.anew();
-    else if (key === "l") comparison.ask();
-    else if (key === "+" || key === "=") endless.pace(true);
-    else if (key === "-") endless.pace(false);
+    const name = actionOf(event.key);
+    if (name === "play") endless.toggle();
+    else if (name === "step") acts.once();
+    else if (name === "restart") acts.restart();
+    else if (name === "anew") acts.anew();
+    else if (name === "like") comparison.ask();
+    else if (name === "faster") endless.pace(true);
+    else if (name === "slower") endless.pace(false);
     else return;
     event.preventDefault();
   });

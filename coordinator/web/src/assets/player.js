@@ -1,6 +1,7 @@
 // Asks the coordinator for the motion of a behaviour, and plays it.
 import { archived, get, insist } from "./coordinator.js";
 import { Run } from "./drawing.js";
+import { actionOf } from "./keys.js";
 import { Playback } from "./playback.js";
 
 const MOST_KEPT = 24;
@@ -96,14 +97,15 @@ export class Player extends Playback {
   }
 }
 
-// The keys of a page with one player.
+// Does what a key of a page with one player is for; whether it is one.
 export function playerKey(player, { key }) {
-  if (key === " ") player.toggle();
-  else if (key === "ArrowLeft") player.skip(-0.05);
-  else if (key === "ArrowRight") player.skip(0.05);
-  else if (key === "+" || key === "=") player.pace(true);
-  else if (key === "-") player.pace(false);
-  else if (key === "r") player.restart();
+  const name = actionOf(key);
+  if (name === "play") player.toggle();
+  else if (name === "back") player.skip(-0.05);
+  else if (name === "forward") player.skip(0.05);
+  else if (name === "faster") player.pace(true);
+  else if (name === "slower") player.pace(false);
+  else if (name === "restart") player.restart();
   else return false;
   return true;
 }

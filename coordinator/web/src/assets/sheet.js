@@ -2,10 +2,11 @@
 import { introduced, session } from "./annotator.js";
 import { archived, follow, get, insist, path } from "./coordinator.js";
 import { column, fit } from "./drawing.js";
-import { isForPage } from "./keys.js";
+import { actionOf, isForPage } from "./keys.js";
 import { encloses, lasso, trace } from "./lasso.js";
 import { Outbox, beforeLearning, complain, tellDoing } from "./outbox.js";
 import { Palette } from "./palette.js";
+import { layPaths } from "./paths.js";
 import { Player } from "./player.js";
 import { counted, grouped } from "./words.js";
 
@@ -78,7 +79,7 @@ function lay() {
   const empty = document.querySelector(".sheet .empty");
   empty.hidden = shown.length > 0;
   empty.textContent = clusters.length
-    ? "Every behaviour of this cluster has a name."
+    ? "Every behaviour in this cluster is named."
     : "There are no behaviours until the first generation is complete.";
   tell(open.length);
 }
@@ -111,8 +112,8 @@ function tell(count = open) {
   const all = cards().length;
   const marked = cards().filter((card) => card.getAttribute("aria-pressed") === "true").length;
   at("rest").textContent = all
-    ? `${all} shown: ${all - marked} to be named together, ${marked} marked as different. ${grouped(open)} in this cluster are unnamed.`
-    : "Nothing to name here.";
+    ? `${all} shown: your answer names ${all - marked}; ${marked} marked as different. ${grouped(open)} in this cluster are unnamed.`
+    : "There is nothing to name here.";
 }
 
 function go(by) {
@@ -162,7 +163,10 @@ const watch = (event) => {
   const card = event.target.closest(".card");
   clearTimeout(looking);
   if (!card || Number(card.dataset.index) === player.index) return;
-  looking = setTimeout(() => player.show(Number(card.dataset.index)).catch((error) => complain(status, error)), 150);
+  looking = setTimeout(() => {
+    player.show(Number(card.dataset.index)).catch((error) => complain(status, error));
+    layPaths(card, Number(card.dataset.index));
+  }, 150);
 };
 sheet.addEventListener("pointerover", watch);
 sheet.addEventListener("focusin", watch);
@@ -172,8 +176,9 @@ at("before").addEventListener("click", () => go(-1));
 at("after").addEventListener("click", () => go(1));
 document.addEventListener("keydown", (event) => {
   if (!isForPage(event)) return;
-  if (event.key === "ArrowLeft") go(-1);
-  else if (event.key === "ArrowRight") go(1);
+  const name = actionOf(event.key);
+  if (name === "previous") go(-1);
+  else if (name === "next") go(1);
 });
 
 // Reads the clusters as they are now; what somebody looks at is left as it is until they look at something else.

@@ -96,7 +96,7 @@ async function tryStarts(link) {
   try {
     const text = await (await insist(() => reply(fetch(link.href)), ({ message }) => (place.textContent = `Still waiting: ${message}.`))).text();
     const found = new DOMParser().parseFromString(text, "text/html").getElementById("starts");
-    place.replaceChildren(...(found ? [document.adoptNode(found)] : ["The coordinator answered with another page."]));
+    place.replaceChildren(...(found ? [document.adoptNode(found)] : ["The coordinator sent an unexpected page. Close this and try again."]));
   } catch (error) {
     place.textContent = error.message;
   } finally {
@@ -150,7 +150,7 @@ if (status) {
       event.preventDefault();
       const answer = field.value.trim();
       if (!answer) return;
-      const words = `Merged as “${answer}”. “Undo my last answer” takes that back.`;
+      const words = `Merged as “${answer}”. “Undo my last answer” reverts that.`;
       name(form.dataset.indices.split(" ").map(Number), answer, words);
     });
   }

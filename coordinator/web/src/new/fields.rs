@@ -143,7 +143,7 @@ pub(super) const GROUPS: [(&str, &[Field]); 4] = [
         &[
             field(
                 ("feedback", "rounds"),
-                "Rounds without people",
+                "Unattended rounds",
                 Kind::Number,
                 "How often the campaign labels with its rule-based judge, learns from that and searches on. People can begin further rounds on the pages.",
             ),

@@ -110,7 +110,7 @@ fn shown(record: &CampaignRecord, model: &CapabilityModel, pixels: &[u8], neares
     html! {
         p { (verdict(record, nearest)) }
         @if record.spec.model() != model {
-            p.reason { "The robots of " (record.id) " are others: " (difference(record.spec.model(), model)) "." }
+            p.reason { "The robots of " (record.id) " differ: " (difference(record.spec.model(), model)) "." }
         }
         ul.behaviours {
             li {

@@ -1,7 +1,7 @@
 //! The markup of the page.
 
 use super::{
-    super::{layout::play_page, new::token, parts, visitor::Visitor},
+    super::{keys, layout::play_page, new::token, parts, visitor::Visitor},
     OFFERED,
     address::{Address, MOST_DESCRIPTION_BYTES, MOST_ROBOTS, Play, Robots},
     knobs::{Knob, Values, knobs},
@@ -14,16 +14,6 @@ use murmuration_proto::{
 use murmuration_report::picture::{columns, sensor_reach};
 use serde_json::{Value, json};
 
-/// The keys of the page.
-const KEYS: [(&str, &str); 6] = [
-    ("Space", "play or pause"),
-    ("→", "one step on"),
-    ("r", "restart the motion"),
-    ("n", "start anew, from another seed"),
-    ("- +", "slower or faster"),
-    ("l", "ask what in a campaign this swarm is like"),
-];
-
 /// The page of an address.
 ///
 /// `campaigns` are those that its swarm can be compared with.
@@ -31,7 +21,7 @@ pub(super) fn page(address: &Address, campaigns: &[CampaignId], visitor: &Visito
     let content = html! {
         div.wide-bar {
             h1 { "Play" }
-            @if address.play.is_ok() { (parts::keys(&KEYS)) }
+            @if address.play.is_ok() { (keys::list(&[], keys::Page::Play)) }
             (presets(&address.robots))
         }
         noscript { p.scriptless { "This page needs JavaScript, which is not running in this browser." } }
@@ -61,7 +51,7 @@ fn problems(problems: &[Invalid]) -> Markup {
     html! {
         @if !problems.is_empty() {
             div.problems role="alert" {
-                p { "Not all of the address was understood. The rest of it is shown." }
+                p { "Parts of the address were not understood. The page shows the rest." }
                 ul { @for problem in problems { li.error { (problem.to_string()) } } }
             }
         }
@@ -114,8 +104,8 @@ fn playground(address: &Address, play: &Play) -> Markup {
                     div.stage { canvas role="img" aria-label="Motion of the swarm" {} p.waiting hidden {} }
                     div.transport {
                         button.toggle type="button" aria-label="Play" {}
-                        button.plain #one-step type="button" { "Step " kbd { "→" } }
-                        button.plain #restart type="button" { "Restart " kbd { "r" } }
+                        button.plain #one-step type="button" { "Step " (keys::mark("step")) }
+                        button.plain #restart type="button" { "Restart " (keys::mark("restart")) }
                         label { span.unseen { "Speed" } (parts::speeds()) }
                         output.step { "–" }
                     }
@@ -150,7 +140,7 @@ fn comparison(play: &Play, campaigns: &[CampaignId]) -> Markup {
                         @for id in campaigns { option value=(id) { (id) } }
                     } }
                     @if campaigns.len() == OFFERED { span.reason { "The newest " (OFFERED) " are listed." } }
-                    button.plain #ask type="button" { "What is this like? " kbd { "l" } }
+                    button.plain #ask type="button" { "What is this like? " (keys::mark("like")) }
                 }
                 form #search method="post" action="/play/search" { input type="hidden" name="request" value=(token()); button { "Search from here" } }
             }
@@ -191,7 +181,7 @@ fn start(play: &Play) -> Markup {
             legend { "Start" }
             label for="seed" { "Seed" }
             input.number #seed type="text" inputmode="numeric" pattern="[0-9]{1,19}" value=(play.seed);
-            button.plain #anew type="button" { "Start anew " kbd { "n" } }
+            button.plain #anew type="button" { "Start again " (keys::mark("anew")) }
             @if play.controller.model().robots().is_none() {
                 label for="robots" { "Robots" }
                 input.number #robots type="number" min="1" max=(MOST_ROBOTS) value=(play.world.agents());

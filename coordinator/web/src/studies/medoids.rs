@@ -87,7 +87,7 @@ pub(crate) async fn of_cell(
                                     (known.words())
                                 }
                             }
-                            @if by != JUDGE { button.plain type="button" data-class="" { "The judge's word" } }
+                            @if by != JUDGE { button.plain type="button" data-class="" { "The judge's class" } }
                         }
                     }
                 }

@@ -83,7 +83,7 @@ impl Sight {
             div data-version=(loaded.version) {
                 (self.progress())
                 @if self.done() < self.cells() {
-                    p.reason { code { "murmuration study run" } " begins the cells that wait, and measures those that are completed." }
+                    p.reason { code { "murmuration study run" } " starts the waiting cells and measures the completed ones." }
                 }
                 @if !self.before.is_empty() {
                     h2 { "Before the cells" }

@@ -71,8 +71,8 @@ pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
             section.pairs aria-labelledby="pairs" {
                 h2 #pairs { "Possibly the same behaviour" }
                 p.reason {
-                    "These clusters touch: their medoids are nearer to each other than the members of both are to their medoids, on average and taken together. "
-                    span.scripted { "Merge gives both medoids one name, and the page shows them as one behaviour; Undo takes that back. The clusters themselves stay." }
+                    "These clusters touch: the distance between their medoids is less than the mean distances of their members from the medoids, added up. "
+                    span.scripted { "Merge gives both medoids one name, and the page shows them as one behaviour; Undo reverts that. The clusters themselves do not change." }
                 }
                 ul { @for pair in open(shown).take(AT_ONCE) { li { (pair_of(record, shown, pair)) } } }
                 @let further = open(shown).count().saturating_sub(AT_ONCE);
@@ -80,7 +80,7 @@ pub(super) fn section(record: &CampaignRecord, shown: &Shown) -> Markup {
                     details {
                         summary { (counted(further as u64, "further pair")) " of clusters " (if further == 1 { "touches" } else { "touch" }) }
                         ul { @for pair in open(shown).take(MOST).skip(AT_ONCE) { li { (pair_of(record, shown, pair)) } } }
-                        @if further > MOST - AT_ONCE { p.reason { "These are the nearest; merge some, and others are shown." } }
+                        @if further > MOST - AT_ONCE { p.reason { "These are the nearest pairs. Merge some to see others." } }
                     }
                 }
             }

@@ -76,7 +76,7 @@ pub(super) fn card(card: &Card<'_>) -> Markup {
                 @if let Some(robust) = robust {
                     div title="Trials of this individual to which no other behaviour on this page is nearer than this one" {
                         dt { "Robustness" }
-                        dd { (robust) " of " (record.spec.starts().get()) " starts" }
+                        dd { (robust) " of " (record.spec.starts().get()) " trials" }
                     }
                 }
             }

@@ -53,7 +53,7 @@ struct Compared {
     before: Side,
     after: Side,
     change: Change,
-    /// The names before, and those that went on.
+    /// The names before, and the names after, with those that were carried over.
     named: Names,
     names: Names,
 }
@@ -77,8 +77,8 @@ pub(crate) async fn page(
         }
         @match &compared {
             None => p.empty {
-                "There is nothing to compare: this needs two versions of the taxonomy. A version is made whenever the campaign has "
-                "learned from labels and searched on."
+                "There is nothing to compare yet: the taxonomy has only one version. A new version is made each time the campaign has "
+                "learned from labels and continued its search."
             },
             Some(compared) => {
                 (choices(compared))
@@ -199,7 +199,7 @@ fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
         ..
     } = compared;
     let places = 0..after.stored.medoids.len();
-    let came = places
+    let fresh = places
         .clone()
         .filter(|&place| change.predecessors(place).is_empty())
         .count();
@@ -208,13 +208,15 @@ fn summary(record: &CampaignRecord, compared: &Compared) -> Markup {
     let carried = carried
         .filter(|name| matches!(name.origin, Origin::Carried { .. }))
         .count();
+    let (gone, lost) = (change.gone().count(), names.uncarried.len());
+    let was = |count: usize| if count == 1 { "was" } else { "were" };
     let sides = [before, after];
     html! {
         p.lead {
-            "Of " (counted(places.len() as u64, "behaviour")) " now, " (stayed) " kept the same individual as medoid, "
-            (places.len() - stayed - came) " moved to another, and " (came) " came. "
-            (change.gone().count()) " of the " (before.stored.medoids.len()) " before went. "
-            (counted(carried as u64, "name")) " went on, " (names.uncarried.len()) " did not."
+            "The taxonomy now has " (counted(places.len() as u64, "behaviour")) ": " (stayed) " with the same medoid as before, "
+            (places.len() - stayed - fresh) " with another medoid, and " (fresh) " new. "
+            (gone) " of the " (counted(before.stored.medoids.len() as u64, "behaviour")) " before " (if gone == 1 { "is" } else { "are" }) " gone. "
+            (counted(carried as u64, "name")) " " (was(carried)) " carried over, " (lost) " " (was(lost)) " not."
         }
         div.wide tabindex="0" role="region" aria-label="Both versions" { table {
             thead { tr { td {} @for side in sides { th scope="col" { (versions::link(record, side.version.version)) } } } }
@@ -258,15 +260,16 @@ fn maps_of(record: &CampaignRecord, compared: &Compared) -> Markup {
             h2 #maps { "Maps" }
             p.reason {
                 "Each map shows the individuals as the checkpoint of its version places them, on the two axes along which they differ "
-                "most. A short axis is stretched to half of the other. The axes of the two maps are not the same. Rings are medoids, with the numbers of their behaviours. A cluster "
-                "before has the colour of the one that it became, and grey if its members are spread."
+                "most. A short axis is stretched to half of the other. The two maps have different axes. Rings are medoids, with the "
+                "numbers of their behaviours. On the first map, each cluster has the colour of the cluster that it became; it is grey if "
+                "its members are now spread over several."
             }
             div.maps {
                 @for (side, title) in [(before, "Before"), (after, "After")] {
                     figure {
                         figcaption { (title) ": version " (side.version.version) ", " (versions::in_words(&side.version)) }
                         @if side.rings.is_empty() {
-                            p.empty { "The map of this version is not known: it was made before maps were kept, or imported." }
+                            p.empty { "The map of this version is not known: the version was made before maps were kept, or was imported." }
                         } @else {
                             (map_of(record, side, after))
                         }
@@ -322,7 +325,7 @@ fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
                         }
                         div {
                             h3 { (swatch(colours::cluster(place))) "Behaviour " (place + 1) (name_of(&compared.names, place)) }
-                            @if from.is_empty() { (came(change, place)) } @else { (went_on(compared, place, &from)) }
+                            @if from.is_empty() { (fresh(change, place)) } @else { (carried_on(compared, place, &from)) }
                         }
                     }
                 }
@@ -335,9 +338,9 @@ fn clusters(record: &CampaignRecord, compared: &Compared) -> Markup {
                         }
                         div {
                             h3 { (swatch(colours::LINE)) "Behaviour " (gone + 1) " before" (name_of(&compared.named, gone)) }
-                            p { "No cluster holds most of its " (counted(change.size_before(gone), "individual")) "." }
+                            p { "Gone: no cluster has most of its " (counted(change.size_before(gone), "individual")) " now." }
                             @if let Some(most_in) = change.largest_part(gone) {
-                                p.reason { "The largest part, " (grouped(change.shared(gone, most_in))) ", is in behaviour " (most_in + 1) "." }
+                                p.reason { "The largest part, " (grouped(change.shared(gone, most_in))) ", is now in behaviour " (most_in + 1) "." }
                             }
                         }
                     }
@@ -366,8 +369,8 @@ fn picture(record: &CampaignRecord, (when, place): (&str, usize), medoid: u64) -
     }
 }
 
-/// What a cluster that became this one brought.
-fn went_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
+/// The clusters that became this one, and how much of each.
+fn carried_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
     let Compared {
         before,
         after,
@@ -377,9 +380,9 @@ fn went_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
     html! {
         @for &old in from {
             p {
-                "Was behaviour " (old + 1) ": " (grouped(change.shared(old, place))) " of its "
-                (counted(change.size_before(old), "individual")) " are here."
-                @if before.stored.medoids[old] == after.stored.medoids[place] { " The medoid is the same individual." }
+                "Behaviour " (old + 1) " before: " (grouped(change.shared(old, place))) " of its "
+                (counted(change.size_before(old), "individual")) " are in this cluster now."
+                @if before.stored.medoids[old] == after.stored.medoids[place] { " The medoid is still the same individual." }
                 @else {
                     " The medoid moved from individual " (grouped(before.stored.medoids[old])) " to "
                     (grouped(after.stored.medoids[place])) "."
@@ -387,23 +390,23 @@ fn went_on(compared: &Compared, place: usize, from: &[usize]) -> Markup {
             }
         }
         p.reason {
-            "It has " (counted(change.size_after(place), "individual"))
-            @if change.new_in(place) > 0 { ", " (grouped(change.new_in(place))) " of them found since" }
+            "The cluster has " (counted(change.size_after(place), "individual"))
+            @if change.new_in(place) > 0 { ", " (grouped(change.new_in(place))) " of them found since then" }
             "."
         }
     }
 }
 
-/// Where the members of a cluster come from that no cluster became.
-fn came(change: &Change, place: usize) -> Markup {
+/// Where the members of a new cluster come from.
+fn fresh(change: &Change, place: usize) -> Markup {
     html! {
-        p { "Came: no cluster before has most of its individuals here." }
+        p { "New: no earlier cluster has most of its individuals here." }
         p.reason {
             "Of its " (counted(change.size_after(place), "individual")) ", "
             @for before in change.sources(place).into_iter().take(3) {
                 (grouped(change.shared(before, place))) " were in behaviour " (before + 1) ", "
             }
-            (grouped(change.new_in(place))) " were found since."
+            (grouped(change.new_in(place))) " were found since then."
         }
     }
 }
@@ -425,15 +428,15 @@ fn names(compared: &Compared) -> Markup {
         section aria-labelledby="names" {
             h2 #names { "Names" }
             @if carried.is_empty() && lost.is_empty() {
-                p.reason { "No name that a person gave before had to go on to another behaviour." }
+                p.reason { "No name needed to be carried over to another behaviour." }
             } @else {
                 p.reason {
-                    "A name goes on to the cluster that holds more than half of the members of the one that it named. If two meet there, the one "
-                    "with more members stays. It becomes a label when somebody saves it."
+                    "A name is carried over to the cluster that has more than half of the members of the cluster that it named. If two names "
+                    "are carried over to one cluster, it keeps the name that more of its members had. Save the name on the page Taxonomy to make it a label."
                 }
                 ul.plain-list {
                     @for (class, from, to) in &carried {
-                        li { strong { (class.shown()) } ", behaviour " (from + 1) " before: now the name of behaviour " (to + 1) "." }
+                        li { strong { (class.shown()) } ", the name of behaviour " (from + 1) " before, is now the name of behaviour " (to + 1) "." }
                     }
                     @for lost in lost { li { (versions::why_not(lost)) } }
                 }

@@ -11,7 +11,7 @@ mod versions;
 pub use judged::Judged;
 
 use super::{
-    Web,
+    Web, keys,
     layout::{Part, campaign_page},
     page_error::PageError,
     parts,
@@ -96,7 +96,7 @@ pub(super) async fn page(
         div.wide-bar {
             h1 { "Taxonomy" }
             @if let Some(shown) = &shown {
-                (parts::keys(&KEYS))
+                (keys::fixed(&KEYS))
                 div.choices { (actions(&record, shown)) }
             }
         }

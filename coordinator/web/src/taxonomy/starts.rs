@@ -76,8 +76,8 @@ fn told(record: &CampaignRecord, index: u64, starts: &[Start]) -> Markup {
                 @if missing > 0 { " " (missing) " could not be simulated." }
             }
             p.reason {
-                "The same controller from other starts. The rule-based judge names each motion; it agrees with people on about nine of ten. None of "
-                "this is stored."
+                "The same controller from other starts. The rule-based judge names each motion; it agrees with people in about nine of ten cases. None "
+                "of this is stored."
             }
             ul.starts {
                 @for (verdict, _) in &verdicts {

@@ -41,9 +41,9 @@ pub(super) fn list(record: &CampaignRecord, shown: &Shown) -> Markup {
                 @if let Some(made) = version.made_ms { " on " (parts::moment(made)) }
                 ". "
                 @if shown.versions.iter().any(|known| known.stands) {
-                    "It does not change any more; give names to the behaviours of the newest version."
+                    "It no longer changes: name the behaviours of the newest version instead."
                 } @else {
-                    "The campaign has learned since. Its next version is computed when the search has ended."
+                    "The campaign has learned since then. The next version is computed when the search has ended."
                 }
             }
         }
@@ -56,7 +56,7 @@ pub(super) fn uncarried(shown: &Shown) -> Markup {
     html! {
         @if !lost.is_empty() {
             details.uncarried {
-                summary { (counted(lost.len() as u64, "name")) " of the version before " (if lost.len() == 1 { "is" } else { "are" }) " not carried over" }
+                summary { (counted(lost.len() as u64, "name")) " of the version before " (if lost.len() == 1 { "was" } else { "were" }) " not carried over" }
                 ul { @for name in lost { li { (why_not(name)) } } }
             }
         }
@@ -66,7 +66,7 @@ pub(super) fn uncarried(shown: &Shown) -> Markup {
 /// Why a name was not carried over.
 pub(super) fn why_not(lost: &Uncarried) -> Markup {
     html! {
-        strong { (lost.class.shown()) } ", behaviour " (lost.place + 1) " before: "
+        strong { (lost.class.shown()) } ", the name of behaviour " (lost.place + 1) " before, was not carried over: "
         @match &lost.why {
             NotCarried::Spread { most_in: Some(most_in), shared, of } => {
                 "its " (counted(*of, "individual")) " are spread over several clusters; most of them, " (grouped(*shared))

@@ -146,3 +146,45 @@ pub async fn who_compares_sees_how_many_are_by_others_and_withdraws_none_of_thei
     ben.close().await;
     scene.cluster.stop().await;
 }
+
+pub async fn several_comparisons_are_withdrawn_at_once_and_asked_again() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    let window = scene.visit(&driver, "/comparisons", "Ana").await;
+    let mut seen = vec![asked_after(&window, 0).await];
+    assert_eq!(
+        window.value("document.getElementById('several').disabled").await,
+        json!(true)
+    );
+    for (place, key) in ["\u{e012}", "\u{e014}", "\u{e015}", "\u{e012}"]
+        .into_iter()
+        .enumerate()
+    {
+        window.press(key).await;
+        seen.push(asked_after(&window, place + 1).await);
+    }
+    window.click("#several").await;
+    window.until("document.getElementById('withdraw').open").await;
+    // More than there are is refused with the limit.
+    window.press("9").await;
+    window
+        .until("document.getElementById('effect').textContent === 'You have 4 comparisons: choose a number from 1 to 4.'")
+        .await;
+    window.press("\u{e003}3").await;
+    window
+        .until("document.getElementById('effect').textContent.startsWith('Your last 3 comparisons will no longer count')")
+        .await;
+    window.picture("comparisons-withdraw").await;
+    check(&window, "comparisons").await;
+    window.press("\u{e007}").await;
+    assert_eq!(asked_after(&window, 1).await, seen[1]);
+    assert_eq!(scene.labels.compared().await.len(), 1);
+    // They come again in their order.
+    for (place, seen) in seen.iter().enumerate().take(4).skip(1) {
+        assert_eq!(&asked_after(&window, place).await, seen);
+        window.press("\u{e014}").await;
+    }
+    asked_after(&window, 4).await;
+    window.close().await;
+    scene.cluster.stop().await;
+}

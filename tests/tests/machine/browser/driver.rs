@@ -198,14 +198,40 @@ impl Window {
 
     /// As on a screen of this many pixels across, light or dark.
     pub async fn resize(&self, width: u32, height: u32, dark: bool) {
+        self.zoom((width, height), 1, dark).await;
+    }
+
+    /// As on a screen of this many pixels across, zoomed so many times. The driver cannot press the browser's own keys for it, but
+    /// this is what these do to a page: it has fewer pixels each way, and as many of the screen's for each of its own.
+    pub async fn zoom(&self, (width, height): (u32, u32), times: u32, dark: bool) {
         let cdp = self.driver.cdp();
-        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        let (width, height) = (width / times, height / times);
+        let metrics =
+            json!({ "width": width, "height": height, "deviceScaleFactor": times, "mobile": false });
         cdp.send_raw("Emulation.setDeviceMetricsOverride", metrics)
             .await
             .unwrap();
         let scheme = if dark { "dark" } else { "light" };
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
         cdp.send_raw("Emulation.setEmulatedMedia", media).await.unwrap();
+    }
+
+    /// Clicks what downloads a file, and returns the file, once it is there, as text.
+    pub async fn download(&self, selector: &str, file: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let to = json!({ "behavior": "allow", "downloadPath": folder.path() });
+        let cdp = self.driver.cdp();
+        cdp.send_raw("Browser.setDownloadBehavior", to).await.unwrap();
+        self.click(selector).await;
+        let begun = Instant::now();
+        loop {
+            // It has this name only when all of it is there.
+            if let Ok(text) = fs::read_to_string(folder.path().join(file)) {
+                return text;
+            }
+            assert!(begun.elapsed() < DRIVER_TIMEOUT, "{file} never came");
+            tokio::time::sleep(POLL_INTERVAL).await;
+        }
     }
 
     /// As on paper, or on a screen again.

@@ -13,6 +13,13 @@ use tempfile::TempDir;
 
 const FEEDBACK: &str = "[feedback]\ngenerations = 1\n[feedback.recipe.labelled]\nepochs = 2\nsteps = 4";
 
+/// Scrolls to the top, and waits until nothing scrolls any more: a picture of the whole page is taken from its top, and where one
+/// had scrolled, everything would move twice. What was typed last may scroll for some frames yet.
+const TO_THE_TOP: &str = "(async () => { \
+    for (let still = 0; still < 3; still = scrollY === 0 ? still + 1 : 0) { \
+        scrollTo({ top: 0, behavior: 'instant' }); \
+        await new Promise(requestAnimationFrame); } })()";
+
 /// A researcher at a screen, with a coordinator that has no campaigns yet.
 struct Researcher {
     window: Window,
@@ -24,27 +31,31 @@ struct Researcher {
 }
 
 pub async fn at_a_wide_screen() {
-    hour("1280", (1280, 900), false).await;
+    hour("1280", (1280, 900), 1, false).await;
 }
 
 pub async fn at_a_phone() {
-    hour("390", (390, 844), false).await;
+    hour("390", (390, 844), 1, false).await;
 }
 
 pub async fn at_200_percent() {
-    hour("200-percent", (640, 450), false).await;
+    hour("200-percent", (1280, 900), 2, false).await;
 }
 
 pub async fn in_the_dark() {
-    hour("dark", (1280, 900), true).await;
+    hour("dark", (1280, 900), 1, true).await;
 }
 
-async fn hour(screen: &'static str, (width, height): (u32, u32), dark: bool) {
+async fn hour(screen: &'static str, size: (u32, u32), zoom: u32, dark: bool) {
     let driver = Driver::start();
     let folder = tempfile::tempdir().unwrap();
     let cluster = Cluster::start(folder.path(), 2).await;
     let window = driver.open("about:blank").await;
-    window.resize(width, height, dark).await;
+    window.zoom(size, zoom, dark).await;
+    let seen = window
+        .value("[innerWidth * devicePixelRatio, devicePixelRatio]")
+        .await;
+    assert_eq!(seen, json!([size.0, zoom]));
     window.note_shifts().await;
     window.driver.goto(cluster.url()).await.unwrap();
     let researcher = Researcher {
@@ -59,6 +70,7 @@ async fn hour(screen: &'static str, (width, height): (u32, u32), dark: bool) {
     researcher.label().await;
     researcher.lasso().await;
     researcher.learn().await;
+    researcher.see_what_changed().await;
     researcher.name().await;
     researcher.export().await;
     researcher.start_another().await;
@@ -71,10 +83,7 @@ async fn hour(screen: &'static str, (width, height): (u32, u32), dark: bool) {
 impl Researcher {
     /// That the page as it is now has no barriers; a picture of it.
     async fn look(&self, page: &str) {
-        // A picture of the whole page is taken from its top: where one had scrolled, everything would move twice.
-        self.window
-            .value("scrollTo({ top: 0, behavior: 'instant' })")
-            .await;
+        self.window.value(TO_THE_TOP).await;
         self.window.picture(&format!("hour-{page}-{}", self.screen)).await;
         check(&self.window, page).await;
     }
@@ -205,14 +214,44 @@ impl Researcher {
         self.look("map-learned").await;
     }
 
-    async fn name(&self) {
+    async fn see_what_changed(&self) {
         let window = &self.window;
         self.follow("nav a[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
             .await;
+        // The taxonomy of before and that of now.
+        window
+            .until("document.querySelectorAll('.versions a').length === 2")
+            .await;
+        self.look("taxonomy-learned").await;
+        self.follow(
+            "a[href$='/taxonomy/changes']",
+            "/campaigns/small-1/taxonomy/changes",
+        )
+        .await;
+        // Both maps, with a ring for each of four medoids.
+        window
+            .until("document.querySelectorAll('.version-map circle').length === 8")
+            .await;
+        window
+            .until("[...document.querySelectorAll('.changes li')].length >= 4")
+            .await;
+        self.look("taxonomy-changes").await;
+        self.follow("a.button[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
+            .await;
+    }
+
+    async fn name(&self) {
+        let window = &self.window;
         window
             .until("document.querySelectorAll('.medoid').length === 4")
             .await;
         window.click(".medoid form input").await;
+        // It may have a name that was carried over.
+        window
+            .driver
+            .execute("document.activeElement.select()", vec![])
+            .await
+            .unwrap();
         window.press("whirl").await;
         window.press("\u{e007}").await;
         saved(window).await;
@@ -239,13 +278,26 @@ impl Researcher {
     async fn export(&self) {
         let window = &self.window;
         self.follow("nav a[href$='/map']", "/campaigns/small-1/map").await;
+        // What is below the classes is shown with them.
+        window
+            .until("document.querySelector('.palette').classList.contains('ready')")
+            .await;
         for (table, rows) in [("labels", 30), ("archive", 120)] {
-            let read = format!(
-                "(async () => (await (await fetch(document.querySelector(\"a[href$='/{table}.csv']\").href)).text()).trim().split('\\n').length - 1)()"
-            );
-            let read = window.value(&read).await.as_u64().unwrap();
+            let link = format!("a[href$='/{table}.csv']");
+            let read = window.download(&link, &format!("small-1-{table}.csv")).await;
+            let read = read.trim().lines().count() - 1;
             assert!(read >= rows, "{table} has {read} rows");
         }
+        self.follow("nav a[href$='/taxonomy']", "/campaigns/small-1/taxonomy")
+            .await;
+        let report = window.download("a[href$='/report']", "small-1.html").await;
+        assert!(report.contains("into 4 clusters"), "the report is another page");
+        let index = window
+            .value("document.querySelector('.medoid').dataset.index")
+            .await;
+        let file = format!("small-1-individual-{}.svg", index.as_str().unwrap());
+        let paths = window.download(".medoid a[href*='paths.svg']", &file).await;
+        assert!(paths.contains("<svg"), "{paths}");
     }
 
     async fn start_another(&self) {

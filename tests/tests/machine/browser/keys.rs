@@ -1,7 +1,8 @@
 //! Which keys belong to the page while a control has the focus.
 
 use crate::browser::{
-    driver::Driver,
+    driver::{Driver, Window},
+    looks::{SIZES, check},
     scene::{Scene, answer, asked, name, saved},
 };
 use serde_json::json;
@@ -131,6 +132,148 @@ pub async fn an_arrow_on_the_sheet_moves_the_motion_or_goes_to_another_cluster_n
         window.value("document.querySelector('#cluster').value").await,
         json!("1")
     );
+    window.close().await;
+    scene.cluster.stop().await;
+}
+
+/// Opens the list of keys, and waits for a key of an action there.
+async fn change(window: &Window, action: &str) {
+    if window.value("document.getElementById('keys').open").await == json!(false) {
+        window.press("?").await;
+        window.until("document.getElementById('keys').open").await;
+    }
+    window
+        .click(&format!("[data-of='{action}'] [data-do=choose]"))
+        .await;
+}
+
+async fn said(window: &Window, text: &str) {
+    window
+        .until(&format!(
+            "document.getElementById('keys-said').textContent.includes({text:?})"
+        ))
+        .await;
+}
+
+async fn close(window: &Window) {
+    window.press("\u{e00c}").await;
+    window.until("!document.getElementById('keys').open").await;
+}
+
+pub async fn keys_of_actions_are_chosen_and_a_clash_is_said() {
+    let driver = Driver::start();
+    let mut scene = Scene::set().await;
+    scene.labels.say("Ben", [(3, "ring".to_owned())]).await;
+    let window = scene.visit(&driver, "/label", "Ana").await;
+    let undo = "document.querySelector('[data-do=undo] kbd').textContent";
+
+    // What another action or a class has is refused, and so is what browsers need.
+    change(&window, "undo").await;
+    window.press("s").await;
+    said(&window, "s is taken: skip the behaviour").await;
+    window.press("1").await;
+    said(&window, "1 names the class “ring”").await;
+    window.press("\u{e007}").await;
+    said(&window, "Enter cannot be chosen").await;
+    // Escape keeps the key, and the list stays open for what follows.
+    window.press("\u{e00c}").await;
+    said(&window, "Nothing was changed").await;
+    assert_eq!(
+        window.value("document.getElementById('keys').open").await,
+        json!(true)
+    );
+    assert_eq!(window.value(undo).await, json!("u"));
+    change(&window, "undo").await;
+    window.press(",").await;
+    said(&window, ",: undo your last answer").await;
+    // What a control does with a key it does not do while the key is chosen; the key that became free can be another's.
+    change(&window, "skip").await;
+    window.press("u").await;
+    said(&window, "u: skip the behaviour").await;
+    change(&window, "play").await;
+    window.press("p").await;
+    said(&window, "p: play or pause").await;
+    for (width, height) in SIZES {
+        for dark in [false, true] {
+            window.resize(width, height, dark).await;
+            let scheme = if dark { "dark" } else { "light" };
+            window.picture(&format!("keys-chosen-{width}-{scheme}")).await;
+            check(&window, "keys").await;
+        }
+    }
+    window.resize(1280, 900, false).await;
+    close(&window).await;
+    // The buttons show what is in force, and it is.
+    let marks =
+        "[...document.querySelectorAll('.palette [data-action]')].map((mark) => mark.textContent).join()";
+    assert_eq!(window.value(marks).await, json!("n,0,u,,"));
+    let index = answer(&window, "1").await;
+    saved(&window).await;
+    assert_eq!(scene.labels.standing().await[&index], "ring");
+    window.press(",").await;
+    saved(&window).await;
+    window
+        .until("document.querySelector('.class .labels').textContent === '1'")
+        .await;
+    let skipped = answer(&window, "u").await;
+    saved(&window).await;
+    assert_eq!(scene.labels.standing().await[&skipped], "skip");
+    let plays = "document.querySelector('.toggle').classList.contains('playing')";
+    window.until(plays).await;
+    window.press(" ").await;
+    window.press("p").await;
+    window.until(&format!("!{plays}")).await;
+
+    // They hold on every page, and after a reload. No class gets a chosen key by itself.
+    scene
+        .labels
+        .say("Cem", (10..40).map(|index| (index, format!("class {index}"))))
+        .await;
+    window.driver.goto(scene.url("/sheet")).await.unwrap();
+    window
+        .until("document.querySelectorAll('.class').length === 31")
+        .await;
+    assert_eq!(window.value(undo).await, json!(","));
+    let class_with_p = "[...document.querySelectorAll('.class kbd')].some((key) => key.textContent === 'p')";
+    assert_eq!(window.value(class_with_p).await, json!(false));
+
+    // A class to which somebody gives the key takes it, and the list says so.
+    window.driver.goto(scene.url("/classes")).await.unwrap();
+    window
+        .until("document.querySelector('[data-act=\"shortcut ring\"]')")
+        .await;
+    window.click("[data-act='shortcut ring']").await;
+    let give = "const field = document.querySelector('#change .field select'); field.value = 'p'; \
+                field.dispatchEvent(new Event('input', { bubbles: true }))";
+    window.driver.execute(give, vec![]).await.unwrap();
+    window
+        .until("document.getElementById('effect').textContent.includes('play or pause')")
+        .await;
+    window.click("#agree").await;
+    window
+        .until("document.querySelector('.class-row kbd')?.textContent === 'p'")
+        .await;
+    window.driver.goto(scene.url("/label")).await.unwrap();
+    let taken = "document.querySelector('[data-of=play] .taken').textContent";
+    window.until(&format!("{taken}.includes('ring')")).await;
+    let index = answer(&window, "p").await;
+    saved(&window).await;
+    assert_eq!(scene.labels.standing().await[&index], "ring");
+
+    // The usual key comes back, unless another action has it now.
+    change(&window, "undo").await;
+    window.press("\u{e00c}").await;
+    window.click("[data-of=undo] [data-do=reset]").await;
+    said(&window, "u is taken: skip the behaviour").await;
+    window.click("[data-of=skip] [data-do=reset]").await;
+    said(&window, "s: skip the behaviour").await;
+    window.click("[data-of=undo] [data-do=reset]").await;
+    said(&window, "u: undo your last answer").await;
+    window
+        .until("document.querySelector('[data-of=undo] [data-do=reset]').hidden")
+        .await;
+    close(&window).await;
+    assert_eq!(window.value(undo).await, json!("u"));
     window.close().await;
     scene.cluster.stop().await;
 }

@@ -6,6 +6,7 @@
 mod axe;
 mod comparisons;
 mod driver;
+mod exploring;
 mod first_hour;
 mod keys;
 mod labelling;
@@ -32,6 +33,7 @@ pub fn tests() -> Vec<Test> {
     let tests = [
         test!(async comparisons::behaviours_are_compared_by_key_and_click_and_the_log_holds_what_the_page_counts),
         test!(async comparisons::who_compares_sees_how_many_are_by_others_and_withdraws_none_of_theirs),
+        test!(async comparisons::several_comparisons_are_withdrawn_at_once_and_asked_again),
         test!(async first_hour::at_a_wide_screen),
         test!(async first_hour::at_a_phone),
         test!(async first_hour::at_200_percent),
@@ -39,6 +41,7 @@ pub fn tests() -> Vec<Test> {
         test!(async keys::answers_are_given_from_any_menu_and_box_and_these_keep_their_own_keys),
         test!(async keys::a_class_keeps_its_key_when_another_goes),
         test!(async keys::an_arrow_on_the_sheet_moves_the_motion_or_goes_to_another_cluster_never_both),
+        test!(async keys::keys_of_actions_are_chosen_and_a_clash_is_said),
         test!(async labelling::thirty_are_labelled_two_undone_and_a_refresh_loses_nothing),
         test!(async labelling::two_who_label_at_once_are_never_asked_the_same),
         test!(async labelling::a_killed_coordinator_loses_no_answer),
@@ -74,6 +77,9 @@ pub fn tests() -> Vec<Test> {
         test!(async selecting::ten_are_lassoed_on_the_map_and_named),
         test!(async selecting::the_map_zooms_hides_and_asks_before_it_replaces),
         test!(async selecting::what_is_hidden_stays_so_when_another_class_goes),
+        test!(async exploring::what_the_map_shows_is_remembered_until_all_is_shown),
+        test!(async exploring::the_map_goes_back_shows_paths_and_asks_before_one_answer_is_replaced),
+        test!(async exploring::what_was_looked_at_shows_its_paths),
         test!(async selecting::a_cluster_is_named_but_for_those_that_differ),
         test!(async selecting::clusters_are_looked_at_while_the_archive_grows),
         test!(async selecting::medoids_are_named_and_the_report_is_taken_away),

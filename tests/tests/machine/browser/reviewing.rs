@@ -106,12 +106,8 @@ pub async fn every_page_with_keys_lists_them() {
         "/classes",
     ] {
         window.driver.goto(scene.url(page)).await.unwrap();
-        if page == "/classes" {
-            window.until("document.querySelector('.class-row')").await;
-            continue;
-        }
         window
-            .until("document.querySelector('.class, .medoid, .triple .which:not(:empty)') && document.querySelector('[data-do=keys]')")
+            .until("document.querySelector('.class, .class-row, .medoid, .triple .which:not(:empty)') && document.querySelector('[data-do=keys]')")
             .await;
         window.press("?").await;
         window.until("document.getElementById('keys').open").await;
@@ -177,7 +173,7 @@ pub async fn answers_are_looked_through_changed_and_withdrawn() {
         window
             .text("#confirm p")
             .await
-            .contains("You answered 6 of the 6 selected behaviours otherwise")
+            .contains("You have already answered 6 of the 6 selected behaviours differently")
     );
     window.click("#confirm [value='']").await;
     assert_eq!(scene.labels.entries().await, 12);
@@ -251,7 +247,7 @@ pub async fn classes_are_changed_after_it_was_said_what_that_does() {
         window
             .text("#effect")
             .await
-            .starts_with("1 answer (by Cem) will be called “wheel”, beside the 6 answers")
+            .starts_with("1 answer (by Cem) will be called “wheel”, like the 6 answers")
     );
     window.click("#agree").await;
     window
@@ -365,7 +361,7 @@ pub async fn who_names_on_the_map_first_stays_where_they_are_and_sees_a_part() {
         .await;
     window.click("#show-all").await;
     window
-        .until("document.getElementById('shown').textContent === ''")
+        .until("document.getElementById('shown').textContent === 'All 100 individuals are shown.'")
         .await;
     window.close().await;
     scene.cluster.stop().await;

@@ -96,7 +96,7 @@ pub async fn name_selected(window: &Window, class: &str) {
 }
 
 /// Draws around everything that the map shows; how many are selected then.
-async fn lasso_all(window: &Window) -> usize {
+pub async fn lasso_all(window: &Window) -> usize {
     let size = "[document.getElementById('over').clientWidth, document.getElementById('over').clientHeight]";
     let size = window.value(size).await;
     let (width, height) = (size[0].as_f64().unwrap(), size[1].as_f64().unwrap());
@@ -182,7 +182,9 @@ pub async fn the_map_zooms_hides_and_asks_before_it_replaces() {
     assert_eq!(lasso_all(&window).await, all - few);
     window.click("#show-all").await;
     window
-        .until("document.getElementById('shown').textContent === ''")
+        .until(&format!(
+            "document.getElementById('shown').textContent === 'All {all} individuals are shown.'"
+        ))
         .await;
     window.close().await;
     scene.cluster.stop().await;

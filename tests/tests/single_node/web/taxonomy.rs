@@ -154,6 +154,7 @@ async fn a_taxonomy_outlives_learning_and_its_names_go_on() {
         "<h2 id=\"maps\">Maps</h2>",
         "Accuracy on held-out triplets",
         "<td>100</td><td>120</td>",
+        "The taxonomy now has 4 behaviours: ",
     ] {
         assert!(changes.contains(said), "{said} {changes}");
     }

@@ -1,0 +1,53 @@
+// The menus and numbers with which people filter the map.
+
+// By kind, the menu and how the values that it offers are written in it. The first entry of each is for all.
+const MENUS = {
+  class: { id: "of-class", written: (name) => `=${name}`, read: (text) => text.slice(1) },
+  cluster: { id: "of-cluster", written: String, read: Number },
+  annotator: { id: "answered-by", written: String, read: String },
+};
+
+const at = (id) => document.getElementById(id);
+
+export class Menus {
+  // `changed(kind)` hears of every change of the filter that was made here.
+  constructor(filter, changed) {
+    this.filter = filter;
+    for (const [kind, { id, read }] of Object.entries(MENUS)) {
+      at(id).addEventListener("change", () => {
+        filter.picked[kind] = at(id).value === "" ? null : read(at(id).value);
+        changed(kind);
+      });
+    }
+    for (const id of ["from", "to"]) {
+      at(id).addEventListener("change", () => {
+        const [from, to] = ["from", "to"].map((id) => at(id).value);
+        filter.generations = [from === "" ? 0 : Number(from), to === "" ? Infinity : Number(to)];
+        changed("generation");
+      });
+    }
+    at("show-all").addEventListener("click", () => {
+      filter.showAll();
+      this.showGenerations();
+      for (const { id } of Object.values(MENUS)) at(id).value = "";
+      changed("all");
+    });
+    this.showGenerations();
+  }
+
+  // Offers values. What is picked stays picked for as long as it is offered.
+  offer(kind, entries) {
+    const { picked } = this.filter;
+    const { id, written } = MENUS[kind];
+    const menu = at(id);
+    menu.replaceChildren(menu.options[0], ...entries.map(([value, text]) => new Option(text, written(value))));
+    if (!entries.some(([value]) => value === picked[kind])) picked[kind] = null;
+    menu.value = picked[kind] === null ? "" : written(picked[kind]);
+  }
+
+  showGenerations() {
+    const [first, last] = this.filter.generations;
+    at("from").value = first === 0 ? "" : first;
+    at("to").value = last === Infinity ? "" : last;
+  }
+}

@@ -1,0 +1,235 @@
+//! The keys of the pages: what each of them does, which of them people can choose, and the list that shows them.
+
+use maud::{Markup, html};
+use serde_json::json;
+
+/// The pages whose keys can be chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Page {
+    Label,
+    Sheet,
+    Map,
+    Answers,
+    Comparisons,
+    Play,
+}
+
+impl Page {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Label => "label",
+            Self::Sheet => "sheet",
+            Self::Map => "map",
+            Self::Answers => "answers",
+            Self::Comparisons => "comparisons",
+            Self::Play => "play",
+        }
+    }
+}
+
+/// What a key does. People can choose another key for it, which their browser keeps.
+struct Action {
+    name: &'static str,
+    /// The usual key, as browsers call it.
+    key: &'static str,
+    what: &'static str,
+    pages: &'static [Page],
+}
+
+const fn action(name: &'static str, key: &'static str, what: &'static str, pages: &'static [Page]) -> Action {
+    Action {
+        name,
+        key,
+        what,
+        pages,
+    }
+}
+
+/// Pages on which people name behaviours.
+const NAMING: &[Page] = &[Page::Label, Page::Sheet, Page::Map, Page::Answers];
+/// Pages with one motion that the keys play.
+const PLAYING: &[Page] = &[Page::Label, Page::Map];
+
+/// Everything that a key does, wherever the focus is. No page has two actions with one usual key.
+const ACTIONS: [Action; 20] = [
+    action("name", "n", "name a class, new or existing", NAMING),
+    action("undo", "u", "undo your last answer", NAMING),
+    action(
+        "not-sure",
+        "0",
+        "answer “not sure”",
+        &[Page::Label, Page::Answers],
+    ),
+    action("skip", "s", "skip the behaviour", &[Page::Label]),
+    action(
+        "withdraw",
+        "Delete",
+        "withdraw your answers about the selection",
+        &[Page::Answers],
+    ),
+    action("previous", "ArrowLeft", "the previous cluster", &[Page::Sheet]),
+    action("next", "ArrowRight", "the next cluster", &[Page::Sheet]),
+    action(
+        "left",
+        "ArrowLeft",
+        "the left one is more like the reference",
+        &[Page::Comparisons],
+    ),
+    action(
+        "right",
+        "ArrowRight",
+        "the right one is more like the reference",
+        &[Page::Comparisons],
+    ),
+    action("neither", "ArrowDown", "neither, or both", &[Page::Comparisons]),
+    action(
+        "withdraw-last",
+        "z",
+        "withdraw your last comparison, and answer it again",
+        &[Page::Comparisons],
+    ),
+    action(
+        "play",
+        " ",
+        "play or pause",
+        &[Page::Label, Page::Map, Page::Comparisons, Page::Play],
+    ),
+    action("back", "ArrowLeft", "a few steps back", PLAYING),
+    action("forward", "ArrowRight", "a few steps forward", PLAYING),
+    action("step", "ArrowRight", "one step forward", &[Page::Play]),
+    action("slower", "-", "slower", &[Page::Label, Page::Map, Page::Play]),
+    action("faster", "+", "faster", &[Page::Label, Page::Map, Page::Play]),
+    action(
+        "restart",
+        "r",
+        "restart the motion",
+        &[Page::Label, Page::Map, Page::Play],
+    ),
+    action("anew", "n", "start again, from another seed", &[Page::Play]),
+    action(
+        "like",
+        "l",
+        "find what in a campaign this swarm is like",
+        &[Page::Play],
+    ),
+];
+
+/// The key of every class, for the list of a page with a palette.
+pub(super) const CLASSES: (&str, &str) = (
+    "1 … z",
+    "the class with that key, as its button shows; choose keys of classes on the page Classes",
+);
+
+/// The usual key of an action, as a mark that a script keeps true.
+pub(super) fn mark(name: &str) -> Markup {
+    let key = ACTIONS
+        .iter()
+        .find(|action| action.name == name)
+        .map_or("", |action| action.key);
+    html! { kbd data-action=(name) { (shown(key)) } }
+}
+
+/// A key as its mark shows it.
+fn shown(key: &str) -> &str {
+    match key {
+        " " => "Space",
+        "ArrowLeft" => "←",
+        "ArrowRight" => "→",
+        "ArrowUp" => "↑",
+        "ArrowDown" => "↓",
+        other => other,
+    }
+}
+
+/// The button that shows the keys of a page, and the list, which the key `?` shows too; `fixed` are those that nobody can change.
+pub(super) fn list(fixed: &[(&str, &str)], page: Page) -> Markup {
+    let own = ACTIONS.iter().filter(|action| action.pages.contains(&page));
+    let chosen = html! {
+        @for action in own {
+            div data-of=(action.name) {
+                dt { (mark(action.name)) }
+                dd {
+                    (action.what) span.taken {}
+                    span.choose {
+                        button.plain type="button" data-do="choose" { "Change" span.unseen { " the key: " (action.what) } }
+                        button.plain type="button" data-do="reset" hidden { "Reset" span.unseen { " the key: " (action.what) } }
+                    }
+                }
+            }
+        }
+    };
+    let note = html! {
+        p #keys-said.reason role="status" { "Your browser keeps the keys that you choose." }
+    };
+    dialog(fixed, page.name(), &chosen, &note)
+}
+
+/// The same for a page whose keys cannot be chosen.
+pub(super) fn fixed(keys: &[(&str, &str)]) -> Markup {
+    dialog(keys, "", &Markup::default(), &Markup::default())
+}
+
+/// The list, with what people can choose of it. It tells the page's script of all actions: a class that gets the key of one has it
+/// on other pages.
+fn dialog(fixed: &[(&str, &str)], page: &str, chosen: &Markup, note: &Markup) -> Markup {
+    let all: Vec<_> = ACTIONS
+        .iter()
+        .map(
+            |Action {
+                 name,
+                 key,
+                 what,
+                 pages,
+             }| {
+                let pages: Vec<&str> = pages.iter().map(|page| page.name()).collect();
+                json!([name, key, what, pages])
+            },
+        )
+        .collect();
+    html! {
+        button.plain.scripted.once-named type="button" data-do="keys" { "Keys " kbd { "?" } }
+        dialog #keys aria-labelledby="keys-title" data-page=(page) data-actions=(json!(all)) {
+            h2 #keys-title { "Keys of this page" }
+            dl.keys {
+                @for (key, what) in fixed { div { dt { kbd { (key) } } dd { (what) } } }
+                (chosen)
+                div { dt { kbd { "?" } } dd { "show these keys" } }
+            }
+            (note)
+            form method="dialog" { button.plain { "Close" } }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn no_page_has_two_actions_with_one_key() {
+        for page in [
+            Page::Label,
+            Page::Sheet,
+            Page::Map,
+            Page::Answers,
+            Page::Comparisons,
+            Page::Play,
+        ] {
+            let own = || ACTIONS.iter().filter(|action| action.pages.contains(&page));
+            let keys: BTreeSet<&str> = own().map(|action| action.key).collect();
+            assert_eq!(keys.len(), own().count(), "{page:?}");
+        }
+    }
+
+    #[test]
+    fn no_class_can_have_the_usual_key_of_an_action() {
+        for action in ACTIONS
+            .iter()
+            .filter(|action| NAMING.iter().any(|page| action.pages.contains(page)))
+        {
+            let taken = murmuration_model::labels::Shortcut::all().any(|key| key.to_string() == action.key);
+            assert!(!taken, "{} has a key of classes", action.name);
+        }
+    }
+}
