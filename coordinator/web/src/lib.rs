@@ -34,6 +34,8 @@ mod parts;
 mod play;
 mod progress;
 mod refused;
+#[cfg(test)]
+mod samples;
 mod side_by_side;
 mod studies;
 mod taxonomy;
