@@ -18,6 +18,7 @@ mod examples;
 mod found;
 mod glossary;
 mod guard;
+mod history;
 mod label;
 mod layout;
 mod list;
@@ -37,6 +38,7 @@ mod refused;
 #[cfg(test)]
 mod samples;
 mod side_by_side;
+mod stages;
 mod studies;
 mod taxonomy;
 mod teach;
