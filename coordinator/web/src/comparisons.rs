@@ -3,6 +3,7 @@
 use super::{
     Web,
     layout::{Part, campaign_page},
+    learning,
     page_error::PageError,
     parts,
     refused::Refused,
@@ -79,7 +80,7 @@ pub(super) async fn page(
                 (parts::rename())
             }
             (parts::status_line())
-            (parts::learn(&record))
+            (learning::button(&web, &record).await?)
         }
     };
     Ok(campaign_page(

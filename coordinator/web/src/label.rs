@@ -3,6 +3,7 @@
 use super::{
     Web,
     layout::{Part, campaign_page},
+    learning,
     page_error::PageError,
     parts,
     visitor::Visitor,
@@ -43,7 +44,7 @@ pub(super) async fn one(
                 }
                 (parts::palette(record.spec.world(), true))
                 (parts::status_line())
-                (parts::learn(&record))
+                (learning::button(&web, &record).await?)
                 @if record.spec.method().embeds() {
                     p.reason { "You need no names to " a href={ "/campaigns/" (record.id) "/comparisons" } { "compare behaviours" } "." }
                 }
@@ -122,7 +123,7 @@ pub(super) async fn sheet(
                 p #rest.reason.scripted { "…" }
                 (parts::palette(record.spec.world(), false))
                 (parts::status_line())
-                (parts::learn(&record))
+                (learning::button(&web, &record).await?)
             }
         }
     };

@@ -21,6 +21,7 @@ mod guard;
 mod history;
 mod label;
 mod layout;
+mod learning;
 mod list;
 mod live;
 mod login;
